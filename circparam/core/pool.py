@@ -194,6 +194,9 @@ def _end(opening: _Opening | None) -> bool:
         with contextlib.suppress(OSError):
             os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
     with contextlib.suppress(Exception):
+        # what a killed process has sent by halves would be waited for, at the end of the program at the latest
+        pool.executor._result_queue._writer.close()
+    with contextlib.suppress(Exception):
         pool.executor.shutdown(wait=False)
     if pool.limit is not None:
         _bound_memory(pool.limit)

@@ -206,28 +206,6 @@ class Surface:
         """The surface without prices, but for those of the user."""
         return self if self.price is None or self.weighted else replace(self, price=None)
 
-    def copies(self, count: int) -> Surface:
-        """So many copies of the surface side by side, one after the other in every array."""
-        n, m = len(self.points), len(self.faces)
-
-        def behind(numbers: IntArray, each: int) -> IntArray:
-            return np.concatenate([numbers + k * each for k in range(count)])
-
-        return Surface(
-            np.tile(self.points, (count, 1)),
-            behind(self.faces, n),
-            np.tile(self.source, count),
-            np.tile(self.reversed_faces, count),
-            behind(self.edges, 3 * m),
-            np.tile(self.locked, count),
-            behind(self.torn, 3 * m),
-            None if self.price is None else np.tile(self.price, count),
-            None if self.first is None else np.tile(self.first, count),
-            self.weighted,
-            None if self.density is None else np.tile(self.density, count),
-            self.dense,
-        )
-
     def compact(self) -> Surface:
         """The same with the points alone that faces have, in their order: what another process needs of it."""
         used = np.zeros(len(self.points), bool)

@@ -205,7 +205,7 @@ def _decided(
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     prices = prices_beside(surface, options, monitor)
-    proxy, of_level = None, how.target is not None
+    proxy = None
     with monitor.stage("charts"):
         if count > (DRAFT_FACES if options.search.draft else DIRECT_FACES):
             target = how.target or proxy_faces(surface, options.search.draft)
@@ -213,7 +213,7 @@ def _decided(
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             most, starting = (
                 options.max_charts,
-                Starting(prices, how.check, of_level, options.search),
+                Starting(prices, how.check, options.search),
             )
             atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
@@ -222,7 +222,7 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         with _before_transfer(monitor):
             most = options.max_charts
-            starting = Starting(prices, how.check, of_level, options.search)
+            starting = Starting(prices, how.check, options.search)
             how_decided = inner, PROXY_MARGIN, most, worker, monitor, starting
             search = partial(decide, proxy.surface, *how_decided)
             coarse = other = in_time(proxy.surface, search, monitor)
@@ -232,6 +232,8 @@ def _decided(
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         blind = surface.unpriced()
+        if options.search.draft:
+            return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph, LOCAL)
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
         plain = partial(_carried, blind, graph, coarse, proxy)

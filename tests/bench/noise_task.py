@@ -3,7 +3,8 @@
     python noise_task.py MESH KIND SETTINGS TURN...
 
 A script of its own, because it runs against any build of the package that PYTHONPATH names. KIND: see
-``moved``. SETTINGS: JSON, {"constants": {"package.module.NAME": value}, "options": {"name": value}}.
+``moved``. SETTINGS: JSON, {"constants": {"package.module.NAME": value}, "options": {"name": value}}; null in
+place of a function is one that does nothing.
 """
 
 from __future__ import annotations
@@ -64,16 +65,31 @@ def turn(
     return {"turn": number, **row, "seconds": spent, "status": result.status}
 
 
+def owner_of(name: str) -> tuple[Any, str]:
+    """(module or class, attribute) of a dotted name."""
+    path, _, attribute = name.rpartition(".")
+    parts, owner = path.split("."), None
+    for count in range(len(parts), 0, -1):
+        try:
+            owner = importlib.import_module(".".join(parts[:count]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[count:]:
+            owner = getattr(owner, part)
+        break
+    if owner is None or not hasattr(owner, attribute):
+        raise SystemExit(f"there is no {name}")
+    return owner, attribute
+
+
 def main() -> None:
     """Set the constants, then unwrap once a turn."""
     path, kind, text, *turns = sys.argv[1:]
     settings = json.loads(text)
     for name, value in settings["constants"].items():
-        module, constant = name.rsplit(".", 1)
-        loaded = importlib.import_module(module)
-        if not hasattr(loaded, constant):
-            raise SystemExit(f"{module} has no {constant}")
-        setattr(loaded, constant, value)
+        owner, attribute = owner_of(name)
+        off = value is None and callable(getattr(owner, attribute))
+        setattr(owner, attribute, (lambda *_, **__: None) if off else value)
     data = np.load(path)
     for number in map(int, turns):
         row = turn(data["points"], data["faces"], kind, number, settings["options"])

@@ -17,20 +17,6 @@ def surface() -> Surface:
     return replace(whole, price=np.arange(1.0, len(whole.edges) + 1))
 
 
-def test_copies_lie_one_behind_the_other_and_share_nothing() -> None:
-    one = surface()
-    three = one.copies(3)
-    assert three.components[0] == 3 * one.components[0]
-    m = len(one.faces)
-    for k in range(3):
-        part = three.part(np.arange(3 * m) // m == k)
-        np.testing.assert_array_equal(part.edges, one.edges)
-        np.testing.assert_array_equal(part.points[part.faces], one.points[one.faces])
-        np.testing.assert_array_equal(part.price, one.price)
-        np.testing.assert_array_equal(part.locked, one.locked)
-    assert len(np.intersect1d(three.faces[:m], three.faces[m:])) == 0
-
-
 def test_charts_follow_the_seams_also_when_the_same_array_changes() -> None:
     whole = surface()
     cut = np.zeros(len(whole.edges), bool)

@@ -22,7 +22,6 @@ from circparam.pipeline import jobs
 from circparam.pipeline.options import Options
 from circparam.seams import charts
 from circparam.seams.hard.regions import DOUBTFUL
-from circparam.seams.segmentation import starts
 from tests.support import shapes
 
 QUICK = {"effort": 1}
@@ -85,24 +84,12 @@ def unwrapped(source: tuple[np.ndarray, np.ndarray], folder: Path, n: int) -> by
     return out.read_bytes()
 
 
-def test_the_same_bytes_with_1_2_and_3_jobs(
-    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(starts, "TOGETHER", 0)
-    outs = []
-    for n in (1, 2, 3):
-        outs.append(unwrapped(mesh(), tmp_path, n))
-        assert bool(sent) is (n > 1)
-    assert outs[0] == outs[1] == outs[2]
-    assert "start_once" in sent
-
-
 def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
     tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(workers, "PARTED", 800)
     monkeypatch.setattr(workers, "PART_FACES", 300)
-    outs = [unwrapped(mesh(), tmp_path, n) for n in (1, 2, 4)]
+    outs = [unwrapped(mesh(), tmp_path, n) for n in (1, 2, 3, 4)]
     assert outs[0] == outs[1] == outs[2]
     assert "settle_part" in sent
 

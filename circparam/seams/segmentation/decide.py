@@ -1,4 +1,4 @@
-"""Seams decided on one surface: the best of a few starts, moved to where they are hardly seen, or merged on."""
+"""Seams decided on one surface: searched for, moved to where they are hardly seen, or merged on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from circparam.seams.options import USUAL, Search
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.move import move_seams
-from circparam.seams.segmentation.starts import CROWD, FAIR, ROUGH, best_of_starts
+from circparam.seams.segmentation.starts import CROWD, FAIR, ROUGH, searched
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
@@ -40,13 +40,12 @@ ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may n
 
 
 class Starting(NamedTuple):
-    """What goes beside starts. prices: of the edges of the surface, found meanwhile where it has none yet.
-    check: told the starts when they have merged, where they are of all the surface; it may raise what ends the
-    search. alone: as ``best_of_starts`` has it. search: see ``Search``."""
+    """What goes beside a search. prices: of the edges of the surface, found meanwhile where it has none yet.
+    check: called with the atlases of all starts when their charts have merged, where they are of all the
+    surface; it may raise what ends the search. search: see ``Search``."""
 
     prices: PricesBeside | None = None
     check: Callable[[list[Atlas]], None] | None = None
-    alone: bool = False
     search: Search = USUAL
 
 
@@ -74,7 +73,7 @@ def decide(
         plain = part.unpriced()
         begin = partial(_begin, starting, bool(rest.all()))
         merging = MergeOptions(bound, margin=margin, search=starting.search)
-        best = best_of_starts(plain, merging, worker, monitor, begin, starting.alone)
+        best = searched(plain, merging, worker, monitor, begin)
         if prices is not None:
             part = replace(surface, price=prices.result()).part(rest)
         if part.price is not None:
@@ -87,7 +86,7 @@ def decide(
 
 
 def _begin(starting: Starting, whole: bool, merged: list[Atlas]) -> None:
-    """What is done when starts have merged. whole: they are all of the surface."""
+    """What is done when charts of all starts have merged. whole: they are of all the surface."""
     if whole and starting.check is not None:
         starting.check(merged)
     if starting.prices is not None:

@@ -11,18 +11,11 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    group_count,
     group_max,
     group_sum,
-    ranges,
-    stable_order,
 )
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.halfedge import corner_classes
 from circparam.seams.segmentation.state import Arcs
-from circparam.seams.segmentation.unions import Unions
-from circparam.solvers.pattern import eliminate_as
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +23,6 @@ class Glues:
     """Candidates for gluing: every arc, then every pair of neighbouring charts with all its arcs.
 
     left, right: charts. key: what was tried is remembered by it. score: the best are tried first. may: bool.
-    useless: bool, known to fail, so that there is no need to lay the union out.
     pair: (arcs,) pair of each arc.
     """
 
@@ -39,7 +31,6 @@ class Glues:
     key: npt.NDArray[np.uint64]
     score: FloatArray
     may: BoolArray
-    useless: BoolArray
     pair: IntArray
     rings: int = 1 << 62  # from this candidate on they glue both charts' slits as well
 
@@ -56,30 +47,6 @@ class Glues:
         out = np.zeros(n_edges, bool)
         out[arcs.edge[arc[arcs.arc]]] = True
         return out
-
-    def edges(self, arcs: Arcs, chosen: IntArray) -> tuple[IntArray, IntArray]:
-        """(edge, place in ``chosen``) of all edges that each chosen candidate glues (none with slits)."""
-        n = len(arcs.left)
-        alone = chosen < n
-        place, arc = np.flatnonzero(alone), chosen[alone]
-        if not alone.all():
-            of, several = members(self.pair, chosen[~alone] - n)
-            place = np.concatenate([place, np.flatnonzero(~alone)[of]])
-            arc = np.concatenate([arc, several])
-        of, entry = members(arcs.arc, arc)
-        return arcs.edge[entry], place[of]
-
-
-def members(groups: IntArray, asked: IntArray) -> tuple[IntArray, IntArray]:
-    """(place in ``asked``, member) of all members of each group that is asked for; groups: (n,) labels."""
-    order = stable_order(groups)
-    most = max(int(groups.max(initial=-1)), int(asked.max(initial=-1)))  # groups may be empty
-    count = group_count(groups, most + 1)
-    number = count[asked]
-    first = (np.cumsum(count) - count)[asked]
-    return np.repeat(np.arange(len(asked)), number), order[
-        np.repeat(first, number) + ranges(number)
-    ]
 
 
 def rings_of(arcs: Arcs, pairs: IntArray, n: int, length: FloatArray) -> FloatArray:
@@ -121,34 +88,3 @@ def perimeters(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
     """(n,) length of the boundary of every chart. chart: (m,) chart of each face."""
     rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
     return rim + group_sum(atlas.boundary_lengths, chart[atlas.surface.boundary // 3], n)
-
-
-def side_by_side(
-    atlas: Atlas, arcs: Arcs, glues: Glues, chosen: IntArray, ranks: IntArray
-) -> Unions:
-    """The unions of the chosen candidates (of two charts each), all in one cut mesh; a chart may be in several.
-
-    ranks: order of elimination of the vertices of the surface.
-    """
-    surface = atlas.surface
-    n, chart = atlas.charts()
-    side = np.stack([glues.left[chosen], glues.right[chosen]], 1).ravel()
-    of_side, fid = members(chart, side)
-    size = group_count(chart, n)
-    rank = np.empty(len(chart), np.int64)  # of a face in its chart
-    rank[stable_order(chart)] = ranges(size)
-    base = np.cumsum(size[side]) - size[side]
-    # a half-edge of the surface in one side of a union
-    inner = surface.edges[~atlas.cut]
-    at, entry = members(chart[inner[:, 0] // 3], side)
-    e = inner[entry]
-    edges = 3 * (base[at, None] + rank[e // 3]) + e % 3
-    edge, union = glues.edges(arcs, chosen)
-    e = surface.edges[edge]
-    at = 2 * union[:, None] + (chart[e // 3] != side[2 * union, None])
-    glued = 3 * (base[at] + rank[e // 3]) + e % 3
-    edges = np.concatenate([edges, glued])
-    _, faces = corner_classes(len(fid), edges)
-    cut_mesh = CutMesh(faces, surface.rest_triangles[fid], of_side // 2, edges)
-    eliminate_as(cut_mesh, ranks, surface.corner_vertex[fid])
-    return Unions(cut_mesh, atlas.corners[fid], of_side % 2 == 1)

@@ -25,23 +25,19 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.seams.segmentation.failed import Failed
 from circparam.seams.segmentation.glues import (
     Glues,
     known_excess,
     perimeters,
     rings_of,
-    side_by_side,
 )
 from circparam.seams.segmentation.layout import chart_parts
-from circparam.seams.segmentation.moved_on import crossings_as_they_are
 from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
 from circparam.seams.segmentation.unions import (
     MANY,
     MergeOptions,
     Tried,
     Unions,
-    first_look,
     keep_cheapest,
     lay_out,
 )
@@ -51,12 +47,6 @@ from circparam.solvers.pattern import eliminate_as, elimination_ranks
 PATIENCE = 3  # rounds in a row, after which merging ends
 HARDLY = 50  # if fewer than one in so many charts was merged in them
 FREE_WORK = 60_000  # faces: what trials on small surfaces hold costs little
-LOOKED_AT = 4_000  # faces of a surface up to which calls cost more than what unions hold
-LOOK = 10_000  # faces of the unions that are looked at together
-# pairs of boundary edges that cross where two charts are moved onto each other as they are, from which on they
-# are no chart where there is room for hardly any change: of 693 such unions of 44 meshes none was, of 144 with
-# two pairs 7 were
-CROSSED = 3
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
 SHARE = 0.5  # of the search for charts that merging is
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
@@ -80,14 +70,12 @@ class Merger:
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
         self.lower_bound = np.zeros(len(atlas.cut))  # (e,) see _charge
-        self.failed = Failed(len(atlas.cut))
         self.work = 0  # faces of all unions that were tried
         self.limit = np.inf
         if options.work is not None:
             self.limit = options.work * len(atlas.surface.faces) + FREE_WORK
         self.room = np.inf  # energy times area that all unions together may still add
         self.dear = np.zeros(0, np.uint64)  # those of ``tried`` that there was no room for
-        self.looked_at = np.zeros(0, np.uint64)  # candidates that a first look left
         if options.rise is not None:
             cut_mesh, uv = atlas.open()
             self.room = options.rise * float(chart_energies(cut_mesh, uv) @ cut_mesh.chart_areas)
@@ -119,14 +107,9 @@ class Merger:
         open_glues = np.flatnonzero(glues.may & ~np.isin(glues.key, self.tried))
         if len(open_glues) == 0:
             return False
-        if np.isfinite(self.room):
-            open_glues = self._worth_trials(arcs, glues, open_glues, chart)
-            if len(open_glues) == 0:
-                return True
         pick = matching(glues.score[open_glues], glues.left[open_glues], glues.right[open_glues], n)
         chosen = open_glues[pick]
         self.tried = np.union1d(self.tried, glues.key[chosen])
-        chosen = self._not_on_each_other(arcs, chart, glues, chosen[~glues.useless[chosen]])
         if len(chosen):
             self._try(arcs, chart, n, glues, chosen, monitor)
         return True
@@ -135,66 +118,7 @@ class Merger:
         """Let unions add so much energy times area from now on; what there was no room for is tried again."""
         self.room, self.work = room, 0
         self.tried = np.setdiff1d(self.tried, self.dear)
-        self.dear, self.looked_at = np.zeros(0, np.uint64), np.zeros(0, np.uint64)
-
-    def _worth_trials(
-        self, arcs: Arcs, glues: Glues, open_glues: IntArray, chart: IntArray
-    ) -> IntArray:
-        """The open candidates that a first look leaves, at the best few at once.
-
-        Where there is room for hardly any change it refuses nine of ten, and a trial alone takes as long as
-        what four hold. chart: (m,) of each face.
-        """
-        if self.atlas.prices is not None or len(self.atlas.surface.faces) > LOOKED_AT:
-            return open_glues
-        useless = glues.useless[open_glues]
-        self.tried = np.union1d(self.tried, glues.key[open_glues[useless]])
-        ask = open_glues[~useless]
-        seen = np.isin(glues.key[ask], self.looked_at)
-        if seen.any():
-            return ask[seen]
-        ask, size = ask[np.argsort(-glues.score[ask], kind="stable")], np.bincount(chart)
-        while len(ask) and self.work <= self.limit:
-            faces = np.cumsum(size[glues.left[ask]] + size[glues.right[ask]])
-            number = max(int(np.searchsorted(faces, LOOK, side="right")), 1)
-            look, ask = self._not_on_each_other(arcs, chart, glues, ask[:number]), ask[number:]
-            good = self._looked_at(arcs, glues, look) if len(look) else np.zeros(0, bool)
-            if good.any():
-                return look[good]
-        return ask[:0]
-
-    def _not_on_each_other(
-        self, arcs: Arcs, chart: IntArray, glues: Glues, asked: IntArray
-    ) -> IntArray:
-        """The candidates without those whose charts, moved onto each other as they are, cross so often that
-        the hardly any change that there is room for will not part them. chart: (m,) of each face."""
-        if not np.isfinite(self.room) or len(asked) == 0:
-            return asked
-        over = np.zeros(len(asked), bool)
-        two = (glues.left[asked] != glues.right[asked]) & (asked < glues.rings)
-        over[two] = crossings_as_they_are(self.atlas, arcs, glues, asked[two], chart) >= CROSSED
-        lost, size = asked[over], np.bincount(chart)
-        self.tried = np.union1d(self.tried, glues.key[lost])
-        self.failed.remember(arcs, glues, lost, over[over])
-        self.work += int(size[glues.left[lost]].sum() + size[glues.right[lost]].sum())
-        self.tally["trials"] += len(lost)
-        self.tally["overlap"] += len(lost)
-        return asked[~over]
-
-    def _looked_at(self, arcs: Arcs, glues: Glues, ask: IntArray) -> BoolArray:
-        """(k,) bool: of those candidates, the ones that a first look leaves; the others have been tried."""
-        unions = side_by_side(self.atlas, arcs, glues, ask, elimination_ranks(self.atlas.surface))
-        good, dear, crossed = first_look(unions, self.room)
-        good &= ~not_disks(unions.cut_mesh)
-        self.looked_at = np.union1d(self.looked_at, glues.key[ask[good]])
-        self.tried = np.union1d(self.tried, glues.key[ask[~good]])
-        self.dear = np.union1d(self.dear, glues.key[ask[dear]])
-        self.failed.remember(arcs, glues, ask[~good], crossed[~good])
-        self.work += int(np.bincount(unions.cut_mesh.chart)[~good].sum())
-        self.tally["trials"] += int((~good).sum())
-        self.tally["overlap"] += int(crossed.sum())
-        self.tally["distortion"] += int((~good & ~crossed).sum())
-        return good
+        self.dear = np.zeros(0, np.uint64)
 
     def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> Glues:
         """What may be glued: single arcs, and all arcs between two charts at once where there are several.
@@ -224,9 +148,6 @@ class Merger:
             key = (key ^ part.astype(np.uint64)) * MIX
             key ^= key >> np.uint64(29)
         alone = key[: len(arcs.left)]
-        useless = np.zeros(len(left), bool)
-        if not self.options.rigid:
-            useless = np.concatenate(self.failed.useless(arcs, pair, len(pairs)))
         waiting = np.zeros(len(pairs), bool)
         waiting[pair[~np.isin(alone, self.tried) | held]] = True
         may = np.concatenate([((arcs.left != arcs.right) | arcs.tip) & ~held, several & ~waiting])
@@ -240,7 +161,6 @@ class Merger:
             key = np.concatenate([key, (key[len(arcs.left) :] ^ RING) * MIX])
             length = np.concatenate([length, ring])
             may = np.concatenate([may, (ring > 0) & ~waiting])
-            useless = np.concatenate([useless, np.zeros(len(ring), bool)])
         if not self.options.zip:
             may &= left != right
         least = known_excess(c, arcs, chart, self.lower_bound, (left, right, pair))
@@ -249,7 +169,7 @@ class Merger:
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
         score = length / np.minimum(rim[left], rim[right]) * _luck(key, self.options.search.draw)
         score -= left == right
-        return Glues(left, right, key, score, may, useless, pair, rings)
+        return Glues(left, right, key, score, may, pair, rings)
 
     def _charge(self, arcs: Arcs, chosen: IntArray, lower_bound: FloatArray) -> None:
         """Keep (energy − 1) · area of the unions that failed, on the edges of their arcs.
@@ -281,7 +201,6 @@ class Merger:
         key = edge_keys(left, right, width)
         at = np.minimum(np.searchsorted(pairs, key), len(pairs) - 1)
         known = np.where(pairs[at] == key, least[at], 0.0)
-        self.failed.forget()
         self.lower_bound[:] = 0
         self.lower_bound[now.edge] = (1 - SLACK) * known[now.arc]
 
@@ -320,7 +239,6 @@ class Merger:
         ]
         unions = Unions(cut_mesh, c.corners[fid], in_right)
         tried = self._lay_out(unions, monitor)
-        self.failed.remember(arcs, glues, chosen, tried.deep)
         self._charge(arcs, chosen, (tried.floor - 1) * cut_mesh.chart_areas)
         self.tally["distortion"] += int(tried.distorted.sum())
         self.tally["overlap"] += int(tried.overlapping.sum())

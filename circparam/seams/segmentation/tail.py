@@ -2,8 +2,7 @@
 
 Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
 much, the others, of which there are a hundred times as many, give way by little. Where that is not enough, a
-slit leads from the boundary towards the curvature that asks for it, or the place is cut out where the loop
-round it is shorter; at last a chart is split.
+slit leads from the boundary towards the curvature that asks for it; at last a chart is split.
 """
 
 from __future__ import annotations
@@ -23,11 +22,8 @@ from circparam.seams.hard.unroll import slits
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.slits import slit_charts, slit_to, smoothed_area_distortion
-from circparam.seams.segmentation.tips import cut_tips
-from circparam.seams.segmentation.unions import MergeOptions
-from circparam.seams.segmentation.weigh import GAP, Limits, even_out, share_over
+from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
+from circparam.seams.segmentation.weigh import Limits, even_out, share_over
 from circparam.solvers.newton import RelaxOptions, relax
 
 SETTLED = RelaxOptions(tolerance=1e-4, max_iterations=30)
@@ -41,8 +37,6 @@ CUT_OFF = 0  # pieces: regions that are stretched are cut off along sharp edges
 PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
 SPLITTING, FREE = 3, 100_000  # faces of all splits: times those of the surface, and so many more
 STRETCHED = 0.1  # share of a smooth region, from which on it is cut off as a whole
-TIP_SLITS = 2  # that lead to the top of what was cut out, before it is split
-SHORTER = 0.7  # of the length of slits to such places, up to which loops round them are cheaper
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
@@ -72,28 +66,16 @@ def hold_stretch(
         left = limits.allowed - helpless
         peaks = _peaks(cut_mesh, uv, far & (failed <= 1), goal, left)
         if len(peaks):
-            longest = SHORTER * _length_to(atlas, cut_mesh, peaks, goal)
-            tips = None
-            if splits and atlas.prices is None:
-                tips = _cut_out(atlas, cut_mesh, stretch, limits, longest, monitor)
-            if tips is None:
-                failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
-        else:
-            work -= int((over > 0)[cut_mesh.chart].sum())
-            if not splits or work < 0:
-                return
-            # smooth regions of hard surfaces are cut off whole before anything is cut out of them
-            if _split(atlas, cut_mesh, over, CUT_OFF, limits, monitor):
-                continue
-            tips = _cut_out(atlas, cut_mesh, stretch, limits, np.inf, monitor)
-            if tips is None and not any(
-                _split(atlas, cut_mesh, over, pieces, limits, monitor) for pieces in PIECES
-            ):
-                return
-        if tips is not None:
-            failed[tips] = 0
-            cut_mesh, uv = atlas.open()
-            atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
+            failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
+            continue
+        work -= int((over > 0)[cut_mesh.chart].sum())
+        if not splits or work < 0:
+            return
+        # smooth regions of hard surfaces are cut off whole before charts are split
+        if not any(
+            _split(atlas, cut_mesh, over, pieces, limits, monitor) for pieces in (CUT_OFF, *PIECES)
+        ):
+            return
 
 
 def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor) -> FloatArray:
@@ -212,60 +194,6 @@ def _slit(
     inner = back[atlas.surface.edges // 3].all(1)
     atlas.cut[inner] = cut[inner]
     return back
-
-
-def _length_to(atlas: Atlas, cut_mesh: CutMesh, peaks: IntArray, goal: BoolArray) -> float:
-    """Length of the slits that lead all of the way to peaks."""
-    trial = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-    slit_to(trial, cut_mesh, peaks, goal)
-    return float(atlas.surface.edge_lengths[trial.cut & ~atlas.cut].sum())
-
-
-def _cut_out(
-    atlas: Atlas,
-    cut_mesh: CutMesh,
-    stretch: FloatArray,
-    limits: Limits,
-    longest: float,
-    monitor: Monitor,
-) -> BoolArray | None:
-    """Make charts of their own of the places that are stretched too much; (m,) bool: their faces.
-
-    What is left of the charts they were in stays as it is laid out. longest: length of all loops, beyond which
-    they are not worth it. None where that is so, or where it does not make the tail shorter.
-    """
-    far = stretch > limits.most
-    here = group_max(far.astype(float), cut_mesh.chart, cut_mesh.n_charts)[cut_mesh.chart] > 0
-    part = atlas.part(here)
-    before = part.cut.copy()
-    within = cut_tips(part, dual_graph(part.surface, part.flat), far[here], limits.allowed)
-    new = part.cut & ~before
-    if not new.any() or part.surface.edge_lengths[new].sum() > longest:
-        return None
-    tips = part.part(within)
-    _settle(tips, limits.bound, monitor)
-    after, uv = tips.open()
-    whole = np.zeros(len(far), bool)
-    whole[np.flatnonzero(here)[within]] = True
-    left = float(after.areas[face_stretch(after, uv) > limits.most].sum())
-    if judge(after, uv).bad(limits.bound).any() or left >= cut_mesh.areas[whole & far].sum():
-        return None
-    part.put(within, tips)
-    atlas.put(here, part)
-    return whole
-
-
-def _settle(tips: Atlas, bound: float, monitor: Monitor) -> None:
-    """Lay out what was cut out: slit to its tip, split and merged again where it breaks the bound."""
-    for turn in range(1 + TIP_SLITS):
-        inner, uv = tips.open()
-        layouts = judge(inner, lay_out_sound(inner, uv, SETTLED, monitor))
-        steep = ~(layouts.energy <= bound)
-        if turn == TIP_SLITS or not steep.any() or not slit_charts(tips, layouts, steep).any():
-            break
-    graph = dual_graph(tips.surface, tips.flat)
-    enforce(tips, graph, layouts, bound, SETTLED, monitor)
-    Merger(tips, MergeOptions(bound, margin=GAP), np.zeros(len(tips.cut), bool)).run(monitor)
 
 
 def _cut_off(atlas: Atlas, far: BoolArray) -> bool:

@@ -78,8 +78,7 @@ class Unions:
 class Tried:
     """Unions laid out: uv (nv, 2), and of each (n,) its energy, a floor of that, what is wrong.
 
-    deep: parts of the union lie on each other that no relaxation will part. dear: it differs from its parts by
-    more than there was room for, which says nothing of where there is more.
+    dear: it differs from its parts by more than there was room for, which says nothing of where there is more.
     """
 
     uv: FloatArray
@@ -87,14 +86,13 @@ class Tried:
     floor: FloatArray
     distorted: BoolArray
     overlapping: BoolArray
-    deep: BoolArray
     dear: BoolArray
 
     @staticmethod
     def nothing(cut_mesh: CutMesh) -> Tried:
         """Of unions that nothing is known of."""
         n = cut_mesh.n_charts
-        none = [np.zeros(n, bool) for _ in range(4)]
+        none = [np.zeros(n, bool) for _ in range(3)]
         uv = np.zeros((cut_mesh.n_vertices, 2))
         return Tried(uv, np.full(n, np.inf), np.ones(n), *none)
 
@@ -106,7 +104,6 @@ class Tried:
             (self.floor, part.floor),
             (self.distorted, part.distorted),
             (self.overlapping, part.overlapping),
-            (self.deep, part.deep),
             (self.dear, part.dear),
         ):
             mine[some] = theirs
@@ -211,22 +208,6 @@ def _start_within(
     return uv, ~flipped & little, ~flipped & ~little
 
 
-def first_look(unions: Unions, room: float) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """What ``lay_out`` refuses before any relaxation where there is room for hardly any change.
-
-    Returns ((n,) worth a trial, (n,) that cost more than the room, (n,) that lie on themselves).
-    """
-    cut_mesh = unions.cut_mesh
-    uv, near, dear = _start_within(cut_mesh, _wanted(unions)[1], room)
-    crossed = np.zeros_like(near)
-    if near.any():
-        sub, vid, _ = cut_mesh.subset(near)
-        which = np.zeros(sub.n_charts, bool)
-        which[sub.chart[crossings(uv[vid], sub)[:, 0] // 3]] = True
-        crossed[near] = which
-    return near & ~crossed, dear, crossed
-
-
 def _relax_some(
     cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, options: MergeOptions, crowd: bool
 ) -> Tried:
@@ -291,7 +272,6 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
         sub, vid, _ = cut_mesh.subset(later)
         tried.overlapping[later] = self_overlapping(sub, tried.uv[vid])
         live &= ~tried.overlapping
-    tried.deep[:] = tried.overlapping
     if live.any():
         sub, vid, _ = cut_mesh.subset(live)
         rest = relax(sub, tried.uv[vid], dataclasses.replace(steps, max_iterations=23))

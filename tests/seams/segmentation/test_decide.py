@@ -1,6 +1,8 @@
-"""Seams decided from several starts: which of them are gone on with."""
+"""Seams decided on one surface."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +10,10 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import seam_prices
+from circparam.seams.options import Search
 from circparam.seams.segmentation import decide as module
 from circparam.seams.segmentation import starts
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
@@ -22,95 +26,42 @@ from tests.support.atlases import cut_between, middles, surface_of
 MERGING = MergeOptions(1.05, margin=0.004)
 
 
-@pytest.mark.parametrize(("behind", "most"), [(0.0, 1), (1e9, 4)])
-def test_starts_that_are_behind_when_they_have_merged_are_given_up(
-    monkeypatch: pytest.MonkeyPatch, behind: float, most: int
-) -> None:
-    surface = surface_of(*shapes.icosphere(3))
-    cost: dict[int, float] = {}
-    gone_on: list[float] = []
-    start, end = starts.grow_and_merge, starts.shortened_and_merged
-
-    def started(*task: object) -> starts.Start:
-        one = start(*task)
-        cost[len(cost)] = COST.seams(one.merger.atlas)
-        return one
-
-    def shortened(one: starts.Start, *rest: object) -> Atlas:
-        gone_on.append(COST.seams(one.merger.atlas))
-        return end(one, *rest)
-
-    monkeypatch.setattr(starts, "BEHIND", behind)
-    monkeypatch.setattr(starts, "TOGETHER", 0)
-    monkeypatch.setattr(starts, "grow_and_merge", started)
-    monkeypatch.setattr(starts, "shortened_and_merged", shortened)
-    atlas = starts.best_of_starts(surface, MERGING, Worker(1), Monitor())
-    assert len(cost) == 4
-    assert len(set(cost.values())) > 1
-    assert len(gone_on) == most
-    assert min(gone_on) == min(cost.values())
-    assert COST.seams(atlas) <= min(gone_on)
-    assert np.isfinite(atlas.corners).all()
-
-
-def test_only_the_best_of_the_starts_is_shortened_a_second_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    surface = surface_of(*shapes.icosphere(3))
-    rings: list[int] = []
-    before: list[float] = []
-    shorten = starts.shorten_seams
-
-    def counted(atlas: Atlas, bound: float, options: RelaxOptions, reach: int, **rest: float):
-        rings.append(reach)
-        before.append(COST.seams(atlas))
-        return shorten(atlas, bound, options, reach, **rest)
-
-    ends: list[float] = []
-    first = starts.shortened_and_merged
-
-    def shortened(*given: object) -> Atlas:
-        atlas = first(*given)
-        ends.append(COST.seams(atlas))
-        return atlas
-
-    monkeypatch.setattr(starts, "BEHIND", 1e9)
-    monkeypatch.setattr(starts, "shorten_seams", counted)
-    monkeypatch.setattr(starts, "shortened_and_merged", shortened)
-    atlas = starts.best_of_starts(surface, MERGING, Worker(1), Monitor())
-    assert rings == [3, 3, 3, 3, 1]
-    assert before[-1] == min(ends)
-    assert COST.seams(atlas) <= min(ends)
-
-
-def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:
+def bumpy() -> Surface:
     points, faces = shapes.icosphere(3)
-    surface = surface_of(points * (1 + 0.3 * np.sin(3 * points[:, :1])), faces)
-    seeds = [40, 12, 25]
-    found = starts.merged_together(surface, MERGING, seeds, Monitor())
-    cuts = []
-    for one, k in zip(found, seeds, strict=True):
-        alone = starts.grow_and_merge(surface, MERGING, k, None, Monitor()).merger
-        np.testing.assert_array_equal(one.merger.atlas.cut, alone.atlas.cut)
-        np.testing.assert_allclose(one.merger.atlas.corners, alone.atlas.corners, atol=1e-6)
-        np.testing.assert_allclose(one.merger.lower_bound, alone.lower_bound, atol=1e-6)
-        np.testing.assert_array_equal(one.merger.failed.overlapped, alone.failed.overlapped)
-        cuts.append(alone.atlas.cut.sum())
-    assert len(set(cuts)) > 1
+    return surface_of(points * (1 + 0.3 * np.sin(3 * points[:, :1])), faces)
 
 
-def test_a_start_goes_on_as_it_would_have_in_one_piece() -> None:
-    """Merging and shortening in two calls, with what was learnt handed on, by copy or not."""
-    import pickle
+@pytest.mark.parametrize("draw", range(3))
+def test_each_search_ends_in_charts_below_the_bound(draw: int) -> None:
+    merging = replace(MERGING, search=Search(draw=draw))
+    merged: list[float] = []
+    atlas = starts.searched(
+        bumpy(), merging, Worker(1), Monitor(), lambda all_: merged.extend(map(COST.seams, all_))
+    )
+    assert not judge(*atlas.open()).bad(MERGING.bound).any()
+    assert len(merged) == (1 if draw else 4)
+    assert COST.seams(atlas) <= min(merged)
 
-    surface = surface_of(*shapes.icosphere(3))
-    one = starts.grow_and_merge(surface, MERGING, 12, None, Monitor())
-    copy = pickle.loads(pickle.dumps(one, 5))
-    assert len(one.merger.tried) > 0
-    here = starts.shorten_once(one, Monitor())
-    there = starts.shorten_once(copy, Monitor())
-    for a, b in zip(here, there, strict=True):
-        np.testing.assert_array_equal(a, b)
+
+def test_searches_differ_by_their_draw() -> None:
+    cuts = [
+        starts.searched(
+            bumpy(), replace(MERGING, search=Search(draw=k)), Worker(1), Monitor()
+        ).cut.tobytes()
+        for k in (0, 0, 1)
+    ]
+    assert cuts[0] == cuts[1] != cuts[2]
+
+
+def test_a_search_can_be_ended_when_its_charts_have_merged() -> None:
+    class EndedError(Exception):
+        pass
+
+    def end(merged: list[Atlas]) -> None:
+        raise EndedError
+
+    with pytest.raises(EndedError):
+        starts.searched(bumpy(), MERGING, Worker(1), Monitor(), end)
 
 
 @pytest.mark.parametrize("hard", [True, False])
@@ -172,24 +123,3 @@ def test_one_piece_is_left_alone() -> None:
     surface = surface_of(*bumped_ring(0.3))
     whole = Atlas(surface, np.zeros(len(surface.edges), bool))
     assert module.merged_on(whole, 1.05, Monitor()) is whole
-
-
-@pytest.mark.parametrize(
-    ("level", "pieces", "alone", "shared"),
-    [(2, 1, True, True), (4, 1, False, False), (3, 2, False, True), (3, 2, True, False)],
-)
-def test_starts_merge_alone_on_surfaces_in_one_piece_that_are_not_tiny(
-    level: int, pieces: int, alone: bool, shared: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    surface = surface_of(*shapes.row_of(shapes.icosphere(level), pieces))
-    called: list[str] = []
-    for name in ("merged_together", "start_once"):
-
-        def noted(*task: object, way: str = name, done: object = getattr(starts, name)) -> object:
-            called.append(way)
-            assert callable(done)
-            return done(*task)
-
-        monkeypatch.setattr(starts, name, noted)
-    starts.best_of_starts(surface, MERGING, Worker(1), Monitor(), None, alone)
-    assert set(called) == ({"merged_together"} if shared else {"start_once"})

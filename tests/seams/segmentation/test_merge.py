@@ -14,7 +14,7 @@ from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fre
 from circparam.seams.segmentation.merge import FREE_WORK, Merger
 from circparam.seams.segmentation.starts import ROUGH
 from circparam.seams.segmentation.state import arcs_of
-from circparam.seams.segmentation.unions import MergeOptions, Tried
+from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import (
@@ -219,39 +219,6 @@ def test_what_failed_is_remembered_when_seams_have_moved_less_the_slack() -> Non
         merger = merger_of(atlas, bound=1.5)
         merger.lower_bound[atlas.cut] = 0.5 * area * least
         assert merger.round(Monitor()) == tried
-
-
-@pytest.mark.parametrize(("rigid", "trials"), [(False, 2), (True, 3)])
-def test_an_arc_whose_union_lay_deep_on_itself_is_not_laid_out_again(
-    monkeypatch, rigid: bool, trials: int
-) -> None:
-    """Three strips of a sheet; that of the narrow one and the next is said to overlap, the other merges."""
-    surface = surface_of(*shapes.grid(9, 9))
-    x = middles(surface)[:, 0]
-    strip = np.digitize(x, [0.25, 0.6])
-    atlas = as_it_lies(cut_between(surface, strip))
-    laid: list[int] = []
-
-    def lay_out(unions, options, crowd, monitor) -> Tried:
-        tried = Tried.nothing(unions.cut_mesh)
-        laid.append(unions.cut_mesh.n_charts)
-        uv = np.zeros((unions.cut_mesh.n_vertices, 2))
-        uv[unions.cut_mesh.faces.ravel()] = unions.corners.reshape(-1, 2)
-        tried.uv[:], tried.energy[:] = uv, 1.0
-        narrow = unions.corners[:, :, 0].min() < 0.2
-        tried.overlapping[:] = tried.deep[:] = narrow
-        return tried
-
-    monkeypatch.setattr("circparam.seams.segmentation.merge.lay_out", lay_out)
-    merger = merger_of(atlas, rigid=rigid)
-    merger.run(Monitor())
-    assert atlas.charts()[0] == 2
-    assert merger.tally["trials"] == trials
-    assert sum(laid) == trials
-    # seams that moved are another matter: all is tried again
-    _, chart = atlas.charts()
-    merger.seams_moved(chart, arcs_of(atlas, chart))
-    assert not merger.failed.overlapped.any()
 
 
 def mean_energy(atlas: Atlas) -> float:

@@ -150,13 +150,12 @@ def test_what_is_known_of_some_unions_is_taken_over() -> None:
     sub, vid, _ = cut_mesh.subset(np.array([False, True]))
     part = Tried(
         np.ones((sub.n_vertices, 2)), np.array([1.5]), np.array([1.2]), np.array([True]),
-        np.array([False]), np.array([True]), np.array([True]),
+        np.array([False]), np.array([True]),
     )  # fmt: skip
     tried.put(np.array([False, True]), vid, part)
     assert tried.energy.tolist() == [np.inf, 1.5]
     assert tried.floor.tolist() == [1.0, 1.2]
     assert tried.distorted.tolist() == [False, True]
-    assert tried.deep.tolist() == [False, True]
     assert tried.dear.tolist() == [False, True]
     assert np.array_equal(tried.uv[:, 0] == 1, cut_mesh.vertex_chart == 1)
 
