@@ -12,6 +12,7 @@ CIRCPARAM_OPEN3D_PYTHON for uvatlas, CIRCPARAM_BPY_PYTHON for blender.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import statistics
@@ -62,6 +63,7 @@ PYTHONS = {
     "xatlas": sys.executable,
     "uvatlas": os.environ.get("CIRCPARAM_OPEN3D_PYTHON", ""),
     "blender": os.environ.get("CIRCPARAM_BPY_PYTHON", ""),
+    "uvunwrap": sys.executable if importlib.util.find_spec("uvunwrap") else "",
 }
 
 
@@ -100,10 +102,17 @@ class Run:
     beside: dict[str, Atlas]  # circparam at the distortion of each peer
 
 
-def unwrap(path: Path, folder: Path, judge: Path | None, bound: float, limit: float) -> Atlas:
+def unwrap(
+    path: Path,
+    folder: Path,
+    judge: Path | None,
+    bound: float,
+    limit: float,
+    effort: float | None = None,
+) -> Atlas:
     """circparam with a bound, in its own process."""
     out = folder / f"{path.stem}-{bound:.4f}.obj"
-    settings = {"path": str(path), "out": str(out), "max_distortion": bound}
+    settings = {"path": str(path), "out": str(out), "max_distortion": bound, "effort": effort}
     try:
         done = process.run("tests.bench.tasks:unwrap", {}, settings, limit)
     except CircparamError as error:

@@ -1,18 +1,21 @@
-"""``make bench-front``: the table at the head of README, beside xatlas, UVAtlas and Blender.
+"""``make bench-front``: seconds against seams and charts, beside xatlas, uvunwrap, UVAtlas and Blender.
 
     python -m tests.bench front [--more MESH ...] [--judge SCRIPT]
 
 Named public meshes of the corpus folder (CIRCPARAM_CORPUS) and whatever is named with ``--more`` are unwrapped
-by circparam at its defaults and by every peer that is there, all in one run; the table between the two marks in
-README is written anew, and docs/benchmarks/front.md has it with the facts of the machine. Figures are those of
-the written files, seconds without reading and writing, as in ``tests.bench.atlas``.
+by circparam at five efforts and by every peer that is there, all in one run. README gets the table of the
+defaults between its two marks and the picture docs/pictures/front.png; docs/benchmarks/front.md has every row
+with the facts of the machine. Figures are those of the written files, seconds without reading and writing, as
+in ``tests.bench.atlas``.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import statistics
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 from circparam import formats
@@ -20,50 +23,200 @@ from tests.bench import atlas, common
 from tests.support.corpus import CORPUS
 
 SET = (
-    "spot.obj", "CesiumMilkTruck.glb", "fandisk.obj", "rocker-arm.obj", "stanford-bunny.obj",
-    "armadillo.obj",
+    "fuze.obj", "CesiumMilkTruck.glb", "CesiumMan.glb", "cow.obj", "spot.obj", "fertility.off", "fandisk.obj",
+    "rocker-arm.obj", "camelhead.off", "stanford-bunny.obj", "armadillo.obj", "ogre.obj",
 )  # fmt: skip
-PEERS = {"xatlas": "xatlas", "uvatlas": "UVAtlas", "blender": "Blender, smart project"}
-README = Path(__file__).parents[2] / "README.md"
+IN_README = ("spot", "CesiumMilkTruck", "fandisk", "rocker-arm", "stanford-bunny", "armadillo")
+EFFORTS = {"draft": 0.0, "normal": 1.0, "2": 2.0, "high": 4.0, "8": 8.0}
+PEERS = {
+    "xatlas": "xatlas",
+    "uvunwrap": "uvunwrap",
+    "uvatlas": "UVAtlas",
+    "blender": "Blender, smart project",
+}
+README = common.ROOT / "README.md"
+PICTURE = common.ROOT / "docs" / "pictures" / "front.png"
 START, END = "<!-- measured: make bench-front -->", "<!-- end of measured -->"
-LIMIT = 90.0  # seconds for one of them
+LIMIT = 600.0  # seconds for one of them
+COLUMNS, DOTS_PER_INCH = 4, 110
+
+
+@dataclass(frozen=True)
+class Row:
+    """One mesh: what circparam made at each effort, and each peer."""
+
+    name: str
+    faces: int
+    efforts: dict[str, atlas.Atlas]
+    peers: dict[str, atlas.Atlas]
 
 
 def cell(made: atlas.Atlas) -> str:
-    """charts / seam / distortion / flips / seconds; what was wrong where there is nothing."""
+    """charts / seam / distortion / flips / page / seconds; what was wrong where there is nothing."""
     if not made.ok:
         return made.why
     f = made.figures
     wrong = int(f["flips"]) + int(f["mirrored_charts"])
     sd = f"{f['sd']:.3f}" if f["sd"] < 100 else "> 100"
-    return f"{f['charts']} / {f['seam_length']:.1f} / {sd} / {wrong} / {made.seconds:.1f}"
+    page = f"{100 * f['pack']:.0f} %"
+    return f"{f['charts']} / {f['seam_length']:.1f} / {sd} / {wrong} / {page} / {made.seconds:.1f}"
+
+
+def dominates(one: atlas.Atlas, other: atlas.Atlas) -> bool:
+    """Whether a valid atlas was made sooner and has less seam, fewer charts and a fuller page."""
+    if not one.ok or one.figures["flips"] or one.figures["overlap"]:
+        return False
+    a, b = one.figures, other.figures
+    better = a["seam_length"] < b["seam_length"] and a["charts"] < b["charts"]
+    return better and a["pack"] > b["pack"] and one.seconds < other.seconds
+
+
+def findings(rows: list[Row]) -> list[str]:
+    """Medians of ratios to the peers at each effort, and where a peer is sooner and better."""
+    out = []
+    beaten = [
+        f"{row.name}, {effort}: {PEERS[p]}"
+        for row in rows
+        for effort, own in row.efforts.items()
+        for p, peer in row.peers.items()
+        if own.ok and dominates(peer, own)
+    ]
+    out.append(
+        "A peer is at once faster, with less seam, fewer charts and a fuller page: "
+        f"{'; '.join(beaten) or 'nowhere'}."
+    )
+    for effort in EFFORTS:
+        parts = []
+        for p in PEERS:
+            pairs = [
+                (r.efforts[effort], r.peers[p])
+                for r in rows
+                if p in r.peers and r.peers[p].ok and r.efforts[effort].ok
+            ]
+            if not pairs:
+                continue
+
+            def median(key: str, pairs: list[tuple[atlas.Atlas, atlas.Atlas]] = pairs) -> float:
+                ratios = [
+                    (a.seconds / max(b.seconds, 1e-3))
+                    if key == "seconds"
+                    else a.figures[key] / b.figures[key]
+                    for a, b in pairs
+                    if key == "seconds" or b.figures[key]
+                ]
+                return statistics.median(ratios)
+
+            parts.append(
+                f"{PEERS[p]} {median('seconds'):.2f} × the seconds, {median('seam_length'):.2f} × the seam, "
+                f"{median('charts'):.2f} × the charts"
+            )
+        out.append(f"{effort}, medians: {'; '.join(parts)}.")
+    return out
+
+
+def draw(rows: list[Row], path: Path) -> None:
+    """Seconds against seam, a panel a mesh, both axes logarithmic; numbers of charts beside the points."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    lines = -(-len(rows) // COLUMNS)
+    figure = Figure(figsize=(3.1 * COLUMNS, 2.5 * lines), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
+    markers = dict(zip(PEERS, "s^Dv", strict=True))
+    for panel, row in zip(panels, rows, strict=False):
+        own = [a for a in row.efforts.values() if a.ok]
+        x, y = [a.seconds for a in own], [a.figures["seam_length"] for a in own]
+        panel.loglog(x, y, "o-", color="#d1495b", label="circparam, draft to 8")
+        for k in (0, len(own) - 1):
+            panel.annotate(str(own[k].figures["charts"]), (x[k], y[k]), fontsize=7,
+                           xytext=(3, 4), textcoords="offset points")  # fmt: skip
+        for p, made in row.peers.items():
+            if made.ok:
+                at = made.seconds, made.figures["seam_length"]
+                valid = not made.figures["flips"] and not made.figures["overlap"]
+                panel.plot(*at, markers[p], color="#30638e", label=PEERS[p],
+                           fillstyle="full" if valid else "none")  # fmt: skip
+                panel.annotate(str(made.figures["charts"]), at, fontsize=7,
+                               xytext=(3, 4), textcoords="offset points")  # fmt: skip
+        panel.set_title(f"{row.name}, {row.faces:,} faces", fontsize=9)
+        panel.tick_params(labelsize=7)
+        panel.margins(0.15)
+    for panel in panels[len(rows) :]:
+        panel.set_visible(False)
+    figure.supxlabel("seconds (numbers: charts; empty marks: flips or overlaps)", fontsize=9)
+    figure.supylabel("length of the seams / √area", fontsize=9)
+    known: dict[str, object] = {}
+    for panel in panels[: len(rows)]:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            known.setdefault(label, handle)
+    figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=5, fontsize=8)
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+
+
+def measured(path: Path, folder: Path, judge: Path | None) -> Row:
+    """One mesh by all."""
+    there = [name for name in PEERS if atlas.PYTHONS[name]]
+    efforts = {
+        name: atlas.unwrap(path, folder, judge, atlas.BOUND, LIMIT, effort=effort)
+        for name, effort in EFFORTS.items()
+    }
+    peers = {p: atlas.peer(p, path, folder, judge, LIMIT) for p in there}
+    return Row(path.stem, len(formats.read(path).mesh.faces), efforts, peers)
 
 
 def main() -> None:
-    """Run the set and write the table."""
-    parser = argparse.ArgumentParser(description="The table at the head of README.")
+    """Run the set, write table, picture and report."""
+    parser = argparse.ArgumentParser(
+        description="The frontier, and the table at the head of README."
+    )
     parser.add_argument("--more", nargs="*", type=Path, default=[])
     parser.add_argument("--judge", type=Path, default=os.environ.get("CIRCPARAM_JUDGE") or None)
     chosen = parser.parse_args()
-    there = [name for name in PEERS if atlas.PYTHONS[name]]
     rows = []
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
         for path in [*(CORPUS / n for n in SET if (CORPUS / n).exists()), *chosen.more]:
-            own = atlas.unwrap(path, folder, chosen.judge, atlas.BOUND, LIMIT)
-            made = [own, *(atlas.peer(p, path, folder, chosen.judge, LIMIT) for p in there)]
-            faces = len(formats.read(path).mesh.faces)
-            rows.append([path.stem, f"{faces:,}", *map(cell, made)])
-            print(" | ".join(rows[-1]), flush=True)
-    head = ["mesh", "faces", "circparam", *(PEERS[p] for p in there)]
-    text = (
+            row = measured(path, Path(name), chosen.judge)
+            rows.append(row)
+            for who, made in (row.efforts | row.peers).items():
+                print(f"{row.name} ({row.faces}), {who}: {cell(made)}", flush=True)
+    there = [p for p in PEERS if any(p in r.peers for r in rows)]
+    head = ["mesh", "faces", "draft", "circparam", *(PEERS[p] for p in there)]
+    figures = (
         "Charts / seam length (over √area) / distortion (1 is perfect) / flipped faces and mirrored charts / "
-        "seconds, each at its defaults, in one run on two cores:"
+        "covered share of the page / seconds"
     )
-    table = [text, "", *common.table(head, rows)]
+    table = common.table(
+        head,
+        [
+            [r.name, f"{r.faces:,}", cell(r.efforts["draft"]), cell(r.efforts["normal"]),
+             *(cell(r.peers[p]) for p in there)]
+            for r in rows if r.name in IN_README
+        ],
+    )  # fmt: skip
     before, rest = README.read_text("utf-8").split(START)
+    text = [
+        f"{figures}, each at its defaults (draft: `--effort draft`), in one run on two cores:",
+        "",
+        *table,
+    ]
     README.write_text(
-        before + START + "\n\n" + "\n".join(table) + "\n\n" + END + rest.split(END)[1], "utf-8"
+        before + START + "\n\n" + "\n".join(text) + "\n\n" + END + rest.split(END)[1], "utf-8"
     )
-    intro = "Made by `make bench-front`; README shows the same table."
-    print(f"written: {common.write('front.md', 'At a glance', intro, [table])}")
+    draw(rows, PICTURE)
+    everything = common.table(
+        ["mesh", "faces", *EFFORTS, *(PEERS[p] for p in there)],
+        [
+            [
+                r.name,
+                f"{r.faces:,}",
+                *map(cell, r.efforts.values()),
+                *(cell(r.peers[p]) for p in there),
+            ]
+            for r in rows
+        ],
+    )
+    intro = "Made by `make bench-front`; README shows a part of it.\n\n![The frontier](../pictures/front.png)"
+    blocks = [[f"{figures}."], [f"- {line}" for line in findings(rows)], everything]
+    print("\n".join(findings(rows)))
+    print(f"written: {common.write('front.md', 'The frontier', intro, blocks)}")

@@ -76,7 +76,21 @@ def blender(points: np.ndarray, faces: np.ndarray) -> Layout:
     return points, vertex.reshape(-1, 3).astype(np.int64), uv, index.reshape(-1, 3), seconds
 
 
-PEERS = {"xatlas": xatlas, "uvatlas": uvatlas, "blender": blender}
+def uvunwrap(points: np.ndarray, faces: np.ndarray) -> Layout:
+    """uvunwrap with its own settings, on a page of 2048 with a padding of 4."""
+    import uvunwrap as package
+
+    start = time.perf_counter()
+    mesh = package.Mesh(points.astype(np.float32), faces.astype(np.uint32))
+    atlas = package.generate([mesh], page_size=2048, padding=4)
+    seconds = time.perf_counter() - start
+    corners = np.asarray(atlas.meshes[0].corner_uvs, float).reshape(-1, 2)
+    corners *= np.array([atlas.width, atlas.height]) / max(atlas.width, atlas.height)
+    uv, index = np.unique(corners, axis=0, return_inverse=True)
+    return points, faces, uv, index.reshape(-1, 3), seconds
+
+
+PEERS = {"xatlas": xatlas, "uvatlas": uvatlas, "blender": blender, "uvunwrap": uvunwrap}
 
 
 def main() -> None:

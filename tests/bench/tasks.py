@@ -129,12 +129,17 @@ def energy(cut_mesh: CutMesh, uv: np.ndarray) -> float:
 
 
 def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:
-    """A whole unwrap from file to file; its status and the seconds of its stages."""
+    """A whole unwrap from file to file; its status and the seconds of its stages.
+
+    What stages import at their first use is imported before.
+    """
     from circparam.pipeline.unwrap import unwrap as run
 
-    result = run(
-        settings["path"], settings["out"], max_distortion=settings["max_distortion"], overwrite=True
-    )
+    _import()
+    given = {
+        k: v for k, v in settings.items() if k in ("max_distortion", "effort") and v is not None
+    }
+    result = run(settings["path"], settings["out"], overwrite=True, **given)
     return {}, {"status": result.status, "stages": result.seconds}
 
 

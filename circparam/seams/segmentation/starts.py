@@ -72,8 +72,8 @@ def searched(
         begin(merged)
     cost = np.array([COST.seams(one) for one in merged])
     most = cost.min() if monitor.expired else (1 + BEHIND) * cost.min()
-    tasks = [(starts[k],) for k in np.flatnonzero(cost <= most)]
-    ends = [Atlas(surface, *one) for one in worker.map(shortened, tasks, monitor)]
+    near = [(starts[k],) for k in np.flatnonzero(cost <= most)]
+    ends = [Atlas(surface, *one) for one in worker.map(shortened, near, monitor)]
     return min(ends, key=COST.seams)
 
 
