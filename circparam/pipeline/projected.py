@@ -37,7 +37,7 @@ def project_charts(cascade: Cascade, faces: BoolArray) -> Cascade:
     row = np.arange(len(fid))
     atlas.corners[fid] = np.stack([p[row, :, u], p[row, :, v]], 2)
     return replace(cascade, atlas=atlas).repaired(
-        f"{len(fid)} face(s) projected along the axes, because time ran out"
+        f"{len(fid)} face(s) projected along the axes: out of time for a map"
     )
 
 

@@ -97,7 +97,7 @@ def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -
     spoilt = rounding(ending)(before.uv)
     if ending in ("ply", "glb"):
         assert (signs(spoilt, before.uv_faces) <= 0).any(), "rounding alone spoils it"
-        assert any("numbers near by" in note for note in result.notes)
+        assert any("nearby storable numbers" in note for note in result.notes)
 
 
 def test_where_single_precision_has_no_place_ply_takes_doubles(
