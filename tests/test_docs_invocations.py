@@ -79,6 +79,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     uv = 0.02 + 0.96 * (points[:, :2] - points[:, :2].min(0)) / np.ptp(points[:, :2], axis=0).max()
     for name in OBJ:
         (out / f"{name}.obj").write_text(wavefront(points, faces, uv))
+    left, both = uv * [0.4, 0.4], faces + len(points)
+    sheets = np.concatenate([points, points + 2]), np.concatenate([faces, both])
+    two = wavefront(*sheets, np.concatenate([left, left + [0.5, 0]]))
+    second = "f " + " ".join(f"{c}/{c}" for c in both[0] + 1)
+    (out / "parts.obj").write_text(two.replace(second, f"usemtl face\n{second}"))
     (out / "right.obj").write_text(wavefront(points * [-1, 1, 1], faces[:, ::-1], uv))
     (out / "t.mtl").write_text("newmtl t\nmap_Kd t.png\n")
     Image.new("RGB", (16, 16), (200, 80, 20)).save(out / "t.png")

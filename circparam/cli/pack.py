@@ -14,7 +14,7 @@ _EPILOG = """\b
 Examples:
   circparam pack mesh.obj                          writes mesh_uv.obj
   circparam pack mesh.glb -o packed.glb --resolution 4096 --padding 8
-  circparam pack mesh.glb --lock material=face     these charts stay
+  circparam pack parts.obj --lock material=face    these charts stay
   circparam pack mesh.obj -o packed.obj --rotate none --fail-if 'pack<0.6'
 """
 

@@ -59,7 +59,7 @@ def test_bad_input_is_refused_in_one_line(tmp_path: Path) -> None:
     one_line_error(batch(source, "--out", out, "--fail-if", "flops>0"), 2, "flops")
     one_line_error(batch(source, "--out", out, "--fail-rate", 2), 2, "--fail-rate")
     one_line_error(batch("--status", tmp_path / "none"), 2, "no manifest.jsonl")
-    one_line_error(batch(source, "--status", out), 2, "stands alone")
+    one_line_error(batch(source, "--status", out), 2, "takes no other argument")
     (tmp_path / "file").write_text("")
     one_line_error(batch(source, "--out", tmp_path / "file" / "x", *ARGS), 8, "cannot be written")
     assert not out.exists()

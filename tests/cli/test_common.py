@@ -60,9 +60,9 @@ def test_nothing_is_not_the_same_as_no_option(tmp_path: Path) -> None:
 
 
 def test_every_option_of_the_library_is_a_flag_of_unwrap() -> None:
-    command = cli.get_command(click.Context(cli), "unwrap")
-    assert command is not None
-    flags = {word for param in command.params for word in param.opts}
+    """Or of pack, where charts are there that can be locked."""
+    commands = [cli.get_command(click.Context(cli), name) for name in ("unwrap", "pack")]
+    flags = {word for command in commands if command for p in command.params for word in p.opts}
     missing = [
         name
         for name, spec in specs(Options).items()

@@ -550,7 +550,7 @@ def test_several_meshes_end_with_a_summary(tmp_path: Path) -> None:
     ]
     assert "failed" in tail[2]
     assert tail[4].strip() == "3 meshes: 2 ok, 1 failed"
-    assert "a_uv.obj: left out" in result.stderr
+    assert "a_uv.obj: skipped" in result.stderr
     assert old.read_text() == "what an earlier run wrote"
     lines = run(
         "unwrap", a, b, "--out-dir", out, "--overwrite", "--json", "--cut", "none", *QUICK
