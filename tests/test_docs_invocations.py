@@ -81,7 +81,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (out / f"{name}.obj").write_text(wavefront(points, faces, uv))
     left, both = uv * [0.4, 0.4], faces + len(points)
     sheets = np.concatenate([points, points + 2]), np.concatenate([faces, both])
-    two = wavefront(*sheets, np.concatenate([left, left + [0.5, 0]]))
+    two = wavefront(*sheets, np.concatenate([left, np.add(left, [0.5, 0])]))
     second = "f " + " ".join(f"{c}/{c}" for c in both[0] + 1)
     (out / "parts.obj").write_text(two.replace(second, f"usemtl face\n{second}"))
     (out / "right.obj").write_text(wavefront(points * [-1, 1, 1], faces[:, ::-1], uv))
