@@ -118,6 +118,7 @@ def draw(rows: list[Row], path: Path) -> None:
     """Seconds against seam, a panel a mesh, both axes logarithmic; numbers of charts beside the points."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter
 
     lines = -(-len(rows) // COLUMNS)
     figure = Figure(figsize=(3.1 * COLUMNS, 2.5 * lines), layout="constrained")
@@ -140,7 +141,10 @@ def draw(rows: list[Row], path: Path) -> None:
                 panel.annotate(str(made.figures["charts"]), at, fontsize=7,
                                xytext=(3, 4), textcoords="offset points")  # fmt: skip
         panel.set_title(f"{row.name}, {row.faces:,} faces", fontsize=9)
-        panel.tick_params(labelsize=7)
+        panel.tick_params(which="both", labelsize=7)
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        panel.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         panel.margins(0.15)
     for panel in panels[len(rows) :]:
         panel.set_visible(False)
