@@ -9,11 +9,11 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
+from circparam.seams.accuracy import ROUGH
 from circparam.seams.segmentation.decide import whole_components
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.starts import ROUGH
 from circparam.seams.segmentation.unions import MergeOptions
 
 CRUMB = 300  # faces that a tiny component has at most

@@ -11,8 +11,8 @@ import numpy as np
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
+from circparam.seams.accuracy import FINAL
 from circparam.seams.cost import COST
-from circparam.seams.segmentation.enforce import FINAL
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.solvers.newton import RelaxOptions
 

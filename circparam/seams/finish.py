@@ -12,18 +12,13 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
+from circparam.seams.accuracy import FINAL
 from circparam.seams.cost import COST
 from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.decided import Decided
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import ANY_BOUND
-from circparam.seams.segmentation.enforce import (
-    FINAL,
-    Vain,
-    below,
-    enforce,
-    relaxed_layouts,
-)
+from circparam.seams.segmentation.enforce import Vain, below, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import dual_graph, make_disks
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.merge import Merger

@@ -12,6 +12,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.accuracy import EXACT, FINAL, ROUGH, TRIAL
 from circparam.seams.cost import COST
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
@@ -24,12 +25,10 @@ from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, j
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
-ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
-FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30, bound=1 + 1e-6)
-FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60, bound=1 + 1e-6)
+SETTLED = dataclasses.replace(FINAL, bound=EXACT)
 MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
 COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
 WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
@@ -90,7 +89,7 @@ def _decided(
         Merger(atlas, merging, np.zeros(len(atlas.cut), bool), worker).run(monitor)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
-        enforce(atlas, graph, layouts, bound, FINAL, monitor)
+        enforce(atlas, graph, layouts, bound, SETTLED, monitor)
     if not options.search.draft:
         with monitor.stage("charts"):
             prefer_exact(atlas, start, merging, worker, monitor)
@@ -204,7 +203,7 @@ def uncoiled(layouts: ChartLayouts, which: BoolArray, bound: float) -> ChartLayo
         return layouts
     sub, vid, _ = layouts.cut_mesh.subset(coils)
     # no further than needed: a strip that is relaxed to the end coils up again
-    near = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1 + COILED * (bound - 1))
+    near = dataclasses.replace(TRIAL, bound=1 + COILED * (bound - 1))
     trial = judge(sub, relax(sub, straight(sub), near).uv)
     good = ~trial.bad(bound)
     uv = layouts.uv.copy()
@@ -220,7 +219,7 @@ def settled(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
     """Relax what is not isometric yet."""
     cut_mesh = atlas.cut_mesh()
     start = judge(cut_mesh, atlas.gather(cut_mesh))
-    layouts = judge(cut_mesh, relax(cut_mesh, start.uv, FINAL, monitor).uv)
+    layouts = judge(cut_mesh, relax(cut_mesh, start.uv, SETTLED, monitor).uv)
     # an uncoiled strip coils up again
     worse = (layouts.overlapping & ~start.overlapping)[cut_mesh.vertex_chart]
     uv = np.where(worse[:, None], start.uv, layouts.uv)

@@ -12,14 +12,13 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.accuracy import TRIAL
 from circparam.seams.segmentation.layout import embed_and_relax
-from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
 
 PATCHES = 48
 LEAST_FACES, LEAST_COARSE = 300, 30  # of a patch, on the mesh and on the level
 ENOUGH = 8  # patches by which a component is judged alone
-STEPS = RelaxOptions(tolerance=1e-3, max_iterations=25)
 
 
 def roughness(surface: Surface, level: Surface, near: IntArray) -> float:
@@ -97,5 +96,5 @@ def _energies(surface: Surface, patch: IntArray) -> FloatArray:
     able = ~not_disks(cut_mesh)
     if able.any():
         part, _, _ = cut_mesh.subset(able)
-        out[found[able]] = chart_energies(part, embed_and_relax(part, STEPS, None))
+        out[found[able]] = chart_energies(part, embed_and_relax(part, TRIAL, None))
     return np.where(np.isfinite(out), out, np.nan)

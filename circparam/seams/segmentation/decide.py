@@ -15,12 +15,13 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.accuracy import FAIR, ROUGH
 from circparam.seams.hidden import PricesBeside
 from circparam.seams.options import USUAL, Search
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.move import move_seams
-from circparam.seams.segmentation.starts import CROWD, FAIR, ROUGH, searched
+from circparam.seams.segmentation.starts import CROWD, searched
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies

@@ -16,8 +16,15 @@ from circparam.core.arrays import (
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
+from circparam.seams.accuracy import FINAL
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound, pushed_apart
+from circparam.seams.segmentation.layout import (
+    GAP,
+    ChartLayouts,
+    judge,
+    lay_out_sound,
+    pushed_apart,
+)
 from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
@@ -25,14 +32,12 @@ from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
 
-FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
 LAYER_FACES = 100  # smaller charts that overlap are halved
 FRAGMENT = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
-GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
 # (atlas, number of charts to cut): whether cutting them is not worth it
 Vain = Callable[[Atlas, int], bool]

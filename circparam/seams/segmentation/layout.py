@@ -13,6 +13,7 @@ from circparam.geometry.gradient_transfer import space_gradients, spread, target
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.accuracy import TRIAL
 from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.dirichlet import energy, jacobians
 from circparam.solvers.newton import RelaxOptions, relax
@@ -24,8 +25,8 @@ from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
 
 UNTANGLE = 12
-HOT, HOT_RINGS = 3.0, 3  # energy of a face, and rings round it that are relaxed before the chart
-COOLING = RelaxOptions(tolerance=1e-3, max_iterations=25)
+GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
+HOT, HOT_RINGS = 3.0, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +193,7 @@ def _cooled(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     held = np.zeros(cut_mesh.n_vertices, bool)
     part, source, fixed = cut_out(cut_mesh, grow(cut_mesh, hot, HOT_RINGS), held)
     out = uv.copy()
-    out[source[~fixed]] = relax(part, uv[source], replace(COOLING, fixed=fixed)).uv[~fixed]
+    out[source[~fixed]] = relax(part, uv[source], replace(TRIAL, fixed=fixed)).uv[~fixed]
     return out
 
 

@@ -7,13 +7,12 @@ import numpy as np
 from circparam.core.arrays import BoolArray, IntArray, group_count
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
+from circparam.seams.accuracy import TRIAL
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.solvers.newton import RelaxOptions
 
 ROUNDS = 24  # of handing pieces out: each lays the neighbours out anew
-ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25)
 
 
 def absorb(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) -> int:
@@ -67,7 +66,7 @@ def _take_apart(atlas: Atlas, chart: IntArray, which: BoolArray) -> None:
     n, now = atlas.charts()
     pieces = np.zeros(n, bool)
     pieces[now[which[chart]]] = True
-    lay_out_fresh(atlas, pieces, ROUGH)
+    lay_out_fresh(atlas, pieces, TRIAL)
 
 
 def _hand_out(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
+from circparam.seams.accuracy import ROUGH, TRIAL
 from circparam.seams.cost import COST
 from circparam.seams.multires.holes import complexity
 from circparam.seams.options import Search
@@ -27,7 +28,6 @@ from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.shorten_seams import shorten_seams
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.solvers.newton import RelaxOptions
 
 CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
 # regions that each start of a search grows its charts from, and faces of the largest surface that it is made
@@ -36,11 +36,9 @@ SEEDS = (60, 12, 30, 100)
 START_FACES = (1 << 62, 6000, 1500, 1500)
 DRAFT_SEEDS = 12  # regions of the one start of a draft
 OTHER_SEEDS = (30, 20, 12, 45, 8, 60)  # of the one start of each search that more effort makes
-ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
-HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
-FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
+HASTY = replace(ROUGH, max_iterations=6)
 # charts whose seams are shortened: the tolerance of FAIR takes a fifth more steps, for seams none the better
-BRISK = RelaxOptions(tolerance=1e-3, max_iterations=30)
+BRISK = replace(TRIAL, max_iterations=30)
 BEHIND = 0.1  # share by which a start costs more than another when both have merged, from which it is given up
 MERGED = 0.5  # share of the search for charts that has been done then
 LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter

@@ -18,15 +18,15 @@ from circparam.core.workers import PARTED, Later, in_parts
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.accuracy import FAIR
 from circparam.seams.hard.unroll import slits
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
 from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
 from circparam.seams.segmentation.weigh import Limits, even_out, share_over
-from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.newton import relax
 
-SETTLED = RelaxOptions(tolerance=1e-4, max_iterations=30)
 PEAK = 0.3  # logarithm of how much areas grow or shrink, below which a vertex is no peak of it
 # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
 FACES_A_RING = 40
@@ -232,7 +232,7 @@ def _split(
         return False
     graph = dual_graph(part.surface, part.flat)
     inner, uv = part.open()
-    layouts = judge(inner, relax(inner, uv, SETTLED, monitor).uv)
+    layouts = judge(inner, relax(inner, uv, FAIR, monitor).uv)
     if not layouts.bad(limits.bound).any():
         if pieces != CUT_OFF:
             split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool), pieces)
@@ -240,8 +240,8 @@ def _split(
             return False
         make_disks(part, graph)
         inner, uv = part.open()
-        layouts = judge(inner, lay_out_sound(inner, uv, SETTLED, monitor))
-    enforce(part, graph, layouts, limits.bound, SETTLED, monitor)
+        layouts = judge(inner, lay_out_sound(inner, uv, FAIR, monitor))
+    enforce(part, graph, layouts, limits.bound, FAIR, monitor)
     after, uv = part.open()
     rest = limits.without(over[~long].sum(), cut_mesh, after)
     uv, _ = even_out(after, uv, rest, monitor)

@@ -13,7 +13,7 @@ from circparam.geometry.distortion import face_stretch, stretch_and_distortion
 from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.segmentation.layout import chart_parts, pushed_apart
+from circparam.seams.segmentation.layout import GAP, chart_parts, pushed_apart
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.region import cut_out
 
@@ -28,7 +28,6 @@ PATIENCE = 3  # rounds without headway after which a chart is left
 # the same once it has made some, where a level was held before: rounds of large charts are dear
 PATIENCE_NEAR = 1
 STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
-GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 SMALL = 2000  # faces up to which a chart moves as a whole
 NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
 GROWTH = 1.25  # times so much more a round

@@ -8,11 +8,11 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
+from circparam.seams.accuracy import ROUGH
 from circparam.seams.segmentation import decide, grow
 from circparam.seams.segmentation.decide import merge_on
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.seams.segmentation.merge import FREE_WORK, Merger
-from circparam.seams.segmentation.starts import ROUGH
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions

@@ -10,9 +10,10 @@ from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
+from circparam.seams.accuracy import FINAL
 from circparam.seams.segmentation import enforce as module
 from circparam.seams.segmentation import overlap_cut
-from circparam.seams.segmentation.enforce import FINAL, enforce, unstick
+from circparam.seams.segmentation.enforce import enforce, unstick
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.overlap_cut import split_layers

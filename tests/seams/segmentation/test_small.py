@@ -9,9 +9,9 @@ from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
+from circparam.seams.accuracy import ROUGH
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.small import _take_apart, absorb, small_note
-from circparam.seams.segmentation.starts import ROUGH
 from circparam.seams.segmentation.unions import MergeOptions
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, middles, surface_of

@@ -1,0 +1,17 @@
+"""How far layouts are relaxed in the search for charts: one table for all its steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from circparam.solvers.newton import RelaxOptions
+
+# candidates, of which most are refused: their order does not change below a thousandth of the energy
+TRIAL = RelaxOptions(tolerance=1e-3, max_iterations=25)
+# first charts: those a hundredth above an isometry need no further step to be judged
+ROUGH = replace(TRIAL, bound=1.01)
+# charts that are kept and may change once more
+FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
+# charts as they are written: the bound has four digits
+FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
+EXACT = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled
