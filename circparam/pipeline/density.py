@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,9 +18,9 @@ from circparam.geometry.page_figures import chart_densities
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.pipeline.named_numbers import EVEN, SOURCE, named_numbers
+from circparam.pipeline.selection import KINDS, nearest_names
 from circparam.pipeline.verify import Verification
 
-KINDS = ("material", "group", "node")
 REST = "the rest"
 SHOWN = 12  # rows of a table of densities that a file gives
 _COLOUR = re.compile(r"#[0-9a-fA-F]{6}$")
@@ -91,10 +90,7 @@ def _called(document: Document, name: str) -> BoolArray:
             f"--density {name!r}: {document.source.name} has no names of materials, groups or nodes: give a "
             "file of one number a face"
         )
-    near = difflib.get_close_matches(name, list(known), n=2, cutoff=0.5)
-    cure = (
-        f"did you mean {' or '.join(near)}?" if near else "there are " + ", ".join(list(known)[:6])
-    )
+    cure = nearest_names(name, list(known))
     raise OptionError(f"--density: no material, group or node is called {name!r}: {cure}")
 
 

@@ -13,9 +13,9 @@ from circparam.core.words import counted
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.coverage import pages_of
+from circparam.pipeline.selection import KINDS
 from circparam.pipeline.verify import Verification
 
-NAMED = ("material", "group", "node")
 ROW = 10  # UDIM tiles of a row: 1001 to 1010
 FIRST = 1001
 NAMELESS = "(no name)"
@@ -24,7 +24,7 @@ NAMELESS = "(no name)"
 @dataclass(frozen=True, eq=False)
 class Groups:
     """label: (f,) group of each face of the mesh, 0..n-1 in order of the faces. names: of the groups.
-    kind: what they are, of ``NAMED``. pages: whether each has a page of its own; else each lies together.
+    kind: what they are, of ``KINDS``. pages: whether each has a page of its own; else each lies together.
     """
 
     label: IntArray
@@ -41,7 +41,7 @@ def find_groups(document: Document, kind: str, pages: bool) -> Groups:
     flag = f"--{'pages' if pages else 'group'}-by {kind}"
     found = document.named(kind)
     if found is None:
-        there = [k for k in NAMED if document.named(k) is not None]
+        there = [k for k in KINDS if document.named(k) is not None]
         cure = f"it names {' and '.join(k + 's' for k in there)}" if there else "leave it out"
         raise OptionError(
             f"{flag} has no effect: {document.source.name} has no names of {kind}s; {cure}"

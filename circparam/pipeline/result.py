@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -230,3 +230,23 @@ def verdict(
     if repairs:
         return Verdict("repaired", list(repairs), warnings)
     return Verdict("ok", [], warnings)
+
+
+def as_stored(result: Result, uvmap: UVMap, verification: Verification, expired: bool) -> Result:
+    """A result with the layout that was read back: its charts and the judgement on them.
+
+    Its warnings are those of ``verdict``, of which ``expired`` and the errors are as well.
+    """
+    said = verdict(verification, result.options, result.repairs, expired, result.kept)
+    charts = result.charts.copy()
+    charts[result.surface.source] = verification.cut_mesh.chart
+    return replace(
+        result,
+        uv=uvmap.uv,
+        uv_faces=uvmap.uv_faces,
+        charts=charts,
+        verification=verification,
+        status=said.status,
+        reasons=said.reasons,
+        warnings=said.warnings,
+    )

@@ -17,7 +17,7 @@ from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import write_options
-from circparam.pipeline.result import Result, verdict, verify_layout
+from circparam.pipeline.result import Result, as_stored, verify_layout
 from circparam.pipeline.verify import corners_of
 
 
@@ -82,19 +82,9 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
             if same
             else verify_layout(result.surface, uvmap, o, result.tiles, result.stacks, result.kept)
         )
-    charts = result.charts.copy()
-    charts[result.surface.source] = verification.cut_mesh.chart
-    said = verdict(verification, o, result.repairs, monitor.hurried, result.kept)
-    return replace(
-        result,
-        uv=uvmap.uv,
-        uv_faces=uvmap.uv_faces,
-        charts=charts,
-        verification=verification,
-        status=said.status,
-        reasons=said.reasons,
-        warnings=[*result.document.warnings, *said.warnings, *written.warnings],
-    )
+    stored = as_stored(result, uvmap, verification, monitor.hurried)
+    warnings = [*result.document.warnings, *stored.warnings, *written.warnings]
+    return replace(stored, warnings=warnings)
 
 
 def check_loadable(document: Document) -> None:

@@ -15,11 +15,18 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document
 
 KINDS = ("material", "group", "node")
+SHOWN = 6  # names of a file in one line
 
 
 def by_name(given: Any) -> bool:
     """Whether a selection names faces, ``KIND=NAME``, and no file of numbers."""
     return isinstance(given, str) and "=" in given and not os.path.exists(given)
+
+
+def nearest_names(name: str, known: list[str]) -> str:
+    """What to write in place of a name that no part has: names near it, else some of those there are."""
+    near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known[:SHOWN])}"
 
 
 def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
@@ -59,9 +66,7 @@ def _named(document: Document, given: str, flag: str) -> BoolArray:
     asked = [names] if names in known else [name.strip() for name in names.split(",")]
     for name in asked:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=2, cutoff=0.5) or known[:6]
-            word = "did you mean" if len(near) < 3 else "there are"
-            raise OptionError(f"{flag}: no {kind} is called {name!r}: {word} {', '.join(near)}?")
+            raise OptionError(f"{flag}: no {kind} is called {name!r}: {nearest_names(name, known)}")
     labels = [label for name, label in found.names if name in asked]
     result: BoolArray = np.isin(found.label, labels)
     return result

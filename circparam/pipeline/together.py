@@ -33,7 +33,7 @@ from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.named_numbers import EVEN, SOURCE
 from circparam.pipeline.options import Options, from_keywords
-from circparam.pipeline.result import Result, verdict, verify_layout
+from circparam.pipeline.result import Result, as_stored, verify_layout
 from circparam.pipeline.save import check_loadable, in_input_order, same_corners
 from circparam.pipeline.summary import SCHEMA, summarise
 from circparam.pipeline.unwrap import unwrap_document
@@ -220,19 +220,11 @@ def save_together(
         if not same_corners(uvmap, layout):
             verification = verify_layout(result.surface, uvmap, o, result.tiles, result.stacks)
             verification = replace(verification, seen=lambda: result.verification.seam_visible)
-    said = verdict(verification, o, result.repairs, monitor.hurried)
-    charts = result.charts.copy()
-    charts[result.surface.source] = verification.cut_mesh.chart
+    stored = as_stored(result, uvmap, verification, monitor.hurried)
     told = [f"{one.path}: {line}" for one in written for line in one.warnings]
     out = replace(
-        result,
-        uv=uvmap.uv,
-        uv_faces=uvmap.uv_faces,
-        charts=charts,
-        verification=verification,
-        status=said.status,
-        reasons=said.reasons,
-        warnings=[*joined.warnings, *said.warnings, *told],
+        stored,
+        warnings=[*joined.warnings, *stored.warnings, *told],
         path=listed([str(path) for path in outputs]),
         files=list(dict.fromkeys(os.fspath(f) for one in written for f in one.files)),
         seconds=dict(monitor.seconds),

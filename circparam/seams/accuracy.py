@@ -14,4 +14,4 @@ ROUGH = replace(TRIAL, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
 # charts as they are written: the bound has four digits
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
-EXACT = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled
+UNROLLED = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled

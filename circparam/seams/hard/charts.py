@@ -12,7 +12,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams.accuracy import EXACT, FINAL, ROUGH, TRIAL
+from circparam.seams.accuracy import FINAL, ROUGH, TRIAL, UNROLLED
 from circparam.seams.cost import COST
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
@@ -28,7 +28,7 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
-SETTLED = dataclasses.replace(FINAL, bound=EXACT)
+SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
 MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
 COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
 WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
