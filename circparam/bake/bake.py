@@ -35,7 +35,7 @@ from circparam.bake.sampling import (
 )
 from circparam.core.arrays import BoolArray, IntArray, group_max, group_min
 from circparam.core.monitor import Monitor
-from circparam.core.words import percent
+from circparam.core.plural import percent
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode
@@ -138,10 +138,10 @@ def tiles_of(layout: UVMap) -> IntArray:
 
 def _bake_tile(
     layout: UVMap, here: BoolArray, tile: IntArray, paint: Paint, form: tuple[int, int, int],
-    told: Callable[[float], None],
+    progress: Callable[[float], None],
 ) -> tuple[Texels, BoolArray, int, int]:  # fmt: skip
     """One tile: (image, covered texels, texels in faces, texels painted twice); form: size, channels, bits;
-    told: the share of the faces that are done."""
+    progress: the share of the faces that are done."""
     size, channels, bits = form
     kind = np.dtype(np.uint8 if bits == 8 else np.uint16)
     image = np.zeros((size * size, channels), kind)
@@ -160,7 +160,7 @@ def _bake_tile(
         image[pixel] = code  # whole numbers within the range of the type
         before = int(np.count_nonzero(mask))
         mask[pixel] = True
-        told(float(part.face.max(initial=0) + 1) / len(face_of))
+        progress(float(part.face.max(initial=0) + 1) / len(face_of))
         twice += len(pixel) - (int(np.count_nonzero(mask)) - before)
     return image.reshape(size, size, channels), mask.reshape(size, size), tried, twice
 
@@ -208,17 +208,17 @@ def bake_document(
     across = across or Across()
     check_across(kind, source is not None, across)
     layout = document.require_uv(uv_set)
-    told: list[str] = []
+    turned: list[str] = []
     if source is not None:
         require_shape(source)
         if not isinstance(across.by, SurfaceMap):
-            document, source, told = brought_upright(document, source)
+            document, source, turned = brought_upright(document, source)
     if source is not None and (kind in SHAPES or across.by is not None):
         require_shape(document)
         baked = _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
-        return replace(baked, notes=told + baked.notes, tints=_tints(source, kind))
+        return replace(baked, notes=turned + baked.notes, tints=_tints(source, kind))
     paint, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
-    notes = told + notes
+    notes = turned + notes
     if source is not None and not same_surface(document.mesh, source.mesh):
         closest = Closest(source.mesh.points, source.mesh.faces)
         away = apart(document.mesh, closest)
@@ -288,7 +288,7 @@ def _bake_across(
     if mapped is None:
         report |= {"cage": projection.cage, "missed": tally.share(tally.missed)}
         if tally.missed:
-            notes.append(projection.told())
+            notes.append(projection.note())
     report["empty"] = tally.share(tally.empty)
     return replace(baked, notes=notes + baked.notes, report=report)
 

@@ -256,14 +256,14 @@ def _turned(
     use: Use | None,
     own: FloatArray,
     common: FloatArray,
-    told: tuple[IntArray, IntArray, FloatArray],
+    texels: tuple[IntArray, IntArray, FloatArray],
 ) -> FloatArray:
     """Texels of normals or directions in the frames of the new layout.
 
-    own, common: factors of the material and of its group. told: (p,) texels, (p,) faces, (p, 3) what they hold
+    own, common: factors of the material and of its group. texels: (p,) texels, (p,) faces, (p, 3) their values
     in the old frames.
     """
-    pixel, face, texel = told
+    pixel, face, texel = texels
     bary = next(places_in(work.xy, face, pixel, work.texels.size, 1)).T.astype(np.float64)
     old = work.source.old_frames(use)
     new = work.new or old  # there are new ones wherever a slot turns

@@ -14,10 +14,10 @@ def brought_upright(document: Document, source: Document) -> tuple[Document, Doc
     if marks[0] == marks[1] or same_surface(document.mesh, source.mesh):
         return document, source, []
     found = (document, turned(source)) if marks[0] else (turned(document), source)
-    told = [f"{(source if marks[0] else document).source.name}: turned from z up to y up"]
+    notes = [f"{(source if marks[0] else document).source.name}: turned from z up to y up"]
     if same_surface(found[0].mesh, found[1].mesh):
-        return *found, told
+        return *found, notes
     before, after = (
         apart(a.mesh, Closest(b.mesh.points, b.mesh.faces)) for a, b in ((document, source), found)
     )
-    return (*found, told) if after < before else (document, source, [])
+    return (*found, notes) if after < before else (document, source, [])

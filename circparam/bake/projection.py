@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import percent
+from circparam.core.plural import percent
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.rays import BoxTree, first_hits
@@ -136,7 +136,7 @@ class Projection:
         self.tally = Tally()
         return max(float(np.abs(landed.height[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
 
-    def told(self) -> str:
+    def note(self) -> str:
         """How many rays met nothing, and what came of them."""
         tally = self.tally
         missed, empty = (tally.share(count) for count in (tally.missed, tally.empty))

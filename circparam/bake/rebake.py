@@ -142,15 +142,15 @@ def rebake_document(
     with monitor.stage("images"):
         source = Source.of(document, bool(look.keep_tiled))
     result = laid_out(source, replace(options, format=target), look, monitor)
-    carried, told = carried_looks(source, result, look, monitor)
+    carried, carried_look = carried_looks(source, result, look, monitor)
     back = replace(result.options, format=options.format)
     dressed = replace(result, document=document.dressed(carried), options=back)
     saved = save(dressed, output, monitor)
-    told = as_written(told, document, [saved.path])
+    carried_look = as_written(carried_look, document, [saved.path])
     if look.check_look:
-        told = replace(told, checked=_checked(source, saved, monitor))
-    warnings = [*saved.warnings, *told.notes]
-    return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), told
+        carried_look = replace(carried_look, checked=_checked(source, saved, monitor))
+    warnings = [*saved.warnings, *carried_look.notes]
+    return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), carried_look
 
 
 def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monitor) -> Result:
@@ -217,15 +217,19 @@ def carried_looks(
 
 
 def as_written(
-    told: Look, document: Document, paths: Sequence[str | os.PathLike[str] | None]
+    carried_look: Look, document: Document, paths: Sequence[str | os.PathLike[str] | None]
 ) -> Look:
     """The figures with the draw calls of the files that were written, where they can be read back."""
     before = document.draw_calls
     if before is None or not all(path is not None and os.path.isfile(path) for path in paths):
-        return told
+        return carried_look
     after = [read(path).draw_calls for path in paths if path is not None]
     known = [call for call in after if call is not None]
-    return replace(told, draw_calls=(before, sum(known))) if len(known) == len(after) else told
+    return (
+        replace(carried_look, draw_calls=(before, sum(known)))
+        if len(known) == len(after)
+        else carried_look
+    )
 
 
 def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
@@ -288,13 +292,13 @@ def bake_all(
     monitor = monitor or Monitor()
     with monitor.stage("bake"):
         carried, texels = carry(found, layout, uv_set, how, monitor)
-    told = _look(found, layout, carried, texels)
+    carried_look = _look(found, layout, carried, texels)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)
-    told = as_written(told, origin, [written.path])
+    carried_look = as_written(carried_look, origin, [written.path])
     if look.check_look:
-        told = replace(told, checked=_checked(found, written, monitor))
-    return written, told
+        carried_look = replace(carried_look, checked=_checked(found, written, monitor))
+    return written, carried_look
 
 
 def check_page(options: Options, look: LookOptions) -> None:

@@ -12,7 +12,7 @@ from circparam.bake.look_source import Source
 from circparam.bake.texels import corners_in_texels, density
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.limits import RESOLUTION
-from circparam.core.words import percent
+from circparam.core.plural import percent
 from circparam.mesh.mesh import UVMap
 
 KEPT = 0.9  # of the old density along a side, which no more than TAIL of the surface may fall below

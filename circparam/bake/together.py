@@ -73,16 +73,16 @@ def rebake_documents(
     if any(output_format(output) != "glb" for output in outputs):  # a GLB holds its images
         _check_images(source, outputs[0].parent, look, options.overwrite)
     result = laid_out(source, options, look, monitor)
-    carried, told = carried_looks(source, result, look, monitor)
+    carried, carried_look = carried_looks(source, result, look, monitor)
     parts = [joined.dressed_part(k, carried, STEM) for k in range(len(documents))]
     shared = save_together(joined, parts, result, outputs, monitor)
-    told = as_written(told, joined, [part.output for part in shared.parts])
+    carried_look = as_written(carried_look, joined, [part.output for part in shared.parts])
     if look.check_look:
-        told = replace(told, checked=_checked(documents, shared, monitor))
+        carried_look = replace(carried_look, checked=_checked(documents, shared, monitor))
     whole = shared.result
-    warnings = [*whole.warnings, *told.notes]
+    warnings = [*whole.warnings, *carried_look.notes]
     whole = replace(whole, warnings=warnings, seconds=dict(monitor.seconds))
-    return replace(shared, result=whole), told
+    return replace(shared, result=whole), carried_look
 
 
 def _check_images(source: Source, folder: Path, look: LookOptions, overwrite: bool) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from circparam.bake.bake import Baked, Texels, to_image
 from circparam.bake.projection import own_frames
 from circparam.core.files import write_files
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
@@ -221,9 +221,13 @@ def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
     """A specular-glossiness material by the words of glTF 2.0: no metal, as rough as it is not glossy."""
     pbr = material.setdefault("pbrMetallicRoughness", {})
     if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
-        told = "specularGlossinessTexture" not in gloss  # else the factor is but a part of it
+        factor_alone = (
+            "specularGlossinessTexture" not in gloss
+        )  # else the factor is but a part of it
         pbr["metallicFactor"] = 0.0
-        pbr["roughnessFactor"] = 1.0 - float(gloss.get("glossinessFactor", 1.0)) if told else 0.9
+        pbr["roughnessFactor"] = (
+            1.0 - float(gloss.get("glossinessFactor", 1.0)) if factor_alone else 0.9
+        )
     for name, old in (("baseColorFactor", "diffuseFactor"), ("baseColorTexture", "diffuseTexture")):
         pbr.pop(name, None)
         if old in gloss:

@@ -78,8 +78,8 @@ class Summary:
     @property
     def fail_rate(self) -> float:
         """Share of the files that failed or missed a gate."""
-        told = sum(self.counts.values())
-        return (self.counts.get("failed", 0) + self.missed) / told if told else 0.0
+        done = sum(self.counts.values())
+        return (self.counts.get("failed", 0) + self.missed) / done if done else 0.0
 
 
 def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
@@ -164,7 +164,7 @@ def _work(
     try:
         batch = Batch(
             cluster, index.items(), pack_settings(settings), manifest, meter,
-            _Told(manifest.folder, hooks.listener), hooks.on_line, plan.task, plan.last,
+            _StatusFile(manifest.folder, hooks.listener), hooks.on_line, plan.task, plan.last,
         )  # fmt: skip
         with hooks.started(batch.ask_to_stop):
             finished = batch.run()
@@ -182,7 +182,7 @@ def _work(
     return finished
 
 
-class _Told:
+class _StatusFile:
     """Passes progress on, and keeps it under --out for ``--status``."""
 
     def __init__(self, folder: Folder, listener: Callable[[Progress], None] | None) -> None:

@@ -20,7 +20,7 @@ def unwrap_one(settings: Settings, source: str, target: str, name: str) -> dict[
     try:
         return _unwrapped(settings, source, target, name)
     except Exception as error:
-        code, line = settings.judge(error)
+        code, line = settings.exit_of(error)
         out: dict[str, Any] = {"code": code, "error": line, "report": None, "files": []}
         if code == 1:
             out["trace"] = traceback.format_exc()[-2000:]
@@ -50,7 +50,7 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
     files = [os.path.relpath(f, scratch) for f in result.files if f != target]
     code, error = 0, None
     if missed := settings.gates.missed(report):
-        code, error = settings.judge(GateError(f"--fail-if {'; '.join(missed)}"))
+        code, error = settings.exit_of(GateError(f"--fail-if {'; '.join(missed)}"))
     return {
         "code": code,
         "error": error,

@@ -22,15 +22,15 @@ _NO_BYTES = ("timeout", "overwrite", "format", "jobs")
 @dataclass(frozen=True)
 class Settings:
     """options, gates: of each unwrap. out: folder of the results. extras: what else is written of each, by
-    ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. judge: an exception as exit
-    code and line, a function at the top of a module. run: a name of this run. fork: whether a warm server
+    ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. exit_of: the exit
+    code and line of an exception, a function of a module. run: a name of this run. fork: whether a warm server
     forks for each mesh, else it is used again; None where the system decides.
     """
 
     options: Options
     gates: Gates
     out: str
-    judge: Callable[[BaseException], tuple[int, str]]
+    exit_of: Callable[[BaseException], tuple[int, str]]
     extras: dict[str, str] = field(default_factory=dict)
     max_memory: int | None = None
     run: str = ""

@@ -161,7 +161,7 @@ def _unwrap(settings: Settings, data: bytes, item: Item, scratch: str) -> dict[s
     }
     with warm_server(settings.forks) as server:
         end = server.ask(task, settings.hard_stop, settings.max_memory)
-    said = _told(settings, end)
+    said = _failure(settings, end)
     real = {target: folder.of(item.target), inner: os.path.dirname(folder.of(item.target))}
     out |= _renamed(said, {**real, source: item.source})
     files = said.pop("files")
@@ -178,7 +178,7 @@ def _placed(
 ) -> dict[str, Any]:
     """Put the files where they belong, the result last; returns what the line tells of them."""
     target = os.path.join(inner, files[-1])
-    told = {"output_bytes": size_of(target), "output_hash": digest(target)}
+    output = {"output_bytes": size_of(target), "output_hash": digest(target)}
     base = item.target.rpartition("/")[0]
     names = [(os.path.join(inner, f), name) for name, f in further.items()]
     names += [
@@ -196,10 +196,10 @@ def _placed(
             problem.__cause__ = OSError(errno.ENOSPC, "") if full else error
             raise problem from problem.__cause__
     more = [name for _, name in names[:-1]]
-    return {"output": folder.of(item.target), **told, **({"files": more} if more else {})}
+    return {"output": folder.of(item.target), **output, **({"files": more} if more else {})}
 
 
-def _told(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
+def _failure(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
     """What a warm server says of a mesh, as part of a line; its files under 'files' and 'further'."""
     out: dict[str, Any] = {
         "status": "failed",
@@ -266,7 +266,7 @@ def _failed(settings: Settings, error: Exception) -> dict[str, Any]:
     if isinstance(error, GoneError):
         line = "the process that unwraps was ended from outside"
         return {**out, "exit": 5, "error": line, "again": "ended"}
-    code, line = settings.judge(error)
+    code, line = settings.exit_of(error)
     if isinstance(cause, OSError) and cause.errno in _FULL:
         return {**out, "exit": 8, "error": line, "again": "space"}
     if isinstance(error, OutputError) or (isinstance(error, InputError) and error.__cause__):

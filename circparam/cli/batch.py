@@ -141,7 +141,7 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
         options=Options(**library_options_of(given)),
         gates=parse_gates(given["fail_if"]),
         out=given["out"],
-        judge=exits.judge,
+        exit_of=exits.exit_of,
         extras={flag: given[name] for name, flag in _EXTRAS.items() if given[name]},
         max_memory=None if size is None else memory_size(size),
     )

@@ -30,7 +30,7 @@ class Screen:
         self.silent, self.verbose, self.quiet = silent, verbose, quiet
         self.terminal = sys.stderr.isatty()
         self._live: Any = None
-        self._told = time.monotonic()
+        self._reported = time.monotonic()
         self._errors = 0
         self._stopping = False
 
@@ -52,8 +52,8 @@ class Screen:
             return
         if self.terminal:
             self._draw(progress)
-        elif time.monotonic() - self._told >= MINUTE:
-            self._told = time.monotonic()
+        elif time.monotonic() - self._reported >= MINUTE:
+            self._reported = time.monotonic()
             click.echo(f"circparam: {headline(progress)}", err=True)
 
     def line(self, line: dict[str, Any]) -> None:
@@ -69,8 +69,8 @@ class Screen:
                     self._say("further errors are only counted; the report has them all")
         elif self.verbose and not self.silent:
             measures = line.get("measures") or {}
-            told = f"{measures.get('charts')} charts, {line['seconds']} s"
-            self._say(f"{line['status']}: {escaped(line['name'])}: {told}")
+            figures = f"{measures.get('charts')} charts, {line['seconds']} s"
+            self._say(f"{line['status']}: {escaped(line['name'])}: {figures}")
 
     def _say(self, text: str) -> None:
         if self._live is not None:

@@ -47,20 +47,20 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     """
     from circparam.pipeline.gates import JUDGED, TOPOLOGY, parse_gates
 
-    judge_uv = given["uv"] or given["uv_set"] is not None
+    verify_uv = given["uv"] or given["uv_set"] is not None
     for name in ("resolution", "padding", "group_by"):
-        if given[name] is not None and not judge_uv:
+        if given[name] is not None and not verify_uv:
             raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
     if len(meshes) > 1 and given["format"] is not None and "-" not in meshes:
         raise OptionError("--format has no effect here: it is for '-' (stdin); leave it out")
     gates = parse_gates(given["fail_if"], (*TOPOLOGY, *JUDGED))
     of_uv = sorted(gates.names() & {*JUDGED, "status"})
-    if of_uv and not judge_uv:
+    if of_uv and not verify_uv:
         raise OptionError(f"--fail-if {of_uv[0]} judges uv: give --uv")
     keywords = {
         k: given[k] for k in ("weld", "resolution", "padding", "group_by") if given[k] is not None
     }
-    if judge_uv:
+    if verify_uv:
         keywords["uv_set"] = given["uv_set"] or 0
     if len(meshes) == 1:
         _check(meshes[0], given, keywords, gates, table=True)

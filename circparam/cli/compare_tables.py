@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from circparam.cli.tables import columns, console
-from circparam.core.words import counted
+from circparam.core.plural import counted
 
 if TYPE_CHECKING:
     from circparam.compare.kim2019 import Size

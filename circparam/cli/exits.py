@@ -98,6 +98,6 @@ def line_about(mesh: str, error: BaseException) -> str:
     return line if mesh in line or isinstance(error, errors.OptionError) else f"{mesh}: {line}"
 
 
-def judge(error: BaseException) -> tuple[int, str]:
+def exit_of(error: BaseException) -> tuple[int, str]:
     """Exit code and line of an exception, for those who keep them instead of ending."""
     return code_of(error), line_of(error)

@@ -149,14 +149,14 @@ def memory() -> int:
 class Lines(Status):
     """A line on stderr for each per cent that is done, for programs that draw a bar of their own."""
 
-    told = -1
+    shown = -1
 
     def __call__(self, stage: str, fraction: float, note: str) -> None:
         """Tell it where the whole per cent has changed."""
         super().__call__(stage, fraction, note)
         percent = int(100 * self.forward.fraction)
-        if percent > self.told:
-            self.told = percent
+        if percent > self.shown:
+            self.shown = percent
             click.echo(f"circparam: progress: {percent} % {self.stage}", err=True)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from circparam.core.words import counted, plural
+from circparam.core.plural import counted, plural
 
 _STATUS = {"ok": "green", "repaired": "yellow", "degraded": "red", "failed": "red"}
 

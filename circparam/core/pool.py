@@ -70,12 +70,12 @@ class Pool:
         """Free a claimed process: waiting callers are called until one takes it."""
         with self._lock:
             self.free += 1
-            told, self._waiting = self._waiting, []
-        for k, waiting in enumerate(told):
+            asked, self._waiting = self._waiting, []
+        for k, waiting in enumerate(asked):
             waiting()
             with self._lock:
                 if self.free < 1:
-                    self._waiting = told[k + 1 :] + self._waiting
+                    self._waiting = asked[k + 1 :] + self._waiting
                     return
 
 

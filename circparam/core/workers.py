@@ -126,7 +126,7 @@ class Worker:
             raise
 
 
-class Later:
+class DeferredTask:
     """A task whose result is asked for later: done meanwhile where a process is idle, else when it is asked.
 
     function, task, monitor: as for ``Worker.map``. jobs: 1 does it in this process, when it is asked for.
@@ -138,7 +138,7 @@ class Later:
         self._jobs, self._function, self._task, self._monitor = jobs, function, task, monitor
         self._pool: Pool | None = None
         self._future: Future[bytes] | None = None
-        self._found: tuple[Any] | None = None
+        self._result: tuple[Any] | None = None
         self._packed: bytes | None = None  # while it waits for a process
         self._lock = threading.Lock()
 
@@ -184,11 +184,14 @@ class Later:
         """What the function gives, found there or here; it is found once."""
         with self._lock:
             self._packed = None  # who still waits for a process waits no more
-        if self._found is None:
+        if self._result is None:
             if self._pool is not None:
-                self._found = _answered(self._pool, self._future, self._monitor)
-            self._found = self._found or (self._function(*self._task, self._monitor),)
-        return self._found[0]
+                self._result = _answered(self._pool, self._future, self._monitor)
+            self._result = self._result or (self._function(*self._task, self._monitor),)
+        return self._result[0]
+
+
+Later = DeferredTask  # the older name
 
 
 def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
@@ -313,4 +316,14 @@ def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
         return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
 
 
-__all__ = ["Later", "Worker", "cores", "environment", "free_cores", "in_parts", "start", "stop"]
+__all__ = [
+    "DeferredTask",
+    "Later",
+    "Worker",
+    "cores",
+    "environment",
+    "free_cores",
+    "in_parts",
+    "start",
+    "stop",
+]

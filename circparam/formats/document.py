@@ -120,7 +120,7 @@ class Document:
         """How often a viewer draws for the file: once for a primitive of a node; None where that is open."""
         return None
 
-    def copies(self) -> list[tuple[IntArray, FloatArray]]:
+    def instance_transforms(self) -> list[tuple[IntArray, FloatArray]]:
         """Parts that the file shows again: faces (k,), and the (4, 4) transform from where they are read."""
         return []
 

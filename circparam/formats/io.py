@@ -290,8 +290,8 @@ def write(
         encoded = encode(document, uvmap, name, options=options)
         sys.stdout.buffer.write(encoded.data)
         sys.stdout.buffer.flush()
-        told = [*encoded.warnings, *unresolved(encoded, document.source)]
-        return Written(None, [], encoded.notes, encoded.vertex_map, encoded.face_map, told)
+        warnings = [*encoded.warnings, *unresolved(encoded, document.source)]
+        return Written(None, [], encoded.notes, encoded.vertex_map, encoded.face_map, warnings)
     staged = stage(path, document, uvmap, format=format, options=options, overwrite=overwrite)
     return write_staged([staged], overwrite)[0]
 
@@ -323,9 +323,9 @@ def stage(
     beside = {target.parent / name: data for name, data in encoded.extra.items()}
     # the file itself comes last: what it refers to is there before it
     contents = {**assets.copies, **beside, target: encoded.data}
-    told = [*encoded.warnings, *assets.warnings]
+    warnings = [*encoded.warnings, *assets.warnings]
     maps = encoded.vertex_map, encoded.face_map
-    written = Written(target, list(contents)[::-1], encoded.notes, *maps, told)
+    written = Written(target, list(contents)[::-1], encoded.notes, *maps, warnings)
     return Staged(contents, written, assets.there)
 
 

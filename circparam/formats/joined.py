@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import listed
+from circparam.core.plural import listed
 from circparam.formats.document import Document, Named
 from circparam.formats.looks import Carried, Looks, Material, Slot
 from circparam.formats.source import Source
@@ -237,14 +237,14 @@ def join(parts: Sequence[Document]) -> JoinedDocument:
         groups=_labels([mesh.groups for mesh in meshes], meshes, one_each=True),
     )
     sets = sorted({number for part in parts for number in part.uv_sets})
-    told = [(name, part) for name, part in zip(names, parts, strict=True)]
+    named = [(name, part) for name, part in zip(names, parts, strict=True)]
     return JoinedDocument(
         Source(listed(names)),
         "glb" if any(takes_unshare(part.format) for part in parts) else "arrays",
         mesh,
         tuple(sets),
-        [f"{name}: {line}" for name, part in told for line in part.notes],
-        warnings=tuple(f"{name}: {line}" for name, part in told for line in part.warnings),
+        [f"{name}: {line}" for name, part in named for line in part.notes],
+        warnings=tuple(f"{name}: {line}" for name, part in named for line in part.warnings),
         parts=tuple(parts),
         first_face=np.cumsum([0, *(len(mesh.faces) for mesh in meshes)]),
         first_point=first_point,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, doubles
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import counted
+from circparam.core.plural import counted
 
 
 @dataclass(frozen=True)

@@ -44,11 +44,11 @@ class Frames:
         out = np.stack([(direction * axis).sum(1) for axis in (bn, nt, tb)], 1)
         return unit(out * np.where(whole < 0, -1.0, 1.0))
 
-    def out_of(self, face: IntArray, bary: FloatArray, told: FloatArray) -> FloatArray:
+    def out_of(self, face: IntArray, bary: FloatArray, value: FloatArray) -> FloatArray:
         """The inverse of ``into``, as viewers decode: (p, 3) unit."""
         axes = (self.tangent, self.bitangent, self.normal)
         parts = [
-            unit(np.einsum("pk,pkc->pc", bary, axis[face])) * told[:, k, None]
+            unit(np.einsum("pk,pkc->pc", bary, axis[face])) * value[:, k, None]
             for k, axis in enumerate(axes)
         ]
         return unit(parts[0] + parts[1] + parts[2])

@@ -73,7 +73,7 @@ class SurfacePoints:
         self.face[rows], self.bary[rows], self.distance[rows] = new.face, new.bary, new.distance
 
 
-class Sheets:
+class SourceCharts:
     """A surface with its layout, asked for closest points on any chart, or on one chart near a place of it."""
 
     def __init__(self, atlas: Atlas) -> None:
@@ -213,19 +213,21 @@ class CarriedLayout:
     inside: FloatArray
 
 
-def carry_charts(sheets: Sheets, target: Surface, monitor: Monitor | None = None) -> CarriedLayout:
+def carry_charts(
+    source: SourceCharts, target: Surface, monitor: Monitor | None = None
+) -> CarriedLayout:
     """The layout of the sheets on a target of the same shape."""
-    probed, led = _leaders(sheets, target)
-    corners = _corner_points(sheets, target, led, np.arange(len(target.faces)))
-    mirrored = _mirrored(sheets)
+    probed, led = _leaders(source, target)
+    corners = _corner_points(source, target, led, np.arange(len(target.faces)))
+    mirrored = _mirrored(source)
     for _ in range(RELABEL_ROUNDS):
-        if not _relabel(sheets, target, (probed, led, corners), mirrored):
+        if not _relabel(source, target, (probed, led, corners), mirrored):
             break
-    uv = sheets.uv(corners).reshape(-1, 3, 2)
-    atlas = Atlas(target, _seams(sheets, target, led, uv), uv)
+    uv = source.uv(corners).reshape(-1, 3, 2)
+    atlas = Atlas(target, _seams(source, target, led, uv), uv)
     cut_mesh, _ = atlas.open()
     joined = _means(cut_mesh, uv)
-    chart = sheets.chart[led.face]
+    chart = source.chart[led.face]
     turned = mirrored[chart]  # a chart of the target lies on one chart of the source
     side = np.ones(cut_mesh.n_vertices)
     side[cut_mesh.faces[turned]] = -1
@@ -236,19 +238,19 @@ def carry_charts(sheets: Sheets, target: Surface, monitor: Monitor | None = None
     atlas.scatter(cut_mesh, joined)
     drift = np.linalg.norm(atlas.corners - uv, axis=2)
     places = target.points[target.faces].mean(1)
-    expected = sheets.expected(led, places, target.normals)
-    middle = sheets.uv(sheets.on_chart(places, sheets.chart[led.face], expected))
+    expected = source.expected(led, places, target.normals)
+    middle = source.uv(source.on_chart(places, source.chart[led.face], expected))
     inside = np.linalg.norm(atlas.corners.mean(1) - middle, axis=1)
     return CarriedLayout(atlas, drift, inside)
 
 
-def _leaders(sheets: Sheets, target: Surface) -> tuple[SurfacePoints, SurfacePoints]:
+def _leaders(source: SourceCharts, target: Surface) -> tuple[SurfacePoints, SurfacePoints]:
     """The points of the source at all probes, and the one that leads each face: on the chart of most probes."""
     m, k = len(target.faces), len(PROBES)
     places = np.einsum("kc,mcx->mkx", PROBES, target.points[target.faces])
     normals = np.repeat(target.normals, k, axis=0)
-    found = sheets.anywhere(places.reshape(-1, 3), normals)
-    chart = sheets.chart[found.face].reshape(m, k)
+    found = source.anywhere(places.reshape(-1, 3), normals)
+    chart = source.chart[found.face].reshape(m, k)
     votes = (chart[:, :, None] == chart[:, None, :]).sum(2)
     # the first of the probes with the most votes; its chart may not hold the middle
     best = votes.argmax(1)
@@ -256,21 +258,21 @@ def _leaders(sheets: Sheets, target: Surface) -> tuple[SurfacePoints, SurfacePoi
 
 
 def _corner_points(
-    sheets: Sheets, target: Surface, led: SurfacePoints, faces: IntArray
+    source: SourceCharts, target: Surface, led: SurfacePoints, faces: IntArray
 ) -> SurfacePoints:
     """The closest points (3f,) for the corners of faces (f,), on the charts that lead them."""
     lead = led.take(np.repeat(np.arange(len(faces)), 3))
     places = target.points[target.faces[faces]].reshape(-1, 3)
     normals = np.repeat(target.normals[faces], 3, axis=0)
-    expected = sheets.expected(lead, places, normals)
-    return sheets.on_chart(places, sheets.chart[lead.face], expected)
+    expected = source.expected(lead, places, normals)
+    return source.on_chart(places, source.chart[lead.face], expected)
 
 
-def _mirrored(sheets: Sheets) -> BoolArray:
+def _mirrored(source: SourceCharts) -> BoolArray:
     """(n,) bool: charts of the source that lie clockwise."""
-    corners = sheets.atlas.corners
+    corners = source.atlas.corners
     area = signed_areas(np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 2))
-    result: BoolArray = group_sum(area, sheets.chart, sheets.count) < 0
+    result: BoolArray = group_sum(area, source.chart, source.count) < 0
     return result
 
 
@@ -287,7 +289,7 @@ def _heights(uv: FloatArray, mirrored: BoolArray) -> FloatArray:
 
 
 def _relabel(
-    sheets: Sheets,
+    source: SourceCharts,
     target: Surface,
     points: tuple[SurfacePoints, SurfacePoints, SurfacePoints],
     mirrored: BoolArray,
@@ -297,7 +299,7 @@ def _relabel(
     points: those of the probes, those that lead, those of the corners.
     """
     probed, led, corners = points
-    now_height = _heights(sheets.uv(corners).reshape(-1, 3, 2), mirrored[sheets.chart[led.face]])
+    now_height = _heights(source.uv(corners).reshape(-1, 3, 2), mirrored[source.chart[led.face]])
     wrong = now_height <= 0
     if not wrong.any():
         return False
@@ -306,14 +308,14 @@ def _relabel(
     probe = len(PROBES) * own + np.tile(np.arange(len(PROBES)), int(wrong.sum()))
     face = np.concatenate([own, turned])
     lead = _concatenated(probed.take(probe), led.take(beside))
-    found = _corner_points(sheets, target, lead, face)
-    height = _heights(sheets.uv(found).reshape(-1, 3, 2), mirrored[sheets.chart[lead.face]])
+    found = _corner_points(source, target, lead, face)
+    height = _heights(source.uv(found).reshape(-1, 3, 2), mirrored[source.chart[lead.face]])
     rows = np.flatnonzero(height > now_height[face])
     if len(rows) == 0:
         return False
     # of several that are upright the one whose corners lie nearest, else the one that is turned least
     far = found.distance.reshape(-1, 3).max(1)[rows]
-    worth = np.where(height[rows] > 0, far, sheets.diagonal - height[rows])
+    worth = np.where(height[rows] > 0, far, source.diagonal - height[rows])
     order = np.lexsort((worth, face[rows]))
     rows = rows[order[first_of_runs(face[rows][order])]]
     own, new = ((3 * k[:, None] + np.arange(3)).ravel() for k in (face[rows], rows))
@@ -332,7 +334,7 @@ def _around(target: Surface, faces: IntArray) -> tuple[IntArray, IntArray]:
     return faces[pairs.row], pairs.col.astype(np.int64)
 
 
-def _seams(sheets: Sheets, target: Surface, led: SurfacePoints, uv: FloatArray) -> BoolArray:
+def _seams(source: SourceCharts, target: Surface, led: SurfacePoints, uv: FloatArray) -> BoolArray:
     """(e,) bool: edges whose faces lie on other charts, or see the ends of the edge at other places."""
     i, j = target.edges[:, 0], target.edges[:, 1]
     flat = uv.reshape(-1, 2)
@@ -340,8 +342,8 @@ def _seams(sheets: Sheets, target: Surface, led: SurfacePoints, uv: FloatArray) 
     apart = np.maximum(
         np.linalg.norm(a - flat[next_half_edge(j)], axis=1), np.linalg.norm(b - flat[j], axis=1)
     )
-    length = sheets.scale * target.edge_lengths
-    chart = sheets.chart[led.face]
+    length = source.scale * target.edge_lengths
+    chart = source.chart[led.face]
     result: BoolArray = (chart[i // 3] != chart[j // 3]) | (
         apart > np.minimum(SAME_EDGE_SHARE * length, SAME_PAGE_SHARE)
     )

@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.core.arrays import IntArray, group_count
 from circparam.core.graph import cycles
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError, TopologyError
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput

@@ -100,10 +100,10 @@ def _patched(
     if (signs_of(cover.cones) <= 0).any():
         q, _ = Mender(base.geometry, development, tracer.on).mended(cover.vectors)
         cover = replace(cover, vectors=q)
-        crushed = int((signs_of(cover.cones) <= 0).sum())
-        if crushed:
+        collapsed = int((signs_of(cover.cones) <= 0).sum())
+        if collapsed:
             raise NoResultError(
-                f"{crushed} faces are crushed between landmarks beyond double precision: "
+                f"{collapsed} faces are crushed between landmarks beyond double precision: "
                 "give a landmark at the end of every long thin part"
             )
     return PatchedMesh(patch, places, cover, first, whole_development(development, side.closed))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import percent
+from circparam.core.plural import percent
 from circparam.errors import InputError, TopologyError
 from circparam.maps.map_input import MapInput
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from circparam.core.arrays import IntArray
 from circparam.core.graph import cycles
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import TopologyError
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput

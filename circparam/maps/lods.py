@@ -13,10 +13,10 @@ from scipy.spatial import cKDTree
 from circparam.core.arrays import FloatArray
 from circparam.core.fields import Range
 from circparam.core.monitor import Listener, Monitor
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
-from circparam.maps.carried_charts import CarriedLayout, Sheets, carry_charts, samples_of
+from circparam.maps.carried_charts import CarriedLayout, SourceCharts, carry_charts, samples_of
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
@@ -106,14 +106,14 @@ def transfer(
         raise OptionError(f"{len(targets)} targets have {len(outputs)} outputs: give one for each")
     monitor = Monitor(listener, None, 1)
     with monitor.stage("read"):
-        sheets = _sheets(open_source(source, options), options)
+        charts = _source_charts(open_source(source, options), options)
         documents = [open_source(target, options) for target in targets]
     jobs = [prepare(d, o, options, monitor) for d, o in zip(documents, outputs, strict=True)]
     carried = []
     with monitor.stage("transfer"):
         for job in jobs:
-            apart = _check_shape(sheets, job.surface, job.document)
-            carried.append((carry_charts(sheets, job.surface, monitor), apart))
+            apart = _check_shape(charts, job.surface, job.document)
+            carried.append((carry_charts(charts, job.surface, monitor), apart))
             _check_drift(carried[-1][0], job, resolution, max_drift)
     made = [_fitted(job, layout) for job, (layout, _) in zip(jobs, carried, strict=True)]
     out = []
@@ -130,22 +130,22 @@ def _options(keywords: dict[str, Any]) -> Options:
     return from_keywords({**keywords, "cut": "none", "normalize": False})
 
 
-def _sheets(document: Document, options: Options) -> Sheets:
+def _source_charts(document: Document, options: Options) -> SourceCharts:
     """The charts of a document's own uv. Raises InputError where a face has none."""
     uvmap = document.require_uv(options.uv_set or 0)
     surface, _ = repair(document.mesh, RepairOptions(0.0, True, by_position=True), uvmap)
-    return Sheets(given_atlas(surface, uvmap, document.source.name))
+    return SourceCharts(given_atlas(surface, uvmap, document.source.name))
 
 
-def _check_shape(sheets: Sheets, target: Surface, document: Document) -> float:
+def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:
     """The largest distance of both surfaces, in diagonals of the first. Raises NoResultError beyond SHAPE."""
-    there = sheets.places[:: max(1, len(sheets.places) // LOOKED)]
+    there = charts.places[:: max(1, len(charts.places) // LOOKED)]
     face, bary = samples_of(target.areas)
     places = np.einsum("pk,pkc->pc", bary, target.points[target.faces[face]])
     back = np.asarray(cKDTree(places).query(there)[0])
     some = places[:: max(1, len(places) // LOOKED)]
-    gone = np.asarray(sheets.free.query(some)[0])
-    far = float(max(back.max(), gone.max()) / sheets.diagonal)
+    gone = np.asarray(charts.free.query(some)[0])
+    far = float(max(back.max(), gone.max()) / charts.diagonal)
     if far > SHAPE:
         place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
         raise NoResultError(

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError, TopologyError
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.mesh.mesh import Mesh

@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.graph import components
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError
 
 

@@ -87,11 +87,11 @@ def _along_tree(
 
     Inside what is itself one-sided, first a flat, then a polygon, edges are like all others.
     """
-    for held in (locked, np.zeros_like(locked)):
+    for fixed in (locked, np.zeros_like(locked)):
         node, inside, two_sided = double_cover(n, i[whole], j[whole], flip[whole])
         if two_sided.all():
             break
-        whole = whole & (held | two_sided[node[i]])
+        whole = whole & (fixed | two_sided[node[i]])
     else:
         node, inside, _ = double_cover(n, i[whole], j[whole], flip[whole])
     count = int(node.max()) + 1

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.core.words import counted, plural
+from circparam.core.plural import counted, plural
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh, UVMap

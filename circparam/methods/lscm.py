@@ -41,12 +41,12 @@ def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     require_boundary(cut_mesh)
     with monitor.stage("solve"):
         if options.pins is not None or options.lscm == "pinned":
-            z, held = conformal_pinned(cut_mesh, options.pins)
+            z, pinned = conformal_pinned(cut_mesh, options.pins)
             steps = np.ones(cut_mesh.n_charts, np.int64)
         else:
             z, steps = conformal_spectral(cut_mesh, start_modes(cut_mesh))
-            held = np.zeros(cut_mesh.n_charts, bool)
-        uv = at_surface_area(cut_mesh, np.stack([z.real, z.imag], 1), ~held)
+            pinned = np.zeros(cut_mesh.n_charts, bool)
+        uv = at_surface_area(cut_mesh, np.stack([z.real, z.imag], 1), ~pinned)
     still = None
     if options.pins is not None:
         still = np.zeros(cut_mesh.n_vertices, bool)
@@ -60,14 +60,14 @@ def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray
 
     Returns (z (n,), (n_charts,) charts fixed by pins of the user). Raises OptionError for bad pins.
     """
-    held = np.zeros(cut_mesh.n_charts, bool)
+    pinned = np.zeros(cut_mesh.n_charts, bool)
     vertices = np.zeros(0, np.int64)
     places = np.zeros(0, np.complex128)
     if pins is not None:
         check_pins(cut_mesh, pins, 2)
         vertices, places = pins.vertices, pins.uv[:, 0] + 1j * pins.uv[:, 1]
-        held[cut_mesh.vertex_chart[vertices]] = True
-    own, own_places = _opposite_points(cut_mesh, ~held)
+        pinned[cut_mesh.vertex_chart[vertices]] = True
+    own, own_places = _opposite_points(cut_mesh, ~pinned)
     vertices = np.concatenate([vertices, own])
     places = np.concatenate([places, own_places])
     free = np.ones(cut_mesh.n_vertices, bool)
@@ -79,7 +79,7 @@ def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray
     z[free] = ComplexFactor(sps.csc_matrix(rows[:, free])).solve_complex(
         -np.asarray(rows[:, ~free] @ z[~free], np.complex128)
     )
-    return z, held
+    return z, pinned
 
 
 def _opposite_points(cut_mesh: CutMesh, charts: BoolArray) -> tuple[IntArray, ComplexArray]:

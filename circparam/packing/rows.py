@@ -42,11 +42,11 @@ def row_placement(
     if options.fixed_scale is not None:
         return _dropped(shapes, options, angle, options.fixed_scale)[0]
     scale = scale_for(shapes, options, SHARE)
-    told = _told_by_sample(shapes, options, angle, scale)
-    if told is not None and boxes is not None and told < boxes.scale:
+    sampled = _scale_by_sample(shapes, options, angle, scale)
+    if sampled is not None and boxes is not None and sampled < boxes.scale:
         return boxes
     best: Placement | None = None
-    search = ScaleSearch(shapes, options, scale if told is None else told)
+    search = ScaleSearch(shapes, options, scale if sampled is None else sampled)
     for _ in range(PASSES):
         placement, fill = _dropped(shapes, options, angle, search.scale)
         best = best if placement is None else placement
@@ -63,8 +63,8 @@ def hopeless(shapes: Shapes, options: PackOptions) -> bool:
     scale = options.fixed_scale
     if scale is None:
         return False
-    told = _told_by_sample(shapes, options, _angles(shapes, options), scale)
-    return told is not None and scale > REACHED_BY_SKYLINE * told
+    sampled = _scale_by_sample(shapes, options, _angles(shapes, options), scale)
+    return sampled is not None and scale > REACHED_BY_SKYLINE * sampled
 
 
 def _angles(shapes: Shapes, options: PackOptions) -> FloatArray:
@@ -74,7 +74,7 @@ def _angles(shapes: Shapes, options: PackOptions) -> FloatArray:
     return np.asarray(box[:, None] + np.arange(turns) * np.pi)
 
 
-def _told_by_sample(
+def _scale_by_sample(
     shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float
 ) -> float | None:
     """Scale that may just fill the pages: that of a sample on a page as much smaller; None for fewer charts.

@@ -294,9 +294,9 @@ def _stacked(
             for j in range(k):
                 e = c * k + j
                 part = slice(shape.start[e], shape.start[e + 1])
-                spot = _rest(sky[tile], below, shape.lower[part], shape.upper[part], steep)
-                if spot is not None and spot[0] < best[0]:
-                    best = (spot[0], j, spot[1], spot[2], tile)
+                lowest = _rest(sky[tile], below, shape.lower[part], shape.upper[part], steep)
+                if lowest is not None and lowest[0] < best[0]:
+                    best = (lowest[0], j, lowest[1], lowest[2], tile)
             last = tile == options.pages - 1
             if np.isfinite(best[0]) and (last or _top(shape, c * k + best[1], best[3]) <= room):
                 break

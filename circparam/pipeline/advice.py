@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from circparam.core.monitor import Monitor
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.fuller_page import covered_share, fill_page, packing

@@ -75,18 +75,18 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
         if path is None or np.array_equal(path, tried):
             continue
         tried = path
-        for way in _ways(whole.cut_mesh, atlas.surface.edges[path, 0], path):
+        for edges in _cut_paths(whole.cut_mesh, atlas.surface.edges[path, 0], path):
             cut = atlas.cut.copy()
-            cut[way] = True
+            cut[edges] = True
             after = _kept(
-                Atlas(atlas.surface, cut, atlas.corners, atlas.prices), way, chord, limits
+                Atlas(atlas.surface, cut, atlas.corners, atlas.prices), edges, chord, limits
             )
             if after is not None:
                 return after
     return None
 
 
-def _ways(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]:
+def _cut_paths(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]:
     """A path (edges, with a half-edge h of each), and where it touches the boundary on its way the parts
     between: where charts are narrow all of it would tear off fragments."""
     flat = cut_mesh.faces.ravel()

@@ -16,16 +16,18 @@ from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.budget import Budget
 from circparam.packing.nest.lock import locked
-from circparam.packing.nest.sketch import Easel, Sketch, least_page
+from circparam.packing.nest.sketch import Sketch, SketchGrid, least_page
 from circparam.packing.options import PackOptions
 from circparam.packing.placement import Placement
-from circparam.pipeline.pieces import Carver, Piece
+from circparam.pipeline.pieces import AtlasCutter, Piece
 
 RATE = 0.4  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 LARGE, LEAST = 14, 0.01  # charts that are sketched, those of more than this share of the area
 ALL = 12  # charts up to which all are sketched, so that packing may go on from where they lie
-TOLD = 0.85  # share of the area that is sketched at least: else what is not decides how full the page gets
+SKETCHED_SHARE = (
+    0.85  # of the area: with less, charts without a sketch decide how full the page gets
+)
 # share of the area that a chart must have to be cut, and either part of it
 CUT, PIECE = 0.06, 0.012
 GOOD = 0.74  # covered share of a sketch from which on nothing is cut
@@ -50,14 +52,14 @@ Sides: TypeAlias = tuple[float, Placement, int]
 @dataclass(frozen=True)
 class Effort:
     """How much is looked at. tries, more: of each sketch, and of what was made. breadth: plans of as many cuts
-    that are gone on with. ahead: cuts that may pay nothing before one that does. weighed: chords that are
+    that are gone on with. lookahead: cuts that may pay nothing before one that does. weighed: chords that are
     sketched; of those the best ``tried`` are tried along edges until ``made`` of them are made. packed: plans
     that are packed as they will be, beside the one without a cut."""
 
     tries: int
     more: int
     breadth: int
-    ahead: int
+    lookahead: int
     weighed: int
     tried: int
     made: int
@@ -106,27 +108,27 @@ class Plan:
         )
 
 
-def effort_of(pieces: int, carver: Carver) -> Effort:
+def effort_of(pieces: int, cutter: AtlasCutter) -> Effort:
     """How much is looked at for a plan of so many pieces."""
     if pieces > MANY:
         return THRIFTY
-    return SPARING if len(carver.atlas.surface.faces) > COSTLY else THOROUGH
+    return SPARING if len(cutter.atlas.surface.faces) > COSTLY else THOROUGH
 
 
 def page_sides(
-    sketches: list[Sketch], easel: Easel, below: int, tries: int, budget: Budget
+    sketches: list[Sketch], grid: SketchGrid, below: int, tries: int, budget: Budget
 ) -> Sides | None:
     """The page of some pieces whose outlines lock; None where none is below so many cells."""
-    page = least_page(sketches, below, tries, budget, easel.known)
+    page = least_page(sketches, below, tries, budget, grid.cache)
     if page is None:
         return None
     budget.spend(LOCKING)
-    key = easel.known.page_key(sketches, page)
-    if key not in easel.known.locked:
-        easel.known.locked[key] = locked(sketches, page, easel.cell, LOCKED, lambda: budget.late)
-    layout = easel.known.locked[key]
+    key = grid.cache.page_key(sketches, page)
+    if key not in grid.cache.locked:
+        grid.cache.locked[key] = locked(sketches, page, grid.cell, LOCKED, lambda: budget.late)
+    layout = grid.cache.locked[key]
     inner = LOCKED.resolution - 2 * LOCKED.border + LOCKED.gap
-    return inner / (layout.scale * easel.cell), layout, page.side
+    return inner / (layout.scale * grid.cell), layout, page.side
 
 
 def value_of(side: float, length: float) -> float:
@@ -134,31 +136,31 @@ def value_of(side: float, length: float) -> float:
     return 2 * float(np.log(CELLS / side)) - RATE * float(np.log(length))
 
 
-def easel_of(cut_mesh: CutMesh, options: PackOptions) -> Easel:
-    """The easel on which all charts together cover CELLS squared."""
+def sketch_grid(cut_mesh: CutMesh, options: PackOptions) -> SketchGrid:
+    """The grid on which all charts together cover CELLS squared."""
     root = float(np.sqrt(cut_mesh.chart_areas.sum()))
-    return Easel(root / CELLS, options.gap / 2 * CELLS / options.resolution)
+    return SketchGrid(root / CELLS, options.gap / 2 * CELLS / options.resolution)
 
 
-def first_plan(carver: Carver, budget: Budget, told: float) -> Plan | None:
+def first_plan(cutter: AtlasCutter, budget: Budget, share: float) -> Plan | None:
     """The plan without a cut; None where no sketch is found, or where sketches would tell of less than the
-    share ``told`` of the area."""
-    area = carver.cut_mesh.chart_areas
+    share ``share`` of the area."""
+    area = cutter.cut_mesh.chart_areas
     large = np.argsort(-area, kind="stable")[:LARGE]
     least = 0.0 if len(area) <= ALL else LEAST
     large = large[area[large] > least * area.sum()]
-    if area[large].sum() < told * area.sum():
+    if area[large].sum() < share * area.sum():
         return None
-    pieces = carver.pieces(large)
+    pieces = cutter.pieces(large)
     widest = max((p.sketch.least for p in pieces), default=0)
-    tries = effort_of(len(pieces), carver).more
+    tries = effort_of(len(pieces), cutter).more
     sketches = [p.sketch for p in pieces]
     below = max(2 * CELLS, widest + 2)
-    sides = page_sides(sketches, carver.easel, below, tries, budget) if pieces else None
+    sides = page_sides(sketches, cutter.grid, below, tries, budget) if pieces else None
     if sides is None:
         return None
-    cut_mesh = carver.cut_mesh
-    return Plan(pieces, boundary_length(cut_mesh, at_best_scales(cut_mesh, carver.uv)), *sides)
+    cut_mesh = cutter.cut_mesh
+    return Plan(pieces, boundary_length(cut_mesh, at_best_scales(cut_mesh, cutter.uv)), *sides)
 
 
 def boundary_length(cut_mesh: CutMesh, uv: FloatArray) -> float:

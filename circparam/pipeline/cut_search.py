@@ -39,19 +39,19 @@ from circparam.pipeline.cut_plan import (
     page_sides,
     value_of,
 )
-from circparam.pipeline.pieces import Carver, Cut, Ground, Halves, Knife
+from circparam.pipeline.pieces import AtlasCutter, ChartCutter, Cut, Ground, Halves
 
 
 @dataclass(frozen=True, eq=False)
 class Planner:
     """What all plans for one layout have in common.
 
-    carver: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
+    cutter: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
     budget: of cells that sketches transform; making a cut counts as well. monitor: tells how many processes
     share the work. spared: area of faces that may be stretched too much besides.
     """
 
-    carver: Carver
+    cutter: AtlasCutter
     area: float
     longest: float
     most: int
@@ -62,17 +62,17 @@ class Planner:
     @property
     def cell(self) -> float:
         """Side of a cell of the sketches in uv."""
-        return self.carver.easel.cell
+        return self.cutter.grid.cell
 
     def effort(self, plan: Plan) -> Effort:
         """How much is looked at for what follows a plan."""
-        return effort_of(len(plan.pieces), self.carver)
+        return effort_of(len(plan.pieces), self.cutter)
 
     def best(self, first: Plan) -> list[Plan]:
         """The plans worth more than ``first``, those of the highest value first."""
         best, kept, effort = first, [first], self.effort(first)
         found: list[Plan] = []
-        while kept and kept[0].cuts < min(best.cuts + effort.ahead, self.most):
+        while kept and kept[0].cuts < min(best.cuts + effort.lookahead, self.most):
             made = self._following(kept, best.value)
             made.sort(key=lambda p: -p.value)
             kept = _distinct(made, effort.breadth)
@@ -128,10 +128,10 @@ class Planner:
 
     def _look(self, plan: Plan, trials: list[_Trial]) -> Look:
         return Look(
-            self.carver.knife,
+            self.cutter.chart_cutter,
             [p.sketch for p in plan.pieces],
             [t.n for t in trials],
-            [self.carver.halves(plan.pieces[t.n], t.k) for t in trials],
+            [self.cutter.halves(plan.pieces[t.n], t.k) for t in trials],
             [plan.length + ZIGZAG * t.length for t in trials],
             plan.sketched + WORSE + 1,
             self.effort(plan).tries,
@@ -141,13 +141,13 @@ class Planner:
         piece = plan.pieces[trial.n]
         known = trial.k in piece.known
         return Making(
-            self.carver.knife,
-            None if known else self.carver.task(piece, trial.k),
+            self.cutter.chart_cutter,
+            None if known else self.cutter.task(piece, trial.k),
             piece.known.get(trial.k),
             [p.sketch for n, p in enumerate(plan.pieces) if n != trial.n],
             (self.longest - plan.length, self.spared - plan.stretched),
             plan.sketched + WORSE + 1,
-            effort_of(len(plan.pieces) + 1, self.carver).more,
+            effort_of(len(plan.pieces) + 1, self.cutter).more,
         )
 
     def _trials(self, plan: Plan, best: float) -> list[_Trial]:
@@ -218,7 +218,7 @@ class Look:
     leaves. length: of all boundaries then. below, tries: as for ``least_page``.
     """
 
-    knife: Knife
+    chart_cutter: ChartCutter
     sketches: list[Sketch]
     piece: list[int]
     halves: list[Halves]
@@ -233,7 +233,7 @@ def looked_at(
     """(side of the page with each chord, as far as the operations go: None where it is worth much less than the
     best so far; sketches of what they leave, operations that were spent)."""
     budget = Budget(operations, lambda: monitor.expired)
-    highest, sides, known = -np.inf, [], look.knife.easel.known
+    highest, sides, known = -np.inf, [], look.chart_cutter.grid.cache
     known.keep(look.sketches)
     for n, halves, length in zip(look.piece, look.halves, look.length, strict=True):
         if budget.over:
@@ -241,7 +241,7 @@ def looked_at(
         side = CELLS * float(np.exp(min(-(highest - NEAR + RATE * np.log(length)) / 2, 20.0)))
         below = min(int(np.ceil(side)), look.below)
         rest = look.sketches[:n] + look.sketches[n + 1 :]
-        sketches = rest + halves.sketches(look.knife)
+        sketches = rest + halves.sketches(look.chart_cutter)
         page = least_page(sketches, below, look.tries, budget, known)
         sides.append(None if page is None else page.side)
         if page is not None:
@@ -253,12 +253,12 @@ def looked_at(
 class Making:
     """A cut that is to be made along edges.
 
-    task: what the knife is asked for; None where ``known`` is what it came to. rest: sketches of the pieces
+    task: arguments of ``ChartCutter.cut``; None where ``known`` is the outcome. rest: sketches of the pieces
     that stay. room: length of the seam, and area of faces that it may stretch too much. below, tries: as for
     ``least_page``.
     """
 
-    knife: Knife
+    chart_cutter: ChartCutter
     task: tuple[Ground, Chord] | None
     known: Cut | None
     rest: list[Sketch]
@@ -273,14 +273,14 @@ def made_cut(
     """(the cut, None where it cannot be; the page then, None where it gets no better or there is no room for
     the cut; operations that were spent)."""
     budget = Budget(operations, lambda: monitor.expired)
-    knife, cut = making.knife, making.known
+    chart_cutter, cut = making.chart_cutter, making.known
     if making.task is not None:
         budget.spend(CUTTING * len(making.task[0].faces))
-        cut = knife.cut(*making.task)
+        cut = chart_cutter.cut(*making.task)
     sides = None
     if cut is not None and cut[1] <= making.room[0] and cut[2] <= making.room[1]:
         sketches = making.rest + [p.sketch for p in cut[0]]
-        sides = page_sides(sketches, knife.easel, making.below, making.tries, budget)
+        sides = page_sides(sketches, chart_cutter.grid, making.below, making.tries, budget)
     return cut, sides, operations - budget.left
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError, OptionError
 from circparam.formats import sidecars
 from circparam.formats.document import Document

@@ -100,7 +100,7 @@ def _step(rounding: Callable[[FloatArray], FloatArray], v: float) -> float:
     return float(np.abs(moved).max())
 
 
-def told(floaters: Floaters) -> str:
+def note(floaters: Floaters) -> str:
     """One line about what was left out."""
     return (
         f"{floaters.components} components left out of the layout: {int(floaters.faces.sum())} faces, "

@@ -20,8 +20,8 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.words import counted
-from circparam.core.workers import Later, Worker
+from circparam.core.plural import counted
+from circparam.core.workers import DeferredTask, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -37,17 +37,17 @@ from circparam.pipeline.cut_along import Limits
 from circparam.pipeline.cut_plan import (
     LOCKED,
     RATE,
-    TOLD,
+    SKETCHED_SHARE,
     WORK,
     WORK_OF_FACE,
     Plan,
-    easel_of,
     effort_of,
     first_plan,
+    sketch_grid,
 )
 from circparam.pipeline.cut_search import Planner
 from circparam.pipeline.options import Options
-from circparam.pipeline.pieces import Carver, Knife
+from circparam.pipeline.pieces import AtlasCutter, ChartCutter
 from circparam.pipeline.place import chart_signs, sized
 from circparam.pipeline.sprawl import Trimmer
 from circparam.seams.segmentation.tail import hold_stretch
@@ -90,34 +90,34 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         return cascade
 
     uncut = _Uncut(cascade, options, monitor)
-    chosen = _cut(uncut, carver_of(cascade, cut_mesh, uv, options), most)
+    chosen = _cut(uncut, atlas_cutter(cascade, cut_mesh, uv, options), most)
     if chosen is not None:
         return chosen
     kept = replace(cascade, packing=uncut.packing)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
 
 
-def _cut(uncut: _Uncut, carver: Carver, most: float) -> Cascade | None:
+def _cut(uncut: _Uncut, cutter: AtlasCutter, most: float) -> Cascade | None:
     """The layout with charts cut, packed; None where no cut is worth its seam. most: cuts."""
     cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
-    cut_mesh, asked = carver.cut_mesh, options.cuts_asked
+    cut_mesh, asked = cutter.cut_mesh, options.cuts_asked
     work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
     budget = Budget(work, lambda: monitor.expired)
     first = None
     if not options.draft:
-        first = first_plan(carver, budget, TOLD if asked is None else 0.0)
+        first = first_plan(cutter, budget, SKETCHED_SHARE if asked is None else 0.0)
     monitor.update(SKETCHED)
     costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
     enough = ENOUGH_OF_MANY if costly else ENOUGH
     if first is None or len(first.pieces) > DRAWN:
         cuts = int(min(ARMS if asked is None else asked, most))
-        return _trimmed(uncut, carver, cuts, enough)
+        return _trimmed(uncut, cutter, cuts, enough)
     if asked is None and uncut.fills(first, enough):
         return None
     cuts = int(min(CUTS if asked is None else asked, most))
-    plans = _plans(first, carver, cuts, asked is None, budget, monitor)
+    plans = _plans(first, cutter, cuts, asked is None, budget, monitor)
     monitor.update(PLANNED)
-    return _Contest(cascade, carver, options, monitor).winner(plans, uncut)
+    return _Contest(cascade, cutter, options, monitor).winner(plans, uncut)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +129,10 @@ class _Uncut:
     monitor: Monitor
 
     @cached_property
-    def _later(self) -> Later:
-        return Later(self.monitor.jobs, _packing, (self.cascade, self.options, None), self.monitor)
+    def _later(self) -> DeferredTask:
+        return DeferredTask(
+            self.monitor.jobs, _packing, (self.cascade, self.options, None), self.monitor
+        )
 
     def begin(self) -> None:
         """Let a process that is idle pack it: it may be asked for."""
@@ -149,7 +151,9 @@ class _Uncut:
         return self.packing is None or covered_share(self.packing) >= enough
 
 
-def carver_of(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
+def atlas_cutter(
+    cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options
+) -> AtlasCutter:
     """What makes the cuts; through flats only where the user asked for cuts."""
     stretch = options.max_stretch or STRETCH
     if not stretch_asked(options.max_stretch, options.bound or np.inf):
@@ -157,41 +161,41 @@ def carver_of(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Opti
     limits = Limits(cascade.rules.bound, options.min_chart_faces or 1)
     if options.cuts_asked is not None:
         limits = replace(limits, flats=1.0)
-    easel = easel_of(cut_mesh, pack_options(options))
+    grid = sketch_grid(cut_mesh, pack_options(options))
     sign = chart_signs(cascade.atlas.surface, cut_mesh, options)
     seams = cascade.atlas.seam_length * float(np.sqrt(cascade.atlas.surface.areas.sum()))
-    return Carver(cascade.atlas, cut_mesh, uv, Knife(easel, limits, sign, seams, stretch))
+    return AtlasCutter(cascade.atlas, cut_mesh, uv, ChartCutter(grid, limits, sign, seams, stretch))
 
 
 def _plans(
-    first: Plan, carver: Carver, cuts: int, limited: bool, budget: Budget, monitor: Monitor
+    first: Plan, cutter: AtlasCutter, cuts: int, limited: bool, budget: Budget, monitor: Monitor
 ) -> list[Plan]:
     """The plan without a cut and those worth more, the best first.
 
     limited: whether seams grow by no more than LIMIT.
     """
-    area = float(carver.atlas.surface.areas.sum())
-    longer, spared = _room(carver, limited)
-    planner = Planner(carver, area, first.length + longer, cuts, budget, monitor, spared)
+    area = float(cutter.atlas.surface.areas.sum())
+    longer, spared = _room(cutter, limited)
+    planner = Planner(cutter, area, first.length + longer, cuts, budget, monitor, spared)
     return [first, *planner.best(first)]
 
 
-def _room(carver: Carver, limited: bool) -> tuple[float, float]:
+def _room(cutter: AtlasCutter, limited: bool) -> tuple[float, float]:
     """What all cuts may add: length of seams, area of faces that are stretched too much."""
-    areas = carver.atlas.surface.areas
-    longer = LIMIT * carver.knife.seams if limited else np.inf
+    areas = cutter.atlas.surface.areas
+    longer = LIMIT * cutter.chart_cutter.seams if limited else np.inf
     return longer, SPARED * float(areas.sum()) + LARGEST * float(areas.max())
 
 
-def _trimmed(uncut: _Uncut, carver: Carver, cuts: int, enough: float) -> Cascade | None:
+def _trimmed(uncut: _Uncut, cutter: AtlasCutter, cuts: int, enough: float) -> Cascade | None:
     """The layout with arms cut off, packed; None where that is not worth its seams. enough: covered share of
     the page without cuts from which on none is made, but for those that the user asked for."""
     cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
     limited = options.cuts_asked is None
-    found = Trimmer(carver, *_room(carver, limited), cuts).run(monitor)
+    found = Trimmer(cutter, *_room(cutter, limited), cuts).run(monitor)
     if found.value < WORTH:
         return None
-    atlas = carver.joined(found.grounds)
+    atlas = cutter.joined(found.grounds)
     if not stretch_kept(atlas, cascade.atlas, options, cascade.rules.bound, monitor):
         return None
     doubtful = found.value < CERTAIN
@@ -205,7 +209,7 @@ def _trimmed(uncut: _Uncut, carver: Carver, cuts: int, enough: float) -> Cascade
         full = limited and covered_share(uncut.packing) >= enough
         if full or _value(uncut.packing, found.before) >= _value(packed, found.length):
             return None
-    return replace(after, packing=packed).noted(_told(found.cuts, cascade.atlas, atlas))
+    return replace(after, packing=packed).noted(_note(found.cuts, cascade.atlas, atlas))
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,28 +217,28 @@ class _Contest:
     """The layout without cuts against plans, as they will be packed: sketches only rank them."""
 
     cascade: Cascade
-    carver: Carver
+    cutter: AtlasCutter
     options: Options
     monitor: Monitor
 
     def winner(self, plans: list[Plan], uncut: _Uncut) -> Cascade | None:
         """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
         first, before = plans[0], self.cascade.atlas
-        most = effort_of(len(first.pieces), self.carver).packed
+        most = effort_of(len(first.pieces), self.cutter).packed
         tried: list[tuple[Plan, Cascade]] = []
         for plan in plans[1:]:
             if tried and plan.value < tried[0][0].value - CLOSE:
                 break
             if any(plan.like(other) for other, _ in tried):
                 continue
-            atlas = self.carver.joined(p.ground for p in plan.pieces if p.ground is not None)
+            atlas = self.cutter.joined(p.ground for p in plan.pieces if p.ground is not None)
             bound = self.cascade.rules.bound
             if stretch_kept(atlas, before, self.options, bound, self.monitor):
                 tried.append((plan, replace(self.cascade, atlas=atlas)))
             if len(tried) == most:
                 break
         tasks = [
-            (c, self.options, start_of(self.carver, p, c.atlas, self.options)) for p, c in tried
+            (c, self.options, start_of(self.cutter, p, c.atlas, self.options)) for p, c in tried
         ]
         if len(tasks) == 1 and tried[0][0].value < first.value + SURE:
             uncut.begin()  # beside the only one
@@ -250,11 +254,11 @@ class _Contest:
             return None
         plan, cascade = tried[best]
         return replace(cascade, packing=packings[best]).noted(
-            _told(plan.cuts, before, cascade.atlas)
+            _note(plan.cuts, before, cascade.atlas)
         )
 
 
-def _told(cuts: int, before: Atlas, after: Atlas) -> str:
+def _note(cuts: int, before: Atlas, after: Atlas) -> str:
     """What was done, for the user."""
     old, new = before.seam_length, after.seam_length
     longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"
@@ -286,14 +290,14 @@ def _stretched(atlas: Atlas, most: float) -> float:
     return float(share_over(cut_mesh, face_stretch(cut_mesh, uv), most).sum())
 
 
-def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
+def start_of(cutter: AtlasCutter, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
     """Where the charts of a plan lie on its page, as a start for packing, those that were not sketched on page
     −1; None where they lie otherwise than they are mirrored, or are not packed on one page."""
     asked = pack_options(options)
     if asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
         return None
     count, chart = atlas.charts()
-    old = carver.cut_mesh.chart
+    old = cutter.cut_mesh.chart
     face = np.array(
         [
             int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
@@ -302,7 +306,7 @@ def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Plac
     )
     sign = chart_signs(atlas.surface, atlas.open()[0], options)
     at = chart[face]
-    if (sign[at] != carver.knife.sign[old[face]]).any():
+    if (sign[at] != cutter.chart_cutter.sign[old[face]]).any():
         return None
     found = on_page(plan.layout, LOCKED, asked)
     angle, offset, page = np.zeros(count), np.zeros((count, 2)), np.full(count, -1)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.coverage import pages_of
@@ -86,7 +86,7 @@ def group_rows(groups: Groups, found: Verification) -> Iterator[dict[str, Any]]:
         }
 
 
-def told(groups: Groups) -> str:
+def note(groups: Groups) -> str:
     """One line on the groups."""
     count = counted(len(groups.names), groups.kind)
     return f"{count} with pages of their own" if groups.pages else f"charts of {count} lie together"

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from circparam.core.limits import PADDING, PAGES, RESOLUTION, auto_padding
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError, TopologyError
 from circparam.formats.document import Document
 from circparam.geometry.coverage import LAST_PAGE

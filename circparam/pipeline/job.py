@@ -10,7 +10,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, group_max
 from circparam.core.monitor import Monitor
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import check_place, check_target, rounding, stored

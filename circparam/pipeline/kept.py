@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, cross2, group_count
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.mesh.cut_mesh import CutMesh
@@ -64,7 +64,7 @@ class Kept:
         page = np.maximum(np.floor(corners[:, :, 0].mean(1)), 0).astype(np.int64)
         return [corners[page == k] - [k, 0] for k in range(int(page.max(initial=0)) + 1)]
 
-    def told(self, uvmap: UVMap) -> list[str]:
+    def notes(self, uvmap: UVMap) -> list[str]:
         """A line where corners that stay were rounded, as the numbers of another format are coarser."""
         there, ok = corners_of(self.whole, self.uvmap)
         here, _ = corners_of(self.whole, uvmap)

@@ -39,11 +39,11 @@ def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> Non
     if limit is None:
         return
     if options.cut == "charts" and faces >= KNOWN:
-        _judge(name, faces, limit, monitor)
+        _check_limit(name, faces, limit, monitor)
     claim_work_space()
 
 
-def _judge(name: str, faces: int, limit: int, monitor: Monitor) -> None:
+def _check_limit(name: str, faces: int, limit: int, monitor: Monitor) -> None:
     held = address_space()
     need = held + FACE * faces
     if limit < held + LIKELY * FACE * faces:

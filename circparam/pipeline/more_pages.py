@@ -17,7 +17,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2
 from circparam.core.monitor import Monitor
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.core.workers import Worker
 from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.mesh.atlas import Atlas
@@ -26,9 +26,9 @@ from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Opened
 from circparam.pipeline.cut_plan import RATE, ZIGZAG, boundary_length
-from circparam.pipeline.fuller_page import ARMS, LIMIT, SPARED, carver_of, packing, stretch_kept
+from circparam.pipeline.fuller_page import ARMS, LIMIT, SPARED, atlas_cutter, packing, stretch_kept
 from circparam.pipeline.options import Options
-from circparam.pipeline.pieces import Carver, Ground
+from circparam.pipeline.pieces import AtlasCutter, Ground
 from circparam.pipeline.sprawl import COUNT, FILLED, KEPT, Arm, Trimmer
 
 NEARLY = (
@@ -74,11 +74,11 @@ class Divider(Trimmer):
     """Cuts the charts of an atlas for a number of pages; side: of a page in uv where its size is fixed."""
 
     def __init__(
-        self, carver: Carver, longer: float, spared: float, cuts: int, pages: int,
+        self, cutter: AtlasCutter, longer: float, spared: float, cuts: int, pages: int,
         side: float | None,
     ) -> None:  # fmt: skip
         self._pages, self._side = pages, side
-        super().__init__(carver, longer, spared, cuts)
+        super().__init__(cutter, longer, spared, cuts)
 
     def stops(self, careful: bool, monitor: Monitor) -> list[Stop]:
         """The charts as they are, and after each cut.
@@ -97,7 +97,7 @@ class Divider(Trimmer):
 
     def _looked_at(self, box: FloatArray, square: FloatArray) -> BoolArray:
         """Charts that may need more than a page, or much of one; the others are spread evenly."""
-        load = taken(box, self._carver.cut_mesh.chart_areas)
+        load = taken(box, self._cutter.cut_mesh.chart_areas)
         self._aim = self._side or float(np.sqrt(load.sum() / self._pages))
         large: BoolArray = np.maximum(square**2, load) > (LARGE * self._aim) ** 2
         self._small = float(load[~large].sum())
@@ -128,9 +128,9 @@ class Divider(Trimmer):
 
     def _below(self, arm: Arm, chords: IntArray) -> int:
         """The first chord of which both sides lie below the bound or nearly so, else that nearest to it."""
-        opened = self._carver.task(arm, int(chords[0]))[0].opened
+        opened = self._cutter.task(arm, int(chords[0]))[0].opened
         cut_mesh = opened.cut_mesh
-        bound = 1 + RELAXED * (self._carver.knife.limits.bound - 1)
+        bound = 1 + RELAXED * (self._cutter.chart_cutter.limits.bound - 1)
         centre = opened.uv[cut_mesh.faces].mean(1)
         least, nearest = np.inf, int(chords[0])
         for k in map(int, chords):
@@ -171,25 +171,25 @@ def fill_pages(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     most = np.inf if options.max_charts is None else options.max_charts - cut_mesh.n_charts
     if most < 1 or monitor.expired or not np.isfinite(uv).all():
         return cascade
-    carver, page = carver_of(cascade, cut_mesh, uv, options), pack_options(options)
+    cutter, page = atlas_cutter(cascade, cut_mesh, uv, options), pack_options(options)
     cuts = int(min(ARMS if options.cuts_asked is None else options.cuts_asked, most))
     scale, longer = page.fixed_scale, np.inf
     side = None if scale is None else (page.resolution - 2 * page.border) / scale
     if side is None and options.cuts_asked is None:  # so much may be added for each page
         length = boundary_length(cut_mesh, at_best_scales(cut_mesh, uv))
         longer = LIMIT * page.pages * length
-    before = float(carver.knife.stretched(Opened(cascade.atlas, cut_mesh, uv)).sum())
+    before = float(cutter.chart_cutter.stretched(Opened(cascade.atlas, cut_mesh, uv)).sum())
     spared = max(SPARED * float(cascade.atlas.surface.areas.sum()) - before, 0.0)
     if side is not None:
-        return _fitted(cascade, carver, options, monitor, (side, spared, cuts))
+        return _fitted(cascade, cutter, options, monitor, (side, spared, cuts))
     stops: list[Stop] = []
     for careful in (False, True):
-        stops += Divider(carver, longer, spared, cuts, page.pages, None).stops(careful, monitor)
-    return _fullest(cascade, carver, stops, options, monitor)
+        stops += Divider(cutter, longer, spared, cuts, page.pages, None).stops(careful, monitor)
+    return _fullest(cascade, cutter, stops, options, monitor)
 
 
 def _fitted(
-    cascade: Cascade, carver: Carver, options: Options, monitor: Monitor,
+    cascade: Cascade, cutter: AtlasCutter, options: Options, monitor: Monitor,
     room: tuple[float, float, int],
 ) -> Cascade:  # fmt: skip
     """The layout with as few cuts as it takes to be packed at a fixed size; as it is where none are enough.
@@ -198,13 +198,13 @@ def _fitted(
     """
     side, spared, cuts = room
     limits = replace(
-        carver.knife.limits, flats=1.0
+        cutter.chart_cutter.limits, flats=1.0
     )  # else there is no layout: through flats as well
-    carver = replace(carver, knife=replace(carver.knife, limits=limits))
+    cutter = replace(cutter, chart_cutter=replace(cutter.chart_cutter, limits=limits))
     for share in SHARES:
-        divider = Divider(carver, np.inf, spared, cuts, options.pages or 1, share * side)
+        divider = Divider(cutter, np.inf, spared, cuts, options.pages or 1, share * side)
         stop = divider.stops(False, monitor)[-1]
-        after = _cut(cascade, carver, stop, options, monitor) if stop.cuts else cascade
+        after = _cut(cascade, cutter, stop, options, monitor) if stop.cuts else cascade
         found = None if after is None or not stop.fits else packing(after, options, monitor)
         if after is not None and found is not None:
             return replace(after, packing=found)
@@ -212,12 +212,12 @@ def _fitted(
 
 
 def _fullest(
-    cascade: Cascade, carver: Carver, stops: list[Stop], options: Options, monitor: Monitor
+    cascade: Cascade, cutter: AtlasCutter, stops: list[Stop], options: Options, monitor: Monitor
 ) -> Cascade:
     """The stop whose packed pages are worth most beside the length of seams, none among them."""
     found = [(stops[0], cascade)]
     for stop in sorted((s for s in stops if s.value > 0), key=lambda s: -s.value):
-        after = _cut(cascade, carver, stop, options, monitor)
+        after = _cut(cascade, cutter, stop, options, monitor)
         found += [] if after is None else [(stop, after)]
         if len(found) > PACKED:
             break
@@ -244,16 +244,16 @@ def _packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacki
 
 
 def _cut(
-    cascade: Cascade, carver: Carver, stop: Stop, options: Options, monitor: Monitor
+    cascade: Cascade, cutter: AtlasCutter, stop: Stop, options: Options, monitor: Monitor
 ) -> Cascade | None:
     """The layout with the cuts of a stop, and a note; None where too much of it would be stretched."""
-    atlas = carver.joined(stop.grounds)
+    atlas = cutter.joined(stop.grounds)
     if not stretch_kept(atlas, cascade.atlas, options, cascade.rules.bound, monitor):
         return None
-    return replace(cascade, atlas=atlas).noted(_told(stop.cuts, cascade.atlas, atlas, options))
+    return replace(cascade, atlas=atlas).noted(_note(stop.cuts, cascade.atlas, atlas, options))
 
 
-def _told(cuts: int, before: Atlas, after: Atlas, options: Options) -> str:
+def _note(cuts: int, before: Atlas, after: Atlas, options: Options) -> str:
     """What was done, for the user."""
     old, new = before.seam_length, after.seam_length
     longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, cross2, group_sum
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.formats.document import Document
 from circparam.formats.table import FORMATS
 from circparam.mesh.cut_mesh import CutMesh
@@ -26,7 +26,7 @@ class Upright:
     has_up: BoolArray
 
     @property
-    def told(self) -> str:
+    def note(self) -> str:
         """One line on the charts that are upright."""
         n, some = len(self.has_up), int(self.has_up.sum())
         rest = f"; {counted(n - some, 'chart')} without an up" if some < n else ""

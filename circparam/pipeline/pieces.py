@@ -15,7 +15,7 @@ from circparam.geometry.distortion import at_best_scales, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
-from circparam.packing.nest.sketch import Easel, Sketch
+from circparam.packing.nest.sketch import Sketch, SketchGrid
 from circparam.pipeline.chords import Chords, Outline, chords, outlines, split
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
@@ -91,22 +91,22 @@ class Halves:
     outlines: tuple[Outline, Outline]
     found: list[Sketch] = field(default_factory=list)
 
-    def sketches(self, knife: Knife) -> list[Sketch]:
+    def sketches(self, chart_cutter: ChartCutter) -> list[Sketch]:
         """The sketches of both."""
-        self.found = self.found or [knife.sketch(part) for part in self.outlines]
+        self.found = self.found or [chart_cutter.sketch(part) for part in self.outlines]
         return self.found
 
 
 @dataclass(frozen=True, eq=False)
-class Knife:
+class ChartCutter:
     """What all cuts of an atlas have in common, and no more: it goes to other processes.
 
-    easel: of the sketches of pieces. limits: what they have to keep. sign: (n_charts,) −1 for charts that are
+    grid: of the sketches of pieces. limits: what they have to keep. sign: (n_charts,) −1 for charts that are
     packed mirrored, else 1. seams: length of all that there are. stretch: from which on faces are stretched
     too much.
     """
 
-    easel: Easel
+    grid: SketchGrid
     limits: Limits
     sign: FloatArray
     seams: float
@@ -117,7 +117,7 @@ class Knife:
         start, end = outline.edges
         if self.sign[outline.chart] < 0:
             start, end = end * [-1, 1], start * [-1, 1]
-        return self.easel.sketch(start, end)
+        return self.grid.sketch(start, end)
 
     def cut(self, ground: Ground, chord: Chord) -> Cut | None:
         """A chart cut along edges near a chord; None where that cannot be."""
@@ -159,8 +159,8 @@ class Knife:
     def pieces(self, opened: Opened, charts: IntArray, ground: Ground | None = None) -> list[Piece]:
         """Some charts as they are; those without an outline are left out, all where one is a sliver."""
         cut_mesh, uv = opened.cut_mesh, opened.uv
-        shown = outlines(cut_mesh, at_best_scales(cut_mesh, uv), charts, STEP * self.easel.cell)
-        if any(np.ptp(o.p, axis=0).max() > LONGEST * self.easel.cell for o in shown):
+        shown = outlines(cut_mesh, at_best_scales(cut_mesh, uv), charts, STEP * self.grid.cell)
+        if any(np.ptp(o.p, axis=0).max() > LONGEST * self.grid.cell for o in shown):
             return []
         if ground is not None:
             shown = [replace(o, chart=ground.chart) for o in shown]
@@ -168,24 +168,24 @@ class Knife:
 
 
 @dataclass(frozen=True, eq=False)
-class Carver:
+class AtlasCutter:
     """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. grounds: of the charts that a cut was
     tried on."""
 
     atlas: Atlas
     cut_mesh: CutMesh
     uv: FloatArray
-    knife: Knife
+    chart_cutter: ChartCutter
     grounds: dict[int, Ground] = field(default_factory=dict)
 
     @property
-    def easel(self) -> Easel:
+    def grid(self) -> SketchGrid:
         """That of all sketches."""
-        return self.knife.easel
+        return self.chart_cutter.grid
 
     def pieces(self, charts: IntArray) -> list[Piece]:
         """Some charts as they are; those without an outline are left out, all where one is a sliver."""
-        return self.knife.pieces(Opened(self.atlas, self.cut_mesh, self.uv), charts)
+        return self.chart_cutter.pieces(Opened(self.atlas, self.cut_mesh, self.uv), charts)
 
     def halves(self, piece: Piece, k: int) -> Halves:
         """Both parts of a piece that is cut straight along its chord k."""
@@ -195,7 +195,7 @@ class Carver:
         return piece.halves[k]
 
     def task(self, part: Part, k: int) -> tuple[Ground, Chord]:
-        """What ``Knife.cut`` is asked for to cut a part near its chord k."""
+        """What ``ChartCutter.cut`` is asked for to cut a part near its chord k."""
         start, end = (part.places[int(at[k])] for at in (part.chords.i, part.chords.j))
         ground = part.ground or self._ground(part.outline.chart)
         return ground, Chord(start, end, float(part.chords.least[k]))
@@ -221,7 +221,7 @@ class Carver:
             costs, flat = _costs(surface.part(near))
             inner = mine[sides[near[sides].all(1)]].all(1)
             opened = Opened.of(self.atlas.part(mine))
-            stretched = float(self.knife.stretched(opened).sum())
+            stretched = float(self.chart_cutter.stretched(opened).sum())
             self.grounds[chart] = Ground(
                 chart, np.flatnonzero(mine), opened, costs[inner], flat[inner], stretched
             )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import rounding
@@ -20,7 +20,7 @@ from circparam.methods.pins import Pins
 from circparam.pipeline.job import Job
 from circparam.pipeline.place import Placed, side_by_side
 
-HELD = 1e-6  # in uv: how near to its pin a vertex lies in the written file
+PIN_TOLERANCE = 1e-6  # uv: distance of a vertex from its pin in the written file
 
 
 def pin_rows(pins: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -42,7 +42,7 @@ def check_storable(pins: FloatArray, document: Document, format: str) -> None:
     """Raise OptionError for pins in places that a format stores too coarsely."""
     vertices, places = pin_rows(pins)
     off = np.abs(rounding(format, document)(places) - places).max(1, initial=0.0)
-    if off.max(initial=0.0) > HELD:
+    if off.max(initial=0.0) > PIN_TOLERANCE:
         bad = int(off.argmax())
         raise OptionError(
             f"--pin: {format.upper()} stores uv in single precision, {off[bad]:.1g} off at vertex "
@@ -66,8 +66,8 @@ def pins_of(job: Job, cut_mesh: CutMesh, pins: FloatArray) -> Pins:
         raise OptionError(
             f"--pin names vertex {int(number[bad[0]])}, which no face uses: vertices count from 0"
         )
-    copies = np.unique(np.stack([surface.faces.ravel(), cut_mesh.faces.ravel()], 1), axis=0)
-    seam = np.bincount(copies[:, 0], minlength=len(surface.points))[weld[number]] > 1
+    instances = np.unique(np.stack([surface.faces.ravel(), cut_mesh.faces.ravel()], 1), axis=0)
+    seam = np.bincount(instances[:, 0], minlength=len(surface.points))[weld[number]] > 1
     if seam.any():
         raise OptionError(
             f"--pin names vertex {int(number[seam][0])}, which lies on a seam: "
@@ -79,34 +79,34 @@ def pins_of(job: Job, cut_mesh: CutMesh, pins: FloatArray) -> Pins:
 def place_pinned(job: Job, cut_mesh: CutMesh, uv: FloatArray, pins: FloatArray) -> Placed:
     """Charts with pins where they lie (nv, 2); the others to their right, at the same density of texels."""
     uv = np.where(np.isfinite(uv), uv, 0.0)
-    held = _with_pins(job, cut_mesh, pins)
-    if held.all():
+    pinned = _with_pins(job, cut_mesh, pins)
+    if pinned.all():
         return Placed(uv, [])
-    part, vertices, _ = cut_mesh.subset(held)
+    part, vertices, _ = cut_mesh.subset(pinned)
     a, b, c = (uv[vertices][part.faces[:, k]] for k in range(3))
     density = np.sqrt(np.abs(cross2(b - a, c - a)).sum() / 2 / part.areas.sum())
     width = float(np.ptp(uv[vertices, 0]))
-    other, loose, _ = cut_mesh.subset(~held)
+    other, loose, _ = cut_mesh.subset(~pinned)
     scale = density * best_chart_scales(other, uv[loose])
     row = side_by_side(other, uv[loose] * scale[other.vertex_chart][:, None])
     row[:, 0] += uv[vertices, 0].max() + 0.02 * width - row[:, 0].min()
     row[:, 1] += uv[vertices, 1].min() - row[:, 1].min()
     placed = uv.copy()
     placed[loose] = row
-    count = counted(int((~held).sum()), "chart")
+    count = counted(int((~pinned).sum()), "chart")
     return Placed(placed, [f"{count} without pins to the right of those with pins"])
 
 
 def _with_pins(job: Job, cut_mesh: CutMesh, pins: FloatArray) -> BoolArray:
     """(n_charts,) whether a chart holds a pin."""
     vertex = job.repair_report.weld[pin_rows(pins)[0]]
-    held = np.zeros(cut_mesh.n_charts, bool)
-    held[cut_mesh.chart[np.isin(job.surface.faces, vertex).any(1)]] = True
-    return held
+    pinned = np.zeros(cut_mesh.n_charts, bool)
+    pinned[cut_mesh.chart[np.isin(job.surface.faces, vertex).any(1)]] = True
+    return pinned
 
 
-def check_held(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -> None:
-    """Raise NoResultError unless every corner of a pinned vertex lies at its pin, to HELD.
+def check_pins(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -> None:
+    """Raise NoResultError unless every corner of a pinned vertex lies at its pin, to PIN_TOLERANCE.
 
     repairs: what was done to the layout, for the message.
     """
@@ -117,7 +117,7 @@ def check_held(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -
     pinned = at >= 0
     off = np.abs(uvmap.uv[uvmap.uv_faces[pinned]] - places[at[pinned]]).max(1, initial=0.0)
     off[uvmap.uv_faces[pinned] < 0] = np.inf
-    if not (off <= HELD).all():
+    if not (off <= PIN_TOLERANCE).all():
         worst = int(off.argmax())
         why = f": {repairs[-1]}" if repairs else ""
         raise NoResultError(

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import OutOfTimeError
 from circparam.formats.document import Document
 from circparam.formats.memory import to_trimesh
@@ -187,7 +187,7 @@ def verify_layout(
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Status:
     """status: ok | repaired | degraded, with reasons; warnings: what a user must know."""
 
     status: str
@@ -195,13 +195,13 @@ class Verdict:
     warnings: list[str]
 
 
-def verdict(
+def status_of(
     verification: Verification,
     options: Options,
     repairs: list[str],
     expired: bool,
     kept: Kept | None = None,
-) -> Verdict:
+) -> Status:
     """The judgement on what was verified. expired: the time given has run out. kept: charts that stay, for
     whose distortion and number nothing is promised.
 
@@ -226,18 +226,18 @@ def verdict(
             "overlaps prevent fewer: allow more charts"
         )
     if wrong:
-        return Verdict("degraded", wrong, warnings + wrong)
+        return Status("degraded", wrong, warnings + wrong)
     if repairs:
-        return Verdict("repaired", list(repairs), warnings)
-    return Verdict("ok", [], warnings)
+        return Status("repaired", list(repairs), warnings)
+    return Status("ok", [], warnings)
 
 
 def as_stored(result: Result, uvmap: UVMap, verification: Verification, expired: bool) -> Result:
     """A result with the layout that was read back: its charts and the judgement on them.
 
-    Its warnings are those of ``verdict``, of which ``expired`` and the errors are as well.
+    Its warnings are those of ``status_of``, of which ``expired`` and the errors are as well.
     """
-    said = verdict(verification, result.options, result.repairs, expired, result.kept)
+    judged = status_of(verification, result.options, result.repairs, expired, result.kept)
     charts = result.charts.copy()
     charts[result.surface.source] = verification.cut_mesh.chart
     return replace(
@@ -246,7 +246,7 @@ def as_stored(result: Result, uvmap: UVMap, verification: Verification, expired:
         uv_faces=uvmap.uv_faces,
         charts=charts,
         verification=verification,
-        status=said.status,
-        reasons=said.reasons,
-        warnings=said.warnings,
+        status=judged.status,
+        reasons=judged.reasons,
+        warnings=judged.warnings,
     )

@@ -38,7 +38,7 @@ LIKELY = (
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _SearchResult:
     """What one search sends back: seams (e,), layout (m, 3, 2), what it has to say, its packing, its cost."""
 
     cut: BoolArray
@@ -100,7 +100,7 @@ def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Ef
 
 def searched(
     surface: Surface, asked: SeamOptions, options: Options, number: int, monitor: Monitor
-) -> _Found | None:
+) -> _SearchResult | None:
     """One more search, to its page; None where it leads nowhere, or is broken off."""
     own = Monitor(
         None, monitor.left, monitor.jobs
@@ -118,7 +118,7 @@ def searched(
         for name, seconds in own.seconds.items():
             monitor.seconds[name] = monitor.seconds.get(name, 0.0) + seconds
     atlas = cascade.atlas
-    return _Found(
+    return _SearchResult(
         atlas.cut, atlas.corners, cascade.notes, cascade.packing, cost_of(cascade, options)
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circparam.core.arrays import BoolArray
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 

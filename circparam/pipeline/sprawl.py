@@ -20,7 +20,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.pipeline.chords import least_frames, outlines, turned
 from circparam.pipeline.cut_along import Opened
 from circparam.pipeline.cut_plan import RATE, ZIGZAG, boundary_length
-from circparam.pipeline.pieces import Carver, Ground, Part
+from circparam.pipeline.pieces import AtlasCutter, Ground, Part
 
 # of what a chart leaves empty in its box: the share that is lost to others where charts are nested, and where
 # there are more of them, which are laid out by their boxes
@@ -67,9 +67,9 @@ class Trimmer:
     """Cuts arms off the charts of an atlas. longer: length that all seams may have. spared: area of faces that
     may be stretched too much. cuts: at most."""
 
-    def __init__(self, carver: Carver, longer: float, spared: float, cuts: int) -> None:
-        cut_mesh, uv = carver.cut_mesh, at_best_scales(carver.cut_mesh, carver.uv)
-        self._carver, self._spared, self._cuts = carver, spared, cuts
+    def __init__(self, cutter: AtlasCutter, longer: float, spared: float, cuts: int) -> None:
+        cut_mesh, uv = cutter.cut_mesh, at_best_scales(cutter.cut_mesh, cutter.uv)
+        self._cutter, self._spared, self._cuts = cutter, spared, cuts
         self._area = float(cut_mesh.chart_areas.sum())
         self._charts = cut_mesh.n_charts
         self._kept = KEPT_OF_MANY if cut_mesh.n_charts > MANY else KEPT
@@ -79,8 +79,8 @@ class Trimmer:
         self._longest, self._stretched = self._length + longer, 0.0
         looked_at = self._looked_at(box, square)
         self._others = float(square[~looked_at].max(initial=0.0))
-        opened = Opened(carver.atlas, cut_mesh, carver.uv)
-        self._arms = self._found(opened, np.flatnonzero(looked_at))
+        opened = Opened(cutter.atlas, cut_mesh, cutter.uv)
+        self._arms = self._find_arms(opened, np.flatnonzero(looked_at))
 
     def run(self, monitor: Monitor) -> Trimmed:
         """Make the cuts."""
@@ -97,7 +97,7 @@ class Trimmer:
 
     def _looked_at(self, box: FloatArray, square: FloatArray) -> BoolArray:
         """(n_charts,) bool: charts that may be cut, those that leave much of their boxes empty."""
-        wasteful: BoolArray = box - self._carver.cut_mesh.chart_areas > WASTE * self._box
+        wasteful: BoolArray = box - self._cutter.cut_mesh.chart_areas > WASTE * self._box
         return wasteful
 
     def _page(self, box: FloatArray | float, square: FloatArray | float) -> FloatArray:
@@ -139,9 +139,11 @@ class Trimmer:
 
     def _cut(self, arm: Arm, k: int) -> bool:
         """Cut a chart near one of its chords; whether that could be done."""
-        done = self._carver.knife.divided(*self._carver.task(arm, k))
+        done = self._cutter.chart_cutter.divided(*self._cutter.task(arm, k))
         only = np.zeros(1, np.int64)
-        parts = [] if done is None else [a for g in done[0] for a in self._found(g.opened, only, g)]
+        parts = (
+            [] if done is None else [a for g in done[0] for a in self._find_arms(g.opened, only, g)]
+        )
         if done is None or len(parts) != 2 or not self._room(done[1], done[2]):
             arm.failed.append(arm.ends[k])
             return False
@@ -156,7 +158,9 @@ class Trimmer:
         longer, more = self._length + length, self._stretched + stretched
         return longer <= self._longest and more <= self._spared
 
-    def _found(self, opened: Opened, which: IntArray, ground: Ground | None = None) -> list[Arm]:
+    def _find_arms(
+        self, opened: Opened, which: IntArray, ground: Ground | None = None
+    ) -> list[Arm]:
         """Some charts of an atlas, that of a ground if there is one; those without an outline are left out."""
         cut_mesh, uv = opened.cut_mesh, opened.uv
         arms = []

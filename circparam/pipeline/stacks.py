@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.formats.document import Document
 from circparam.geometry.congruent import Congruent, find_congruent
 from circparam.mesh.repair import RepairReport
@@ -48,7 +48,7 @@ class Stacks:
             :, None
         ]
 
-    def told(self) -> list[str]:
+    def notes(self) -> list[str]:
         """One line about the stacks, and one about copies that are in none."""
         mirrored = f", {self.mirrored} of them mirrored" if self.mirrored else ""
         lines = [

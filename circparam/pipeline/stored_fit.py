@@ -20,7 +20,6 @@ from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.job import Job
 from circparam.pipeline.kept import put_into_room
-from circparam.pipeline.lattice import Rounding
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import up_axis, upright
 from circparam.pipeline.pinned import place_pinned
@@ -32,6 +31,7 @@ from circparam.pipeline.place import (
     place,
     sized,
 )
+from circparam.pipeline.representable_uv import Rounding
 from circparam.pipeline.stored_repair import Stored, store
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
@@ -112,7 +112,7 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
         else:
             if options.orient == "up" and options.packed:
                 turned = upright(cut_mesh, job.surface, uv, up_axis(job.document, options))
-                uv, cascade = turned.uv, cascade.noted(turned.told)
+                uv, cascade = turned.uv, cascade.noted(turned.note)
             sorting = job.sorting(cut_mesh)
             if sorting is None:
                 placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
@@ -130,7 +130,7 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class StoredLayout:
     """A packed layout in numbers that its format stores, as doubles or not, and what there is to say of it."""
 
     stored: Stored
@@ -140,19 +140,19 @@ class Held:
 
 def hold(
     job: Job, cut_mesh: CutMesh, uv: FloatArray, mirrored: BoolArray, turn: bool = False
-) -> Held:
+) -> StoredLayout:
     """Round a packed layout (nv, 2) as the target stores it and mend what that spoils; see ``store``.
 
     Where charts stay faulty, the pages are turned by quarters (``turn``: where they may be), since numbers are
     finest near zero (for glTF at the top left, it counts v from there); after that uv become doubles where the
     format has them. What is returned has the fewest faulty charts.
     """
-    tried: list[Held] = []
+    tried: list[StoredLayout] = []
     for double in (False, True) if has_doubles(job.target) else (False,):
         number = job.rounding(double)
         for exact in _placements(cut_mesh, uv, number, mirrored, turn and not double):
             found = store(cut_mesh, exact, mirrored, number)
-            tried.append(Held(found, double, _notes(found, double)))
+            tried.append(StoredLayout(found, double, _notes(found, double)))
             if found.sound:
                 return tried[-1]
     return min(tried, key=lambda one: int((one.stored.fault > 0).sum()))

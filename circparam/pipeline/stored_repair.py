@@ -17,9 +17,9 @@ from circparam.core.arrays import (
 from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.pipeline.crushed import relieve
 from circparam.pipeline.fallback import FLIPPED, OVERLAPPING, SOUND
-from circparam.pipeline.lattice import FAR_ON_BOUNDARY, Rounding, mend_faces, places
+from circparam.pipeline.representable_uv import FAR_ON_BOUNDARY, Rounding, mend_faces, places
+from circparam.pipeline.rounding_slivers import relieve
 
 PUSHES = 2 * FAR_ON_BOUNDARY  # rounds in which boundaries that meet draw back
 

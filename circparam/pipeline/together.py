@@ -12,7 +12,7 @@ import numpy as np
 
 from circparam.core.arrays import IntArray
 from circparam.core.monitor import Listener, Monitor
-from circparam.core.words import counted, listed, percent
+from circparam.core.plural import counted, listed, percent
 from circparam.errors import NoResultError, OptionError, OutputError
 from circparam.formats.document import Document
 from circparam.formats.io import (
@@ -221,10 +221,10 @@ def save_together(
             verification = verify_layout(result.surface, uvmap, o, result.tiles, result.stacks)
             verification = replace(verification, seen=lambda: result.verification.seam_visible)
     stored = as_stored(result, uvmap, verification, monitor.hurried)
-    told = [f"{one.path}: {line}" for one in written for line in one.warnings]
+    warnings = [f"{one.path}: {line}" for one in written for line in one.warnings]
     out = replace(
         stored,
-        warnings=[*joined.warnings, *stored.warnings, *told],
+        warnings=[*joined.warnings, *stored.warnings, *warnings],
         path=listed([str(path) for path in outputs]),
         files=list(dict.fromkeys(os.fspath(f) for one in written for f in one.files)),
         seconds=dict(monitor.seconds),

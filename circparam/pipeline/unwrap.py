@@ -22,13 +22,12 @@ from circparam.geometry.overlap import signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline import applies, checkpoint, groups
+from circparam.pipeline import applies, checkpoint, floaters, groups
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options, padding_note
 from circparam.pipeline.density import at_densities, check_whole
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
-from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.kept import put_into_room
@@ -36,12 +35,12 @@ from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.orient import up_axis, upright
-from circparam.pipeline.pinned import check_held, check_storable
+from circparam.pipeline.pinned import check_pins, check_storable
 from circparam.pipeline.place import Placed, chart_tiles, pack_groups, pack_sorted
-from circparam.pipeline.result import Effort, Result, verdict, verify_layout
+from circparam.pipeline.result import Effort, Result, status_of, verify_layout
 from circparam.pipeline.save import save
+from circparam.pipeline.seam_visibility import SeamVisibility
 from circparam.pipeline.searches import best_layout, with_room
-from circparam.pipeline.seen import SeenBeside
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 
 # What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
@@ -199,7 +198,7 @@ def repack_document(
         group = None if job.tiles is None else chart_tiles(cut_mesh, job.tiles[job.surface.source])
         if options.orient == "up":
             turned = upright(cut_mesh, job.surface, uv, up_axis(document, options))
-            uv, cascade = turned.uv, cascade.noted(turned.told)
+            uv, cascade = turned.uv, cascade.noted(turned.note)
         if job.kept is not None:
             packed = Placed(*put_into_room(job.kept, cut_mesh, uv, options, pack_options(options)))
         elif (sorting := job.sorting(cut_mesh)) is not None:
@@ -246,13 +245,13 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     repairs = [*job.repair_report.messages, *cascade.repairs]
     auto = job.options.padding == AUTO and job.options.packed
     left_out = [padding_note(job.options.padding_texels)] if auto else []
-    left_out += [] if job.floaters is None else [told(job.floaters)]
-    left_out += [] if job.stacks is None else job.stacks.told()
-    left_out += [] if job.groups is None else [groups.told(job.groups)]
+    left_out += [] if job.floaters is None else [floaters.note(job.floaters)]
+    left_out += [] if job.stacks is None else job.stacks.notes()
+    left_out += [] if job.groups is None else [groups.note(job.groups)]
     if job.options.pins is not None:
-        check_held(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
-    left_out += [] if job.kept is None else job.kept.told(uvmap)
-    said = verdict(verification, job.options, repairs, monitor.hurried, job.kept)
+        check_pins(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
+    left_out += [] if job.kept is None else job.kept.notes(uvmap)
+    said = status_of(verification, job.options, repairs, monitor.hurried, job.kept)
     return Result(
         options=job.options,
         document=job.document,
@@ -291,12 +290,14 @@ def finish(
     work: str = "unwrap",
 ) -> Result:
     """The result, verified, and written where an output is named."""
-    seen = SeenBeside(job.surface if job.kept is None else job.whole, fitted.uvmap, monitor)
+    visibility = SeamVisibility(
+        job.surface if job.kept is None else job.whole, fitted.uvmap, monitor
+    )
     verified = replace(_verified(job, fitted, monitor), work=work)
     result = verified if output is None else save(verified, output, monitor)
     found = result.verification
     if found is verified.verification:  # else the file has another layout
-        found = seen.told(found)
+        found = visibility.completed(found)
     return replace(result, verification=found, seconds=dict(monitor.seconds))
 
 

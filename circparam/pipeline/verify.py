@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
-from circparam.core.words import counted, percent
+from circparam.core.plural import counted, percent
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, chart_boxes, cover, pages_of
 from circparam.geometry.distortion import Measures, measure

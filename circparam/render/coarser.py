@@ -67,9 +67,9 @@ def _representatives(scene: Scene, most: int) -> IntArray:
     n = len(scene.uv)
     start = scene.uv_faces[scene.mapped].ravel()
     end = scene.uv_faces[scene.mapped][:, [1, 2, 0]].ravel()
-    held = _held(scene)
+    fixed = _fixed(scene)
     cell = _cells(scene, most)
-    same = (cell[start] == cell[end]) & ~held[start] & ~held[end]
+    same = (cell[start] == cell[end]) & ~fixed[start] & ~fixed[end]
     # by edges, so that the two sides of a slit stay apart
     count, label = components(n, start[same], end[same])
     middle = np.stack([group_sum(scene.uv[:, k], label, count) for k in (0, 1)], 1)
@@ -80,14 +80,14 @@ def _representatives(scene: Scene, most: int) -> IntArray:
     return first[label]
 
 
-def _held(scene: Scene) -> BoolArray:
+def _fixed(scene: Scene) -> BoolArray:
     """(k,) vertices of the layout at seams, and of flips."""
-    held = np.zeros(len(scene.uv), bool)
+    fixed = np.zeros(len(scene.uv), bool)
     corners = scene.uv_faces.ravel()
     h = scene.seams
-    held[corners[h]] = held[corners[3 * (h // 3) + (h + 1) % 3]] = True
-    held[scene.uv_faces[scene.flipped & scene.mapped]] = True
-    return held
+    fixed[corners[h]] = fixed[corners[3 * (h // 3) + (h + 1) % 3]] = True
+    fixed[scene.uv_faces[scene.flipped & scene.mapped]] = True
+    return fixed
 
 
 def _cells(scene: Scene, most: int) -> IntArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
@@ -60,8 +60,8 @@ def counts(scene: Scene, options: PictureOptions) -> str:
     """Faces and charts in words, behind the note where there is one."""
     note = options.note
     once = scene.once
-    copies = len(scene.faces) - len(once.faces)
-    again = f" and {copies:,} shown again" if copies else ""
+    instances = len(scene.faces) - len(once.faces)
+    again = f" and {instances:,} shown again" if instances else ""
     charts = once.n_charts if options.charts is None else options.charts
     words = f"{counted(len(once.faces), 'face')}{again} · {counted(charts, 'chart')}"
     return f"{note} · {words}" if note else words

@@ -18,7 +18,7 @@ from circparam.core.arrays import (
     relabel,
 )
 from circparam.core.graph import components
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
@@ -242,15 +242,15 @@ class Scene:
         return bool((self.uv < -1e-6).any() or (self.uv > 1 + 1e-6).any())
 
 
-def with_copies(scene: Scene, copies: Sequence[tuple[IntArray, FloatArray]]) -> Scene:
+def with_instances(scene: Scene, instances: Sequence[tuple[IntArray, FloatArray]]) -> Scene:
     """The scene with parts of it shown again: faces (k,) and the (4, 4) transform of each copy."""
-    if not copies:
+    if not instances:
         return scene
     n, k = len(scene.points), len(scene.uv)
     points, faces, uv_faces = [scene.points], [scene.faces], [scene.uv_faces]
     moved = [[target] for _, target in scene.targets]
     source = [np.arange(len(scene.faces))]
-    for number, (fid, matrix) in enumerate(copies, 1):
+    for number, (fid, matrix) in enumerate(instances, 1):
         used, corners = np.unique(scene.faces[fid], return_inverse=True)
         for rows, kept in ((scene.points, points), *((m[0], m) for m in moved)):
             kept.append(rows[used] @ matrix[:3, :3].T + matrix[:3, 3])
@@ -263,7 +263,7 @@ def with_copies(scene: Scene, copies: Sequence[tuple[IntArray, FloatArray]]) -> 
     all_points, whole = np.concatenate(points), np.concatenate(source)
     return Scene(
         all_points, np.concatenate(faces), row_labels(all_points),
-        np.tile(scene.uv, (len(copies) + 1, 1)), np.concatenate(uv_faces), scene.chart[whole],
+        np.tile(scene.uv, (len(instances) + 1, 1)), np.concatenate(uv_faces), scene.chart[whole],
         scene, whole,
         tuple((t[0], np.concatenate(m)) for t, m in zip(scene.targets, moved, strict=True)),
     )  # fmt: skip

@@ -33,7 +33,7 @@ from circparam.render.figures import (
 )
 from circparam.render.html import PageLayout
 from circparam.render.picture import save_result, save_scene
-from circparam.render.scene import Scene, make_scene, with_copies
+from circparam.render.scene import Scene, make_scene, with_instances
 from circparam.render.svg import figure_svg
 from circparam.render.texture import LARGEST, unmoved
 
@@ -97,7 +97,7 @@ def view_document(
                 f"the first {MOST_TARGETS} of {len(targets)} morph targets have a slider",
             ]
         notes += more
-    scene = with_copies(scene, document.copies())
+    scene = with_instances(scene, document.instance_transforms())
     name = Path(document.source.name).name
     if (
         up == "auto"
@@ -131,7 +131,7 @@ def _before(
     judged = judged_set(document, uv_set, group_by)
     if judged is not None:
         uvmap = laid_apart(uvmap, judged.tiles)
-    scene = with_copies(scene_of(document, uvmap), document.copies())
+    scene = with_instances(scene_of(document, uvmap), document.instance_transforms())
     images, note, _ = page_images(document, uv_set)
     options = replace(options, images=images, image_note=note)
     return PageLayout("before", scene, options, view_figures(judged, scene))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render import colours as col

@@ -205,7 +205,7 @@ def test_a_full_disk_is_told_from_other_trouble_of_the_output(tmp_path: Path) ->
     ):
         answer = {"code": 8, "error": error, "report": None, "files": []}
         end = {"end": "done", "answer": answer, "seconds": 1.0, "peak": 1}
-        assert task._told(settings(tmp_path), end).get("again") == again
+        assert task._failure(settings(tmp_path), end).get("again") == again
 
 
 def test_another_version_is_refused(tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def write_meshes(folder: Path, count: int) -> list[Path]:
 
 def settings(out: Path) -> Settings:
     """The default options."""
-    return Settings(Options(), Gates(), str(out), exits.judge)
+    return Settings(Options(), Gates(), str(out), exits.exit_of)
 
 
 def cpu_of_tree(root: psutil.Process) -> float:

@@ -27,7 +27,7 @@ from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.html import PageLayout
 from circparam.render.html import page as page_text
 from circparam.render.picture import save_preview
-from circparam.render.scene import make_scene, with_copies
+from circparam.render.scene import make_scene, with_instances
 from circparam.render.side_by_side import MethodLayout, SideBySide
 from tests.support.node import NODE, modules
 
@@ -391,7 +391,7 @@ def test_what_is_shown_again_covers_nothing_twice(tmp_path: Path):
     scene = make_scene(mesh.points, mesh.faces, uvmap.uv, uvmap.uv_faces)
     move = np.eye(4)
     move[0, 3] = 2.5
-    scene = with_copies(scene, [(np.arange(len(mesh.faces)), move)])
+    scene = with_instances(scene, [(np.arange(len(mesh.faces)), move)])
     (tmp_path / "twice.html").write_text(page_text(scene), "utf-8")
     seen = drive(tmp_path / "twice.html", "twice", "desktop", [["faults", "press", "6"]])
     assert [share_lit(seen, "faults", panel) for panel in ("surface", "plane")] == [0, 0]

@@ -127,11 +127,11 @@ def test_what_is_running_is_told(tmp_path: Path) -> None:
     line: dict[str, Any] = {"status": "ok", "exit": 0, "source_bytes": 100}
     meter.count(line)
     progress = meter.progress({"slow.obj": 61.0, "new.obj": 1.0}, 2, "")
-    from circparam.batch.batch import _Told
+    from circparam.batch.batch import _StatusFile
     from circparam.batch.store import Folder
 
     heard: list[Progress] = []
-    _Told(Folder(str(tmp_path)), heard.append)(progress)
+    _StatusFile(Folder(str(tmp_path)), heard.append)(progress)
     assert heard == [progress]
     state = json.loads(batch("--status", tmp_path, "--json").stdout)
     assert state["running"]

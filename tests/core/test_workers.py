@@ -21,7 +21,7 @@ from circparam.core import pool as pool_module
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.pool import Pool, current
-from circparam.core.workers import Later, Worker
+from circparam.core.workers import DeferredTask, Worker
 
 HERE = "tests.core.test_workers"
 ROOT = Path(__file__).parents[2]
@@ -97,7 +97,7 @@ def test_a_task_here_shares_its_own_work_with_processes_that_are_idle() -> None:
 
 def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> None:
     pool = opened(2)
-    first, second = (Later(2, square, (k, ""), Monitor()) for k in (3, 4))
+    first, second = (DeferredTask(2, square, (k, ""), Monitor()) for k in (3, 4))
     first.begin()
     assert pool.free == 0
     second.begin()  # none is idle: nothing happens
@@ -107,10 +107,10 @@ def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> 
     assert first.begun
     assert first.result() is first.result()
     assert second.result() == (16, os.getpid())
-    alone = Later(1, square, (5, ""), Monitor())
+    alone = DeferredTask(1, square, (5, ""), Monitor())
     alone.begin()
     assert alone.result() == (25, os.getpid())
-    lost = Later(2, square, (6, str(os.getpid())), Monitor())  # dies in the process
+    lost = DeferredTask(2, square, (6, str(os.getpid())), Monitor())  # dies in the process
     while pool.free < 1:
         os.sched_yield()
     lost.begin()
@@ -129,10 +129,10 @@ def until(there: str, monitor: Monitor) -> int:
 def test_a_task_that_waits_for_a_process_is_sent_as_it_was(tmp_path: Path, asked: bool) -> None:
     """Unless it is asked for before: then it is done here, and by nobody else."""
     pool = opened(2)
-    first = Later(2, until, (str(tmp_path / "go"),), Monitor())
+    first = DeferredTask(2, until, (str(tmp_path / "go"),), Monitor())
     first.begin()
     numbers = np.arange(3)
-    second = Later(2, total, (numbers,), Monitor())
+    second = DeferredTask(2, total, (numbers,), Monitor())
     second.begin_soon()
     numbers += 1
     assert not second.begun
@@ -145,7 +145,7 @@ def test_a_task_that_waits_for_a_process_is_sent_as_it_was(tmp_path: Path, asked
         os.sched_yield()
     assert second.begun is not asked
     assert second.result() == ((6, os.getpid()) if asked else (3, process))
-    third = Later(2, square, (4, ""), Monitor())
+    third = DeferredTask(2, square, (4, ""), Monitor())
     third.begin_soon()
     assert third.begun, "a process is idle"
     assert third.result() == (16, process)
@@ -160,7 +160,7 @@ def total(numbers: np.ndarray, monitor: Monitor) -> tuple[int, int]:
 def test_what_a_process_was_too_late_for_is_known_here(seconds: float) -> None:
     opened(2)
     monitor = Monitor(None, seconds)
-    later = Later(2, square, (3, ""), monitor)
+    later = DeferredTask(2, square, (3, ""), monitor)
     later.begin()
     assert not monitor.late
     later.result()
@@ -174,7 +174,7 @@ def test_what_a_process_was_too_late_for_is_known_here(seconds: float) -> None:
 def test_tasks_wait_for_a_process_that_does_something_else() -> None:
     """As soon as it has done it, it gets those of them that are left."""
     pool = opened(2)
-    Later(2, square, (3, ""), Monitor()).begin()
+    DeferredTask(2, square, (3, ""), Monitor()).begin()
     got = Worker(2).map(patient, [(k,) for k in range(3)], Monitor())
     assert got[0] == os.getpid()
     assert got[1] in pool.executor._processes

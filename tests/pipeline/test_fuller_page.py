@@ -273,9 +273,9 @@ def test_processes_share_the_search_and_change_nothing(monkeypatch: pytest.Monke
     assert pool is not None
     pool.ready.result()
     begun: list[bool] = []
-    begin = workers.Later.begin
+    begin = workers.DeferredTask.begin
 
-    def told(self: workers.Later) -> None:
+    def told(self: workers.DeferredTask) -> None:
         while pool.free < 1:  # its answer is here before a process is free again
             os.sched_yield()
         begin(self)
@@ -289,7 +289,7 @@ def test_processes_share_the_search_and_change_nothing(monkeypatch: pytest.Monke
         values.append([p.value for p in plans])
         return plans
 
-    monkeypatch.setattr(workers.Later, "begin", told)
+    monkeypatch.setattr(workers.DeferredTask, "begin", told)
     monkeypatch.setattr(cut_search.Planner, "best", noted)
     monkeypatch.setattr(fuller_page, "SURE", np.inf)
     monkeypatch.setattr(cut_plan, "THOROUGH", replace(cut_plan.THOROUGH, packed=1))

@@ -55,13 +55,13 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def begun(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[bool]]:
     """By the names of functions, whether tasks that are asked for later were begun when they were to be."""
     names: dict[str, list[bool]] = {}
-    begin = workers.Later.begin
+    begin = workers.DeferredTask.begin
 
-    def told(self: workers.Later) -> None:
+    def told(self: workers.DeferredTask) -> None:
         begin(self)
         names.setdefault(self._function.__name__, []).append(self.begun)
 
-    monkeypatch.setattr(workers.Later, "begin", told)
+    monkeypatch.setattr(workers.DeferredTask, "begin", told)
     return names
 
 

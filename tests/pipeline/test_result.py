@@ -10,12 +10,12 @@ from circparam.errors import OutOfTimeError
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options
-from circparam.pipeline.result import promise, verdict, verify_layout
+from circparam.pipeline.result import promise, status_of, verify_layout
 from tests.support import shapes
 
 
 def judged(scale: object, repairs: list[str], expired: bool = False, **options: object):
-    """The verdict on a flat square whose uv are its points, stretched."""
+    """The status of a flat square whose uv are its points, stretched."""
     document = from_arrays(*shapes.grid(4, 4))
     asked = Options(**options)
     job = prepare(document, None, asked, Monitor())
@@ -23,7 +23,7 @@ def judged(scale: object, repairs: list[str], expired: bool = False, **options: 
     uv = np.zeros((cut_mesh.n_vertices, 2))
     uv[cut_mesh.faces.ravel()] = job.surface.points[job.surface.faces.ravel(), :2]
     uv = 0.1 + 0.8 * uv * scale
-    return verdict(
+    return status_of(
         verify_layout(job.surface, job.completed(cut_mesh, uv), asked), asked, repairs, expired
     )
 

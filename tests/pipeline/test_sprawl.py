@@ -42,8 +42,8 @@ def trimmer(shape: shapes.Shape, longer: float = np.inf, cuts: int = 100) -> Tri
     atlas = flat_atlas(shape)
     options = Options(pack_splits=cuts)  # asked for: flats may be cut
     cascade = Cascade(atlas, CascadeRules(bound=1.05))
-    carver = fuller_page.carver_of(cascade, *atlas.open(), options)
-    return Trimmer(carver, longer, np.inf, cuts)
+    cutter = fuller_page.atlas_cutter(cascade, *atlas.open(), options)
+    return Trimmer(cutter, longer, np.inf, cuts)
 
 
 def trimmed(shape: shapes.Shape, longer: float = np.inf, cuts: int = 100) -> Trimmed:
@@ -107,10 +107,10 @@ def test_what_leaves_nothing_empty_is_left() -> None:
 def test_charts_that_cannot_be_cut_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[int] = []
 
-    def refused(self: pieces.Knife, ground: pieces.Ground, chord: Any) -> None:
+    def refused(self: pieces.ChartCutter, ground: pieces.Ground, chord: Any) -> None:
         tried.append(ground.chart)
 
-    monkeypatch.setattr(pieces.Knife, "divided", refused)
+    monkeypatch.setattr(pieces.ChartCutter, "divided", refused)
     assert trimmed(letters(12)).cuts == 0
     count = np.bincount(tried, minlength=12)
     assert (count >= 1).all()

@@ -11,7 +11,7 @@ import circparam
 from circparam.formats.io import read, rounding
 from circparam.geometry.overlap import signs
 from circparam.mesh.surface import Surface
-from circparam.pipeline import lattice, stored_fit
+from circparam.pipeline import representable_uv, stored_fit
 from tests.support import needles, shapes
 
 QUICK = {"effort": 0.01}
@@ -103,7 +103,7 @@ def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -
 def test_where_single_precision_has_no_place_ply_takes_doubles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lattice, "SEARCHES", ())
+    monkeypatch.setattr(representable_uv, "SEARCHES", ())
     result = circparam.unwrap(planted(), tmp_path / "o.ply", resolution=64, **QUICK)
     assert (result.measures["charts"], result.verification.valid) == (1, True)
     assert result.uv_double
@@ -119,7 +119,7 @@ def test_where_single_precision_has_no_place_ply_takes_doubles(
 
 
 def test_doubles_at_the_faces_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lattice, "SEARCHES", ())
+    monkeypatch.setattr(representable_uv, "SEARCHES", ())
     result = circparam.unwrap(planted(), tmp_path / "o.ply", resolution=64, ply_uv="face", **QUICK)
     assert b"double texcoord" in (tmp_path / "o.ply").read_bytes()[:400]
     assert (result.measures["charts"], result.verification.valid) == (1, True)
@@ -135,7 +135,7 @@ def test_a_turn_of_the_pages_takes_charts_to_finer_numbers(monkeypatch: pytest.M
     first = cut_mesh.vertex_chart == 0
     uv[first] = 5e-7 * (uv[first] - uv[first].min(0)) + 1e-5
     uv[~first] = 0.3 * (uv[~first] - uv[~first].min(0)) + [1.2, 0.1]
-    monkeypatch.setattr(lattice, "SEARCHES", ())
+    monkeypatch.setattr(representable_uv, "SEARCHES", ())
     job = _Target("glb")
     still = stored_fit.hold(job, cut_mesh, uv, np.zeros(2, bool))
     turned = stored_fit.hold(job, cut_mesh, uv, np.zeros(2, bool), turn=True)

@@ -12,7 +12,7 @@ from circparam.core.arrays import edge_keys
 from circparam.render.coarser import coarser
 from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.html import page
-from circparam.render.scene import Scene, make_scene, with_copies
+from circparam.render.scene import Scene, make_scene, with_instances
 from tests.support.shapes import grid
 
 
@@ -97,7 +97,7 @@ def test_faces_without_uv_and_copies_are_drawn_too() -> None:
     )
     matrix = np.eye(4)
     matrix[:3, 3] = 3.0, 0.0, 0.0
-    double = with_copies(scene, [(np.arange(len(scene.faces)), matrix)])
+    double = with_instances(scene, [(np.arange(len(scene.faces)), matrix)])
     shown = coarser(double, 1600)
     assert shown.once is scene
     assert shown.source is not None

@@ -13,7 +13,7 @@ import pytest
 from circparam.render import colours as col
 from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.html import PageLayout, fill_in, page
-from circparam.render.scene import make_scene, with_copies
+from circparam.render.scene import make_scene, with_instances
 from tests.support.scenes import cube
 
 PNG = base64.b64decode(
@@ -109,7 +109,7 @@ def test_copies_are_in_the_page_with_their_images():
     scene = make_scene(*cube())
     move = np.eye(4)
     move[:3, 3] = 5
-    shown = with_copies(scene, [(np.arange(4), move)])
+    shown = with_instances(scene, [(np.arange(4), move)])
     image = np.array([1] * 2 + [0] * 4 + [-1] * 6)
     meta = meta_of(page(shown, PictureOptions(images=PageImages([(PNG, "image/png")] * 2, image))))
     assert [r["count"] for r in meta["ranges"]] == [6, 6, 4]
@@ -152,7 +152,7 @@ def test_copies_take_their_targets_along():
     scene = replace(scene, targets=(("up", scene.points + np.array([0.0, 0, 5])),))
     matrix = np.diag([2.0, 1, 1, 1])
     matrix[:3, 3] = [10, 0, 0]
-    both = with_copies(scene, [(np.arange(len(scene.faces)), matrix)])
+    both = with_instances(scene, [(np.arange(len(scene.faces)), matrix)])
     ((_, points),) = both.targets
     step = points[both.faces] - both.points[both.faces]
     assert np.allclose(step, [0, 0, 5])

@@ -12,7 +12,7 @@ import circparam
 from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.render.figures import as_figures, scene_figures
-from circparam.render.scene import make_scene, row_labels, with_copies
+from circparam.render.scene import make_scene, row_labels, with_instances
 from circparam.render.show import judged_set, scene_of, view_document, view_figures
 from circparam.render.views import draw_plan
 from tests.support import shapes
@@ -116,7 +116,7 @@ def test_what_is_shown_again_is_drawn_and_not_counted():
     move[:3, 3] = [5, 0, 0]
     mirror[:3, 3] = [-5, 0, 0]
     fid = np.arange(6)
-    shown = with_copies(scene, [(fid, move), (fid, mirror)])
+    shown = with_instances(scene, [(fid, move), (fid, mirror)])
     assert len(shown.faces) == 24
     assert shown.once is scene
     assert shown.n_charts == scene.n_charts
@@ -137,7 +137,7 @@ def test_what_is_shown_again_is_drawn_and_not_counted():
     assert len(shown.seams) >= len(scene.seams) + 2 * half
     assert scene_figures(shown) == scene_figures(scene)
     np.testing.assert_array_equal(draw_plan(shown, 60).image, draw_plan(scene, 60).image)
-    assert with_copies(scene, []) is scene
+    assert with_instances(scene, []) is scene
 
 
 @pytest.mark.parametrize("shape", [shapes.moebius(), shapes.klein()])

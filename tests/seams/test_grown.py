@@ -11,7 +11,7 @@ from circparam.core import workers
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.pool import current
-from circparam.core.workers import Later, Worker
+from circparam.core.workers import DeferredTask, Worker
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -283,13 +283,13 @@ def test_what_may_be_gone_back_to_is_made_beside(
         monkeypatch.setattr(grown, "SMALL_FACES", 100)
     surface = surface_of(*shapes.icosphere(3))
     begun: list[bool] = []
-    result = workers.Later.result
+    result = workers.DeferredTask.result
 
-    def told(self: workers.Later) -> object:
+    def told(self: workers.DeferredTask) -> object:
         begun.append(self.begun)
         return result(self)
 
-    monkeypatch.setattr(workers.Later, "result", told)
+    monkeypatch.setattr(workers.DeferredTask, "result", told)
 
     def decided(*_: object) -> Decided:
         whole = Atlas(surface, np.zeros(len(surface.edges), bool))
@@ -344,7 +344,7 @@ def test_a_level_that_has_to_be_split_is_left_for_one_that_costs_no_more(dear: b
     if dear:
         half = np.arange(len(surface.faces)) // 13
     other = Atlas(surface, np.diff(half[surface.edges // 3], axis=1)[:, 0] != 0)
-    made = Later(1, given_back, (other.cut, other.corners), Monitor())
+    made = DeferredTask(1, given_back, (other.cut, other.corners), Monitor())
     rest = finish.NextBest(surface, made)
     merged = Atlas(surface, np.zeros(len(surface.edges), bool))
     decided = Decided(merged, graph, plain=partial(halved, surface), most=100.0)

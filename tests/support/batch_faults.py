@@ -45,7 +45,7 @@ def settings(out: Path | str, gates: Gates | None = None, **keywords: Any) -> Se
     """Settings of a quick unwrap."""
     known = {k: keywords.pop(k) for k in ("max_memory", "extras", "fork") if k in keywords}
     options = Options(**{**QUICK, **keywords})  # type: ignore[arg-type]
-    return Settings(options, gates or Gates(), str(out), exits.judge, **known)
+    return Settings(options, gates or Gates(), str(out), exits.exit_of, **known)
 
 
 def write_disk(path: Path, n: int = 3) -> Path:

@@ -64,7 +64,7 @@ class GltfDocument(Document):
         meshes = [p.mesh for p in self.primitives]
         return len(meshes) + sum(meshes.count(again.mesh) for again in self.again)
 
-    def copies(self) -> list[tuple[IntArray, FloatArray]]:
+    def instance_transforms(self) -> list[tuple[IntArray, FloatArray]]:
         """The meshes that further nodes show, where those put them."""
         size = np.array([len(p.triangles) for p in self.primitives])
         mesh = np.repeat([p.mesh for p in self.primitives], size)

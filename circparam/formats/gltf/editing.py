@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.words import counted
+from circparam.core.plural import counted
 from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.joining import join_primitives
@@ -54,9 +54,9 @@ def write_uv(
         sources.append(pool.first + split.source)
         users = [primitives[i] for i in mine]
         dropped += edit.pool(users, pool, split, file_uv(split.uv), number)
-        if edit.told is not None:
-            mine_told = [edit.told[start[i] : start[i + 1]].reshape(-1, 4) for i in mine]
-            edit.tangents(users, split, np.concatenate(mine_told))
+        if edit.new_tangents is not None:
+            own_tangents = [edit.new_tangents[start[i] : start[i + 1]].reshape(-1, 4) for i in mine]
+            edit.tangents(users, split, np.concatenate(own_tangents))
         if split.added:
             added += split.added
             listed += edit.indices(users, split)
@@ -112,10 +112,10 @@ def file_uv(uv: FloatArray) -> Any:
 class TreeEdit(Packing):
     """A copy of a tree in which vertices and uv of primitives change.
 
-    told: (m, 3, 4) tangents to write, None to keep those that still hold.
+    new_tangents: (m, 3, 4) tangents to write, None to keep those that still hold.
     """
 
-    told: FloatArray | None = None
+    new_tangents: FloatArray | None = None
     # primitives (mesh, number) that keep the uv which are replaced, and the set in which
     keeps: frozenset[tuple[int, int]] = frozenset()
     kept_set: int = 0
@@ -183,11 +183,11 @@ class TreeEdit(Packing):
         self.json, pages = redressed(self.json, primitives, carried, self.kept_set)
         self.images = {number: carried.pages[page] for number, page in pages.items()}
         self.image_files = carried.files or {}
-        self.told = carried.tangents
+        self.new_tangents = carried.tangents
         one = {k for group in carried.groups if len(group.members) > 1 for k in group.members}
         self.merged = [k for k, (_, e) in enumerate(entries) if e.get("material", default) in one]
 
-    def tangents(self, users: list[Primitive], split: Split, told: FloatArray) -> None:
+    def tangents(self, users: list[Primitive], split: Split, new_tangents: FloatArray) -> None:
         """TANGENT of primitives with normals: those of corners (c, 4) in the world; the last of a vertex
         counts."""
         entries = [self.primitive(p) for p in users]
@@ -196,10 +196,11 @@ class TreeEdit(Packing):
             return
         whole = mesh_matrices(self.tree)[users[0].mesh][:3, :3]
         rows = np.tile([1.0, 0.0, 0.0, 1.0], (len(split.source), 1))
-        local = times(told[:, :3], np.linalg.pinv(whole).T)
+        local = times(new_tangents[:, :3], np.linalg.pinv(whole).T)
         length = np.linalg.norm(local, axis=1, keepdims=True)
         rows[split.corner] = np.c_[
-            np.where(length > 0, local / np.maximum(length, 1e-300), rows[0, :3]), told[:, 3]
+            np.where(length > 0, local / np.maximum(length, 1e-300), rows[0, :3]),
+            new_tangents[:, 3],
         ]
         raw = np.ascontiguousarray(rows, "<f4")
         new = self.accessor(

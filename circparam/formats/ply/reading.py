@@ -48,8 +48,8 @@ def _whole_comments(lines: list[str]) -> list[str]:
     """Header lines, those that carry on a comment as comments: file names in them may hold line breaks."""
     out: list[str] = []
     for line in lines:
-        told = bool(out) and out[-1].split()[:1] in (["comment"], ["obj_info"])
-        carried_on = told and line.split() and line.split()[0] not in KEYWORDS
+        is_comment = bool(out) and out[-1].split()[:1] in (["comment"], ["obj_info"])
+        carried_on = is_comment and line.split() and line.split()[0] not in KEYWORDS
         out.append(f"comment {line.strip()}" if carried_on else line)
     return out
 

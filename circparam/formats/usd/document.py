@@ -149,7 +149,7 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
         notes=["points are animated: those of the earliest time are unwrapped"] * arrays.moving,
         features=("the tree of prims", *(("materials",) if arrays.materials else ())),
         group_names=tuple(arrays.names) if several else (),
-        warnings=tuple(_told(arrays, missing)),
+        warnings=tuple(_warnings(arrays, missing)),
         data=data,
         arrays=arrays,
         layers=tuple(layers),
@@ -158,7 +158,7 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
     )
 
 
-def _told(arrays: Arrays, missing: list[str]) -> list[str]:
+def _warnings(arrays: Arrays, missing: list[str]) -> list[str]:
     out = []
     if arrays.variants:
         out.append(

@@ -98,10 +98,10 @@ def _put(
             return None
         rows, columns = masks.size[pick].T
         area = masks.area[pick].astype(np.float64)
-        spot = best_place(page, spectra[pick], blur, area, rows, columns, side)
-        if spot is None:
+        place = best_place(page, spectra[pick], blur, area, rows, columns, side)
+        if place is None:
             return None
-        k, y, x = int(pick[spot[0]]), spot[1], spot[2]
+        k, y, x = int(pick[place[0]]), place[1], place[2]
         at.append((k, y, x))
         h, w = masks.size[k]
         used[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1

@@ -48,11 +48,11 @@ def best_place(
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
     # what a cell in use counts as: more than all that a mask may touch
     used = 2 * np.float32(area.max())
-    told = _at_places(kernel * (page * (blur + used)), tall, wide)
-    free = told < 0.75 * used
+    contact = _at_places(kernel * (page * (blur + used)), tall, wide)
+    free = contact < 0.75 * used
     free &= (np.arange(tall)[None] <= side - rows[:, None])[:, :, None]
     free &= (np.arange(wide)[None] <= side - columns[:, None])[:, None, :]
-    score = np.where(free, told / area[:, None, None], -1).ravel()
+    score = np.where(free, contact / area[:, None, None], -1).ravel()
     highest = float(score.max())
     if highest < 0:
         return None

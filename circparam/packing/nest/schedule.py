@@ -37,8 +37,8 @@ class Schedule:
         with ``straight_budget`` times its budget, where they have ``straight_area`` of the area.
     tiling: share of the area that straight charts have, beyond which few charts get the grid of many: what they
         could tile is lost by rounding to coarse cells (0.82 to 0.89 of the page on a part of 30 rectangles).
-    crumb_area, crumb_reach, crumbs: share of the area, and diameter in its roots, up to which a chart is a
-        crumb; share of the area that all crumbs have at most, of many charts, where the others are laid out
+    tiny_area, tiny_reach, tiny_share: share of the area, and diameter in its roots, up to which a chart is
+        tiny; share of the area that all tiny charts have at most, of many charts, where the others are laid out
         first (scans of 69 and 104 charts: 0.65 to 0.71 and 0.68 to 0.73 of the page, of 75 the same).
     """
 
@@ -75,9 +75,9 @@ class Schedule:
     straight_budget: float = 0.5
     straight_area: float = 0.05
     tiling: float = 0.5
-    crumb_area: float = 0.004
-    crumb_reach: float = 0.2
-    crumbs: float = 0.03
+    tiny_area: float = 0.004
+    tiny_reach: float = 0.2
+    tiny_share: float = 0.03
 
 
 SCHEDULE = Schedule()

@@ -163,12 +163,12 @@ def _attempt(
         kernel, area = board.spectra[c][pick], masks.area[pick]
         rows, columns = masks.size[pick, 0], masks.size[pick, 1]
         for tile in range(pages):
-            spot = best_place(spectra[tile], kernel, blur, area, rows, columns, side)
-            if spot is not None:
+            place = best_place(spectra[tile], kernel, blur, area, rows, columns, side)
+            if place is not None:
                 break
         else:
             return int(c)
-        k, y, x = spot
+        k, y, x = place
         mask[c], row[c], column[c], page[c] = pick[k], y, x, tile
         h, w = int(rows[k]), int(columns[k])
         cells = masks.cells[pick[k], :h, :w]

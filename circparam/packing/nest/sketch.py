@@ -61,18 +61,18 @@ class SketchedPage:
 
 @dataclass(eq=False)
 class _Step:
-    """A chart on a page, after those before it. spot: mask, row and column; None where it finds no place.
+    """A chart on a page, after those before it. place: mask, row and column; None where it finds no place.
 
     sketch: kept, so that no other one gets its number. after: what followed, by sketch and masks to choose
     from.
     """
 
     sketch: Sketch | None = None
-    spot: tuple[int, int, int] | None = None
+    place: tuple[int, int, int] | None = None
     after: dict[tuple[int, bytes], _Step] = field(default_factory=dict)
 
 
-class Known:
+class SketchCache:
     """What pages of the same charts have in common: many begin as others did, and go on as those went.
 
     sketches: by the outlines that they show: several chords may lead to the same cut. locked: layouts grown
@@ -87,8 +87,8 @@ class Known:
         self.sketches: dict[tuple[bytes, bytes], Sketch] = {}
         self.locked: dict[tuple[bytes, ...], Placement] = {}
 
-    def __reduce__(self) -> tuple[type[Known], tuple[()]]:
-        return Known, ()
+    def __reduce__(self) -> tuple[type[SketchCache], tuple[()]]:
+        return SketchCache, ()
 
     def keep(self, sketches: Sequence[Sketch]) -> None:
         """Keep the spectra of some sketches: those that take part in many pages."""
@@ -121,20 +121,20 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False)
-class Easel:
+class SketchGrid:
     """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by.
-    known: of the pages that were sketched."""
+    cache: of the pages that were sketched."""
 
     cell: float
     grow: float
-    known: Known = field(default_factory=Known)
+    cache: SketchCache = field(default_factory=SketchCache)
 
     def sketch(self, start: FloatArray, end: FloatArray) -> Sketch:
         """An outline of edges from start to end (e, 2) in uv units."""
         key = start.tobytes(), end.tobytes()
-        if key not in self.known.sketches:
-            self.known.sketches[key] = self._drawn(start, end)
-        return self.known.sketches[key]
+        if key not in self.cache.sketches:
+            self.cache.sketches[key] = self._drawn(start, end)
+        return self.cache.sketches[key]
 
     def _drawn(self, start: FloatArray, end: FloatArray) -> Sketch:
         middle = (start.min(0) + start.max(0)) / 2
@@ -162,17 +162,17 @@ def _angles(points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Board:
-    """Sketches on a grid of ``side`` squared cells, with what is known of them; spectra: those in use."""
+    """Sketches on a grid of ``side`` squared cells, with the cache of all pages; spectra: those in use."""
 
     sketches: Sequence[Sketch]
-    known: Known
+    cache: SketchCache
     side: int
     spectra: dict[int, Spectrum] = field(default_factory=dict)
 
     def spectrum(self, c: int) -> Spectrum:
         """Those of the masks of sketch c."""
         if c not in self.spectra:
-            self.spectra[c] = self.known.spectrum(self.sketches[c], self.side)
+            self.spectra[c] = self.cache.spectrum(self.sketches[c], self.side)
         return self.spectra[c]
 
 
@@ -181,19 +181,19 @@ def least_page(
     below: int,
     tries: int,
     budget: Budget,
-    known: Known | None = None,
+    cache: SketchCache | None = None,
 ) -> SketchedPage | None:
     """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
     tries: orders that are tried without success before the search ends; it goes on with every success.
-    budget: of cells that are transformed. known: of other pages.
+    budget: of cells that are transformed. cache: of other pages.
     """
     least = max((s.least for s in sketches), default=1)
     least = max(least, int(np.sqrt(sum(s.area for s in sketches) / FULLEST)))
     side = below - 1
     if side < least:
         return None
-    board = _Board(sketches, known or Known(), int(sf.next_fast_len(side, real=True)))
+    board = _Board(sketches, cache or SketchCache(), int(sf.next_fast_len(side, real=True)))
     rng = np.random.default_rng(SEED)
     found: SketchedPage | None = None
     failures = tried = 0
@@ -245,7 +245,7 @@ def _laid_out(
     at = np.zeros((3, len(order)), np.int64)
     grid = np.ones((size, size), np.float32)
     grid[:side, :side] = 0
-    step = board.known.first(size, side, sigma)
+    step = board.cache.first(size, side, sigma)
     for turn, c in enumerate(order.tolist()):
         sketch, pick = board.sketches[c], choice[c]
         masks = sketch.masks
@@ -256,16 +256,16 @@ def _laid_out(
         budget.spend(len(pick) * float(size) ** 2)
         key = id(sketch), pick.tobytes()
         if key not in step.after:
-            spot: tuple[int, int, int] | None
+            place: tuple[int, int, int] | None
             if turn == 0:
-                spot = _corner(_empty(size, side, sigma), masks, pick, side)
+                place = _corner(_empty(size, side, sigma), masks, pick, side)
             else:
-                spot = _touching(sf.rfft2(grid), board.spectrum(c), masks, pick, (side, sigma))
-            step.after[key] = _Step(sketch, spot)
+                place = _touching(sf.rfft2(grid), board.spectrum(c), masks, pick, (side, sigma))
+            step.after[key] = _Step(sketch, place)
         step = step.after[key]
-        if step.spot is None:
+        if step.place is None:
             return None
-        at[:, c] = k, y, x = step.spot
+        at[:, c] = k, y, x = step.place
         h, w = masks.size[k]
         grid[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1
     return SketchedPage(side, *at)
@@ -310,16 +310,16 @@ def _corner(
     inside = ((down @ cells)[:, :, None] * right[:, None]).sum(-1).reshape(-1, 4)
     # where a chart is grown, a cell may lie beyond the size of its mask
     own = masks.within[pick]
-    told = (own[:, None] - inside) / masks.area[pick, None]
-    best, spot = -1.0, (int(pick[0]), 0, 0)
-    for n, corner in np.argwhere(told >= told.max() - EVEN).tolist():
+    contact = (own[:, None] - inside) / masks.area[pick, None]
+    best, place = -1.0, (int(pick[0]), 0, 0)
+    for n, corner in np.argwhere(contact >= contact.max() - EVEN).tolist():
         k, (h, w) = int(pick[n]), size[n].tolist()
         y, x = (side - h) * (corner // 2), (side - w) * (corner % 2)
         touched = blurred[y : y + h, x : x + w][masks.cells[k, :h, :w]]
         score = float(touched.sum()) / float(masks.area[k])
         if score > best:
-            best, spot = score, (k, y, x)
-    return spot
+            best, place = score, (k, y, x)
+    return place
 
 
 def _from_ends(along: FloatArray, count: IntArray) -> Single:

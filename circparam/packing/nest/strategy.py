@@ -56,7 +56,7 @@ def nested(
         going_on = _going_on(task)
         if going_on is not None:
             return going_on
-    layouts, straight = _found(task)
+    layouts, straight = _layouts(task)
     if shapes.n <= SCHEDULE.compacted_up_to:
         compacted = _compacted(task, layouts, (skyline(), shelf), _growth(task, straight))
         if compacted is not None:
@@ -71,9 +71,9 @@ def _large_first(task: PackTask) -> Placement | None:
     if shapes.n <= SCHEDULE.few or options.pages > 1 or options.rotate != "free":
         return None
     area = float(shapes.area.sum())
-    long = 2 * shapes.radius > SCHEDULE.crumb_reach * np.sqrt(area)
-    large = np.flatnonzero(long | (shapes.area > SCHEDULE.crumb_area * area))
-    if len(large) > SCHEDULE.few or shapes.area[large].sum() < (1 - SCHEDULE.crumbs) * area:
+    long = 2 * shapes.radius > SCHEDULE.tiny_reach * np.sqrt(area)
+    large = np.flatnonzero(long | (shapes.area > SCHEDULE.tiny_area * area))
+    if len(large) > SCHEDULE.few or shapes.area[large].sum() < (1 - SCHEDULE.tiny_share) * area:
         return None
     alone = replace(task, shapes=shapes.part(large), found={}, sound=lambda _: True)
     found = nested(alone)
@@ -136,7 +136,7 @@ def _grown(task: PackTask, growth: Growth, start: Placement) -> Placement:
     return roughly(growth, smaller, steps, 0.0)
 
 
-def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
+def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
     """Layouts of the search, and the charts that lie along the axes in them.
 
     Straight charts do where that costs little. What no straight chart lies along the axes for must be so much

@@ -63,11 +63,11 @@ def embed_start(
     """
     uv, notes = embed(cut_mesh, weights, options, monitor)
     energy = _energies(cut_mesh, uv)
-    crushed = energy > POOR_START
-    if crushed.any():
-        part, vertices, _ = cut_mesh.subset(crushed)
+    poor = energy > POOR_START
+    if poor.any():
+        part, vertices, _ = cut_mesh.subset(poor)
         depth = boundary_depth(part)
-        best = energy[crushed]
+        best = energy[poor]
         for strength in GRADES:
             new, _ = tutte_embedding(part, weights, options, monitor, strength * depth)
             trial = _energies(part, new)
@@ -76,7 +76,7 @@ def embed_start(
             uv[vertices[better]] = new[better]
             best = np.minimum(best, trial)
         notes.append(
-            f"{weights}: {int(crushed.sum())} charts start from weights graded towards the boundary"
+            f"{weights}: {int(poor.sum())} charts start from weights graded towards the boundary"
         )
     return at_best_scales(cut_mesh, uv), notes
 

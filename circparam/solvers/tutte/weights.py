@@ -118,11 +118,11 @@ def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
     theta = raw * (2 * np.pi / vertex_angle_sums(cut_mesh, angles)[inner])[ring]
     wide = theta >= np.pi  # at most one corner of a ring
     if wide.any():
-        held = np.maximum(raw[wide], 0.95 * np.pi)
+        raised = np.maximum(raw[wide], 0.95 * np.pi)
         scale = np.ones(len(size))
-        scale[ring[wide]] = (2 * np.pi - held) / (2 * np.pi - theta[wide])
+        scale[ring[wide]] = (2 * np.pi - raised) / (2 * np.pi - theta[wide])
         theta *= scale[ring]
-        theta[wide] = held
+        theta[wide] = raised
     turned = np.cumsum(theta)
     first = (np.cumsum(size) - size)[ring]
     angle = turned - theta

@@ -237,10 +237,10 @@ def test_the_default_scene_comes_first_and_a_root_of_two_is_shown_once() -> None
 def test_copies_lie_where_their_nodes_put_them() -> None:
     """The read mesh moved by a copy's transform is what the copy's own node makes of the local points."""
     document = read_data(instanced().glb())
-    (copy,) = document.copies()
+    (copy,) = document.instance_transforms()
     faces, matrix = copy
     apart = read_data(instanced().glb(), unshare=True)
-    assert apart.copies() == []
+    assert apart.instance_transforms() == []
     where = document.mesh.points[document.mesh.faces[faces]] @ matrix[:3, :3].T + matrix[:3, 3]
     mine = apart.mesh.points[apart.mesh.faces]
     found = [
@@ -253,5 +253,5 @@ def test_copies_lie_where_their_nodes_put_them() -> None:
 def test_a_copy_of_a_flattened_mesh_stays_there() -> None:
     g = instanced()
     g.tree["nodes"][2]["scale"] = [1, 1, 0]
-    ((_, matrix),) = read_data(g.glb()).copies()
+    ((_, matrix),) = read_data(g.glb()).instance_transforms()
     assert np.isfinite(matrix).all()

@@ -9,7 +9,7 @@ from circparam.core.arrays import FloatArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest import lock
 from circparam.packing.nest.lock import locked
-from circparam.packing.nest.sketch import Easel, Sketch, least_page
+from circparam.packing.nest.sketch import Sketch, SketchGrid, least_page
 from circparam.packing.options import PackOptions
 from circparam.packing.placement import Placement
 
@@ -29,8 +29,8 @@ def rectangle(
 
 def page_of(edges: list[tuple[FloatArray, FloatArray]]) -> tuple[list[Sketch], int, Placement]:
     """The sketches, the side of their page in cells, and where the outlines lock."""
-    easel = Easel(CELL, 0.1)
-    some = [easel.sketch(*e) for e in edges]
+    grid = SketchGrid(CELL, 0.1)
+    some = [grid.sketch(*e) for e in edges]
     page = least_page(some, 80, 4, Budget(1e12, lambda: False))
     assert page is not None
     return some, page.side, locked(some, page, CELL, PAGE, lambda: False)
@@ -74,7 +74,7 @@ def test_outlines_lie_on_the_page_and_apart() -> None:
 
 
 def test_it_ends_where_there_is_no_time() -> None:
-    some = [Easel(CELL, 0.1).sketch(*rectangle(1.0, 1.0, (0.0, 0.0)))] * 2
+    some = [SketchGrid(CELL, 0.1).sketch(*rectangle(1.0, 1.0, (0.0, 0.0)))] * 2
     page = least_page(some, 80, 4, Budget(1e12, lambda: False))
     assert page is not None
     grown = locked(some, page, CELL, PAGE, lambda: False)

@@ -13,15 +13,15 @@ from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks
 from circparam.packing.nest.sketch import (
     FULLEST,
-    Easel,
-    Known,
     Sketch,
+    SketchCache,
+    SketchGrid,
     _corner,
     _empty,
     least_page,
 )
 
-EASEL = Easel(0.1, 0.0)
+GRID = SketchGrid(0.1, 0.0)
 
 
 def box(width: float, height: float) -> tuple[FloatArray, FloatArray]:
@@ -34,7 +34,7 @@ def box(width: float, height: float) -> tuple[FloatArray, FloatArray]:
 
 
 def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
-    return [EASEL.sketch(*box(w, h)) for w, h in sizes]
+    return [GRID.sketch(*box(w, h)) for w, h in sizes]
 
 
 def never() -> bool:
@@ -65,7 +65,7 @@ def test_a_sketch_knows_its_cells() -> None:
 
 
 def test_grown_outlines_have_more_cells() -> None:
-    grown = Easel(0.1, 1.5).sketch(*box(0.8, 0.4))
+    grown = SketchGrid(0.1, 1.5).sketch(*box(0.8, 0.4))
     (plain,) = sketches((0.8, 0.4))
     assert (grown.masks.size >= plain.masks.size + 2).all()
 
@@ -137,11 +137,11 @@ def blob(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
 def test_what_is_known_of_other_pages_changes_nothing() -> None:
     """Pages that share most of their charts: the same as by themselves, for the same work."""
     rng = np.random.default_rng(4)
-    stay = [EASEL.sketch(*blob(rng)) for _ in range(5)]
-    known = Known()
+    stay = [GRID.sketch(*blob(rng)) for _ in range(5)]
+    known = SketchCache()
     known.keep(stay)
     for k in range(12):
-        some = [*stay, *(EASEL.sketch(*blob(rng)) for _ in range(k % 3))]
+        some = [*stay, *(GRID.sketch(*blob(rng)) for _ in range(k % 3))]
         shared, alone = Budget(1e12, never), Budget(1e12, never)
         a, b = least_page(some, 60 + k, 8, shared, known), least_page(some, 60 + k, 8, alone)
         assert a is not None
@@ -153,7 +153,7 @@ def test_what_is_known_of_other_pages_changes_nothing() -> None:
 
 def test_what_is_known_spares_transforms(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(5)
-    some, known = [EASEL.sketch(*blob(rng)) for _ in range(5)], Known()
+    some, known = [GRID.sketch(*blob(rng)) for _ in range(5)], SketchCache()
     before = least_page(some, 90, 2, Budget(1e12, never), known)
     monkeypatch.delattr("circparam.packing.nest.sketch.best_place")
     after = least_page(some, 90, 2, Budget(1e12, never), known)
@@ -163,13 +163,13 @@ def test_what_is_known_spares_transforms(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_an_outline_has_one_sketch_and_what_is_known_stays_in_its_process() -> None:
-    easel = Easel(0.1, 0.0)
-    one = easel.sketch(*box(0.8, 0.4))
-    assert easel.sketch(*box(0.8, 0.4)) is one
-    assert easel.sketch(*box(0.8, 0.5)) is not one
-    copy = pickle.loads(pickle.dumps(easel))
-    assert copy.cell == easel.cell
-    assert not copy.known.sketches
+    grid = SketchGrid(0.1, 0.0)
+    one = grid.sketch(*box(0.8, 0.4))
+    assert grid.sketch(*box(0.8, 0.4)) is one
+    assert grid.sketch(*box(0.8, 0.5)) is not one
+    copy = pickle.loads(pickle.dumps(grid))
+    assert copy.cell == grid.cell
+    assert not copy.cache.sketches
 
 
 @pytest.mark.parametrize("beyond", [0, 1, 5])

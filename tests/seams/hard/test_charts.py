@@ -307,7 +307,7 @@ def test_what_the_hard_way_leaves_is_grown_beside_what_is_hard(
     order: list[tuple[str, int]] = []
     begun: list[str] = []
 
-    class Noted(workers.Later):
+    class Noted(workers.DeferredTask):
         def begin(self) -> None:
             begun.append(self._task[0])
 
@@ -318,7 +318,7 @@ def test_what_the_hard_way_leaves_is_grown_beside_what_is_hard(
         return cut, np.zeros((len(surface.faces), 3, 2)), None, [name]
 
     monkeypatch.setattr(ways, "one_way", made)
-    monkeypatch.setattr(ways, "Later", Noted)
+    monkeypatch.setattr(ways, "DeferredTask", Noted)
     parts = [shapes.cube(2), shapes.cube(1), shapes.grid(3, 3)]
     surface = surface_of(*shapes.join(*[(p + 9.0 * k, f) for k, (p, f) in enumerate(parts)]))
     component = surface.components[1]

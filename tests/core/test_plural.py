@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from circparam.core.words import counted, percent
+from circparam.core.plural import counted, percent
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.overlap import signs
-from circparam.pipeline.crushed import relieve
-from circparam.pipeline.lattice import FAR_ON_BOUNDARY, mend_faces
+from circparam.pipeline.representable_uv import FAR_ON_BOUNDARY, mend_faces
+from circparam.pipeline.rounding_slivers import relieve
 from tests.support.needles import ROUNDINGS, boundary_vertices
 
 Mesh = tuple[np.ndarray, np.ndarray]

@@ -11,10 +11,10 @@ import pytest
 import circparam
 from circparam.core import workers
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later
+from circparam.core.workers import DeferredTask
 from circparam.geometry.visibility import visible_share
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline import seen, unwrap
+from circparam.pipeline import seam_visibility, unwrap
 from circparam.pipeline.result import Result
 from circparam.pipeline.summary import summarise
 from tests.support import shapes
@@ -34,17 +34,19 @@ def torus() -> Result:
 def told(result: Result, monitor: Monitor) -> Result:
     """The result as the end of an unwrap with that monitor leaves it."""
     uvmap = UVMap(result.uv, result.uv_faces)
-    found = seen.SeenBeside(result.surface, uvmap, monitor).told(result.verification)
+    found = seam_visibility.SeamVisibility(result.surface, uvmap, monitor).completed(
+        result.verification
+    )
     return replace(result, verification=replace(found))
 
 
 def test_a_process_that_looks_finds_what_is_found_here(torus: Result) -> None:
-    workers.start(2, seen.__name__)
+    workers.start(2, seam_visibility.__name__)
     pool = workers.current()
     assert pool is not None
     pool.ready.result()
     beside = told(torus, Monitor(jobs=2)).verification
-    assert isinstance(beside.seen, seen.Known)
+    assert isinstance(beside.seen, seam_visibility.KnownFigure)
     expected = visible_share(torus.surface, torus.verification.cut)
     assert 0 < expected < 1
     assert beside.seam_visible == expected
@@ -53,7 +55,7 @@ def test_a_process_that_looks_finds_what_is_found_here(torus: Result) -> None:
 
 def test_nobody_looks_where_no_time_is_left(torus: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[object] = []
-    monkeypatch.setattr(Later, "begin", looked.append)
+    monkeypatch.setattr(DeferredTask, "begin", looked.append)
     monkeypatch.setattr("circparam.pipeline.verify.visible_share", lambda *a: looked.append(a))
     late = told(torus, Monitor(timeout=-1.0, jobs=2))
     assert json.loads(json.dumps(summarise(late)))["seam_visible"] is None

@@ -1,4 +1,4 @@
-"""Spoilt faces mended on the lattice of storable numbers."""
+"""Spoilt faces mended among the representable uv."""
 
 from __future__ import annotations
 
@@ -8,8 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.overlap import signs
-from circparam.pipeline import lattice
-from circparam.pipeline.lattice import FAR, FAR_ON_BOUNDARY, RADII, following, mend_faces, window
+from circparam.pipeline import representable_uv
+from circparam.pipeline.representable_uv import (
+    FAR,
+    FAR_ON_BOUNDARY,
+    RADII,
+    following,
+    mend_faces,
+    window,
+)
 from tests.support import needles
 from tests.support.exact import exact_sign
 from tests.support.needles import ROUNDINGS
@@ -72,7 +79,7 @@ def test_random_needles_are_upright_after_a_few_units(
         assert not got.moved.any()
 
 
-def test_doubles_have_a_lattice_too() -> None:
+def test_doubles_are_representable_too() -> None:
     """Rows of vertices that fall together in doubles come apart by a few units of doubles."""
     p, f = needles.band(np.random.default_rng(3), 12, 1e-10)
     p = ROUNDINGS["f4"](p)
@@ -97,8 +104,8 @@ def test_only_what_is_near_a_spoilt_face_moves() -> None:
 
 def test_a_crushed_layout_is_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     """More spoilt faces than rounding spoils: they are told, nothing moves."""
-    monkeypatch.setattr(lattice, "MOST", 3)
-    monkeypatch.setattr(lattice, "MOST_SHARE", 0.0)
+    monkeypatch.setattr(representable_uv, "MOST", 3)
+    monkeypatch.setattr(representable_uv, "MOST_SHARE", 0.0)
     p, f = needles.band(np.random.default_rng(1), 10, 1e-10)
     got = mend_faces(f, p, np.zeros(len(p), bool), ROUNDINGS["f4"])
     assert got.spoilt.sum() > 3
@@ -114,5 +121,5 @@ def test_vertices_on_a_boundary_move_little_and_others_as_far_as_they_must(insid
     start = ROUNDINGS["f4"](p)
     away = np.abs(got.uv - start) / np.spacing(start.astype(np.float32))
     assert got.moved.any()
-    assert bool(away.max() > lattice.FAR_ON_BOUNDARY) is inside
+    assert bool(away.max() > representable_uv.FAR_ON_BOUNDARY) is inside
     assert bool(got.spoilt.any()) is not inside

@@ -1,9 +1,8 @@
-"""Faces that stored numbers leave upright, and next to nothing of their width, get some of it back.
+"""Slivers of rounding: faces that stay upright in stored numbers and lose most of their width.
 
-A needle a hundred storable numbers long and three wide may be left with a thousandth of a cell: it is upright,
-and adds more to the distortion of its chart than all other faces. Its vertices then move among the storable
-numbers round them to where the symmetric Dirichlet energy of their faces, against the layout before it was
-stored, is least.
+A face that is 100 storable numbers long and 3 wide may keep a thousandth of a cell. Its energy then exceeds the
+energy of all other faces of its chart. Its vertices move to nearby storable numbers until the symmetric
+Dirichlet energy of their faces, measured against the layout before rounding, is least.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
 from circparam.geometry.predicates import orientation
-from circparam.pipeline.lattice import (
+from circparam.pipeline.representable_uv import (
     FAR_ON_BOUNDARY,
     RADII,
     Rounding,
@@ -22,8 +21,8 @@ from circparam.pipeline.lattice import (
 )
 
 # of the mean energy of its chart: what a face may add by being stored. The least room below a bound is 5e-6
-CRUSHED = 1e-6
-ROUNDS = 8  # in each of which every vertex of a crushed face moves at most once
+ENERGY_SHARE = 1e-6
+ROUNDS = 8  # in each of which every vertex of a sliver moves at most once
 
 
 def relieve(
@@ -34,7 +33,7 @@ def relieve(
     chart: IntArray,
     rounding: Rounding,
 ) -> FloatArray:
-    """(nv, 2) stored places, with the vertices of crushed faces moved to where those have more of their shape.
+    """(nv, 2) stored places, with the vertices of slivers moved to where those have more of their shape.
 
     faces: (m, 3), counter-clockwise as they should lie. exact: (nv, 2) before rounding. on_boundary: (nv,)
     bool: such vertices move by ``FAR_ON_BOUNDARY`` numbers at most. chart: (m,) chart of each face. No face is
@@ -42,12 +41,12 @@ def relieve(
     """
     load = _loads(exact[faces], stored[faces])
     area = np.abs(cross2(*_sides(exact[faces])))
-    most = CRUSHED * group_sum(area, chart, int(chart.max()) + 1)[chart]
-    crushed = (load > most) & np.isfinite(load)
-    if not crushed.any():
+    most = ENERGY_SHARE * group_sum(area, chart, int(chart.max()) + 1)[chart]
+    sliver = (load > most) & np.isfinite(load)
+    if not sliver.any():
         return stored
     free = np.zeros(len(exact), bool)
-    free[faces[crushed]] = True
+    free[faces[sliver]] = True
     near = np.flatnonzero(free[faces].any(1))
     v, local = np.unique(faces[near], return_inverse=True)
     patch, at = local.reshape(-1, 3), stored[v]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later
+from circparam.core.workers import DeferredTask
 from circparam.geometry.visibility import PARTS, visible_part, visible_share
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
@@ -22,7 +22,7 @@ def first_part(surface: Surface, cut: BoolArray, monitor: Monitor) -> float:
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownFigure:
     """A figure that was found already, or never will be."""
 
     value: float | None
@@ -32,31 +32,31 @@ class Known:
         return self.value
 
 
-class SeenBeside:
+class SeamVisibility:
     """What is seen of the seams of a layout: a process that is idle looks along half of the directions."""
 
     def __init__(self, surface: Surface, uvmap: UVMap, monitor: Monitor) -> None:
         self._surface, self._uvmap, self._monitor = surface, uvmap, monitor
-        self._later: Later | None = None
+        self._deferred: DeferredTask | None = None
         if monitor.jobs > 1 and not self._late():
             self._cut = uv_seams(surface, uvmap)
             if surface.edge_lengths[self._cut].sum() > 0:
                 # what a surface keeps beside its fields need not be sent
                 task = (replace(surface), self._cut)
-                self._later = Later(monitor.jobs, first_part, task, monitor)
-                self._later.begin()
+                self._deferred = DeferredTask(monitor.jobs, first_part, task, monitor)
+                self._deferred.begin()
 
-    def told(self, found: Verification) -> Verification:
+    def completed(self, found: Verification) -> Verification:
         """A verification of that layout which knows the figure, where another process looked or time is up.
 
         Else it is found when it is asked for: a caller of the library may never ask.
         """
-        if self._later is not None and self._later.begun:
+        if self._deferred is not None and self._deferred.begun:
             # here meanwhile, all in the order of ``visible_share``: so the sum is the same to the last digit
             rest = [visible_part(self._surface, self._cut, k) for k in range(1, PARTS)]
-            return replace(found, seen=Known(sum([self._later.result(), *rest])))
+            return replace(found, seen=KnownFigure(sum([self._deferred.result(), *rest])))
         if self._late():
-            return replace(found, seen=Known(None))
+            return replace(found, seen=KnownFigure(None))
         if self._surface is found.surface:
             return found
         cut = uv_seams(self._surface, self._uvmap)
@@ -69,4 +69,4 @@ class SeenBeside:
         return last is not None and time.monotonic() + cost > last
 
 
-__all__ = ["Known", "SeenBeside", "first_part"]
+__all__ = ["KnownFigure", "SeamVisibility", "first_part"]

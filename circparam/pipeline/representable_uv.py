@@ -1,4 +1,4 @@
-"""The lattice of the numbers that a format can store, and spoilt faces mended on it.
+"""The uv that a format can represent, and spoilt faces mended among them.
 
 Rounding to what a file holds may turn a needle over whose width is below the distance of two storable numbers.
 Its vertices then move among the storable numbers near them. The sum over spoilt faces of how far they are from
