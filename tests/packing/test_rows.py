@@ -7,7 +7,6 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.packing import pack
-from circparam.packing import rows as rows_module
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
@@ -80,26 +79,6 @@ def test_more_than_a_skyline_takes_are_packed() -> None:
     faces, uv, chart = triangles(SKYLINE_UP_TO + 1, 5)
     packed = pack(faces, uv, chart, PackOptions(2048, 1))
     assert packed.share[0] > 0.4
-
-
-def test_a_sample_tells_the_scale_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of many charts a sample is laid out first, all of them at few scales; and their page is full."""
-    seen: list[tuple[int, float]] = []
-    dropped = rows_module._dropped
-
-    def counted(shapes, *given):  # type: ignore[no-untyped-def]
-        found = dropped(shapes, *given)
-        seen.append((shapes.n, found[1]))
-        return found
-
-    monkeypatch.setattr(rows_module, "_dropped", counted)
-    shapes = shapes_of(*triangles(4 * SAMPLE, 3))
-    placement = row_placement(shapes, PackOptions(2048, 1), Monitor())
-    assert placement is not None
-    whole = [fill for n, fill in seen if n == shapes.n]
-    assert 1 <= len(whole) <= 3
-    assert 0.95 < whole[0] < 1.02
-    assert max(fill for fill in whole if fill <= 1) > 0.98
 
 
 def test_boxes_are_kept_where_gaps_count_for_more_than_shapes() -> None:

@@ -9,13 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.core.monitor import Monitor
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
-from circparam.packing.placement import PackTask
 from circparam.packing.shelf import shelf_placement
-from circparam.packing.table import PACKERS
 from tests.support.packing import rectangles
 
 
@@ -83,28 +79,6 @@ def test_angles_given_are_taken():
     box = boxes(shapes, placed)
     assert (box[:, 3] - box[:, 1])[0] == pytest.approx(2 * placed.scale)
     np.testing.assert_array_equal(placed.angle, upright)
-
-
-def test_where_time_is_up_few_angles_are_tried_and_rows_are_hardly_smaller(monkeypatch):
-    rng = np.random.default_rng(5)
-    turn, size = rng.uniform(0, np.pi, 40), rng.uniform(0.3, 1, (40, 1, 2))
-    p = size * [[0.0, 0], [1, 0], [1, 1], [0, 1]]
-    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    p = np.stack([c * p[..., 0] - s * p[..., 1], s * p[..., 0] + c * p[..., 1]], 2)
-    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(40)[:, None, None]
-    shapes = shapes_of(faces.reshape(-1, 3), p.reshape(-1, 2), np.repeat(np.arange(40), 2))
-    tried, count = type(shapes).boxes, []
-    monkeypatch.setattr(type(shapes), "boxes", lambda *a: count.append(1) or tried(*a))
-    scales, calls = [], []
-    for monitor in (Monitor(), Monitor(timeout=-1.0)):
-        count.clear()
-        task = PackTask(shapes, PackOptions(resolution=512), monitor, {}, lambda _: True)
-        placed = PACKERS["shelf"].function(task)
-        scales.append(placed.scale)
-        calls.append(len(count))
-        assert finish(shapes, placed, task.options)[1] is None
-    assert calls[1] < calls[0] / 3
-    assert 0.97 * scales[0] < scales[1]
 
 
 def test_at_a_fixed_scale_a_chart_is_turned_where_its_box_is_longer_than_the_page():

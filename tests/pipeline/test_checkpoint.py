@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import pytest
 import circparam
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError, OutputError
-from circparam.pipeline import unwrap as spine
+from circparam.pipeline.unwrap import open_source, unwrap_document
 from tests.support import shapes
+
+QUICK: dict[str, Any] = {"effort": 0.01}
 
 
 class Stopped(BaseException):
@@ -27,76 +30,59 @@ def mesh(tmp_path: Path) -> Path:
     return path
 
 
-def stop(*_: object) -> None:
-    raise Stopped
-
-
-def stopped(mesh: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> Path:
+def stopped(mesh: Path, folder: Path, *output: Path) -> Path:
     """The file that a run leaves which is stopped right after its seams."""
-    with monkeypatch.context() as patch:
-        patch.setattr(spine, "first_layout", stop)
-        with pytest.raises(Stopped):
-            circparam.unwrap(mesh, checkpoint=str(folder), **options)
+
+    def stop(stage: str, *_: object) -> None:
+        if stage == "flatten":
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        circparam.unwrap(mesh, *output, checkpoint=str(folder), listener=stop, **QUICK)
     (kept,) = folder.iterdir()
     return kept
 
 
-def found(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Counts how often seams are found."""
-    calls: list[int] = []
-    find = spine.find_seams
-
-    def noted(*given: object) -> object:
-        calls.append(1)
-        return find(*given)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(spine, "find_seams", noted)
-    return calls
+def found_seams(mesh: Path, folder: Path, *output: Path, **options: Any) -> bool:
+    """Whether a run with a folder of checkpoints looks for charts."""
+    stages: set[str] = set()
+    more: dict[str, Any] = {**QUICK, **options, "listener": lambda *at: stages.add(at[0])}
+    circparam.unwrap(mesh, *output, checkpoint=str(folder), **more)
+    return "charts" in stages
 
 
 @pytest.mark.parametrize("suffix", ["obj", "glb", "ply"])
-def test_it_goes_on_with_the_same_bytes(
-    suffix: str, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_goes_on_with_the_same_bytes(suffix: str, mesh: Path, tmp_path: Path) -> None:
     folder, whole, again = tmp_path / "c", tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
-    circparam.unwrap(mesh, whole)
-    with monkeypatch.context() as patch:
-        patch.setattr(spine, "first_layout", stop)
-        with pytest.raises(Stopped):
-            circparam.unwrap(mesh, again, checkpoint=str(folder))
+    circparam.unwrap(mesh, whole, **QUICK)
+    stopped(mesh, folder, again)
     assert not again.exists()
-    calls = found(monkeypatch)
-    circparam.unwrap(mesh, again, checkpoint=str(folder), jobs=1)
-    assert not calls
+    assert not found_seams(mesh, folder, again, jobs=1)
     assert again.read_bytes().replace(b"b.mtl", b"a.mtl") == whole.read_bytes()
     assert not list(folder.iterdir())
 
 
-def test_another_mesh_or_option_is_never_mistaken_for_it(
+def test_another_mesh_option_or_version_is_never_mistaken_for_it(
     mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = stopped(mesh, tmp_path / "c", monkeypatch)
-    calls = found(monkeypatch)
-    circparam.unwrap(mesh, checkpoint=str(kept.parent), max_distortion=1.04)
-    assert len(calls) == 1
+    kept = stopped(mesh, tmp_path / "c")
+    assert found_seams(mesh, kept.parent, max_distortion=1.04)
     moved = mesh.with_name("other.obj")
     points, faces = shapes.torus(24, 12)
     points[7, 2] = np.nextafter(points[7, 2], 1)
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
     moved.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]))
-    circparam.unwrap(moved, checkpoint=str(kept.parent))
-    assert len(calls) == 2
+    assert found_seams(moved, kept.parent)
     assert kept.exists()
     monkeypatch.setattr("circparam.pipeline.checkpoint.__version__", "0")
-    circparam.unwrap(mesh, checkpoint=str(kept.parent))
-    assert len(calls) == 3
+    assert found_seams(mesh, kept.parent)
 
 
 @pytest.mark.parametrize("damage", ["short", "empty", "shape", "noise"])
 def test_a_damaged_checkpoint_is_told_and_done_without(
-    damage: str, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    damage: str, mesh: Path, tmp_path: Path
 ) -> None:
-    kept = stopped(mesh, tmp_path / "c", monkeypatch)
+    kept = stopped(mesh, tmp_path / "c")
     data = kept.read_bytes()
     if damage == "shape":
         np.savez(kept, cut=np.zeros(3, bool), notes=np.array([], np.str_))
@@ -104,27 +90,21 @@ def test_a_damaged_checkpoint_is_told_and_done_without(
         kept.write_bytes(
             {"short": data[: len(data) // 2], "empty": b"", "noise": b"x" * 999}[damage]
         )
-    calls = found(monkeypatch)
-    result = circparam.unwrap(mesh, checkpoint=str(kept.parent))
-    assert calls
+    result = circparam.unwrap(mesh, checkpoint=str(kept.parent), **QUICK)
     assert any("damaged" in note for note in result.notes)
-    assert np.array_equal(result.uv, circparam.unwrap(mesh).uv)
+    assert np.array_equal(result.uv, circparam.unwrap(mesh, **QUICK).uv)
 
 
-def test_seams_found_in_a_hurry_are_not_kept(
-    mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    find = spine.find_seams
+def test_seams_found_in_a_hurry_are_not_kept(mesh: Path, tmp_path: Path) -> None:
+    def hurry(stage: str, *_: object) -> None:
+        monitor.late |= stage == "charts"
+        if stage == "flatten":
+            raise Stopped
 
-    def late(job: object, monitor: Monitor) -> object:
-        monitor.late = True
-        return find(job, monitor)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(spine, "find_seams", late)
-    with monkeypatch.context() as patch:
-        patch.setattr(spine, "first_layout", stop)
-        with pytest.raises(Stopped):
-            circparam.unwrap(mesh, checkpoint=str(tmp_path / "c"))
+    monitor = Monitor(listener=hurry)
+    options = circparam.Options(checkpoint=str(tmp_path / "c"), **QUICK)
+    with pytest.raises(Stopped):
+        unwrap_document(open_source(mesh, options), None, options, monitor)
     assert not list(tmp_path.glob("c/*"))
 
 

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import circparam
 from circparam.core import workers
-from circparam.core.arrays import FloatArray, IntArray, next_half_edge
+from circparam.core.arrays import next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.core.pool import current
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
-from circparam.packing.options import Packed
-from circparam.pipeline import cut_plan, cut_search, fallback, fuller_page, jobs, pieces, place
+from circparam.pipeline import fallback, fuller_page, jobs
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
 from circparam.pipeline.job import prepare
@@ -67,56 +64,6 @@ def test_a_long_strip_is_cut_across() -> None:
     assert "--pack-splits 0" in note
 
 
-@pytest.mark.parametrize(("share", "count"), [(0.5, 1), (0.52, 1), (0.9, 2)])
-def test_what_counts_is_the_page_as_it_is_packed(
-    share: float, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The cut that sketches recommend stays where the page of packed charts gets so much fuller, not else.
-
-    The seam of the strip grows by 10 of 210, and 10 ends: 0.52 instead of 0.5 is less than that is worth.
-    """
-    pack = fuller_page.pack
-
-    def packed(faces: IntArray, uv: FloatArray, chart: IntArray, *rest: Any) -> Packed:
-        full = np.array([0.5 if chart.max() == 0 else share])
-        return replace(pack(faces, uv, chart, *rest), share=full)
-
-    monkeypatch.setattr(fuller_page, "pack", packed)
-    monkeypatch.setattr(fuller_page, "SURE", np.inf)  # these shares are none that sketches tell
-    before = roll()
-    after = filled(before)
-    assert after.atlas.charts()[0] == count
-    assert (after.atlas is before) == (count == 1)
-    assert len(after.notes) == count - 1
-
-
-@pytest.mark.parametrize(("sure", "packed_uncut"), [(fuller_page.SURE, 0), (np.inf, 1)])
-def test_a_page_without_cuts_that_is_much_emptier_is_not_packed(
-    sure: float, packed_uncut: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The strip covers a tenth of its page, as its sketch tells, and packing adds little to that."""
-    pack, charts = fuller_page.pack, []
-
-    def counted(faces: IntArray, uv: FloatArray, chart: IntArray, *rest: Any) -> Packed:
-        charts.append(int(chart.max()) + 1)
-        return pack(faces, uv, chart, *rest)
-
-    monkeypatch.setattr(fuller_page, "pack", counted)
-    monkeypatch.setattr(fuller_page, "SURE", sure)
-    assert filled(roll()).atlas.charts()[0] == 2
-    assert charts.count(1) == packed_uncut
-
-
-@pytest.mark.parametrize(("unseen", "cut"), [(pieces.UNSEEN, False), (1.0, True)])
-def test_flats_that_are_charts_are_cut_only_where_nobody_sees_it(
-    unseen: float, cut: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Six squares fill their page badly, and cuts through two of them would make room."""
-    monkeypatch.setattr(pieces, "UNSEEN", unseen)
-    found = circparam.unwrap(shapes.cube(2), sharp=60, effort=1)
-    assert (found.measures["charts"] > 6) == cut
-
-
 def stretched(atlas: Atlas, columns: int) -> Atlas:
     """The strip with some of its columns drawn three times as long, and what lies behind them moved on."""
     x = atlas.corners[..., 0]
@@ -125,47 +72,13 @@ def stretched(atlas: Atlas, columns: int) -> Atlas:
     return Atlas(atlas.surface, atlas.cut.copy(), corners)
 
 
-def test_cuts_leave_no_more_stretched_than_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Weights bring back what parts with scales of their own are stretched too much; else there is no cut."""
+def test_cuts_leave_no_more_stretched_than_may_be() -> None:
+    """Weights bring back what parts with scales of their own are stretched too much."""
     before, limits = roll(rough=0.0), Options(resolution=512)
     after = stretched(before, 2)
     assert fuller_page.stretch_kept(after, before, limits, 1.2, Monitor())
     cut_mesh, uv = after.open()
     assert float(share_over(cut_mesh, face_stretch(cut_mesh, uv), 2.0).sum()) <= 1e-3
-    monkeypatch.setattr(fuller_page, "hold_stretch", lambda *given, **more: None)
-    after = stretched(before, 2)
-    assert not fuller_page.stretch_kept(after, before, limits, 1.2, Monitor())
-    assert fuller_page.stretch_kept(after, after, limits, 1.2, Monitor()), "no more than before"
-    assert fuller_page.stretch_kept(
-        after, before, replace(limits, max_distortion=1.3), 1.3, Monitor()
-    )
-    monkeypatch.setattr(fuller_page, "stretch_kept", lambda *given: False)
-    assert filled(before).atlas is before
-
-
-def test_a_layout_that_was_packed_for_the_choice_is_not_packed_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    options = Options(resolution=512)
-    chosen = filled(roll())
-    cut_mesh, uv = chosen.open()
-    known = chosen.packing
-    assert known is not None
-
-    def placed(uv: FloatArray) -> FloatArray:
-        return place.place(cut_mesh, uv, options, Monitor(), known=known).uv
-
-    assert np.array_equal(placed(uv), known.packed.uv)
-    asked: list[int] = []
-    pack = place.pack
-    monkeypatch.setattr(place, "pack", lambda *given: asked.append(1) or pack(*given))
-    again = placed(uv)
-    assert not asked
-    again[:] = 0  # the caller's own
-    assert np.array_equal(placed(uv), known.packed.uv)
-    assert not asked
-    assert np.isfinite(placed(uv[:, ::-1] * [1.0, -1.0])).all()
-    assert asked == [1]
 
 
 def test_nothing_is_cut_that_fills_its_page() -> None:
@@ -266,44 +179,21 @@ def test_the_layout_stays_sound(shape: shapes.Shape, tmp_path: Path) -> None:
     assert not any("fuller page" in note for note in whole.notes)
 
 
-def test_processes_share_the_search_and_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Chords are looked at and cuts made by both; the page without cuts is packed beside the only plan."""
-    workers.start(2, *jobs.MODULES)
-    pool = current()
-    assert pool is not None
-    pool.ready.result()
-    begun: list[bool] = []
-    begin = workers.DeferredTask.begin
-
-    def told(self: workers.DeferredTask) -> None:
-        while pool.free < 1:  # its answer is here before a process is free again
-            os.sched_yield()
-        begin(self)
-        begun.append(self.begun)
-
-    values: list[list[float]] = []
-    best = cut_search.Planner.best
-
-    def noted(self: cut_search.Planner, first: cut_plan.Plan) -> list[cut_plan.Plan]:
-        plans = best(self, first)
-        values.append([p.value for p in plans])
-        return plans
-
-    monkeypatch.setattr(workers.DeferredTask, "begin", told)
-    monkeypatch.setattr(cut_search.Planner, "best", noted)
-    monkeypatch.setattr(fuller_page, "SURE", np.inf)
-    monkeypatch.setattr(cut_plan, "THOROUGH", replace(cut_plan.THOROUGH, packed=1))
+def test_processes_share_the_search_and_change_nothing() -> None:
     found = []
     for n in (1, 2):
+        if n > 1:
+            workers.start(n, *jobs.MODULES)
+            pool = current()
+            assert pool is not None
+            pool.ready.result()
         cascade = Cascade(roll(200), CascadeRules(bound=1.05))
         found.append(fill_page(cascade, Options(resolution=512), Monitor(jobs=n)))
     workers.stop()
     one, two = (f.packing.packed.uv for f in found if f.packing is not None)
     assert np.array_equal(one, two)
-    assert values[0] == values[1]
     assert np.array_equal(found[0].atlas.cut, found[1].atlas.cut)
     assert found[0].atlas.charts()[0] == 3
-    assert begun == [False, True]
 
 
 @pytest.mark.parametrize(

@@ -7,24 +7,26 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
-from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import circparam
 from circparam.core import workers
+from circparam.core.monitor import Monitor
 from circparam.core.pool import current
 from circparam.errors import OptionError
 from circparam.pipeline import jobs
+from circparam.pipeline.configure import open_source
 from circparam.pipeline.options import Options
-from circparam.seams import charts
-from circparam.seams.hard.regions import DOUBTFUL
+from circparam.pipeline.unwrap import unwrap_document
 from tests.support import shapes
 
-QUICK = {"effort": 1}
+QUICK: dict[str, Any] = {"effort": 1}
 ROOT = Path(__file__).parents[2]
 
 
@@ -32,37 +34,6 @@ ROOT = Path(__file__).parents[2]
 def none_left() -> Iterator[None]:
     yield
     workers.stop()
-
-
-@pytest.fixture
-def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the functions whose tasks processes get; they are up first, however slow the machine is."""
-    names: list[str] = []
-    send = workers._Shared._send
-
-    def told(self: workers._Shared, done: Future[bytes] | None = None) -> None:
-        self._pool.ready.result()
-        before = len(self._sent)
-        send(self, done)
-        names.extend([self._function.__name__] * (len(self._sent) - before))
-
-    monkeypatch.setattr(workers._Shared, "_send", told)
-    monkeypatch.setattr(jobs, "FACES", 100)
-    return names
-
-
-@pytest.fixture
-def begun(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[bool]]:
-    """By the names of functions, whether tasks that are asked for later were begun when they were to be."""
-    names: dict[str, list[bool]] = {}
-    begin = workers.DeferredTask.begin
-
-    def told(self: workers.DeferredTask) -> None:
-        begin(self)
-        names.setdefault(self._function.__name__, []).append(self.begun)
-
-    monkeypatch.setattr(workers.DeferredTask, "begin", told)
-    return names
 
 
 def ready(n: int) -> None:
@@ -78,47 +49,30 @@ def mesh(level: int = 3) -> tuple[np.ndarray, np.ndarray]:
     return p * (1 + 0.4 * np.sin(3 * p[:, :1])), f
 
 
+def cpu_seconds(pid: int) -> float:
+    """Processor time that a process has used (Linux); 0 where it is gone."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def unwrapped(source: tuple[np.ndarray, np.ndarray], folder: Path, n: int) -> bytes:
     out = folder / f"{n}.glb"
     circparam.unwrap(source, out, jobs=n, format=None, **QUICK)
     return out.read_bytes()
 
 
-def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
-    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(workers, "PARTED", 800)
-    monkeypatch.setattr(workers, "PART_FACES", 300)
-    outs = [unwrapped(mesh(), tmp_path, n) for n in (1, 2, 3, 4)]
-    assert outs[0] == outs[1] == outs[2]
-    assert "settle_part" in sent
-
-
-def test_the_same_bytes_where_prices_and_figures_are_found_beside(
-    tmp_path: Path, sent: list[str], begun: dict[str, list[bool]]
-) -> None:
-    """By what is seen of a mesh, for the seams of its proxy and for the report."""
-    outs = [unwrapped(mesh(4), tmp_path, n) for n in (1, 2)]
-    assert outs[0] == outs[1]
-    # asked for at once, and again where no process has begun when the starts have merged
-    assert begun["asked_beside"] == [False, False, True, True]
-    assert begun["first_part"] == [True]
-
-
-def test_the_same_bytes_where_a_small_mesh_is_shared(
-    tmp_path: Path, sent: list[str], begun: dict[str, list[bool]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Both ways to its charts, what is looked at for cuts, and those that are made."""
-    monkeypatch.setattr(charts, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
+@pytest.mark.parametrize("level", [3, 4])
+def test_the_bytes_do_not_depend_on_the_number_of_processes(level: int, tmp_path: Path) -> None:
+    """Decided on the mesh itself, and on a proxy; processes are up before there is anything to do."""
     outs = []
     for n in (1, 2, 3):
         if n > 1:
             ready(n)
-        outs.append(unwrapped(mesh(), tmp_path, n))
-        assert begun["one_way"] == [n > 1], "the smaller one"
-        assert {"looked_at", "made_cut"} <= set(sent) or n == 1
-        sent.clear()
-        begun.clear()
+        outs.append(unwrapped(mesh(level), tmp_path, n))
+        workers.stop()
     assert outs[0] == outs[1] == outs[2]
 
 
@@ -127,7 +81,10 @@ import hashlib, os, sys
 print("run", flush=True)
 import circparam
 from circparam.core.pool import current
+from circparam.core.monitor import Monitor
 from circparam.pipeline import jobs
+from circparam.pipeline.configure import open_source
+from circparam.pipeline.unwrap import unwrap_document
 from tests.pipeline.test_jobs import QUICK, mesh
 jobs.FACES = 100
 jobs.start_for(circparam.Options(jobs=2), 1000)
@@ -161,32 +118,33 @@ def test_a_script_without_a_guard_whose_home_cannot_be_written_to(
     assert not any(home.iterdir())
 
 
-def test_no_more_processes_than_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[int] = []
-    monkeypatch.setattr(workers, "start", lambda jobs, *_: asked.append(jobs))
-    for free in (1, 2, 3, 9):
-        monkeypatch.setattr(workers, "free_cores", lambda free=free: free)
-        jobs.start_for(Options(jobs=4), 10**6)
-    assert asked == [2, 2, 3, 4], "two where they were asked for"
-
-
-def test_the_same_bytes_when_workers_are_killed(
-    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As by a system that is out of memory: just after they were given something to do."""
+def test_the_same_bytes_when_workers_are_killed(tmp_path: Path) -> None:
+    """As by a system that is out of memory: once they have something to do."""
     whole = unwrapped(mesh(), tmp_path, 1)
-    send = workers._Shared._send
-    killed = []
+    ready(2)
+    pool = current()
+    assert pool is not None
+    pids = list(pool.executor._processes)
+    before = {pid: cpu_seconds(pid) for pid in pids}
 
-    def murderous(self: workers._Shared, done: Future[bytes] | None = None) -> None:
-        send(self, done)
-        for pid in list(self._pool.executor._processes or ()):
-            os.kill(pid, signal.SIGKILL)
-            killed.append(pid)
+    def murder() -> None:
+        while not over.is_set():
+            for pid in pids:
+                if cpu_seconds(pid) > before[pid] + 0.05:
+                    os.kill(pid, signal.SIGKILL)
+                    killed.set()
+                    return
+            over.wait(0.005)
 
-    monkeypatch.setattr(workers._Shared, "_send", murderous)
-    assert unwrapped(mesh(), tmp_path, 2) == whole
-    assert killed
+    over, killed = threading.Event(), threading.Event()
+    murderer = threading.Thread(target=murder)
+    murderer.start()
+    try:
+        assert unwrapped(mesh(), tmp_path, 2) == whole
+    finally:
+        over.set()
+        murderer.join()
+    assert killed.is_set()
 
 
 def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) -> None:
@@ -205,12 +163,11 @@ def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) ->
     assert current() is not None
 
 
-def test_they_stay_for_the_next_mesh(sent: list[str]) -> None:
-    pools = []
-    for _ in range(2):
-        circparam.unwrap(mesh(), jobs=2, **QUICK)
-        pools.append(current())
-    assert pools[0] is pools[1] is not None
+def test_they_stay_for_the_next_mesh() -> None:
+    ready(2)
+    pool = current()
+    circparam.unwrap(mesh(), jobs=2, **QUICK)
+    assert current() is pool is not None
 
 
 @pytest.mark.parametrize("number", [0, -1, True])
@@ -219,34 +176,28 @@ def test_a_number_of_jobs_is_a_positive_one(number: object) -> None:
         Options(jobs=number)  # type: ignore[arg-type]
 
 
-def test_all_cores_unless_something_else_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("circparam.pipeline.options.cores", lambda: 7)
-    assert Options().processes == 7
+def test_as_many_processes_as_asked_for() -> None:
     assert Options(jobs=3).processes == 3
     assert jobs.monitor_of(Options(jobs=3, timeout=9.0), None).jobs == 3
     assert "jobs" not in Options().given()
 
 
+@pytest.mark.parametrize("held", [True, False])
 def test_memory_that_workers_hold_is_given_back_where_it_is_missing(
-    monkeypatch: pytest.MonkeyPatch,
+    held: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Out of memory beside workers, the work is done once more without them."""
-    from circparam.pipeline import unwrap as spine
+    """Out of memory beside workers, the work is done once more without them, where they hold any."""
 
-    tries = []
-    prepare = spine.prepare
-
-    def short(*args: object) -> object:
-        tries.append(args[3].jobs)  # type: ignore[attr-defined]
-        if len(tries) == 1:
+    def short(stage: str, *_: object) -> None:
+        if stage == "repair" and monitor.jobs > 1:
             raise MemoryError
-        return prepare(*args)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(spine, "prepare", short)
-    monkeypatch.setattr(workers, "stop", lambda: True)
-    assert circparam.unwrap(shapes.cube(2), jobs=2, **QUICK).status == "ok"
-    assert tries == [2, 1]
-    tries.clear()
-    monkeypatch.setattr(workers, "stop", lambda: False)
-    with pytest.raises(MemoryError):
-        circparam.unwrap(shapes.cube(2), jobs=2, **QUICK)
+    monkeypatch.setattr(workers, "stop", lambda: held)
+    document = open_source(shapes.cube(2), Options())
+    monitor = Monitor(listener=short, jobs=2)
+    if held:
+        assert unwrap_document(document, None, Options(**QUICK), monitor).status == "ok"
+        assert monitor.jobs == 1
+    else:
+        with pytest.raises(MemoryError):
+            unwrap_document(document, None, Options(**QUICK), monitor)

@@ -102,17 +102,6 @@ def test_only_what_is_near_a_spoilt_face_moves() -> None:
     assert not got.moved[~ring].any()
 
 
-def test_a_crushed_layout_is_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More spoilt faces than rounding spoils: they are told, nothing moves."""
-    monkeypatch.setattr(representable_uv, "MOST", 3)
-    monkeypatch.setattr(representable_uv, "MOST_SHARE", 0.0)
-    p, f = needles.band(np.random.default_rng(1), 10, 1e-10)
-    got = mend_faces(f, p, np.zeros(len(p), bool), ROUNDINGS["f4"])
-    assert got.spoilt.sum() > 3
-    assert not got.moved.any()
-    np.testing.assert_array_equal(got.spoilt, signs(got.uv, f) <= 0)
-
-
 @pytest.mark.parametrize("inside", [False, True])
 def test_vertices_on_a_boundary_move_little_and_others_as_far_as_they_must(inside: bool) -> None:
     """Gaps between charts have no room for more: of 120 vertices within 1e-9 some faces stay spoilt there."""

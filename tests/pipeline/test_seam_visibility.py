@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -11,12 +10,10 @@ import pytest
 import circparam
 from circparam.core import workers
 from circparam.core.monitor import Monitor
-from circparam.core.workers import DeferredTask
 from circparam.geometry.visibility import visible_share
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import seam_visibility, unwrap
 from circparam.pipeline.result import Result
-from circparam.pipeline.summary import summarise
 from tests.support import shapes
 
 
@@ -53,28 +50,12 @@ def test_a_process_that_looks_finds_what_is_found_here(torus: Result) -> None:
     assert told(torus, Monitor()).verification.seam_visible == expected
 
 
-def test_nobody_looks_where_no_time_is_left(torus: Result, monkeypatch: pytest.MonkeyPatch) -> None:
-    looked: list[object] = []
-    monkeypatch.setattr(DeferredTask, "begin", looked.append)
-    monkeypatch.setattr("circparam.pipeline.verify.visible_share", lambda *a: looked.append(a))
-    late = told(torus, Monitor(timeout=-1.0, jobs=2))
-    assert json.loads(json.dumps(summarise(late)))["seam_visible"] is None
-    assert looked == []
-    short = Monitor(timeout=100.0)
-    short.seconds["repair"] = 30.0  # looking takes some minutes then
-    assert told(torus, short).verification.seam_visible is None
-    assert looked == []
+def test_an_unwrap_out_of_time_does_not_look() -> None:
+    def strike(stage: str, *_: object) -> None:
+        if stage == "check":
+            monitor.deadline = 0.0
 
-
-def test_an_unwrap_out_of_time_does_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    monitor = Monitor(timeout=1000.0)
-    given = unwrap.fit_stored
-
-    def late(*args: object) -> object:
-        monitor.deadline = 0.0
-        return given(*args)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(unwrap, "fit_stored", late)
+    monitor = Monitor(listener=strike, timeout=1000.0)
     document = unwrap.open_source(shapes.torus(16, 8), circparam.Options())
     result = unwrap.unwrap_document(document, None, circparam.Options(), monitor)
     assert result.verification.valid

@@ -11,12 +11,12 @@ import circparam
 from circparam.core.monitor import Monitor
 from circparam.formats.memory import from_arrays
 from circparam.mesh.atlas import Atlas
-from circparam.pipeline import cut_along, fuller_page, pieces
+from circparam.pipeline import fuller_page
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.cut_plan import RATE
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options
-from circparam.pipeline.sprawl import KEPT, TRIES, Trimmed, Trimmer
+from circparam.pipeline.sprawl import KEPT, Trimmed, Trimmer
 from tests.support import shapes
 
 LONG, WIDE = 20, 2
@@ -104,19 +104,6 @@ def test_what_leaves_nothing_empty_is_left() -> None:
     assert (found.cuts, found.value, found.grounds) == (0, 0.0, [])
 
 
-def test_charts_that_cannot_be_cut_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[int] = []
-
-    def refused(self: pieces.ChartCutter, ground: pieces.Ground, chord: Any) -> None:
-        tried.append(ground.chart)
-
-    monkeypatch.setattr(pieces.ChartCutter, "divided", refused)
-    assert trimmed(letters(12)).cuts == 0
-    count = np.bincount(tried, minlength=12)
-    assert (count >= 1).all()
-    assert (count <= TRIES).all()
-
-
 def test_letters_fill_their_page() -> None:
     """Cut at their corners, all in one unwrap; every seam is about as long as an arm is wide."""
     shape = letters(30)
@@ -131,43 +118,3 @@ def test_letters_fill_their_page() -> None:
     root = np.sqrt(30 * WIDE * (2 * LONG - WIDE))
     assert cuts * WIDE <= float(new["seam_length"] or 0) * root < 1.5 * cuts * WIDE
     assert any(f"{cuts} cuts for a fuller page" in note for note in after.notes)
-
-
-@pytest.mark.parametrize(("share", "kept"), [(0.5, False), (0.9, True)])
-def test_the_page_as_it_is_packed_decides(
-    share: float, kept: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Boxes only tell what is packed: where that is no fuller than without cuts, there are none."""
-    n, pack = 10, fuller_page.pack
-
-    def packed(faces: Any, uv: Any, chart: Any, *rest: Any) -> Any:
-        full = np.array([0.5 if chart.max() < n else share])
-        return fuller_page.replace(pack(faces, uv, chart, *rest), share=full)
-
-    monkeypatch.setattr(fuller_page, "pack", packed)
-    monkeypatch.setattr(fuller_page, "CERTAIN", np.inf)
-    cascade = Cascade(flat_atlas(letters(n)), CascadeRules(bound=1.05))
-    after = fuller_page.fill_page(cascade, Options(pack_splits=n, resolution=512), Monitor())
-    assert (after.atlas.charts()[0] > n) == kept
-    assert (after.atlas is cascade.atlas) != kept
-
-
-def test_a_way_along_the_boundary_is_tried_in_parts() -> None:
-    """A strip one square wide: rung and diagonal together tear off a triangle, either alone halves it."""
-    atlas = flat_atlas(shapes.grid(9, 2, 8.0, 1.0))
-    whole = cut_along.Opened.of(atlas)
-    surface = atlas.surface
-    at = surface.points[surface.faces.ravel()]
-    h = surface.edges[:, 0]
-    a, b = at[h], at[np.where(h % 3 == 2, h - 2, h + 1)]
-    low, high = np.minimum(a, b)[:, 0], np.maximum(a, b)[:, 0]
-    path = np.flatnonzero((low >= 4) & (high <= 5) & ((low == 4) | (high == 4)))[:2]
-    assert len(path) == 2
-    ways = cut_along._ways(whole.cut_mesh, surface.edges[path, 0], path)
-    assert [sorted(w.tolist()) for w in ways[:1]] == [sorted(path.tolist())]
-    assert sorted(w.tolist() for w in ways[1:]) == sorted([k] for k in path.tolist())
-    costs = np.where(np.isin(np.arange(len(surface.edges)), path), 1.0, np.inf)
-    chord = cut_along.Chord(np.array([4.0, 0.0]), np.array([4.0, 1.0]), 4.0)
-    after = cut_along.cut_along(whole, chord, costs, cut_along.Limits(1.05))
-    assert after is not None
-    assert after.cut_mesh.n_charts == 2

@@ -100,10 +100,14 @@ def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -
         assert any("nearby storable numbers" in note for note in result.notes)
 
 
-def test_where_single_precision_has_no_place_ply_takes_doubles(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def unmended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No place among storable numbers is found for any vertex."""
     monkeypatch.setattr(representable_uv, "SEARCHES", ())
+
+
+@pytest.mark.usefixtures("unmended")
+def test_where_single_precision_has_no_place_ply_takes_doubles(tmp_path: Path) -> None:
     result = circparam.unwrap(planted(), tmp_path / "o.ply", resolution=64, **QUICK)
     assert (result.measures["charts"], result.verification.valid) == (1, True)
     assert result.uv_double
@@ -118,14 +122,15 @@ def test_where_single_precision_has_no_place_ply_takes_doubles(
     assert other.verification.valid
 
 
-def test_doubles_at_the_faces_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(representable_uv, "SEARCHES", ())
+@pytest.mark.usefixtures("unmended")
+def test_doubles_at_the_faces_too(tmp_path: Path) -> None:
     result = circparam.unwrap(planted(), tmp_path / "o.ply", resolution=64, ply_uv="face", **QUICK)
     assert b"double texcoord" in (tmp_path / "o.ply").read_bytes()[:400]
     assert (result.measures["charts"], result.verification.valid) == (1, True)
 
 
-def test_a_turn_of_the_pages_takes_charts_to_finer_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("unmended")
+def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
     """A chart 1e-6 of a page wide at the bottom left: v of glTF is finest at the top. Each keeps its page."""
     p, f = shapes.row_of(shapes.delaunay_disk(300, 1), 2)
     surface = Surface(p, f, np.arange(len(f)), np.zeros(len(f), bool), _edges(f), np.zeros(0, bool))
@@ -135,7 +140,6 @@ def test_a_turn_of_the_pages_takes_charts_to_finer_numbers(monkeypatch: pytest.M
     first = cut_mesh.vertex_chart == 0
     uv[first] = 5e-7 * (uv[first] - uv[first].min(0)) + 1e-5
     uv[~first] = 0.3 * (uv[~first] - uv[~first].min(0)) + [1.2, 0.1]
-    monkeypatch.setattr(representable_uv, "SEARCHES", ())
     job = _Target("glb")
     still = stored_fit.hold(job, cut_mesh, uv, np.zeros(2, bool))
     turned = stored_fit.hold(job, cut_mesh, uv, np.zeros(2, bool), turn=True)

@@ -74,29 +74,3 @@ def test_an_atlas_that_has_changed_is_held_as_it_is_now(what: str) -> None:
     expected = held(atlas)
     stretch.hold(atlas)
     assert same(atlas, expected)
-
-
-def test_nothing_is_begun_with_many_charts_or_few_faces(monkeypatch: pytest.MonkeyPatch) -> None:
-    atlas, _ = relaxed(shapes.spire())
-    pool = current()
-    assert pool is not None
-    for name, value in (("FEW", 0), ("LEAST", 10**6)):
-        with monkeypatch.context() as patch:
-            patch.setattr(ahead, name, value)
-            StretchAhead(LIMITS, True, True, Monitor(jobs=2)).begin(atlas)
-        assert pool.free == 1
-    StretchAhead(LIMITS, True, True, Monitor(jobs=2)).begin(atlas)
-    assert pool.free == 0
-
-
-def test_charts_too_large_for_it_get_no_slit(monkeypatch: pytest.MonkeyPatch) -> None:
-    atlas, _ = relaxed(shapes.spire())
-    monkeypatch.setattr(ahead, "LEVEL_FACES", 0)  # as large ones are held
-    monkeypatch.setattr(ahead, "MOST_SLIT", len(atlas.surface.faces))
-    strict = Limits(1.5, 1.2)
-    slit, plain = copy(atlas), copy(atlas)
-    hold_all(slit, strict, Monitor())
-    assert slit.cut.any()
-    monkeypatch.setattr(ahead, "MOST_SLIT", len(atlas.surface.faces) - 1)
-    hold_all(plain, strict, Monitor())
-    assert not plain.cut.any()

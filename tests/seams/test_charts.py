@@ -16,7 +16,7 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS, grown, ways
+from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import nearly_flat_components
@@ -214,51 +214,6 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
     assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1
 
 
-class Called(Exception):  # noqa: N818 - stands for the way that was taken
-    pass
-
-
-def stop(*_: object) -> None:
-    raise Called
-
-
-def test_hard_surfaces_are_not_grown(monkeypatch) -> None:
-    """And organic ones are not decided by their regions."""
-    box, ball = surface_of(*shapes.cube(2)), surface_of(*shapes.icosphere(2))
-    find, plain = module.charts, SeamOptions()
-    monkeypatch.setattr(module, "grown_atlas", stop)
-    monkeypatch.setattr(ways, "grown_atlas", stop)
-    assert find(box, plain, Monitor()).cut.any()
-    assert find(box, SeamOptions(max_charts=2), Monitor()).cut.any()
-    for surface, options in ((ball, plain), (ball, SeamOptions(max_charts=2))):
-        with pytest.raises(Called):
-            find(surface, options, Monitor())
-    monkeypatch.undo()
-    monkeypatch.setattr(ways, "hard_atlas", stop)
-    with pytest.raises(Called):
-        find(box, plain, Monitor())
-    assert find(ball, plain, Monitor()).cut.any()
-
-
-@pytest.mark.parametrize(("holes", "closed"), [(4, True), (5, False)])
-def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
-    monkeypatch, holes: int, closed: bool
-) -> None:
-    """Nine holes and an outer boundary are ten; four and one are half of it."""
-    full, less = surface_of(*shapes.holed_sheet(9)), surface_of(*shapes.holed_sheet(holes))
-    assert (grown.complexity(full), grown.complexity(less)) == (10, holes + 1)
-    monkeypatch.setattr(grown, "LOOPS", 9)
-    monkeypatch.setattr(grown, "close_small_holes", lambda _: less)
-    monkeypatch.setattr(grown, "without_fans", stop)
-    if closed:
-        with pytest.raises(Called):
-            grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), [])
-    else:
-        assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
-    monkeypatch.setattr(grown, "LOOPS", 10)
-    assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
-
-
 FINE = RelaxOptions(tolerance=1e-8, max_iterations=60)
 FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
@@ -298,17 +253,3 @@ def test_prices_of_seams_are_left_out_where_charts_need_the_time() -> None:
         monitor.seconds["repair"] = 1.0
         SEAMS["charts"].function(surface, SeamOptions(), monitor)
         assert ("visibility" in monitor.seconds) is priced
-
-
-@pytest.mark.parametrize("tried", [False, True])
-def test_merging_on_that_found_nothing_is_not_tried_again(
-    tried: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    surface = surface_of(*shapes.icosphere(2))
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    atlas.merged_on = tried
-    again: list[Atlas] = []
-    monkeypatch.setattr(module, "_first_atlas", lambda *_: atlas)
-    monkeypatch.setattr(module, "merge_on", lambda a, *_: again.append(a))
-    assert module.free_atlas(surface, 1.1, SeamOptions(), Monitor(), []) is atlas
-    assert again == ([] if tried else [atlas])

@@ -111,38 +111,6 @@ def test_the_seams_of_a_torus_are_about_its_two_shortest_loops():
     assert 0.9 * shortest < length < 1.15 * shortest
 
 
-def parts(surface):
-    """The inner parts of the disk cut: (module, the whole surface as a part)."""
-    import importlib
-
-    module = importlib.import_module("circparam.seams.cut_graph")
-    whole = np.zeros(len(surface.edges), bool)
-    return module, module._part(surface, whole, np.ones(len(surface.faces), bool))
-
-
-def test_the_loops_left_by_tree_and_cotree_are_short_and_between_polygons():
-    p, f = shapes.torus(64, 32, 1.0, 0.35)
-    for quads in (None, np.arange(len(f)) // 2):
-        surface = surface_of((p, f), quads)
-        module, part = parts(surface)
-        loops = module._tree_cotree(part)
-        check_disks(surface, loops, 1)
-        assert not (loops & part.locked).any()
-        shortest = 2 * np.pi * 0.35 + 2 * np.pi * 0.65
-        assert part.weight[loops].sum() < 1.6 * shortest
-
-
-def test_shortening_pays():
-    """The loops from one point that a tree-cotree pair leaves are far longer than what becomes of them."""
-    surface = surface_of(shapes.double_torus(5))
-    module, part = parts(surface)
-    start = module._tree_cotree(part)
-    check_disks(surface, start, 1)
-    done = module._shorten(part, start, Monitor())
-    check_disks(surface, done, 1)
-    assert part.weight[done].sum() < 0.8 * part.weight[start].sum()
-
-
 def test_time_that_is_up_still_gives_a_valid_cut():
     surface = surface_of(shapes.handles(3))
     seams = SEAMS["disk"].function(surface, SeamOptions(), Monitor(timeout=0.0))
@@ -280,24 +248,3 @@ def test_spanning_forest_takes_edges_in_order():
             expected.append(int(e))
             label = [x if v == y else v for v in label]
     assert chosen.tolist() == sorted(expected)
-
-
-def test_arcs_of_a_seam_end_at_branches_and_at_every_boundary():
-    """Nodes from 6 on are boundaries: the arcs on both sides of one are two, whatever its number."""
-    module, _ = parts(surface_of(shapes.torus(8, 8)))
-    a = np.array([0, 1, 7, 2, 3, 4])
-    b = np.array([1, 7, 2, 6, 6, 3])
-    weight = np.array([1.0, 1, 0.5, 0.6, 1.2, 1.3])
-    chart, none = np.zeros(6, np.int64), np.zeros(6, bool)
-    seam = np.ones(6, bool)
-    found = module._longest_arcs(seam, none, a, b, chart, weight, 6)
-    assert np.flatnonzero(found).tolist() == [4, 5], "6, 3, 4 is longer than 0, 1, 7 and 7, 2, 6"
-    tried = found.copy()
-    found = module._longest_arcs(seam, tried, a, b, chart, weight, 6)
-    assert np.flatnonzero(found).tolist() == [0, 1]
-    # node 2 is a branch where a third edge ends
-    found = module._longest_arcs(
-        np.ones(3, bool), none[:3], np.array([0, 1, 1]), np.array([1, 2, 3]), chart[:3],
-        np.array([1.0, 3.0, 2.0]), 6,
-    )  # fmt: skip
-    assert np.flatnonzero(found).tolist() == [1]

@@ -7,10 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from circparam.core import workers
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.pool import current
 from circparam.core.workers import DeferredTask, Worker
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
@@ -18,7 +16,6 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, ahead, finish, grown
 from circparam.seams import charts as module
-from circparam.seams.cost import COST
 from circparam.seams.decided import Decided
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
@@ -71,46 +68,6 @@ def test_charts_of_a_level_are_good_charts_of_the_surface(small_levels: list[int
     assert (signs(uv, cut_mesh.faces) > 0).all()
     assert not overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges).self_overlapping.any()
     assert (chart_energies(cut_mesh, uv) <= BOUND).all()
-
-
-@pytest.mark.parametrize("flat", [False, True])
-@pytest.mark.parametrize("broken", [False, True])
-def test_a_level_whose_charts_break_gives_way_to_the_next(
-    small_levels: list[int], monkeypatch: pytest.MonkeyPatch, broken: bool, flat: bool
-) -> None:
-    """What is split over and over on the mesh is not kept where another level has as good charts.
-
-    Nor is the next best level taken where the best does not break; pieces beside it that need no seam
-    (flat) change nothing of that.
-    """
-    shape = rough(2)
-    sheet = shapes.grid(6)
-    surface = surface_of(*(shapes.join(shape, (sheet[0] + 3.0, sheet[1])) if flat else shape))
-    carried: list[Atlas] = []
-    levels: list[float] = []
-    finished, from_level = grown.finish, grown.from_level
-
-    def brought(*given: object) -> Atlas:
-        levels.append(COST.seams(given[2]))  # type: ignore[arg-type]
-        return from_level(*given)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(grown, "from_level", brought)
-
-    def noted(decided: Decided, *rest: object) -> None:
-        finished(decided, *rest)  # type: ignore[arg-type]
-        if len(decided.atlas.surface.faces) > 6_000:
-            carried.append(decided.atlas)
-            if broken and len(carried) == 1:
-                inside = decided.atlas.surface.edges[:, 0] < 3 * len(shape[1])
-                decided.atlas.cut[inside] = True
-
-    for one in (grown, finish):
-        monkeypatch.setattr(one, "finish", noted)
-    atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
-    assert np.array_equal(atlas.cut, carried[-1].cut)
-    assert len(carried) == len(levels) == (2 if broken else 1)
-    assert levels == sorted(levels)
-    assert atlas.charts()[0] < 40
 
 
 def test_a_level_leads_to_seams_as_short_as_without_one(
@@ -190,149 +147,11 @@ def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
     assert np.array_equal(p, level.surface.points[level.surface.faces[near[taken]]])
 
 
-def test_roughness_is_left_free_on_the_level(
-    small_levels: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Charts of a level stay as far below the bound as noise will take."""
-    bounds: list[float] = []
-    level_atlas = grown._level_atlas
-
-    def noted(surface: Surface, bound: float, *rest: object) -> object:
-        bounds.append(bound)
-        return level_atlas(surface, bound, *rest)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(grown, "_level_atlas", noted)
-    for given in (0.0, 0.02):
-        monkeypatch.setattr(grown, "roughness", lambda *_, told=given: told)
-        SEAMS["charts"].function(surface_of(*rough()), SeamOptions(), Monitor())
-    smooth, noisy = bounds[0], bounds[-1]
-    assert BOUND - 0.006 < smooth < BOUND
-    assert noisy == pytest.approx(smooth - 0.02 * grown.UNEVEN)
-
-
-def test_handles_that_only_the_mesh_has_cost_a_loop_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The chart stays whole: halves, and halves of those, would be seams right across it."""
-    surface = surface_of(*shapes.handles(2, 3))
-    graph = dual_graph(surface)
-    monkeypatch.setattr(finish, "settle_part", lambda atlas, *_: (atlas.cut, atlas.corners))
-    made = {}
-    for steps in (grown.LOCAL, finish.FINAL):
-        atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-        decided = Decided(atlas, graph, steps)
-        finish.finish(decided, 1e6, SeamOptions(), Worker(1), Monitor(), [])
-        assert not not_disks(atlas.cut_mesh()).any()
-        made[steps.local is not None] = atlas
-    assert made[True].charts()[0] == 1
-    assert made[False].charts()[0] > 1
-    assert made[True].seam_length < made[False].seam_length
-
-
-@pytest.mark.parametrize("split", [False, True])
-def test_charts_not_merged_on_are_gone_back_to_where_merged_ones_are_split_on_the_mesh(
-    split: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    surface = surface_of(*shapes.icosphere(2))
-    chart = np.arange(len(surface.faces)) % 2
-    merged, plain = (Atlas(surface, np.zeros(len(surface.edges), bool)) for _ in range(2))
-    plain.cut = (chart[surface.edges // 3] == 0).any(1)
-    made, finished = [], []
-
-    def again(monitor: Monitor) -> Decided:
-        made.append(plain)
-        return Decided(plain, decided.graph)
-
-    def noted(decided: Decided, *_: object) -> None:
-        finished.append(decided.atlas)
-        if split and decided.atlas is merged:
-            decided.atlas.cut = np.ones(len(surface.edges), bool)
-
-    decided = Decided(merged, grown.dual_graph(surface), plain=again)
-    monkeypatch.setattr(grown, "_decided", lambda *_: decided)
-    for one in (grown, finish):
-        monkeypatch.setattr(one, "finish", noted)
-    monkeypatch.setattr(grown, "merge_on_once", lambda a, *_: (a.cut, a.corners, True))
-    atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
-    assert finished == ([merged, plain] if split else [merged])
-    assert made == finished[1:]
-    assert np.array_equal(atlas.cut, finished[-1].cut)
-
-
 def halved(surface: Surface, monitor: Monitor) -> Decided:
     """A sphere in eight."""
     side = (surface.points[surface.faces].mean(1) > 0) @ [1, 2, 4]
     cut = np.diff(side[surface.edges // 3], axis=1)[:, 0] != 0
     return Decided(Atlas(surface, cut), grown.dual_graph(surface))
-
-
-@pytest.mark.parametrize(
-    ("small", "bound", "asked"),
-    [
-        (True, BOUND, [False, True]),
-        (False, BOUND, [False, False, True]),  # finished here, from what was begun there
-        (False, 1.005, [True]),  # both halves break: what was begun is taken at once
-    ],
-)
-def test_what_may_be_gone_back_to_is_made_beside(
-    monkeypatch: pytest.MonkeyPatch, small: bool, bound: float, asked: list[bool]
-) -> None:
-    """One chart of a sphere breaks up on the mesh; eight are what is made meanwhile, to the same charts.
-
-    Of small meshes they are finished; of others carried over, while it is asked whether the one breaks.
-    """
-    if not small:
-        monkeypatch.setattr(grown, "SMALL_FACES", 100)
-    surface = surface_of(*shapes.icosphere(3))
-    begun: list[bool] = []
-    result = workers.DeferredTask.result
-
-    def told(self: workers.DeferredTask) -> object:
-        begun.append(self.begun)
-        return result(self)
-
-    monkeypatch.setattr(workers.DeferredTask, "result", told)
-
-    def decided(*_: object) -> Decided:
-        whole = Atlas(surface, np.zeros(len(surface.edges), bool))
-        return Decided(whole, grown.dual_graph(surface), plain=partial(halved, surface))
-
-    monkeypatch.setattr(grown, "_decided", decided)
-    workers.start(2, grown.__name__)
-    pool = current()
-    assert pool is not None
-    pool.ready.result()
-    found = []
-    for jobs in (1, 2):
-        found.append(grown.grown_atlas(surface, bound, SeamOptions(), Monitor(jobs=jobs), []))
-    workers.stop()
-    assert begun == asked
-    assert np.array_equal(found[0].cut, found[1].cut)
-    assert np.array_equal(found[0].corners, found[1].corners)
-    assert 1 < found[0].charts()[0] <= 8 or bound < BOUND
-
-
-@pytest.mark.parametrize("several", [False, True])
-def test_what_is_begun_is_relaxed_where_one_part_is_most(
-    several: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As finishing it would: from there on it comes to the same."""
-    if several:
-        monkeypatch.setattr(workers, "PARTED", 100)
-        monkeypatch.setattr(workers, "PART_FACES", 100)
-    surface = surface_of(*shapes.icosphere(3))
-    make = partial(halved, surface)
-    cut, corners, relaxed = finish.begun(make, Monitor())
-    assert relaxed == (0 if several else 1)
-    graph = dual_graph(surface)
-    made = [Decided(Atlas(surface, cut, corners), graph, relaxed=relaxed), make(Monitor())]
-    if relaxed:
-        whole = Atlas(surface, cut.copy(), corners.copy())
-        settled = finish.settle_part(whole, BOUND, None, None, Monitor())
-        assert np.array_equal(settled[1], corners), "nothing is left to be relaxed"
-        assert chart_energies(*whole.open()).max() < 1.05
-    for decided in made:
-        finish.finish(decided, BOUND, SeamOptions(), Worker(1), Monitor(), [])
-    assert np.array_equal(made[0].atlas.cut, made[1].atlas.cut)
-    assert np.array_equal(made[0].atlas.corners, made[1].atlas.corners)
 
 
 @pytest.mark.parametrize("dear", [False, True])

@@ -10,8 +10,6 @@ from circparam.geometry.visibility import edge_shares, visible_share
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import grown
-from circparam.seams import hidden as hidden_module
 from circparam.seams.charts import charts
 from circparam.seams.hidden import (
     DIRECTIONS,
@@ -93,28 +91,3 @@ def test_seams_hide_in_a_groove_and_every_chart_is_good(level: int) -> None:
     cut_mesh = hidden.cut_mesh()
     assert not not_disks(cut_mesh).any()
     assert (energies(cut_mesh, hidden.gather(cut_mesh)) <= 1.05).all()
-
-
-def test_without_strength_no_visibility_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object) -> None:
-        raise AssertionError("prices without strength")
-
-    surface = surface_of(*shapes.torus(20, 10))
-    expected = decided(surface, 1e-12).surface.price
-    assert expected is None  # the surface of the caller stays as it was
-    monkeypatch.setattr(hidden_module, "hiding_prices", never)
-    assert decided(surface, 0.0).charts()[0] >= 1
-    with pytest.raises(AssertionError, match="without strength"):
-        decided(surface, 0.5)
-
-
-def test_what_is_nearly_flat_gets_no_prices(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is told on the mesh itself, where that is large, and no seam is looked for."""
-
-    def never(*_: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr(grown, "DIRECT_FACES", 100)
-    monkeypatch.setattr(hidden_module, "hiding_prices", never)
-    found = charts(surface_of(*shapes.bumped_disk(300, height=0.1)), SeamOptions(), Monitor())
-    assert not found.cut.any()

@@ -6,10 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.optimize
 
 from circparam.core.monitor import Monitor
-from circparam.packing import pack
 from circparam.packing.budget import Budget
 from circparam.packing.nest import compaction
 from circparam.packing.nest.contacts import least_distance
@@ -19,33 +17,7 @@ from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import Placement
 from circparam.packing.skyline import skyline_placement
-from tests.support.packing import QUICK, blobs, rectangles
-
-
-def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Parallel needles within reach of each other touch everywhere: such a program is not solved."""
-    n = 10
-    uv = np.zeros((3 * n, 2))
-    uv[1::3, 0] = 1.0
-    uv[2::3] = [0.5, 1e-6]
-    faces = np.arange(3 * n).reshape(n, 3)
-    rows: list[int] = []
-    solve = scipy.optimize.linprog
-
-    def recorded(*args: object, **options: object) -> object:
-        rows.append(options["A_ub"].shape[0])  # type: ignore[attr-defined]
-        return solve(*args, **options)
-
-    monkeypatch.setattr(scipy.optimize, "linprog", recorded)
-    options = PackOptions(resolution=256, padding=2, effort=QUICK)
-    pack(faces, uv, np.arange(n), options)
-    most = max(rows)
-    limit = most // 2
-    rows.clear()
-    monkeypatch.setattr(compaction, "MOST_ROWS", limit)
-    packed = pack(faces, uv, np.arange(n), options)
-    assert all(r <= limit for r in rows)
-    assert np.isfinite(packed.uv).all()
+from tests.support.packing import blobs, rectangles
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -184,32 +156,6 @@ def test_charts_that_overlap_are_seen_whatever_the_distance_of_their_outlines():
         offset = np.array([[256.0, 256], [inside, 256]])
         placement = Placement(200.0, np.zeros(2), offset, np.array([0, page]))
         assert growth.overlaps(placement) == expected
-
-
-def test_a_layout_that_cannot_catch_up_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No program where no step leads to the scale that others have; few where charts lock below it."""
-    options = PackOptions(resolution=256, padding=2, rotate="none")
-    shapes, start = lone_square(options, 100.0)
-    made: list[float] = []
-    step = compaction.compaction_step
-
-    def counted(growth, placement, *rest, **more):
-        made.append(placement.scale)
-        return step(growth, placement, *rest, **more)
-
-    monkeypatch.setattr(compaction, "compaction_step", counted)
-    room = options.resolution - 2 * options.border
-    free = compaction.roughly(growth_of(shapes, options), start, 40, 0.0)
-    assert free.scale == pytest.approx(room, rel=0.01)
-    needed = len(made)
-    made.clear()
-    # five steps of 32 texels of 2048 make a square of a page of 256 at most so much wider
-    assert compaction.roughly(growth_of(shapes, options), start, 5, 100 * 1.1**5) is start
-    assert not made
-    # within reach by what steps may gain, but there is no room for it
-    locked = compaction.roughly(growth_of(shapes, options), free, 12, 1.05 * free.scale)
-    assert 1 <= len(made) < min(needed, 5)
-    assert locked.scale >= 0.999 * free.scale
 
 
 def test_three_faces_at_an_edge_are_no_overlap() -> None:

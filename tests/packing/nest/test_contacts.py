@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from circparam.packing.nest.contacts import (
     THINNED,
-    _round_it,
     find_contacts,
     least_distance,
     sample_outlines,
@@ -151,14 +148,3 @@ def test_a_tip_through_a_neighbour_is_seen_at_any_step(step):
             here = at([0, 0.1], [x, foot + 1.5])
             found = find_contacts(here, outlines(wall, needle, step=step), 3.0, 1.0)
             assert found.crossing == crossing
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 9), st.integers(1, 9))
-def test_the_extreme_round_a_square_is_that_of_nine(seed: int, rows: int, columns: int) -> None:
-    squares = np.random.default_rng(seed).integers(0, 50, (rows, columns))
-    for extreme, of in ((np.minimum, np.min), (np.maximum, np.max)):
-        found = _round_it(squares, extreme)
-        for y in range(rows):
-            for x in range(columns):
-                around = squares[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
-                assert found[y, x] == of(around)

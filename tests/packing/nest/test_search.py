@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from circparam.packing.budget import Budget
-from circparam.packing.nest import search as module
 from circparam.packing.nest.search import (
     Terms,
     cell_size,
@@ -156,59 +155,3 @@ def test_only_the_masks_allowed_are_used() -> None:
     found = search(board, shapes, options, 48, Budget(2e6, lambda: False), Terms(allowed=allowed))
     assert found
     assert all(np.isin(f.mask, [1, 3]).all() for f in found)
-
-
-@pytest.mark.parametrize(("blamed", "rounds"), [(5, 1 + module.RETRIES), (0, 1)])
-def test_what_finds_no_place_goes_earlier(
-    blamed: int, rounds: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The last of six charts goes before one more each time it finds no place; the first is not tried again."""
-    shapes = rectangles(np.sqrt(np.repeat([[99.0], [5], [4], [3], [2], [1]], 2, 1)))
-    orders: list[list[int]] = []
-
-    def nowhere(board, order, *rest):  # type: ignore[no-untyped-def]
-        orders.append(order.tolist())
-        return blamed
-
-    monkeypatch.setattr(module, "_attempt", nowhere)
-    board = board_of(shapes, PackOptions(256, 2))
-    climb = module._Climb(board, shapes, 1, endless())
-    assert not climb.round(np.log(shapes.area), 50, 2.0, [np.arange(4)] * 6)
-    places = [order.index(blamed) for order in orders]
-    assert len(places) == rounds
-    assert places == sorted(places, reverse=True)
-    assert rounds == 1 or places[-1] < places[0]
-    assert all(order[0] == 0 for order in orders)
-
-
-def test_nothing_is_tried_below_the_page_that_holds_the_longest_chart(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A long bar and two crumbs: as soon as the page is as long as the bar the search is over."""
-    shapes = shapes_of(*_bars([(8.0, 1.0), (0.5, 0.5), (0.5, 0.5)]))
-    board = board_of(shapes, PackOptions(256, 2, rotate="90"), density=0.1)
-    sides: list[int] = []
-    attempt = module._attempt
-
-    def counted(board, order, side, *rest):  # type: ignore[no-untyped-def]
-        sides.append(side)
-        return attempt(board, order, side, *rest)
-
-    monkeypatch.setattr(module, "_attempt", counted)
-    found = search(board, shapes, PackOptions(256, 2, rotate="90"), 48, endless())
-    least = max(int(m.size.max(1).min()) for m in board.masks)
-    assert found[0].side == least
-    assert len(sides) < 40
-    sides.clear()
-    terms = Terms(largest=least - 1, patience=50)
-    assert not search(board, shapes, PackOptions(256, 2, rotate="90"), 48, endless(), terms)
-    assert not sides
-
-
-def _bars(sizes):
-    """Rectangles of some widths and heights: (faces, uv, chart)."""
-    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    uv = np.concatenate([corner * size + 20 * k for k, size in enumerate(sizes)])
-    two = np.array([[0, 1, 2], [0, 2, 3]])
-    faces = np.concatenate([two + 4 * k for k in range(len(sizes))])
-    return faces, uv, np.repeat(np.arange(len(sizes)), 2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable
 
 import numpy as np
@@ -10,14 +9,11 @@ import pytest
 
 from circparam.core.arrays import FloatArray
 from circparam.packing.budget import Budget
-from circparam.packing.nest.masks import Masks
 from circparam.packing.nest.sketch import (
     FULLEST,
     Sketch,
     SketchCache,
     SketchGrid,
-    _corner,
-    _empty,
     least_page,
 )
 
@@ -149,54 +145,3 @@ def test_what_is_known_of_other_pages_changes_nothing() -> None:
         assert a.side == b.side
         assert np.array_equal([a.mask, a.row, a.column], [b.mask, b.row, b.column])
         assert shared.left == alone.left
-
-
-def test_what_is_known_spares_transforms(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(5)
-    some, known = [GRID.sketch(*blob(rng)) for _ in range(5)], SketchCache()
-    before = least_page(some, 90, 2, Budget(1e12, never), known)
-    monkeypatch.delattr("circparam.packing.nest.sketch.best_place")
-    after = least_page(some, 90, 2, Budget(1e12, never), known)
-    assert before is not None
-    assert after is not None
-    assert after.side == before.side
-
-
-def test_an_outline_has_one_sketch_and_what_is_known_stays_in_its_process() -> None:
-    grid = SketchGrid(0.1, 0.0)
-    one = grid.sketch(*box(0.8, 0.4))
-    assert grid.sketch(*box(0.8, 0.4)) is one
-    assert grid.sketch(*box(0.8, 0.5)) is not one
-    copy = pickle.loads(pickle.dumps(grid))
-    assert copy.cell == grid.cell
-    assert not copy.cache.sketches
-
-
-@pytest.mark.parametrize("beyond", [0, 1, 5])
-@pytest.mark.parametrize("seed", range(12))
-def test_the_first_chart_lies_in_the_corner_that_it_touches_most(seed: int, beyond: int) -> None:
-    """Cells beyond the size of a mask count for its area, and not for what it touches."""
-    rng = np.random.default_rng(seed)
-    side = 30
-    size = rng.integers(3, side + 1, (8, 2))
-    cells = rng.random((8, 30, 30)) < 0.6
-    for k, (h, w) in enumerate(size.tolist()):
-        cells[k, h + 1 :] = cells[k, :, w + 1 :] = False
-    masks = Masks(cells, size, np.zeros((8, 2)), np.zeros(8))
-    pick = np.flatnonzero(rng.random(8) < 0.7)
-    empty = _empty(side + beyond, side, 2.0)
-
-    def score(k: int, y: int, x: int) -> float:
-        h, w = size[k]
-        touched = empty[0][y : y + h, x : x + w][cells[k, :h, :w]]
-        return float(touched.sum(dtype=float) / cells[k].sum())
-
-    found = _corner(empty, masks, pick, side)
-    assert found[0] in pick
-    best = max(
-        score(k, y, x)
-        for k in pick.tolist()
-        for y in (0, side - int(size[k, 0]))
-        for x in (0, side - int(size[k, 1]))
-    )
-    assert score(*found) == pytest.approx(best, abs=1e-6)

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.packing import pack, table
+from circparam.packing import pack
 from circparam.packing.nest import strategy
 from circparam.packing.nest.strategy import nested
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
-from circparam.packing.placement import PackTask, Placement
+from circparam.packing.placement import PackTask
 from circparam.packing.shelf import shelf_placement
-from circparam.packing.straight import straight_charts
 from tests.support.packing import blobs, promise, rectangles, shelf
 
 
@@ -86,39 +85,6 @@ def test_rows_of_boxes_are_a_start_too():
         assert found.scale == pytest.approx(rows.scale, rel=0.01)
 
 
-def test_half_the_steps_are_made_where_all_lead_astray(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A layout whose last steps go wrong is compacted again by fewer, before it is given up."""
-    shapes = shapes_of(*blobs(6, 3))
-    steps: list[int] = []
-    compact = strategy.compact
-
-    def counted(growth, start, count, *rest):  # type: ignore[no-untyped-def]
-        steps.append(count)
-        return compact(growth, start, count, *rest)
-
-    monkeypatch.setattr(strategy, "compact", counted)
-    options = PackOptions(resolution=256, effort=0.05)
-    found = nested(
-        PackTask(shapes, options, Monitor(), {}, lambda p: len(steps) >= 3)  # the third is sound
-    )
-    loose = nested(PackTask(shapes, options, Monitor(), {}, lambda p: False))
-    assert found is not None
-    assert loose is not None
-    assert steps[2] == steps[0] // 2
-    assert found.scale > loose.scale
-
-
-def test_straight_charts_with_most_of_the_area_may_tile() -> None:
-    faces, uv, chart = blobs(4, 3)
-    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    for side, tiles in ((0.3, False), (30.0, True)):
-        more = np.array([[0, 1, 2], [0, 2, 3]]) + len(uv)
-        shapes = shapes_of(np.r_[faces, more], np.r_[uv, side * square + 50], np.r_[chart, [4, 4]])
-        straight = straight_charts(shapes, np.inf)
-        assert strategy._Boards(shapes, PackOptions(), straight).tiling is tiles
-    assert not strategy._Boards(shapes, PackOptions(), None).tiling
-
-
 def crumbs(large: int, small: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Blobs of much the same size, and as many small ones, of a hundredth of their sides, before them."""
     faces, uv, chart = blobs(large + small, 8, spread=0.1)
@@ -140,82 +106,3 @@ def test_of_many_crumbs_the_large_charts_are_laid_out_first() -> None:
     assert alone is not None
     assert found.scale == alone.scale
     promise(faces, uv, chart, pack(faces, uv, chart, options), options)
-
-
-@pytest.mark.parametrize(
-    ("large", "small", "options"),
-    [
-        (8, 40, PackOptions()),  # few in all
-        (70, 60, PackOptions()),  # not few without the crumbs
-        (8, 60, PackOptions(pages=2)),
-        (8, 60, PackOptions(rotate="90")),
-    ],
-)
-def test_other_charts_are_laid_out_together(large: int, small: int, options: PackOptions) -> None:
-    shapes = shapes_of(*crumbs(large, small))
-    task = PackTask(shapes, options, Monitor(), {}, lambda p: True)
-    assert strategy._large_first(task) is None
-
-
-def test_crumbs_with_much_of_the_area_are_laid_out_with_the_others() -> None:
-    sizes = [[1.0, 1.0]] * 5 + [[0.05, 0.05]] * 100
-    task = PackTask(rectangles(sizes), PackOptions(), Monitor(), {}, lambda p: True)
-    assert strategy._large_first(task) is None
-    fewer = replace(task, shapes=rectangles(sizes[:62]))
-    assert strategy._large_first(fewer) is not None
-
-
-def begun(n: int, long: float) -> tuple[PackTask, Placement]:
-    """Blobs with a triangle of a length beside them, and a layout of theirs to go on from."""
-    faces, uv, chart = blobs(n, 6, spread=0.1)
-    corner = np.array([[0.0, 0], [long, 0.3], [0.4 * long, 1.7]])
-    more = np.arange(3)[None] + len(uv)
-    shapes = shapes_of(np.r_[faces, more], np.r_[uv, corner + 90], np.r_[chart, n])
-    straight = straight_charts(shapes, 10.0).counts  # none of these is gone on with
-    shapes = shapes.part(np.flatnonzero(~straight))
-    options = PackOptions(512, 2, effort=0.2)
-    task = PackTask(shapes, options, Monitor(), {}, lambda p: finish(shapes, p, options)[1] is None)
-    start = nested(task)
-    assert start is not None
-    return task, start
-
-
-@pytest.mark.parametrize(("long", "searched"), [(12.0, False), (5.0, True)])
-def test_nothing_is_searched_where_the_longest_chart_fills_the_page(
-    monkeypatch: pytest.MonkeyPatch, long: float, searched: bool
-) -> None:
-    task, start = begun(4, long)
-    calls: list[int] = []
-    search = strategy.search
-
-    def counted(*rest):  # type: ignore[no-untyped-def]
-        calls.append(1)
-        return search(*rest)
-
-    monkeypatch.setattr(strategy, "search", counted)
-    found = nested(replace(task, start=start))
-    assert found is not None
-    assert found.scale > 0.98 * start.scale
-    assert bool(calls) is searched
-    full = strategy._most(task.shapes, task.options)
-    assert (found.scale > 0.995 * full) is not searched
-
-
-def test_no_skyline_is_made_where_a_layout_leads_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is asked for where that leads nowhere: the first layouts here do not pass the check."""
-    task, start = begun(60, 2.0)
-    made: list[int] = []
-    skyline = table.skyline_placement
-
-    def counted(*rest):  # type: ignore[no-untyped-def]
-        made.append(1)
-        return skyline(*rest)
-
-    monkeypatch.setattr(table, "skyline_placement", counted)
-    on = replace(task, start=start)
-    rows = table.PACKERS
-    assert rows["skyline"].function(on) is None
-    assert rows["nest"].function(on) is not None
-    assert not made
-    assert rows["nest"].function(replace(on, sound=lambda p: bool(made))) is not None
-    assert made

@@ -148,15 +148,6 @@ def test_organic_components_are_laid_out_as_without_the_hard_ones() -> None:
     assert np.array_equal(together.cut[sphere], single.cut)
 
 
-def test_organic_shapes_do_not_go_the_way_of_hard_ones(monkeypatch) -> None:
-    def never(*_: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr(ways, "hard_atlas", never)
-    surface = surface_of(*shapes.bumped_disk())
-    module.charts(surface, SeamOptions(), Monitor())
-
-
 def test_of_two_atlases_each_component_takes_the_better(monkeypatch) -> None:
     """Two cubes: one atlas cuts all edges of the first, the other those of the second."""
     part = PARTS["cube"]()
@@ -180,21 +171,6 @@ def test_doubtful_components_end_no_worse_than_either_way(monkeypatch) -> None:
         monkeypatch.setattr(module, "hardness", lambda s, kind=kind: np.full(len(s.faces), kind))
         costs.append(cost(surface, module.charts(surface, SeamOptions(), Monitor()).cut))
     assert cost(surface, both.cut) == pytest.approx(min(costs))
-
-
-def test_what_needs_no_seam_is_not_grown_as_well(monkeypatch) -> None:
-    def never(*_: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
-    monkeypatch.setattr(module, "grown_atlas", never)
-    monkeypatch.setattr(ways, "grown_atlas", never)
-    surface = surface_of(*shapes.join(shapes.grid(6, 6), shapes.annulus()))
-    seams = module.charts(surface, SeamOptions(), Monitor())
-    assert not seams.cut.any()
-    atlas = Atlas(surface, seams.cut, seams.uv)
-    cut_mesh, uv = atlas.open()
-    assert energies(cut_mesh, uv) == pytest.approx(1.0)
 
 
 def test_a_pocket_that_is_stretched_too_much_is_cut_off_along_its_rim(monkeypatch) -> None:
@@ -278,56 +254,3 @@ def test_what_unrolls_whole_needs_no_seam(shape: shapes.Shape, whole: bool) -> N
     if whole:
         cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
         assert chart_energies(cut_mesh, unroll(cut_mesh)) == pytest.approx(1, abs=1e-6)
-
-
-@pytest.mark.parametrize("kind", [HARD, DOUBTFUL])
-def test_no_prices_are_looked_for_where_nothing_needs_a_seam(
-    kind: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[int] = []
-
-    def seen(surface: Surface, *_: object) -> np.ndarray:
-        asked.append(len(surface.faces))
-        return np.ones(len(surface.edges))
-
-    monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), kind))
-    monkeypatch.setattr("circparam.seams.hidden.hiding_prices", seen)
-    found = module.charts(surface_of(*shapes.half_cylinder()), SeamOptions(), Monitor())
-    assert not found.cut.any()
-    assert not asked
-    module.charts(surface_of(*shapes.cylinder()), SeamOptions(), Monitor())
-    assert asked
-
-
-def test_what_the_hard_way_leaves_is_grown_beside_what_is_hard(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Doubtful parts come first, since the rest depends on them alone; what is sure to be hard comes last, or
-    is made by a process meanwhile."""
-    order: list[tuple[str, int]] = []
-    begun: list[str] = []
-
-    class Noted(workers.DeferredTask):
-        def begin(self) -> None:
-            begun.append(self._task[0])
-
-    def made(name: str, surface: Surface, *_: object):
-        order.append((name, len(surface.faces)))
-        cut = np.zeros(len(surface.edges), bool)
-        cut[0] = name == "doubtful"  # of its two components the first, a cube
-        return cut, np.zeros((len(surface.faces), 3, 2)), None, [name]
-
-    monkeypatch.setattr(ways, "one_way", made)
-    monkeypatch.setattr(ways, "DeferredTask", Noted)
-    parts = [shapes.cube(2), shapes.cube(1), shapes.grid(3, 3)]
-    surface = surface_of(*shapes.join(*[(p + 9.0 * k, f) for k, (p, f) in enumerate(parts)]))
-    component = surface.components[1]
-    hard, doubtful = component == 0, component > 0
-    notes: list[str] = []
-
-    asked = {"hard": hard, "doubtful": doubtful, ways.LEFT: doubtful}
-    found = ways.made_ways(surface, asked, 1.05, SeamOptions(), Monitor(), notes)
-    assert order == [("doubtful", doubtful.sum()), ("grown", 12), ("hard", hard.sum())]
-    assert begun == ["hard"]
-    assert notes == ["hard", "doubtful", "grown"]
-    assert len(found["grown"].surface.faces) == 12

@@ -83,17 +83,3 @@ def test_what_is_round_anywhere_is_no_polyhedron() -> None:
     found = polyhedra(Atlas(surface, none, prices=seam_prices(surface)))
     assert np.array_equal(found, surface.points[surface.faces].max((1, 2)) < 1.5)
     assert not polyhedra(Atlas(surface, none)).any()
-
-
-def test_a_tight_bound_changes_nothing(monkeypatch) -> None:
-    """What is exact already is not merged a second time."""
-    part = extrude(rectangle(1.0, 1.0), [], 1.0)
-    surface = surface_of(part.points, part.faces)
-
-    def never(*_: object, **__: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr(module, "Merger", never)
-    options = SeamOptions(max_distortion=1 + 1e-6)
-    seams = SEAMS["charts"].function(surface, options, Monitor())
-    assert distortion(Atlas(surface, seams.cut, seams.uv)) < EXACT

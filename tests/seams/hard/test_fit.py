@@ -8,7 +8,6 @@ import pytest
 from circparam.geometry.overlap import SelfContacts, self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.hard import fit
 from circparam.seams.hard.fit import better_start, composed, hardly_near
 from circparam.seams.hard.regions import (
     turns,
@@ -121,24 +120,3 @@ def test_of_two_starts_the_better_one_is_taken() -> None:
     assert good == pytest.approx([1.0])
     best = chart_energies(cut_mesh, better_start(cut_mesh, jacobian, jacobian, right, 1.05)[0])
     assert best == pytest.approx([1.0])
-
-
-def test_what_is_torn_apart_gets_no_second_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Jacobians that point every way: the one solve tells, and no part is bent round the other."""
-    cut_mesh, corners, right = sheet_in_two(0.0)
-    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-    jacobian = dirichlet.jacobians(gradients, corners.transpose(2, 1, 0))
-    turn = np.random.default_rng(0).uniform(0, 2 * np.pi, len(right))
-    c, s = np.cos(turn), np.sin(turn)
-    torn = np.stack([c * jacobian[0] - s * jacobian[1], s * jacobian[0] + c * jacobian[1]])
-    bends: list[int] = []
-    bend = fit.transported
-    monkeypatch.setattr(fit, "transported", lambda *of: (bends.append(1), bend(*of))[1])
-    uv, energy = better_start(cut_mesh, torn, jacobian, right, 1.05)
-    assert not bends
-    np.testing.assert_array_equal(energy, chart_energies(cut_mesh, uv))
-    assert not energy[0] <= 1.05
-    c, s = np.cos(1.0), np.sin(1.0)
-    turned = np.stack([c * jacobian[0] - s * jacobian[1], s * jacobian[0] + c * jacobian[1]])
-    better_start(cut_mesh, np.where(right, turned, jacobian), jacobian, right, 1.05)
-    assert bends

@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams import charts as module
 from circparam.seams.cost import COST
-from circparam.seams.hard.regions import DOUBTFUL, HARD, seam_prices, turns
+from circparam.seams.hard.regions import seam_prices, turns
 from circparam.seams.hard.rival import HOPELESS, Outdone, Rival
-from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation import starts
 from tests.support import shapes
 from tests.support.atlases import surface_of
 
@@ -64,32 +60,3 @@ def test_components_of_a_proxy_are_not_taken_for_each_other() -> None:
             nothing.face([atlas])
     _, atlas = cubes(2)
     Rival(np.full(3, 1e-3), 1.0, len(atlas.surface.faces)).face([atlas])
-
-
-@pytest.mark.parametrize("refine", [0, 18], ids=["itself", "proxy"])
-def test_what_is_far_behind_is_not_gone_on_with(refine: int, monkeypatch) -> None:
-    """Seams that need not heed flats run right across them: the other way is taken as it is."""
-    shape = shapes.cube(refine) if refine else shapes.handles(1)
-    surface = surface_of(*shape)
-    monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), HARD))
-    wanted = module.charts(surface, SeamOptions(), Monitor())
-
-    def never(*_: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
-    monkeypatch.setattr(starts, "shortened", never)
-    found = module.charts(surface, SeamOptions(), Monitor())
-    assert np.array_equal(found.cut, wanted.cut)
-    assert np.array_equal(found.uv, wanted.uv)
-
-
-def test_beside_organic_shapes_nothing_is_given_up(monkeypatch) -> None:
-    """Their charts are decided together with the doubtful ones, and have no other way."""
-    first, ball = shapes.handles(1), shapes.icosphere(2)
-    surface = surface_of(*shapes.join(first, (ball[0] + 9.0, ball[1])))
-    kind = np.where(surface.components[1] == 0, DOUBTFUL, 0)
-    monkeypatch.setattr(module, "hardness", lambda s: kind)
-    monkeypatch.setattr("circparam.seams.hard.rival.HOPELESS", 0.0)
-    seams = module.charts(surface, SeamOptions(), Monitor())
-    assert seams.cut[surface.components[1][surface.edges[:, 0] // 3] == 1].any()

@@ -236,18 +236,3 @@ def test_charts_that_miss_the_bound_by_little_are_relaxed_unless_they_are_hard(h
     atlas.prices = SeamPrices(np.ones(len(edges)), ~edges, edges, edges)
     _, laid = _eased(cut_mesh, worse.copy(), bound, atlas)
     assert laid.energy[0] == pytest.approx(above) if hard else laid.energy[0] <= bound
-
-
-def test_what_easing_stretches_too_much_spoils_a_move(monkeypatch: pytest.MonkeyPatch) -> None:
-    atlas = priced(in_halves(3))
-    before, corners = atlas.cut.copy(), atlas.corners.copy()
-
-    def thrice_as_long(cut_mesh, uv, bound, _):
-        laid = judge(cut_mesh, uv)
-        low = uv[:, 1] < np.median(uv[:, 1])
-        return np.where(low[:, None], uv * [1.0, 3.0], uv), laid
-
-    monkeypatch.setattr("circparam.seams.hard.straighten._eased", thrice_as_long)
-    straighten(atlas, LIMITS, Monitor())
-    np.testing.assert_array_equal(atlas.cut, before)
-    np.testing.assert_array_equal(atlas.corners, corners)

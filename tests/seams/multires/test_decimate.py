@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from circparam.core.graph import components
-from circparam.geometry import collapse
 from circparam.mesh.surface import Surface
-from circparam.seams.multires import decimate as module
-from circparam.seams.multires.decimate import decimate, decimating, pair_edges
+from circparam.seams.multires.decimate import decimate, pair_edges
 from tests.support import shapes
 from tests.support.atlases import surface_of
-from tests.support.processes import noted_processes
 
 
 def test_the_proxy_keeps_the_genus_and_maps_every_vertex() -> None:
@@ -117,29 +114,3 @@ def test_edges_of_several_faces_or_of_one_direction_are_told_apart() -> None:
     whole, apart = pair_edges(np.eye(4, 3), np.array([[0, 1, 2], [1, 0, 3]]))
     assert len(whole.edges) == 1
     assert len(apart) == 0
-
-
-def test_what_was_begun_ahead_is_the_same_and_is_not_done_twice(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    surface = surface_of(*shapes.torus(60, 30))
-    alone = decimate(surface, 600)
-    monkeypatch.setattr(collapse, "APART_FACES", 1000)
-    monkeypatch.setattr(collapse, "_here", lambda *_: pytest.fail("a process has done it"))
-    with decimating(surface, 600):
-        monkeypatch.setattr(module, "_Large", lambda *_: pytest.fail("it was begun already"))
-        ahead = decimate(surface, 600)
-    assert np.array_equal(alone.surface.points, ahead.surface.points)
-    assert np.array_equal(alone.surface.faces, ahead.surface.faces)
-    assert np.array_equal(alone.cell, ahead.cell)
-
-
-def test_what_nobody_asked_for_ends_with_its_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    surface = surface_of(*shapes.torus(60, 30))
-    monkeypatch.setattr(collapse, "APART_FACES", 1000)
-    started = noted_processes(monkeypatch)
-    with decimating(surface, 600):
-        other = decimate(surface, 400)
-    assert 300 < len(other.surface.faces) < 450
-    assert len(started) == 2
-    assert all(process.poll() is not None for process in started)

@@ -12,12 +12,10 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
-from circparam.seams.hard.regions import seam_prices
 from circparam.seams.options import Search
 from circparam.seams.segmentation import decide as module
 from circparam.seams.segmentation import starts
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
-from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
@@ -62,27 +60,6 @@ def test_a_search_can_be_ended_when_its_charts_have_merged() -> None:
 
     with pytest.raises(EndedError):
         starts.searched(bumpy(), MERGING, Worker(1), Monitor(), end)
-
-
-@pytest.mark.parametrize("hard", [True, False])
-def test_where_a_round_finds_nothing_on_a_hard_surface_no_other_is_made(hard, monkeypatch) -> None:
-    surface = surface_of(*shapes.cylinder(around=12, along=4, caps=True))
-    chart = (middles(surface)[:, :2] > 0) @ [1, 2]
-    atlas = cut_between(surface, chart)
-    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-3, max_iterations=25))
-    if hard:
-        atlas.prices = seam_prices(surface)
-    rounds = []
-
-    def barren(self: Merger, monitor: Monitor) -> bool:
-        rounds.append(1)
-        self.work += 10 * module.BARREN
-        self.limit = np.inf
-        return len(rounds) < 5
-
-    monkeypatch.setattr(Merger, "round", barren)
-    module.merge_on(atlas, 1.05, 0.002, Monitor())
-    assert len(rounds) == (1 if hard else 5)
 
 
 def bumped_ring(height: float) -> tuple[np.ndarray, np.ndarray]:

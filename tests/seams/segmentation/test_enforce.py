@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
@@ -140,33 +139,6 @@ def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> N
     assert not after.bad(bound).any()
     assert not not_disks(after.cut_mesh).any()
     assert (after.cut_mesh.n_charts > count) == (laid.energy.max() > 1 + (bound - 1) * 1.6)
-
-
-def test_what_is_left_of_many_faces_is_gone_on_with_in_parts(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Each part holds whole charts that are bad, all together all of them, and the bound holds in the end."""
-    monkeypatch.setattr(workers, "PARTED", 200)
-    monkeypatch.setattr(workers, "PART_FACES", 60)
-    surface = surface_of(*shapes.icosphere(3))
-    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
-    laid = lay_out_fresh(atlas, None, GAPS)
-    calls, hold_part = [], module.hold_part
-
-    def told(part: Atlas, held: object, monitor: Monitor) -> Atlas:
-        start = judged(part)
-        assert start.bad(1.0015).all()
-        calls.append(len(part.surface.faces))
-        done = hold_part(part, held, monitor)
-        assert not judged(done).bad(1.0015).any()
-        return done
-
-    monkeypatch.setattr(module, "hold_part", told)
-    enforce(atlas, grow.dual_graph(surface), laid, 1.0015, GAPS, Monitor())
-    after = judged(atlas)
-    assert len(calls) > 1
-    assert not after.bad(1.0015).any()
-    assert not not_disks(after.cut_mesh).any()
 
 
 def test_good_charts_and_single_cells_are_left_as_they_are() -> None:

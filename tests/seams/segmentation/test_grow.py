@@ -19,26 +19,6 @@ from tests.support import shapes
 from tests.support.atlases import cut_between, middles, surface_of, uncut
 
 
-def test_seeds_spread_over_components_in_few_searches(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Many components share the searches; one component takes its farthest cell each time."""
-    searches = []
-    plain = grow.distances
-
-    def counted(*given: object) -> object:
-        searches.append(1)
-        return plain(*given)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(grow, "distances", counted)
-    tail = np.arange(400)[np.arange(400) % 4 != 3]  # 100 paths of four cells
-    region = grow.grow(400, tail, tail + 1, np.ones(len(tail)), 200, 0)
-    assert len(searches) <= 3
-    assert (np.array([len(np.unique(r)) for r in region.reshape(100, 4)]) == 2).all()
-    line = np.arange(8)
-    region = grow.grow(9, line, line + 1, np.ones(8), 3, 0)
-    assert len(np.unique(region)) == 3
-    assert len(np.unique(region[[0, 4, 8]])) == 3
-
-
 def strip(n: int = 6) -> Surface:
     return surface_of(*shapes.grid(n + 1, 2, float(n), 1.0))
 

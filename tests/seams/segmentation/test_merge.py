@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
-from circparam.seams.accuracy import ROUGH
 from circparam.seams.segmentation import decide, grow
-from circparam.seams.segmentation.decide import merge_on
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.seams.segmentation.merge import FREE_WORK, Merger
 from circparam.seams.segmentation.state import arcs_of
@@ -25,26 +22,6 @@ from tests.support.atlases import (
     surface_of,
     uncut,
 )
-
-
-def test_unions_laid_out_in_parts_are_those_laid_out_at_once(monkeypatch) -> None:
-    surface = surface_of(*shapes.icosphere(3))
-    start = Atlas(surface, np.zeros(len(surface.edges), bool))
-    grow.first_charts(start, grow.dual_graph(surface), 40)
-    lay_out_fresh(start, None, ROUGH)
-    monkeypatch.setattr("circparam.core.workers.PARTED", 100)
-    monkeypatch.setattr("circparam.core.workers.PART_FACES", 100)
-    merged = []
-    for worker in (None, Worker()):
-        atlas = Atlas(surface, start.cut, start.corners)
-        merger = Merger(atlas, MergeOptions(1.05), np.zeros(len(atlas.cut), bool), worker)
-        assert merger.round(Monitor())
-        merged.append((atlas, merger.tally))
-    (once, tally), (halves, other) = merged
-    assert tally == other
-    assert 2 < tally["merged"] <= tally["trials"]
-    assert np.array_equal(once.cut, halves.cut)
-    assert np.allclose(once.corners, halves.corners, atol=1e-9)
 
 
 def merger_of(atlas: Atlas, fixed: np.ndarray | None = None, **options) -> Merger:
@@ -244,30 +221,6 @@ def test_merging_that_may_cost_so_much_costs_no_more_however_many_rounds(
         assert cost > 0.02
     else:
         assert 0.2 * rise < cost <= rise
-
-
-def test_charts_that_fit_together_are_merged_at_the_end_others_stay(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A flat sheet in four pieces becomes one; the halves of a sphere, which must be stretched for it, stay."""
-    sheet = surface_of(*shapes.grid(8, 8))
-    corner = middles(sheet)[:, :2] > middles(sheet)[:, :2].mean(0)
-    atlas = as_it_lies(cut_between(sheet, corner @ [1, 2]))
-    merge_on(atlas, 1.05, 0.002, Monitor())
-    assert (atlas.charts()[0], atlas.cut.any()) == (1, False)
-    atlas = as_it_lies(cut_between(sheet, corner @ [1, 2]))
-    monkeypatch.setattr(decide, "LAST_FACES", len(sheet.faces) // 2)
-    merge_on(atlas, 1.05, 0.002, Monitor())
-    n, chart = atlas.charts()
-    assert 1 < n < 4
-    assert np.bincount(chart).max() <= len(sheet.faces) // 2
-    ball = surface_of(*shapes.icosphere(2))
-    halves = cut_between(ball, (middles(ball)[:, 2] > 0).astype(np.int64))
-    lay_out_fresh(halves, None, ROUGH)
-    cut, corners = halves.cut.copy(), halves.corners.copy()
-    merge_on(halves, 10.0, 0.002, Monitor())
-    np.testing.assert_array_equal(halves.cut, cut)
-    np.testing.assert_array_equal(halves.corners, corners)
 
 
 def test_better_in_all_is_fewer_charts_at_no_cost() -> None:

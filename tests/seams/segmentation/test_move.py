@@ -5,13 +5,11 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.seams.segmentation import move as module
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.move import move_seams
 from circparam.solvers.newton import RelaxOptions
@@ -109,47 +107,3 @@ def test_no_time_no_move() -> None:
     move_seams(atlas, BOUND, 0.0, monitor)
     assert monitor.expired
     assert np.array_equal(atlas.cut, cut)
-
-
-def test_charts_that_a_trial_has_laid_out_are_taken_from_it_and_nothing_changes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A spike among six charts in a row: what lies far from it is laid out once, the rest again and again."""
-    points, faces = shapes.delaunay_square(1500)
-    at = np.array([0.2, 0.5])
-    points = np.c_[points[:, :2], np.zeros(len(points))]
-    points[:, 2] = 0.5 * np.exp(-((np.linalg.norm(points[:, :2] - at, axis=1) / 0.05) ** 2))
-    surface = surface_of(points, faces)
-    middle = middles(surface)[:, :2]
-    middle = (middle - middle.min(0)) / np.ptp(middle, axis=0).max()
-    strip = np.floor(6 * np.clip(middle[:, 0] + 0.05 * np.sin(9 * middle[:, 1]), 0, 0.999))
-    atlas = cut_between(surface, strip.astype(int))
-    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-4, max_iterations=40))
-    bound = float(energies(*atlas.open()).max()) * 1.0005
-    known, laid = module._known, module._lay_out
-    taken: list[int] = []
-    faces_laid = {True: 0, False: 0}
-    ends = {}
-    for reuse in (True, False):
-
-        def from_earlier(
-            trial: module._Trial, touched: np.ndarray, seen: list[module._Trial]
-        ) -> np.ndarray:
-            found = known(trial, touched, seen if reuse else [])  # noqa: B023
-            taken.append(int(found.sum()))
-            return found
-
-        def lay_out(trial: module._Trial, which: np.ndarray, *rest: object) -> None:
-            faces_laid[reuse] += int(which[trial.chart].sum())  # noqa: B023
-            laid(trial, which, *rest)
-
-        monkeypatch.setattr(module, "_known", from_earlier)
-        monkeypatch.setattr(module, "_lay_out", lay_out)
-        one = Atlas(surface, atlas.cut, atlas.corners)
-        move_seams(one, bound, 0.0, Monitor())
-        ends[reuse] = one
-    assert sum(taken) > 0
-    assert faces_laid[True] < 0.9 * faces_laid[False]
-    np.testing.assert_array_equal(ends[True].cut, ends[False].cut)
-    np.testing.assert_allclose(ends[True].corners, ends[False].corners, atol=1e-7)
-    assert (ends[True].cut != atlas.cut).any()

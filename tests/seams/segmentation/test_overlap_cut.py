@@ -12,7 +12,6 @@ from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams.accuracy import FINAL
 from circparam.seams.segmentation import enforce as module
-from circparam.seams.segmentation import overlap_cut
 from circparam.seams.segmentation.enforce import enforce, unstick
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
@@ -27,17 +26,6 @@ def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int =
     t, r = np.meshgrid(np.linspace(0, turn, around), np.linspace(inner, 1, along), indexing="ij")
     t, r = t.ravel(), r.ravel()
     return band(np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1), around, along)
-
-
-def chained_rings(count: int, around: int = 120, along: int = 4) -> Atlas:
-    """A strip with so many loops, a prolate cycloid, that crosses itself once at each of them."""
-    t = np.linspace(-0.5, 2 * np.pi * count - 0.5, around * count)
-    middle = np.stack([t - 2.2 * np.sin(t), -2.2 * np.cos(t)], 1)
-    ahead = np.gradient(middle, t, axis=0)
-    aside = ahead[:, ::-1] * [1, -1] / np.linalg.norm(ahead, axis=1)[:, None]
-    flat = middle[:, None] + np.linspace(-0.15, 0.15, along)[:, None] * aside[:, None]
-    height = np.repeat(1e-4 * t, along)
-    return band(np.c_[flat.reshape(-1, 2), height], around * count, along)
 
 
 def band(p: np.ndarray, around: int, along: int) -> Atlas:
@@ -97,62 +85,6 @@ def test_sheets_are_cut_apart_across_the_ring(turn: float, inner: float) -> None
     cut_mesh = atlas.cut_mesh()
     assert cut_mesh.n_charts == 2
     assert not judge(cut_mesh, atlas.gather(cut_mesh)).overlapping.any()
-
-
-@pytest.mark.parametrize("large", [False, True])
-def test_of_a_large_chart_more_pairs_are_cut_in_a_round(
-    large: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A strip of rings in a row, each of which lies on itself where it ends."""
-    atlas = chained_rings(4)
-    monkeypatch.setattr(overlap_cut, "PAIRS", 1)
-    monkeypatch.setattr(overlap_cut, "LARGE", 0 if large else 1 << 30)
-    cut_mesh = atlas.cut_mesh()
-    laid = judge(cut_mesh, atlas.gather(cut_mesh))
-    assert laid.overlapping.tolist() == [True]
-    split_layers(atlas, dual_graph(atlas.surface), laid, np.ones(1, bool), edge_costs(atlas))
-    cut_mesh = atlas.cut_mesh()
-    left = judge(cut_mesh, atlas.gather(cut_mesh)).overlapping
-    assert left.any() is np.bool_(not large)
-    assert (cut_mesh.n_charts > 3) is large
-
-
-def test_faces_that_no_layer_lies_on_need_not_be_looked_at_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Round by round the same cuts as if all were, and in the end nothing is left that is doubled."""
-    monkeypatch.setattr(overlap_cut, "PAIRS", 1)
-    known, anew = chained_rings(3), chained_rings(3)
-    clear = np.zeros(len(known.surface.faces), bool)
-    for turn in range(6):
-        for atlas, told in ((known, clear), (anew, None)):
-            cut_mesh = atlas.cut_mesh()
-            laid = judge(cut_mesh, atlas.gather(cut_mesh))
-            graph, every = dual_graph(atlas.surface), laid.overlapping
-            split_layers(atlas, graph, laid, every, edge_costs(atlas), told)
-        assert np.array_equal(known.cut, anew.cut)
-        assert 0.8 < clear.mean() < 1 or turn
-    assert not judge(*known.open()).overlapping.any()
-
-
-def test_what_was_laid_out_anew_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is not cut between its layers is halved, and its halves relaxed."""
-    told: list[np.ndarray] = []
-
-    def noted(atlas: Atlas, *given: object) -> np.ndarray:
-        *_, which, _, clear = given
-        assert isinstance(clear, np.ndarray)
-        told.append(clear.copy())
-        clear[:] = True
-        return np.zeros_like(which)
-
-    monkeypatch.setattr(module, "split_layers", noted)
-    atlas = winding_ring(16.0)
-    atlas.corners = atlas.corners * [1.0, 1.01]
-    laid = judge(*atlas.open())
-    enforce(atlas, dual_graph(atlas.surface), laid, 1.01, FINAL, Monitor())
-    assert len(told) > 1
-    assert not any(clear.any() for clear in told)
 
 
 def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:

@@ -158,33 +158,3 @@ def test_what_is_known_of_some_unions_is_taken_over() -> None:
     assert tried.distorted.tolist() == [False, True]
     assert tried.dear.tolist() == [False, True]
     assert np.array_equal(tried.uv[:, 0] == 1, cut_mesh.vertex_chart == 1)
-
-
-def test_one_linear_solve_tells_which_unions_there_is_room_for(monkeypatch) -> None:
-    """Of a flat sheet and two hills, with room for what a low one adds, the high one is not relaxed at all."""
-    parts = shapes.grid(9, 5), hill(0.05), hill(0.3)
-    unions = halves(*parts)
-    free = lay_out(unions, OPTIONS, False, Monitor())
-    added = (free.energy - 1) * unions.cut_mesh.chart_areas
-    assert added[0] < 1e-6 < added[1] < added[2]
-    relaxed: list[int] = []
-
-    def counted(cut_mesh, *rest, **named):
-        relaxed.append(len(cut_mesh.faces))
-        return relax(cut_mesh, *rest, **named)
-
-    monkeypatch.setattr("circparam.seams.segmentation.unions.relax", counted)
-    some = lay_out(unions, dataclasses.replace(OPTIONS, room=added[1]), False, Monitor())
-    assert some.distorted.tolist() == [False, False, True]
-    few = len(parts[0][1]) + len(parts[1][1])
-    assert 0 < max(relaxed) <= few
-    assert some.energy[:2] == pytest.approx(free.energy[:2], rel=1e-4)
-    assert np.isinf(some.energy[2])
-    relaxed.clear()
-    every = lay_out(unions, dataclasses.replace(OPTIONS, room=1e3), False, Monitor())
-    assert max(relaxed) > few
-    assert every.energy == pytest.approx(free.energy, rel=1e-4)
-    relaxed.clear()
-    none = lay_out(halves(hill(0.3)), dataclasses.replace(OPTIONS, room=1e-9), False, Monitor())
-    assert none.distorted.tolist() == [True]
-    assert relaxed == []

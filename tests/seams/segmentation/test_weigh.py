@@ -8,7 +8,6 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.geometry.overlap import self_overlapping, signs
-from circparam.seams.segmentation import weigh
 from circparam.seams.segmentation.weigh import Limits, even_out, share_over
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.tutte.embed import tutte_embedding
@@ -47,34 +46,6 @@ def test_weights_shorten_the_tail_and_keep_to_the_bound(shape, local):
     assert chart_distortion(cut_mesh, out)[0] <= bound
     assert (signs(out, cut_mesh.faces) > 0).all()
     assert not self_overlapping(cut_mesh, out).any()
-
-
-@pytest.mark.parametrize("local", [None, 8])
-def test_large_charts_that_only_lie_on_themselves_are_pushed_apart_without_more_rounds(
-    local, monkeypatch
-):
-    cut_mesh, uv = relaxed(shapes.spiked_disk(4000, 2.0))
-    most = 0.8 * float(np.quantile(face_stretch(cut_mesh, uv), 0.995)) + 0.2
-    allowed = 0.8 * float(tail(cut_mesh, uv, most).sum())
-    rounds, apart = [], []
-    relaxed_beside = weigh._relaxed_beside
-
-    def counted(*given):
-        rounds.append(1)
-        return relaxed_beside(*given)
-
-    def pushed(part, layout, *_):
-        apart.append(layout)
-        return layout, np.ones(part.n_charts, bool)
-
-    monkeypatch.setattr(weigh, "_relaxed_beside", counted)
-    monkeypatch.setattr(weigh, "_overlapping", lambda part, layout, which: which.copy())
-    monkeypatch.setattr(weigh, "pushed_apart", pushed)
-    out, better = even_out(cut_mesh, uv, Limits(9.0, most, allowed, local=local), Monitor())
-    assert (len(rounds) < weigh.PATIENCE) == (local is not None)
-    assert better.tolist() == [True]
-    assert tail(cut_mesh, out, most)[0] <= allowed
-    assert np.array_equal(out, apart[0])
 
 
 def test_nothing_moves_where_the_bound_leaves_no_room_or_nothing_is_to_be_done():
