@@ -2,7 +2,7 @@
 
 One cut is made; each method gets the same cut mesh, packs with the same settings, and is judged by the same
 code that judges a written file. Rows that have seams of their own (the file's own uv, ``input``, and the
-BASELINES of ``circparam.compare.names``) are judged as they are.
+BASELINES of ``circparam.compare.baselines``) are judged as they are.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from circparam.compare import process
-from circparam.compare.names import BASELINES, method_names
+from circparam.compare.baselines import BASELINES
+from circparam.compare.names import method_names
 from circparam.compare.rows import INPUT, Comparison, Entry
 from circparam.compare.task import FLATTEN, flatten_input
 from circparam.core.arrays import FloatArray
@@ -192,7 +193,7 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
     surface = scene.job.surface
     used, faces = np.unique(surface.faces, return_inverse=True)
     arrays = {"points": _moderate(surface.points[used]), "faces": faces.reshape(-1, 3)}
-    done = scene.run(f"{BASELINES[name].__name__}:task", arrays, {"method": name})
+    done = scene.run("circparam.compare.baselines:task", arrays, {"method": name})
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     uv_faces = np.full((len(scene.job.document.mesh.faces), 3), -1, np.int64)

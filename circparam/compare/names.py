@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from circparam.compare import uvunwrap, xatlas
+from circparam.compare.baselines import BASELINES, require
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 from circparam.methods import METHODS
-
-# what each baseline is run by: a module with ``require`` and ``task``
-BASELINES = {name: module for module in (xatlas, uvunwrap) for name in module.NAMES}
 
 
 def method_names(text: str | Sequence[str]) -> list[str]:
@@ -33,5 +30,5 @@ def method_names(text: str | Sequence[str]) -> list[str]:
         raise OptionError(f"--methods names {twice[0]} twice: name each method once")
     for name in names:
         if name in BASELINES:
-            BASELINES[name].require()
+            require(name)
     return names

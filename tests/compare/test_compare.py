@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from circparam import errors, samples
-from circparam.compare import process, xatlas
+from circparam.compare import baselines, process
 from circparam.compare.compare import compare
 from circparam.compare.rows import FIGURES, INPUT, Comparison
 from tests.support import shapes
 
 has_xatlas = True
 try:
-    xatlas.require()
+    baselines.require("xatlas")
 except errors.OptionError:
     has_xatlas = False
 needs_xatlas = pytest.mark.skipif(not has_xatlas, reason="xatlas is not installed")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from circparam import errors
-from circparam.compare import xatlas
+from circparam.compare import baselines
 from circparam.compare.names import method_names
 from circparam.methods import METHODS
 
@@ -23,7 +23,7 @@ def test_names_are_checked() -> None:
 
 
 def test_a_baseline_that_is_not_installed_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xatlas.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(baselines.importlib.util, "find_spec", lambda name: None)
     assert method_names("circle") == ["circle"]
     with pytest.raises(errors.OptionError, match="not installed"):
         method_names("circle,xatlas-default")

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 
 from circparam import samples
-from circparam.compare.xatlas import task
+from circparam.compare.baselines import task
 from circparam.errors import CircparamError
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap

@@ -9,7 +9,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.places import Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.places import GridPages, Single, sf
 from circparam.packing.nest.search import SIGMAS, Board, board_of
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
@@ -38,7 +38,7 @@ def filled(
     frame = _Frame(inner / SIDE, options.border - options.gap / 2)
     grow = options.gap / 2 / frame.texels
     size = int(sf.next_fast_len(int(SIDE * SIDES[-1]) + 1, real=True))
-    used: FloatArray = np.zeros((size, size), np.float32)
+    used: Single = np.zeros((size, size), np.float32)
     world = shapes.place(start.angle, frame.cells(start.offset), start.scale / frame.texels)
     for c in np.flatnonzero(there).tolist():
         part = slice(shapes.edge_start[c], shapes.edge_start[c + 1])
@@ -74,7 +74,7 @@ class _Frame:
         return (offset - self.begin) / self.texels
 
 
-def _paint(used: FloatArray, masks: Masks) -> None:
+def _paint(used: Single, masks: Masks) -> None:
     """Set the cells of a chart that lies on the page."""
     x, y = masks.low[0].astype(np.int64).tolist()
     rows, columns = np.nonzero(masks.cells[0])
@@ -84,28 +84,22 @@ def _paint(used: FloatArray, masks: Masks) -> None:
 
 
 def _put(
-    board: Board, used: FloatArray, side: int, budget: Budget
+    board: Board, used: Single, side: int, budget: Budget
 ) -> list[tuple[int, int, int]] | None:
     """The mask, row and column of each chart of a board on a page of ``side`` cells, or None."""
     used[side:] = 1
     used[:, side:] = 1
-    blur = blur_transfer(board.side, SIGMAS[0])
-    page: Spectrum = sf.rfft2(used)
+    page = GridPages(used[None], side, SIGMAS[0])
     at: list[tuple[int, int, int]] = []
     for masks, spectra in zip(board.masks, board.spectra, strict=True):
         pick = np.flatnonzero(masks.size.max(1) <= side)
         if len(pick) == 0 or not budget.spend(len(pick) * float(board.side) ** 2):
             return None
-        rows, columns = masks.size[pick].T
-        area = masks.area[pick].astype(np.float64)
-        place = best_place(page, spectra[pick], blur, area, rows, columns, side)
+        place = page.find(masks, spectra[pick], pick, masks.area[pick].astype(np.float64))
         if place is None:
             return None
-        k, y, x = int(pick[place[0]]), place[1], place[2]
-        at.append((k, y, x))
-        h, w = masks.size[k]
-        used[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1
-        page = sf.rfft2(used)
+        page.fill(masks, *place)
+        at.append(place[:3])
     return at
 
 

@@ -1,7 +1,8 @@
-"""Places for one chart among others: a page correlated with its masks by FFT tells which are free and best."""
+"""Greedy placement on grids: the correlation of a page with the masks of a chart finds the best free place."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.imports import OnDemand
+from circparam.packing.nest.masks import Masks
 
 # brings scipy.special along, and a chart alone on its page needs neither
 sf = OnDemand("scipy.fft")
@@ -65,6 +67,59 @@ def best_place(
         return int(some[k]), rest // wide, rest % wide
     k, rest = divmod(int(near[0]), tall * wide)
     return k, rest // wide, rest % wide
+
+
+def spectra_of(masks: Masks, size: int) -> Spectrum:
+    """(k, size, size // 2 + 1) conjugate spectra of the masks of a chart on a grid of ``size`` cells a side."""
+    block = np.zeros((len(masks.cells), size, size), np.float32)
+    h, w = (min(n, size) for n in masks.cells.shape[1:])
+    block[:, :h, :w] = masks.cells[:, :h, :w]
+    spectra: Spectrum = np.conj(sf.rfft2(block))
+    return spectra
+
+
+@dataclass(frozen=True, eq=False)
+class GridPages:
+    """Pages that charts are placed on greedily. used: (pages, size, size) float32, 1 in cells that are taken.
+
+    side: cells a side that are free on an empty page; the rest of the grid is taken. sigma: blur of the contact
+    score in cells.
+    """
+
+    used: Single
+    side: int
+    sigma: float
+    spectra: dict[int, Spectrum] = field(default_factory=dict)
+
+    @classmethod
+    def empty(cls, pages: int, size: int, side: int, sigma: float) -> GridPages:
+        """Pages without a chart."""
+        used: Single = np.ones((pages, size, size), np.float32)
+        used[:, :side, :side] = 0
+        return cls(used, side, sigma)
+
+    def find(
+        self, masks: Masks, kernel: Spectrum, pick: IntArray, area: FloatArray | Single
+    ) -> tuple[int, int, int, int] | None:
+        """Mask, row, column and page of the best free place, on the first page that has one.
+
+        pick: (p,) the masks that are tried. kernel, area: (p, ...) their spectra and numbers of cells.
+        """
+        rows, columns = masks.size[pick].T
+        blur = blur_transfer(self.used.shape[1], self.sigma)
+        for page, cells in enumerate(self.used):
+            if page not in self.spectra:
+                self.spectra[page] = sf.rfft2(cells)
+            at = best_place(self.spectra[page], kernel, blur, area, rows, columns, self.side)
+            if at is not None:
+                return int(pick[at[0]]), at[1], at[2], page
+        return None
+
+    def fill(self, masks: Masks, k: int, row: int, column: int, page: int = 0) -> None:
+        """Take the cells of mask k."""
+        h, w = masks.size[k]
+        self.used[page, row : row + h, column : column + w][masks.cells[k, :h, :w]] = 1
+        self.spectra.pop(page, None)
 
 
 def _at_places(product: Spectrum, tall: int, wide: int) -> Single:

@@ -15,7 +15,7 @@ from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.places import Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.places import GridPages, Spectrum, sf, spectra_of
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
@@ -112,10 +112,7 @@ def board_of(masks: list[Masks], cell: float, side: int) -> Board:
     spectra = []
     for m in masks:
         clock.tick()
-        block = np.zeros((len(m.cells), side, side), np.float32)
-        h, w = min(m.cells.shape[1], side), min(m.cells.shape[2], side)
-        block[:, :h, :w] = m.cells[:, :h, :w]
-        spectra.append(np.conj(sf.rfft2(block)))
+        spectra.append(spectra_of(m, side))
     return Board(masks, spectra, cell, side)
 
 
@@ -146,35 +143,21 @@ def _attempt(
     budget: Budget,
 ) -> GridLayout | int:
     """As ``lay_out``; the chart that does not fit where one does not, −1 where the budget is used up."""
-    n = len(board.masks)
-    size = board.side
-    grid = np.ones((pages, size, size), np.float32)
-    grid[:, :side, :side] = 0
-    blur = blur_transfer(size, sigma)
-    mask, row, column, page = (np.zeros(n, np.int64) for _ in range(4))
-    spectra: list[Spectrum] = [sf.rfft2(g) for g in grid]
+    at = np.zeros((4, len(board.masks)), np.int64)
+    page = GridPages.empty(pages, board.side, side, sigma)
     for c in order.tolist():
         masks = board.masks[c]
         pick = choice[c][masks.size[choice[c]].max(1) <= side]
         if len(pick) == 0:
             return int(c)
-        if not budget.spend(len(pick) * float(size) ** 2):
+        if not budget.spend(len(pick) * float(board.side) ** 2):
             return -1
-        kernel, area = board.spectra[c][pick], masks.area[pick]
-        rows, columns = masks.size[pick, 0], masks.size[pick, 1]
-        for tile in range(pages):
-            place = best_place(spectra[tile], kernel, blur, area, rows, columns, side)
-            if place is not None:
-                break
-        else:
+        place = page.find(masks, board.spectra[c][pick], pick, masks.area[pick])
+        if place is None:
             return int(c)
-        k, y, x = place
-        mask[c], row[c], column[c], page[c] = pick[k], y, x, tile
-        h, w = int(rows[k]), int(columns[k])
-        cells = masks.cells[pick[k], :h, :w]
-        grid[tile, y : y + h, x : x + w][cells] = 1
-        spectra[tile] = sf.rfft2(grid[tile])
-    return GridLayout(side, mask, row, column, page)
+        page.fill(masks, *place)
+        at[:, c] = place
+    return GridLayout(side, *at)
 
 
 def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Placement:

@@ -15,7 +15,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.places import Single, Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.places import GridPages, Single, Spectrum, blur_transfer, sf, spectra_of
 from circparam.packing.nest.search import SIGMAS
 from circparam.packing.placement import Placement
 
@@ -110,11 +110,7 @@ class SketchCache:
         key = id(sketch), size
         if key in self._spectra:
             return self._spectra[key]
-        cells = sketch.masks.cells
-        block = np.zeros((len(cells), size, size), np.float32)
-        h, w = (min(k, size) for k in cells.shape[1:])
-        block[:, :h, :w] = cells[:, :h, :w]
-        spectrum: Spectrum = np.conj(sf.rfft2(block))
+        spectrum = spectra_of(sketch.masks, size)
         if key[0] in self._kept:
             self._spectra[key] = spectrum
         return spectrum
@@ -243,8 +239,7 @@ def _laid_out(
     that is free."""
     size = board.side
     at = np.zeros((3, len(order)), np.int64)
-    grid = np.ones((size, size), np.float32)
-    grid[:side, :side] = 0
+    grid = GridPages.empty(1, size, side, sigma)
     step = board.cache.first(size, side, sigma)
     for turn, c in enumerate(order.tolist()):
         sketch, pick = board.sketches[c], choice[c]
@@ -256,32 +251,18 @@ def _laid_out(
         budget.spend(len(pick) * float(size) ** 2)
         key = id(sketch), pick.tobytes()
         if key not in step.after:
-            place: tuple[int, int, int] | None
+            place: tuple[int, int, int, int] | None
             if turn == 0:
-                place = _corner(_empty(size, side, sigma), masks, pick, side)
+                place = *_corner(_empty(size, side, sigma), masks, pick, side), 0
             else:
-                place = _touching(sf.rfft2(grid), board.spectrum(c), masks, pick, (side, sigma))
-            step.after[key] = _Step(sketch, place)
+                place = grid.find(masks, board.spectrum(c)[pick], pick, masks.area[pick])
+            step.after[key] = _Step(sketch, place and place[:3])
         step = step.after[key]
         if step.place is None:
             return None
-        at[:, c] = k, y, x = step.place
-        h, w = masks.size[k]
-        grid[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1
+        at[:, c] = step.place
+        grid.fill(masks, *step.place)
     return SketchedPage(side, *at)
-
-
-def _touching(
-    page: Spectrum, spectra: Spectrum, masks: Masks, pick: IntArray, shown: tuple[int, float]
-) -> tuple[int, int, int] | None:
-    """The free place where most of a mask lies near others or the border; None where nothing is free.
-
-    shown: side of the page and blur.
-    """
-    (side, sigma), (rows, columns) = shown, masks.size[pick].T
-    blur = blur_transfer(len(page), sigma)
-    found = best_place(page, spectra[pick], blur, masks.area[pick], rows, columns, side)
-    return None if found is None else (int(pick[found[0]]), found[1], found[2])
 
 
 @lru_cache(maxsize=128)
