@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
-from circparam.geometry.straight import LONG, directions, straight_edges
+from circparam.geometry.straight import directions, straight_edges
 from circparam.packing.outlines import Shapes
 
 # share of an outline that runs along two perpendicular directions where a chart counts
@@ -32,14 +32,11 @@ class Straight:
 
 
 def along_axes(shapes: Shapes) -> Shapes:
-    """The charts with those upright that have a straight border: most of it lies along the axes.
-
-    Half of what counts as one is enough, since bins of directions tell lengths apart to a few per cent only.
-    """
+    """The charts with those upright that have a straight border: most of it lies along the axes."""
     along = shapes.points[shapes.end] - shapes.points[shapes.start]
     owner = shapes.owner[shapes.start]
     counts = np.zeros(shapes.n, bool)
-    counts[owner[straight_edges(along, owner, shapes.area, LONG / 2)]] = True
+    counts[owner[straight_edges(along, owner, shapes.area)]] = True
     angle = straight_charts(shapes, np.inf).angle
     return shapes.turned(np.where(counts, angle, 0.0), counts) if counts.any() else shapes
 

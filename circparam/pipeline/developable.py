@@ -1,15 +1,20 @@
-"""Charts that unroll without distortion, laid out so to the last digits: belts and tubes become rectangles."""
+"""Charts laid out straight: what unrolls without distortion exactly, and grids of quads as rectangles."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_count, norms2
-from circparam.geometry.distortion import best_chart_scales
+from circparam.core.arrays import BoolArray, FloatArray, group_count, next_half_edge, norms2
+from circparam.geometry.distortion import at_best_scales, best_chart_scales, face_stretch
+from circparam.geometry.quad_grid import diagonals, grid_layout
+from circparam.geometry.straight import directions
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.packing.straight import STRAIGHT
 from circparam.pipeline import fallback
 from circparam.seams.hard.unroll import unroll
+from circparam.seams.segmentation.weigh import share_over
+from circparam.seams.stretch import STRETCH
 from circparam.solvers.objective import chart_energies
 
 NEARLY = 1e-4  # of the symmetric Dirichlet energy / 4 over 1: the solvers stop below it
@@ -22,22 +27,66 @@ def unrolled(atlas: Atlas) -> Atlas:
     cut_mesh, uv = atlas.open()
     if not np.isfinite(uv).all():
         return atlas
-    scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-    over = chart_energies(cut_mesh, uv * scale) - 1.0
+    over = chart_energies(cut_mesh, at_best_scales(cut_mesh, uv)) - 1.0
     faces = np.bincount(cut_mesh.chart, minlength=cut_mesh.n_charts)
     near = (over < NEARLY) & (faces > 1)
     if not near.any() or faces[near].sum() > LARGEST:
         return atlas
-    part, vertices, fid = cut_mesh.subset(near)
+    part, _, _ = cut_mesh.subset(near)
     flat = unroll(part)
     exact = _isometric(part, flat)
     exact &= fallback.faults(part, flat)[0] <= 0
-    if not exact.any():
+    return _with_layout(atlas, near, flat, exact)
+
+
+def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool) -> Atlas:
+    """The atlas with grids of quads as rectangles, where their distortion stays below ``bound``.
+
+    most_stretch: of all but a thousandth of the surface, None for the usual one; a rectangle stretches no more
+    of it than the chart did. always: take rectangles up to the bound, also for charts that unroll and have
+    curved borders; else only where the distortion hardly rises, and not for charts that unroll.
+    """
+    cut_mesh, uv = atlas.open()
+    if not np.isfinite(uv).all():
         return atlas
-    corners = atlas.corners.copy()
-    mine = exact[part.chart]
-    whole = (flat / scale[vertices])[part.faces]
-    corners[fid[mine]] = whole[mine]
+    uv = at_best_scales(cut_mesh, uv)
+    bent = ~_isometric(cut_mesh, uv)
+    if always:
+        h = cut_mesh.boundary
+        border = uv[cut_mesh.faces.ravel()[next_half_edge(h)]] - uv[cut_mesh.faces.ravel()[h]]
+        bent |= directions(border, cut_mesh.chart[h // 3], cut_mesh.n_charts).share < STRAIGHT
+    if not bent.any():
+        return atlas
+    part, _, faces = cut_mesh.subset(bent)
+    diagonal = diagonals(cut_mesh, atlas.surface.locked[~atlas.cut])[faces]
+    flat, grid = grid_layout(part, diagonal)
+    if not grid.any():
+        return atlas
+    flat = flat[grid[part.vertex_chart]]
+    bent[bent] = grid
+    part, vertices, _ = cut_mesh.subset(bent)
+    flat, given = at_best_scales(part, flat), uv[vertices]
+    most = bound if always else np.minimum(bound, chart_energies(part, given) + NEARLY)
+    good = (chart_energies(part, flat) <= most) & (fallback.faults(part, flat)[0] <= 0)
+    old, new = (
+        share_over(part, face_stretch(part, layout), most_stretch or STRETCH)
+        for layout in (given, flat)
+    )
+    return _with_layout(atlas, bent, flat, good & (new <= old))
+
+
+def _with_layout(atlas: Atlas, charts: BoolArray, flat: FloatArray, good: BoolArray) -> Atlas:
+    """The atlas with a layout of some charts ((n,) bool), those of them that are ``good``, as large as before.
+
+    flat: (nv, 2) of the vertices of these charts, in units of the mesh.
+    """
+    if not good.any():
+        return atlas
+    cut_mesh, uv = atlas.open()
+    part, vertices, faces = cut_mesh.subset(charts)
+    scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
+    corners, mine = atlas.corners.copy(), good[part.chart]
+    corners[faces[mine]] = (flat / scale)[part.faces][mine]
     return Atlas(atlas.surface, atlas.cut, corners, atlas.prices)
 
 

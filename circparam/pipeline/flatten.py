@@ -17,7 +17,7 @@ from circparam.pipeline.cascade import FAULTY, Cascade, CascadeRules
 from circparam.pipeline.configure import method_options, seam_options
 from circparam.pipeline.density import check_whole
 from circparam.pipeline.job import Job
-from circparam.pipeline.options import Options
+from circparam.pipeline.options import DEFAULT_BOUND, Options
 from circparam.pipeline.pinned import pins_of
 from circparam.seams import SEAMS
 from circparam.seams.constraints import constrain
@@ -77,10 +77,13 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
 
 
 def with_straight(atlas: Atlas, options: Options) -> Atlas:
-    """The atlas with belts, tubes and all else that unrolls laid out exactly, unless ``straighten`` is off."""
-    from circparam.pipeline.developable import unrolled
+    """The atlas with what unrolls laid out exactly and grids of quads as rectangles, unless that is off."""
+    from circparam.pipeline.developable import gridded, unrolled
 
-    return atlas if options.straighten == "off" else unrolled(atlas)
+    if options.straighten == "off":
+        return atlas
+    bound = DEFAULT_BOUND if options.bound is None else options.bound
+    return gridded(unrolled(atlas), bound, options.max_stretch, options.straighten == "all")
 
 
 def rules(options: Options) -> CascadeRules:

@@ -11,7 +11,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.packing import PackOptions, pack
-from circparam.pipeline.developable import unrolled
+from circparam.pipeline.developable import gridded, unrolled
 from tests.support import parts, shapes
 
 QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
@@ -49,6 +49,43 @@ def test_unrolling_is_exact_and_leaves_curved_charts_alone() -> None:
     assert np.array_equal(after.corners[~belt], corners[~belt])
     ratio = side_lengths(after.corners[belt]) / side_lengths(surface.rest_triangles[belt])
     assert ratio == pytest.approx(ratio.mean(), rel=1e-10)
+
+
+def vase() -> tuple[np.ndarray, np.ndarray]:
+    """Half a tube whose radius goes up and down: it does not unroll."""
+    points, faces = shapes.half_cylinder()
+    points[:, :2] *= 1 + 0.06 * np.sin(5 * points[:, 2:])
+    return points, faces
+
+
+def test_a_sheet_that_does_not_unroll_becomes_a_rectangle_below_the_bound() -> None:
+    result = circparam.unwrap(vase(), straighten="all", **QUICK)
+    plain = circparam.unwrap(vase(), straighten="off", **QUICK)
+    assert result.status == "ok"
+    assert box_excess(result, 0) < 1e-5
+    assert box_excess(plain, 0) > 1e-3
+    assert result.measures["axis_parallel"] == pytest.approx(1.0)
+    for name in ("charts", "seam_length"):
+        assert result.measures[name] == plain.measures[name]
+
+
+def test_a_rectangle_above_the_bound_is_not_taken() -> None:
+    bound = 1.0005
+    result = circparam.unwrap(vase(), straighten="all", max_distortion=bound, **QUICK)
+    assert result.measures["distortion_max_chart"] <= bound * (1 + 1e-4)
+    assert result.status == "ok"
+
+
+def test_rectangles_of_grids_are_exact_before_they_are_stored() -> None:
+    points, faces = vase()
+    surface, _ = repair(Mesh(points, faces), RepairOptions(0.0, True, by_position=True))
+    result = circparam.unwrap((points, faces), normalize=False, jobs=1)
+    before = Atlas(surface, result.verification.cut, result.uv[surface.from_file(result.uv_faces)])
+    after = gridded(before, 1.05, None, always=True)
+    area = np.abs(np.linalg.det(after.corners[:, 1:] - after.corners[:, :1])).sum() / 2
+    assert np.ptp(after.corners.reshape(-1, 2), axis=0).prod() / area == pytest.approx(1, abs=1e-9)
+    kept = gridded(before, 1.05, None, always=False)
+    assert np.array_equal(kept.corners, before.corners)  # its distortion would rise
 
 
 def side_lengths(corners: np.ndarray) -> np.ndarray:
