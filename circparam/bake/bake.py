@@ -7,7 +7,7 @@ filtering at a chart's boundary never takes in background.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -36,6 +36,7 @@ from circparam.bake.sampling import (
 from circparam.core.arrays import BoolArray, IntArray, group_max, group_min
 from circparam.core.monitor import Monitor
 from circparam.core.plural import percent
+from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +22,7 @@ from circparam.bake.texels import Texels, corners_in_texels, density, find_texel
 from circparam.bake.write import png
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.workers import cores
 from circparam.formats.looks import Carried, Group, Material, Slot, Use
 from circparam.geometry.shading import Frames, unit

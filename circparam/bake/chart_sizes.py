@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.bake.look_source import Source
 from circparam.bake.sharpness import FILLED
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
 FEW = 4.0  # texels a side of a chart without an image, and of the smallest with one

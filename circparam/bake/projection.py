@@ -8,7 +8,6 @@ With a map the target is first moved onto the source, every vertex to its place;
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from circparam.bake.sampling import Closest, Paint
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import percent
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.rays import BoxTree, first_hits

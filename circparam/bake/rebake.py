@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.fields import specs
 from circparam.core.limits import auto_padding
 from circparam.core.monitor import Listener, Monitor
+from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import Written, check_place, check_target, format_of, read, write

@@ -4,7 +4,6 @@ some."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from circparam.bake.texels import corners_in_texels, density
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.limits import RESOLUTION
 from circparam.core.plural import percent
+from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
 KEPT = 0.9  # of the old density along a side, which no more than TAIL of the surface may fall below

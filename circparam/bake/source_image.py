@@ -6,7 +6,6 @@ Samples blend the four texels round a place in linear light, as graphics hardwar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.formats.looks import Use, Wrap
 from circparam.formats.materials import linear, srgb
 

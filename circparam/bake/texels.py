@@ -7,7 +7,6 @@ nearest point of the chart, so that a bilinear sample at the very edge of a char
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy.typing as npt
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from circparam.core.arrays import FloatArray, IntArray, cross2
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.geometry.raster import fragments
 from circparam.mesh.mesh import UVMap

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from circparam.bake.bake import Baked, Texels, to_image
 from circparam.bake.projection import own_frames
 from circparam.core.files import write_files
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes

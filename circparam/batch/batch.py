@@ -11,7 +11,7 @@ import tempfile
 import time
 import uuid
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from circparam.batch.cluster import Cluster, LostError
@@ -24,6 +24,7 @@ from circparam.batch.settings import Settings
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
 from circparam.batch.task import WORK, do_item, pack_settings
+from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 
 STATUS = f"{WORK}/status.json"

@@ -11,12 +11,12 @@ import json
 import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from circparam.batch.sources import Source, output_name
 from circparam.batch.store import Folder, digest
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 
 ROWS = 5000  # rows that are written together

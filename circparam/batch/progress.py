@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
+
+from circparam.core.records import dataclass
 
 BASE = 50_000  # bytes that a file weighs beside its size: what an unwrap costs at least
 RECENT = 300.0  # seconds that the rate is measured over

@@ -8,7 +8,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from circparam.batch.cluster import Cluster, LostError, refuse
@@ -16,6 +16,7 @@ from circparam.batch.index import Item
 from circparam.batch.manifest import Manifest
 from circparam.batch.progress import Meter, Progress
 from circparam.batch.task import do_item, leave, settings_of
+from circparam.core.records import dataclass
 from circparam.errors import OutputError
 
 WINDOW = 4  # tasks at Dask for each that can be at work

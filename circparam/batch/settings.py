@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from circparam._version import __version__
 from circparam.batch.index import settings_hash
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.pipeline.gates import Gates
 from circparam.pipeline.options import Options

@@ -14,10 +14,10 @@ import itertools
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from circparam.batch.store import again, archive_of, etag, is_remote, local_path, open_store
+from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 
 _WILD = re.compile(r"[*?\[]")

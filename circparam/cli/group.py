@@ -13,7 +13,6 @@ import io
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import click
@@ -21,6 +20,7 @@ import click
 from circparam._version import __version__
 from circparam.cli import exits, signals
 from circparam.core.memory import room_for_libraries
+from circparam.core.records import dataclass
 from circparam.core.workers import cores
 
 ALONE = {"-h", "--help", "-V", "--version"}  # what needs no command, and so no library

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from circparam.compare.rows import INPUT, Comparison, Entry
 from circparam.compare.task import FLATTEN, flatten_input
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Listener, Monitor
+from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.geometry.distortion import at_best_scales

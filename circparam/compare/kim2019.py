@@ -8,13 +8,13 @@ The ratio found here is reported as it is.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.spatial import Delaunay
 
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh

@@ -12,12 +12,13 @@ import json
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from circparam.core.records import dataclass
 from circparam.core.workers import environment
 from circparam.errors import CircparamError, NoResultError, OutOfTimeError, OutputError
 

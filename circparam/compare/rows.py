@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
+from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
 INPUT = "input"  # the row of the uv that the file has

@@ -9,10 +9,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from numbers import Real
 from typing import Any, TypeAlias
 
+from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 

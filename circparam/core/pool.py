@@ -10,10 +10,11 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from circparam.core.imports import put_off
+from circparam.core.records import dataclass
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Generic, TypeVar
 
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 
 F = TypeVar("F", bound=Callable[..., object])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded
 from circparam.formats.obj.mtl import image_names

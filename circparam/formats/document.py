@@ -7,12 +7,13 @@ kept. Each format has its own subclass; ``circparam.formats`` is the only door t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures, moved_layout

@@ -10,8 +10,8 @@ import importlib.util
 import io
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from circparam.core.records import dataclass
 from circparam.formats.gltf.document import features_of
 from circparam.formats.gltf.reading import DECODE, DRACO
 from circparam.formats.memory import PlainDocument

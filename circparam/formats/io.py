@@ -8,7 +8,7 @@ import itertools
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
+from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import check_needed, find_assets, unresolved
 from circparam.formats.document import (

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import listed
+from circparam.core.records import dataclass
 from circparam.formats.document import Document, Named
 from circparam.formats.looks import Carried, Looks, Material, Slot
 from circparam.formats.source import Source

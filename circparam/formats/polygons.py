@@ -6,11 +6,10 @@ clipping in the coordinate plane in which the polygon is largest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError
 from circparam.formats.ears import Ears
 from circparam.mesh.mesh import UVMap

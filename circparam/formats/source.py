@@ -8,11 +8,11 @@ import re
 import stat
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote
 
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 
 HEAD = 4096  # bytes in which anything but blanks stands at first

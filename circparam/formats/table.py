@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 from circparam.core.registry import Row, Table
 from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.foreign import read_as

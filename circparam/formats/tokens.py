@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.records import dataclass
 
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
 SPACE, NEWLINE, RETURN, BACKSLASH, SLASH, HASH = (ord(c) for c in " \n\r\\/#")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +25,7 @@ from circparam.core.arrays import (
     group_sum,
     ranges,
 )
+from circparam.core.records import dataclass
 from circparam.geometry.congruent_flats import Flats, find_flats, same_flats
 
 ALIKE = 2e-5  # of the radius of a component: how far points of copies may lie apart

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -16,6 +14,7 @@ from circparam.core.arrays import (
     next_half_edge,
 )
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

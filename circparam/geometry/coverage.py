@@ -8,8 +8,6 @@ is folded is taken apart at its folds: its upright faces and its reversed ones h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -20,6 +18,7 @@ from circparam.core.arrays import (
     next_half_edge,
     sorted_distinct,
 )
+from circparam.core.records import dataclass
 from circparam.geometry.raster import LabelGrid, free_border, row_crossings, smallest_gap
 from circparam.mesh.cut_mesh import CutMesh
 

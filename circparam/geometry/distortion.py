@@ -7,12 +7,12 @@ share of the surface that a face has. Every measure is a plain number without un
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum, slices
+from circparam.core.records import dataclass
 from circparam.core.registry import Row, Table
 from circparam.geometry.intrinsic import jacobians, signed_areas, singular_values
 from circparam.mesh.cut_mesh import CutMesh

@@ -12,7 +12,6 @@ common line or point, as the two sides of a cut through a plane do, touch and do
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +27,7 @@ from circparam.core.arrays import (
     next_half_edge,
     sorted_distinct,
 )
+from circparam.core.records import dataclass
 from circparam.geometry.boundary import BoundarySegments, boundary_in, boundary_of, turned_out
 from circparam.geometry.intersect import meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -15,6 +13,7 @@ from circparam.core.arrays import (
     next_half_edge,
     norms2,
 )
+from circparam.core.records import dataclass
 from circparam.geometry.straight import axis_parallel, straight_edges
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface

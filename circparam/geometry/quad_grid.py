@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sps
 
@@ -17,6 +15,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 
 TOLERANCE = 1e-10  # relative: rounding of the solve that adds up widths

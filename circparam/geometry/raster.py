@@ -10,13 +10,13 @@ and texels have their centres at k + ½ unless said otherwise.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, ranges, sorted_distinct
+from circparam.core.records import dataclass
 
 LabelGrid: TypeAlias = npt.NDArray[np.int32]
 

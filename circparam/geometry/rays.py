@@ -7,11 +7,10 @@ and only what remains is tested ray by ray.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, ranges, relabel
+from circparam.core.records import dataclass
 
 WIDTH = 4  # children of a box, and faces of a leaf
 PAIRS = 50_000  # pairs of ray and face at once: what is in work fits in the cache

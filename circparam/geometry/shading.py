@@ -8,11 +8,10 @@ bitangent is w · n × t with w = +1 where the uv are wound as the surface, −1
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

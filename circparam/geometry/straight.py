@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.records import dataclass
 
 BINS = 180  # of a quarter turn: half a degree each
 # Border along the directions of a chart, over the side of a square of its area, from which on it is a straight

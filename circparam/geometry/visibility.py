@@ -12,7 +12,6 @@ normal shows; a place on a sheet (a component with a boundary) is seen from both
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -26,6 +25,7 @@ from circparam.core.arrays import (
     ranges,
     slices,
 )
+from circparam.core.records import dataclass
 from circparam.geometry.raster import extremes, fragments
 from circparam.mesh.surface import Surface
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sps
@@ -27,6 +26,7 @@ from circparam.core.arrays import (
     slices,
 )
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.geometry.closest import closest_on_triangles
 from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas

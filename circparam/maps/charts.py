@@ -8,7 +8,6 @@ others: every pair is tried.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from circparam.core.arrays import IntArray, group_count
 from circparam.core.graph import cycles
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, next_half_edge
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 
 

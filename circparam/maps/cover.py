@@ -6,12 +6,12 @@ and a walk across an edge multiplies by the matrix of that edge. On the sphere t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.records import dataclass
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.geometries import Geometry, signs_of, weights_in
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import rest_triangles_of
 
 LEAST_AREA_RATIO = 1e-12  # area over the square of the longest edge below which a face has no shape

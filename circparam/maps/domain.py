@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError
 from circparam.maps.convex import laid_in_polygons
 from circparam.maps.cover import Cover, CoverPoints, Development, own_development, whole_development

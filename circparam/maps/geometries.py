@@ -9,12 +9,12 @@ coordinates in three corners, and the sign of a determinant tells which way a fa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.records import dataclass
 from circparam.errors import NoResultError
 from circparam.geometry.predicates import SignArray
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import percent
+from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
 from circparam.maps.map_input import MapInput
 

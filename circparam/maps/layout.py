@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ import numpy as np
 from circparam.core.arrays import IntArray
 from circparam.core.graph import cycles
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import TopologyError
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.fields import Range
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.maps.carried_charts import CarriedLayout, SourceCharts, carry_charts, samples_of

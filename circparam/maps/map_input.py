@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.mesh.mesh import Mesh

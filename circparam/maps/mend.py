@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sps
@@ -11,6 +10,7 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
+from circparam.core.records import dataclass
 from circparam.maps.convex import row_weights
 from circparam.maps.cover import Development
 from circparam.maps.geometries import Geometry, counter_clockwise

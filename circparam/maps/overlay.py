@@ -8,12 +8,13 @@ nothing visible.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, next_half_edge, ranges
 from circparam.core.graph import components, cycles
+from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import Textures, moved_layout

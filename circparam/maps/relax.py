@@ -7,7 +7,6 @@ mesh may turn over in the domain, so the map stays one to one, and fixed vertice
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +16,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.clock import tick
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.maps.cover import Cover, CoverPoints, Development
 from circparam.maps.geometries import Geometry, counter_clockwise, tangents
 from circparam.mesh.cut_mesh import CutMesh

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.distortion import Distortion, distortion
 from circparam.maps.domain import Domain, PatchedMesh, common_domain, composed

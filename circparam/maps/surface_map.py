@@ -8,7 +8,6 @@ import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
 from circparam.core.graph import distances, nearest
+from circparam.core.records import dataclass
 from circparam.maps.closed_mesh import ClosedMesh
 
 FIRST_RADIUS = 1.5  # distances between two landmarks within which a path is looked for at first

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ from circparam.core.arrays import (
     slices,
 )
 from circparam.core.graph import cycles
+from circparam.core.records import dataclass
 from circparam.mesh.halfedge import boundary_half_edges
 
 # cached properties of a cut mesh that do not depend on lengths

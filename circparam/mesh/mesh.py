@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.graph import components
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 
 

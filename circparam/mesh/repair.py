@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.plural import counted, plural
+from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh, UVMap
@@ -92,7 +93,9 @@ class RepairReport:
 
 
 def repair(
-    mesh: Mesh, options: RepairOptions = RepairOptions(), uvmap: UVMap | None = None
+    mesh: Mesh,
+    options: RepairOptions = RepairOptions(),  # noqa: B008
+    uvmap: UVMap | None = None,
 ) -> tuple[Surface, RepairReport]:
     """The oriented manifold of a mesh, and the repairs that make it.
 

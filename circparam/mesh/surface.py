@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge, slices
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh, laid_flat
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -17,6 +15,7 @@ from circparam.core.arrays import (
     sorted_distinct,
 )
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.mesh.halfedge import point_corners, sort_by_edge
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import double_cover

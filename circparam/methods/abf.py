@@ -11,7 +11,6 @@ hole are all that a layout asks; on a plane the angles of the surface meet them 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -27,6 +26,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import Factor, gradient_iterates
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.registry import Row
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums

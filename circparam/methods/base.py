@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TypeAlias
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.registry import Row
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.pins import Pins

@@ -9,8 +9,6 @@ boundary crosses itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sps
 
@@ -24,6 +22,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.registry import Row
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import (

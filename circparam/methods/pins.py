@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
 

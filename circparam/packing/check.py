@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.geometry.raster import LabelGrid, free_border, shared_texels, smallest_gap
 from circparam.packing.coverage import Runs, face_runs, outline_runs, painted
 from circparam.packing.options import PackOptions

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of

@@ -8,11 +8,10 @@ orientation meet, are scanned face by face.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.geometry.raster import EDGE, LabelGrid, covered_runs, row_crossings
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from circparam.core.limits import (
     TEXEL_DENSITY,
     check_page,
 )
+from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 

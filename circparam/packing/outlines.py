@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.mesh.halfedge import run_opposite, sort_by_edge
 

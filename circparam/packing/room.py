@@ -8,12 +8,12 @@ for all places. Small charts among many are placed by their boxes, with a table 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
 from circparam.core.imports import OnDemand
+from circparam.core.records import dataclass
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 

@@ -6,7 +6,7 @@ the lower and upper bound of each column, the page by its skyline; a chart comes
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Placement

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.records import dataclass
 from circparam.geometry.straight import directions, straight_edges
 from circparam.packing.outlines import Shapes
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, next_half_edge, ranges
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.nest.masks import chart_masks
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge, stable_order
 from circparam.core.graph import components, nearest
+from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas

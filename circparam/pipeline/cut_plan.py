@@ -6,12 +6,12 @@ is log s − RATE log L, with the covered share s and the length L of all bounda
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, next_half_edge
+from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.budget import Budget

@@ -6,12 +6,11 @@ no more than sketches; a cut that is made needs its chart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.workers import Worker
 from circparam.packing.budget import Budget
 from circparam.packing.nest.sketch import Sketch, least_page

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats import sidecars
 from circparam.formats.document import Document

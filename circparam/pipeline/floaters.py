@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_sum, ranges, sorted_distinct
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.mesh.mesh import UVMap

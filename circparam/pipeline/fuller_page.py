@@ -13,7 +13,7 @@ A mesh that needs no seam gets none, and all cuts together make the seams no lon
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.core.workers import DeferredTask, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch

@@ -5,9 +5,10 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 

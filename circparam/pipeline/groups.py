@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.coverage import pages_of

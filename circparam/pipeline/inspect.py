@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
 
 from circparam.core.limits import PADDING, PAGES, RESOLUTION, auto_padding
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
 from circparam.formats.document import Document
 from circparam.geometry.coverage import LAST_PAGE

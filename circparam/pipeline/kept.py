@@ -5,12 +5,11 @@ What stays keeps its uv to the last bit; the others go where no chart lies, at t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, cross2, group_count
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.mesh.cut_mesh import CutMesh

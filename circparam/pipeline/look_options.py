@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from circparam.core import limits
 from circparam.core.fields import Range, check, option
+from circparam.core.records import dataclass
 from circparam.pipeline.options import AUTO
 
 

@@ -10,7 +10,7 @@ pages have a size, and only charts that are longer are cut.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.core.workers import Worker
 from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.mesh.atlas import Atlas

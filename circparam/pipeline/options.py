@@ -13,11 +13,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from circparam.core import limits
 from circparam.core.fields import Range, check, option, specs
+from circparam.core.records import dataclass
 from circparam.core.workers import cores
 from circparam.errors import OptionError
 from circparam.pipeline import applies

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, cross2, group_sum
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.formats.document import Document
 from circparam.formats.table import FORMATS
 from circparam.mesh.cut_mesh import CutMesh

@@ -4,13 +4,14 @@ once, so that a plan knows how long its seams are, and holds no cut that cannot 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh

@@ -9,7 +9,6 @@ take their best place of a window at once, round by round. Signs are exact.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -24,6 +23,7 @@ from circparam.core.arrays import (
     group_sum,
 )
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.geometry.overlap import signs
 from circparam.geometry.predicates import orientation
 

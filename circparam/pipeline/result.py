@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import OutOfTimeError
 from circparam.formats.document import Document
 from circparam.formats.memory import to_trimesh

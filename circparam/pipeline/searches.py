@@ -7,12 +7,13 @@ effort, which contains the searches of less, never gives a layout that costs mor
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.workers import Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch

@@ -8,13 +8,14 @@ worthwhile first: no page is laid out for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, stable_order
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.pipeline.chords import least_frames, outlines, turned

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.formats.document import Document
 from circparam.geometry.congruent import Congruent, find_congruent
 from circparam.mesh.repair import RepairReport

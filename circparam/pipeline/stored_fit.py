@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.errors import NoResultError
 from circparam.formats.io import has_doubles
 from circparam.geometry.coverage import pages_of

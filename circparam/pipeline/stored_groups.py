@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel, sorted_distinct
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.mesh.mesh import UVMap

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -14,6 +12,7 @@ from circparam.core.arrays import (
     next_half_edge,
     sorted_distinct,
 )
+from circparam.core.records import dataclass
 from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh

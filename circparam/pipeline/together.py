@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -13,6 +13,7 @@ import numpy as np
 from circparam.core.arrays import IntArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted, listed, percent
+from circparam.core.records import dataclass
 from circparam.errors import NoResultError, OptionError, OutputError
 from circparam.formats.document import Document
 from circparam.formats.io import (

@@ -7,13 +7,14 @@ seams are where the uv of the two sides of an edge differ, charts are what lies 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
 from circparam.core.plural import counted, percent
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, chart_boxes, cover, pages_of
 from circparam.geometry.distortion import Measures, measure

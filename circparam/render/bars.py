@@ -5,8 +5,8 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.side_by_side import MethodLayout, cell_text
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.render.scene import Scene
 

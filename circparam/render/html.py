@@ -10,7 +10,7 @@ import base64
 import html
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from circparam._version import __version__
 from circparam.core.arrays import IntArray, group_count, group_sum
+from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
 from circparam.render.coarser import MOST, coarser

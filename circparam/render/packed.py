@@ -9,7 +9,7 @@ vertex is predicted by the parallelogram over that edge, and only the difference
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from scipy.sparse import csgraph
 
 from circparam.core.arrays import FloatArray, IntArray, first_of_runs, relabel
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.mesh.halfedge import shared_edges
 from circparam.render import colours as col
 from circparam.render.scene import Scene

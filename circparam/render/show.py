@@ -6,7 +6,7 @@ import base64
 import html
 import io
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import read

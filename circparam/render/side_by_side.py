@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render import colours as col

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.geometry.raster import barycentric, rasterise
 from circparam.render import colours as col
 from circparam.render.camera import Camera

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 

@@ -9,11 +9,10 @@ area of seam, so a weight says how much seam a user would give for one unit of t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 
 

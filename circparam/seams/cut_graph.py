@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -16,6 +14,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import Graph, components, spanning_forest
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.records import dataclass
 
 HIDDEN = 0.5  # hide_seams where nothing else is asked for
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
 from circparam.core.graph import components, nearest, undirected
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, IntArray, next_half_edge
 from circparam.core.graph import Graph, nearest, spanning_forest
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 

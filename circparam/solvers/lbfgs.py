@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 
 Energy: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Precondition: TypeAlias = Callable[[FloatArray], FloatArray]

@@ -7,13 +7,12 @@ ends without one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
 from circparam.core.clock import tick
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.objective import Objective, in_units_of_faces
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes

@@ -8,7 +8,6 @@ and Schaefer (2015), because the layouts that come here overlap already.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +24,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import SparseMatrix
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.geometry.boundary import BoundarySegments, boundary_in
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
 from circparam.geometry.nearby import centres, within

@@ -6,12 +6,11 @@ Vertices on its boundary stay fixed, so the rest of the map does not change.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import foldover
 from circparam.solvers.newton import RelaxOptions, relax

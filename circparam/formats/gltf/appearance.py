@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.gltf.images import media_type_of

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from urllib.parse import unquote
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.records import dataclass
 from circparam.formats.document import (
     Document,
     Encoded,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.appearance import material_table
 from circparam.formats.gltf.buffers import Packing

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.errors import NoResultError, OutputError
 from circparam.formats.document import (
     Document,

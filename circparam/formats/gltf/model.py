@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from circparam.core.arrays import IntArray
+from circparam.core.records import dataclass
 
 Json: TypeAlias = dict[str, Any]
 # accessor.componentType as NumPy code, and accessor.type as a number of components (glTF 2.0, 3.6.2.2)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.model import ARRAY_BUFFER, Json, Primitive

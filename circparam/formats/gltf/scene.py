@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.formats.gltf.model import FAN, STRIP, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 from circparam.formats.gltf.model import Json
 from circparam.formats.looks import Slot
 

@@ -7,12 +7,12 @@ all references are renumbered. The bytes go with them, those of accessors that s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray
+from circparam.core.records import dataclass
 from circparam.formats.gltf.model import Json
 from circparam.formats.gltf.rows import row_span
 

@@ -6,12 +6,13 @@ ones (they stand where the first old one stood, or before the first face) and th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.records import dataclass
 from circparam.formats.document import (
     Document,
     Encoded,

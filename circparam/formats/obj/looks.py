@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, Wrap, pixels
 from circparam.formats.materials import linear, srgb

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 
 _IMAGE = re.compile(r"map_\w+|bump|disp|decal|refl|norm", re.I)
 # options like "-s 1 1 1" or "-clamp on" stand before the name of an image

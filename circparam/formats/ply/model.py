@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core.arrays import IntArray
+from circparam.core.records import dataclass
 from circparam.formats.polygons import Polygons
 
 TYPES = {

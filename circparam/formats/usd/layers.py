@@ -9,10 +9,11 @@ from __future__ import annotations
 import contextlib
 import glob
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
+from circparam.core.records import dataclass
 from circparam.formats.source import Source
 
 CLIPS = 100_000  # files that one template of value clips may name: an hour at 24 frames a second

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.formats.polygons import Polygons, list_start, triangulate
 from circparam.formats.source import Source
 

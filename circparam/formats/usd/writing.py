@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import MeshPrim
 from circparam.formats.usd.stage import (

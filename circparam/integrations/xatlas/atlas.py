@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import enum
 import logging
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.integrations.parametrize import FILES, Parametrized
 from circparam.integrations.xatlas.layout import AtlasLayout, MeshLayout, lay_out

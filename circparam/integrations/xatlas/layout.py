@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, relabel
 from circparam.core.monitor import Listener
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.joined import apart

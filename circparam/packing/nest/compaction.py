@@ -8,13 +8,14 @@ non-convex polygons", here with turns and growth); a few steps in a shrinking tr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray, dot2, norms2
+from circparam.core.records import dataclass
 from circparam.packing.nest.contacts import Contacts, to_world
 from circparam.packing.nest.growth import REACH, SLACK, Growth
 from circparam.packing.options import strip_gap

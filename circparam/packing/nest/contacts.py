@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, dot2, first_of_runs, norms2, ranges
+from circparam.core.records import dataclass
 from circparam.geometry.intersect import properly_cross
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement

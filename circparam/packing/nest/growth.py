@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
 from circparam.packing.coverage import outline_runs, painted
 from circparam.packing.nest.contacts import (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy.typing as npt
 
 from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
+from circparam.core.records import dataclass
 from circparam.geometry.raster import row_crossings
 
 # Along either axis, how far an outline is grown in units of its radius, by steps −2..2; and the steps of the

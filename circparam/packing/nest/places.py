@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.imports import OnDemand
+from circparam.core.records import dataclass
 from circparam.packing.nest.masks import Masks
 
 # brings scipy.special along, and a chart alone on its page needs neither

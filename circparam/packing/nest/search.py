@@ -7,12 +7,13 @@ their spectra are made once; a larger scale of the charts is a smaller page on t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.places import GridPages, Spectrum, sf, spectra_of
@@ -190,7 +191,7 @@ def search(
     options: PackOptions,
     cells: int,
     budget: Budget,
-    terms: Terms = Terms(),
+    terms: Terms = Terms(),  # noqa: B008
 ) -> list[GridLayout]:
     """Layouts of falling page side, best first.
 

@@ -7,12 +7,13 @@ covers in the end is a tenth more, since packing goes on from such a layout.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.places import GridPages, Single, Spectrum, blur_transfer, sf, spectra_of

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from circparam.core.arrays import IntArray
+from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
 from circparam.packing.nest.between import ANGLES, SIDE, filled, lying
 from circparam.packing.nest.compaction import compact, roughly

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import BoolArray, IntArray, group_max, ranges
+from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import NOISE, extent, turns

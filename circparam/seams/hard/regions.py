@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -17,6 +15,7 @@ from circparam.core.arrays import (
     slices,
 )
 from circparam.core.graph import components, nearest, undirected
+from circparam.core.records import dataclass
 from circparam.mesh.atlas import SeamPrices
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes

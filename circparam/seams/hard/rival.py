@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray
+from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import seam_prices

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -16,6 +14,7 @@ from circparam.core.arrays import (
     slices,
 )
 from circparam.core.graph import nearest, undirected
+from circparam.core.records import dataclass
 from circparam.geometry.gradient_transfer import (
     in_rest_axes,
     nearest_known,

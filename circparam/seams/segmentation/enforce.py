@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from circparam.core.arrays import (
     sorted_distinct,
 )
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL

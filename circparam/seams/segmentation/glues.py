@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -14,6 +12,7 @@ from circparam.core.arrays import (
     group_max,
     group_sum,
 )
+from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.state import Arcs
 

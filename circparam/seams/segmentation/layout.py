@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.geometry.overlap import self_overlapping

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
 from circparam.core.graph import components, distances, nearest, undirected
+from circparam.core.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

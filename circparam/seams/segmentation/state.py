@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -15,6 +13,7 @@ from circparam.core.arrays import (
     group_sum,
 )
 from circparam.core.graph import components
+from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 
 CONE = 1.2  # radians of angle defect above which a vertex ends arcs

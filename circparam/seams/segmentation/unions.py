@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.geometry.overlap import SelfContacts, crossings, self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.fit import better_start, composed, hardly_near

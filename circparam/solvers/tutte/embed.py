@@ -6,14 +6,13 @@ Floater 1997); ``embed`` repairs flips from double precision.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh, close_holes
 from circparam.solvers.tutte.boundary import BOUNDARIES
