@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-_NO_USE = {  # what an option of methods is for, where the method at hand does not take it
+_NO_USE = {  # purpose of an option of methods, for a method that does not take the option
     "start": "only --method isometric relaxes a start",
     "boundary": "--method {method} has a free boundary",
     "spacing": "--method {method} has a free boundary",
@@ -22,7 +22,7 @@ _NO_USE = {  # what an option of methods is for, where the method at hand does n
 
 
 def accepted(o: Any, name: str) -> str | None:
-    """Options of methods: the row of the method names those that it takes."""
+    """Options of methods: the row of the method names the accepted ones."""
     from circparam.methods import METHODS
 
     return None if name in METHODS[o.method].accepts else _NO_USE[name].format(method=o.method)
@@ -59,7 +59,7 @@ def with_packing(o: Any, name: str) -> str | None:
 
 
 def searches(o: Any) -> bool:
-    """Whether several searches for charts can be compared by what their layouts cost."""
+    """Whether several searches for charts can be compared by the costs of their layouts."""
     return bool(o.cut == "charts" and o.method == "isometric" and not o.blend and o.pins is None)
 
 

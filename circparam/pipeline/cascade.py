@@ -13,14 +13,14 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
 from circparam.packing.options import Packed
 
-# Distortion at which a chart counts as faulty whatever was promised: that of one scaled by 1 : 1400 throughout,
-# since (s² + s⁻²) / 2 = 10⁶, which fills one and a half texels where it should fill 2048.
+# Mean distortion from which a chart is faulty under any bound. A chart scaled by 1 : 1400 has (s² + s⁻²) / 2
+# = 10⁶ and fills 1.5 texels instead of 2048.
 FAULTY = 1e6
 
 
 @dataclass(frozen=True)
 class CascadeRules:
-    """What the cascade may do.
+    """Limits of the cascade.
 
     may_split: seams may be added. remap: a flipped chart may be mapped by another method (not where the user
     asked for a convex map of a disk). bound: distortion above which a chart is split where it may be. method:
@@ -39,7 +39,7 @@ def _nothing() -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class KnownPacking:
-    """What packing charts with the coordinates ``before`` (nv, 2) came to."""
+    """A packing of the charts with coordinates ``before`` (nv, 2)."""
 
     before: FloatArray
     packed: Packed
@@ -49,12 +49,12 @@ class KnownPacking:
 class Cascade:
     """A layout, and how far each chart has come; every step makes a new one.
 
-    tries: (m,) int64, how many steps the chart of each face has been through. singles: (m,) int64, 1 for faces
-    laid down one by one, 2 and more for those with a regular polygon in their place, larger each time. stopped,
-    iterations: of each chart as the method made it. notes: of methods and seams. repairs: what the cascade had
-    to do, one line each. extent: a length of the whole surface, to which sizes of stand-ins are taken; its own
-    where 0. packing: of this layout, where it was packed to be compared with another. advice: what cuts that
-    only the user can allow would do for its page, where they were tried.
+    tries: (m,) int64, how many steps the chart of each face has been through. singles: (m,) int64, 1 for single
+    faces, 2 and more for faces replaced by a regular polygon, larger each time. stopped, iterations: of each
+    chart as the method made it. notes: of methods and seams. repairs: steps of the cascade, one line each.
+    extent: a length of the whole surface, to which sizes of stand-ins are taken; its own where 0. packing: of
+    this layout, where it was packed to be compared with another. advice: gain of cuts that only the user can
+    allow, if they were tried.
     """
 
     atlas: Atlas
@@ -95,7 +95,7 @@ class Cascade:
         )
 
     def put(self, faces: BoolArray, part: Cascade) -> Cascade:
-        """With what became of ``part(faces)``."""
+        """The atlas with the outcome of ``part(faces)``."""
         surface = self.atlas.surface
         atlas = Atlas(surface, self.atlas.cut, self.atlas.corners)
         atlas.put(faces, part.atlas)

@@ -1,8 +1,8 @@
 """A run that is stopped goes on after its seams, which are most of the work: they are kept in a folder.
 
 The name of the file is a hash of all that the seams depend on: the version, the mesh with its uv, the options.
-So a folder may serve many meshes, and what belongs to another mesh, version or option is never taken by
-mistake: it is not looked at. The file goes when its run has ended well.
+A folder may therefore serve many meshes. Files of another mesh, version or option are not read. The file goes
+when its run has ended well.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _NO_MATTER = ("jobs", "timeout", "overwrite", "format", "checkpoint")
 
 
 def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) -> Seams:
-    """The seams that an earlier run has kept, else those that are found now, which are kept.
+    """The seams of an earlier run if they were kept, else new ones, which are kept.
 
     Seams that were found in a hurry are not kept: they depend on the clock. Raises OutputError where the folder
     cannot be written to.
@@ -55,7 +55,7 @@ def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) 
 
 
 def forget(job: Job) -> None:
-    """The run has ended well: what was kept of it is of no more use."""
+    """Delete the kept files after the run has ended well."""
     path = place(job)
     if path is not None:
         path.unlink(missing_ok=True)

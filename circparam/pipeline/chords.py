@@ -1,4 +1,4 @@
-"""Chords: straight cuts through a chart from boundary to boundary, and what its parts look like then."""
+"""Chords: straight cuts through a chart from boundary to boundary, and the shapes of both parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from circparam.packing.nest.masks import chart_masks
 ANCHORS = 72  # points of an outline between which chords are tried
 ANGLES = 16  # of bounding boxes, in a quarter turn
 STEPS = 24  # places of a chord that must lie inside
-RASTER = 96  # cells along the longer side of a chart, in which is looked up what lies inside
+RASTER = 96  # cells along the longer side of a chart, in the grid that tells inside from outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,17 +179,17 @@ def least_frames(size: FloatArray) -> FloatArray:
 
 
 def extents(p: FloatArray, pick: IntArray, first: IntArray, pieces: IntArray) -> FloatArray:
-    """(2, c) least box (area) and least square (side) of the boundary from anchor ``first`` (c,) over so many
-    ``pieces`` (c,), 1 at least: all that lie between two anchors.
+    """(2, c) least box (area) and least square (side) of a stretch of boundary. The stretch begins at anchor
+    ``first`` (c,) and has ``pieces`` (c,) ≥ 1 parts between anchors.
 
-    What twice as many pieces reach is told from two halves; any number is two such stretches that overlap.
+    Two halves give the extents of twice as many pieces. Two overlapping stretches give any number.
     """
     k = len(pick)
     along = turned(p)
     count = np.diff(np.r_[pick, pick[0] + len(p)]) + 1
     index = (np.repeat(pick, count) + ranges(count)) % len(p)
     start = np.cumsum(count) - count
-    # both ways at once: the lowest are the highest of what is upside down
+    # both directions at once: the lowest points are the highest of the mirrored chart
     reach = np.maximum.reduceat(np.concatenate([along, -along], -1)[index], start)
     known = [reach]
     for length in (2**n for n in range(int(pieces.max(initial=1)).bit_length() - 1)):

@@ -51,7 +51,7 @@ def open_source(source: Any, options: Options) -> Document:
 
 
 def from_scene(scene: Any, unshare: bool) -> Document:
-    """A document of a trimesh.Scene as the GLB that trimesh makes of it: nodes, instances, materials, textures.
+    """The document of a trimesh.Scene, read from the GLB of trimesh: nodes, instances, materials, textures.
 
     Raises InputError for a scene without triangles.
     """
@@ -64,7 +64,7 @@ def from_scene(scene: Any, unshare: bool) -> Document:
 def target_format(
     document: Document, output: str | os.PathLike[str] | None, options: Options
 ) -> str:
-    """The format that will be written: what decides how uv are rounded."""
+    """The format of the output, which decides how uv are rounded."""
     if options.format is not None:
         return options.format
     if output is not None and os.fspath(output) != "-":
@@ -89,7 +89,7 @@ def write_options(o: Options, uv_double: bool = False, group_by: str | None = No
 def seam_options(
     document: Document, surface: Surface, repair_report: RepairReport, o: Options
 ) -> SeamOptions:
-    """What the seams need to know, from the options and the file."""
+    """Options of the seams, from the options and the file."""
     given = _given(
         o,
         (
@@ -173,19 +173,19 @@ def _vertex_pairs(pairs: Any, n: int) -> IntArray:
 
 
 def method_options(o: Options) -> MethodOptions:
-    """What the method needs to know: all that its row accepts but the pins, which lie on the cut mesh."""
+    """Options of the method: all that its row accepts except pins, which belong to the cut mesh."""
     return MethodOptions(**_given(o, METHODS[o.method].accepts - {"pins"}))
 
 
 def pack_options(o: Options) -> PackOptions:
-    """What packing needs to know."""
+    """Options of packing."""
     given = _given(o, [f.name for f in dataclasses.fields(PackOptions)])
     known = {"padding": o.padding_texels, "effort": o.packing_effort, "rotate": o.turns or "free"}
     return PackOptions(**given | known)
 
 
 def padding_note(padding: int) -> str:
-    """What so many texels between charts are good for."""
+    """A note on the use of this many texels between charts."""
     level = mip_level(padding)
     if level is None:
         return f"padding {padding}: texels of a neighbour bleed in even without mip maps"
@@ -198,9 +198,8 @@ def padding_note(padding: int) -> str:
 def check_density(surface: Surface, o: Options, name: str) -> None:
     """Raise OptionError where a surface is too large for the pages at the texel density asked for.
 
-    Told from areas before any work: charts below a bound D on the distortion, at their best scale, cover at
-    least the D-th part of the area of their surface, since (Σ A)² ≤ Σ A σ1σ2 · Σ A / σ1σ2 and
-    2 / σ1σ2 ≤ σ1⁻² + σ2⁻².
+    Areas decide before the work. Charts at their best scale and below a bound D cover at least the share 1 / D
+    of the area of their surface, since (Σ A)² ≤ Σ A σ1σ2 · Σ A / σ1σ2 and 2 / σ1σ2 ≤ σ1⁻² + σ2⁻².
     """
     if o.texel_density is None or not o.packed or o.bound is None or o.method != "isometric":
         return

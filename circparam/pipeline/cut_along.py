@@ -18,9 +18,9 @@ BAND = 0.2  # of a chord's length: how far from it the way along edges may run
 EDGES = 4.0  # and so many edges besides
 ENDS = (0.35, 0.1, 0.0)  # of a chord's length: how far from its ends the way may begin and end
 ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
-# Of relaxing a part above the bound: what a cut makes room for shows in the first ones. By the first step parts
-# that came below it were seen to end at 0.93 of the excess allowed at most, four fifths of the others above it
-# (150 parts of 11 meshes): those are given up then.
+# Newton steps for a part above the bound: the first steps show the room that a cut makes A part is given up
+# if its first step leaves more than this share of the excess. Parts that came below the bound ended the step
+# at 0.93 at most; four fifths of the others were above (150 parts, 11 meshes).
 STEPS = 6
 
 
@@ -36,7 +36,7 @@ class Chord:
 
 @dataclass(frozen=True)
 class Limits:
-    """What either part of a chart that is cut has to keep: the bound on the distortion, the least faces.
+    """Limits for both parts of a chart that is cut: the bound on the distortion, the least number of faces.
 
     flats: share of the length of a cut that may run through flats.
     """
@@ -65,8 +65,8 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
     should be.
 
     costs: (e,) of a seam along each edge, infinite where there may be none. The way begins and ends on a
-    boundary near the ends of the chord, wherever it is shortest. Layouts stay as they are, but for those of
-    parts above the bound: they are relaxed to below it, for which the cut often makes room.
+    boundary near the ends of the chord, wherever it is shortest. Layouts stay, except for parts above the
+    bound. These are relaxed, because the cut often makes room.
     """
     atlas, tried = whole.atlas, np.zeros(0, np.int64)
     for ends in ENDS:
@@ -86,8 +86,8 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
 
 
 def _cut_paths(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]:
-    """A path (edges, with a half-edge h of each), and where it touches the boundary on its way the parts
-    between: where charts are narrow all of it would tear off fragments."""
+    """The path and its parts between boundary vertices, as edges; h (k,): a half-edge of each edge. In narrow
+    charts the whole path would tear off fragments."""
     flat = cut_mesh.faces.ravel()
     a, b = flat[h], flat[next_half_edge(h)]
     rim = np.zeros(cut_mesh.n_vertices, bool)
@@ -130,7 +130,7 @@ def cheapest_way(
 ) -> IntArray | None:
     """The edges of the cheapest way from one of some vertices to one of others; None where there is none.
 
-    edge: (e,) those that may be used, with their ends and costs. It keeps off the boundary in between.
+    edge: (e,) usable edges, with their ends and costs. It keeps off the boundary in between.
     """
     a, b = ends
     rim = np.zeros(cut_mesh.n_vertices, bool)
@@ -179,8 +179,8 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:
     """An atlas cut along a path (edges) if its two charts are as they should be, else None.
 
-    Both disks (holes allowed) of as many faces as asked for, the smaller of about the area that was planned,
-    and below the bound: as they are, or relaxed.
+    Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound as it is or
+    after relaxation. The smaller part has about the planned area.
     """
     count, chart = atlas.charts()
     if count != 2 or np.bincount(chart).min() < limits.faces:

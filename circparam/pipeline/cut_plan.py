@@ -1,7 +1,7 @@
 """Plans of cuts for a fuller page: chords of the charts, weighed on sketches of the page they would leave.
 
-The best chord is taken, then the best one after it, for as long as what follows may pay. What a plan is worth
-is log s − RATE log L, with the covered share s and the length L of all boundaries (see ``fuller_page``).
+The best chord is taken, then the next best, while further chords may pay. The value of a plan is log s − RATE
+log L, with the covered share s and the length L of all boundaries (see ``fuller_page``).
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ ALL = 12  # charts up to which all are sketched, so that packing may go on from 
 SKETCHED_SHARE = (
     0.85  # of the area: with less, charts without a sketch decide how full the page gets
 )
-# share of the area that a chart must have to be cut, and either part of it
+# share of the area that a chart needs to be cut, and that either part needs
 CUT, PIECE = 0.06, 0.012
 GOOD = 0.74  # covered share of a sketch from which on nothing is cut
 REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyond
 # or so much of the side of the page; share of a chart that either part must have
 LONG, PART = 0.6, 0.2
 ALIKE = 1e-9  # of its length: plans whose seams are as long are the same
-SAME = 0.01  # what the pages and values of two plans differ by that are much the same
-NEAR = 0.1  # what a chord may be worth less than the best so far, and be kept for that
+SAME = 0.01  # largest difference of pages and values between two plans that count as equal
+NEAR = 0.1  # a chord worth this much less than the best is still kept
 LOCKED = PackOptions(resolution=512, padding=1)  # page on which outlines are grown until they lock
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
 WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
-# work of a search in cells that are transformed, and for each face; what locking a page counts as, and making a
-# cut for each face of its chart (150 million are about half a second)
+# Work of a search: transformed cells, and cells a face; price of locking a page, and of a cut for each face
+# of its chart. 150 million are about half a second.
 WORK, WORK_OF_FACE, LOCKING, CUTTING = 2.9e8, 6400.0, 2e6, 1000.0
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
@@ -51,10 +51,10 @@ Sides: TypeAlias = tuple[float, Placement, int]
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is looked at. tries, more: of each sketch, and of what was made. breadth: plans of as many cuts
-    that are gone on with. lookahead: cuts that may pay nothing before one that does. weighed: chords that are
-    sketched; of those the best ``tried`` are tried along edges until ``made`` of them are made. packed: plans
-    that are packed as they will be, beside the one without a cut."""
+    """How much is looked at. tries, more: orders tried for each sketch, and for each cut that was made.
+    breadth: plans of equal length that are continued. lookahead: cuts that may pay nothing before one that
+    does. weighed: chords that are sketched; of those the best ``tried`` are tried along edges until ``made`` of
+    them are made. packed: plans that are packed as they will be, beside the one without a cut."""
 
     tries: int
     more: int
@@ -66,8 +66,9 @@ class Effort:
     packed: int
 
 
-# of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each; and
-# of surfaces of more faces, where a cut takes longer than its sketches: its parts are relaxed
+# Efforts for few pieces, for more than MANY, and for surfaces above COSTLY faces. With many pieces a sketch
+# costs more and tells less. On large surfaces a cut costs more than its sketches, because its parts are
+# relaxed.
 MANY, COSTLY = 9, 30_000
 THOROUGH = Effort(3, 4, 2, 3, 12, 6, 3, 2)
 THRIFTY, SPARING = Effort(1, 2, 1, 2, 8, 4, 2, 2), Effort(3, 4, 1, 2, 12, 4, 2, 2)
@@ -77,8 +78,8 @@ THRIFTY, SPARING = Effort(1, 2, 1, 2, 8, 4, 2, 2), Effort(3, 4, 1, 2, 12, 4, 2, 
 class Plan:
     """Charts with some cuts.
 
-    pieces: those that are sketched. length: of their boundaries (halved, as seams have two sides). side: in
-    cells, of the page that holds their outlines; layout: where they lie there, with offsets of the origin of
+    pieces: the sketched charts and parts. length: of their boundaries (halved, as seams have two sides). side:
+    in cells, of the page that holds their outlines; layout: where they lie there, with offsets of the origin of
     their uv. sketched: side of the one that holds their cells. cuts: how many. stretched: area of faces that
     they stretch too much.
     """
@@ -93,7 +94,7 @@ class Plan:
 
     @property
     def value(self) -> float:
-        """What is gained by a fuller page less what seams cost."""
+        """The gain of a fuller page less the price of its seams."""
         return value_of(self.side, self.length)
 
     @property
@@ -132,7 +133,7 @@ def page_sides(
 
 
 def value_of(side: float, length: float) -> float:
-    """What a page of a side in cells is worth less what boundaries of a length cost."""
+    """Value of a page (side in cells) less the price of boundaries of a length."""
     return 2 * float(np.log(CELLS / side)) - RATE * float(np.log(length))
 
 

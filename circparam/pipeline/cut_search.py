@@ -43,7 +43,7 @@ from circparam.pipeline.pieces import AtlasCutter, ChartCutter, Cut, Ground, Hal
 
 @dataclass(frozen=True, eq=False)
 class Planner:
-    """What all plans for one layout have in common.
+    """State that all plans for one layout share.
 
     cutter: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
     budget: of cells that sketches transform; making a cut counts as well. monitor: tells how many processes
@@ -64,7 +64,7 @@ class Planner:
         return self.cutter.grid.cell
 
     def effort(self, plan: Plan) -> Effort:
-        """How much is looked at for what follows a plan."""
+        """Effort for the plans that follow a plan."""
         return effort_of(len(plan.pieces), self.cutter)
 
     def best(self, first: Plan) -> list[Plan]:
@@ -81,11 +81,11 @@ class Planner:
         return sorted(found, key=lambda p: -p.value)
 
     def _following(self, plans: list[Plan], best: float) -> list[Plan]:
-        """Plans with one cut more: of the chords that sketches rank first those that can be made."""
+        """Plans with one more cut. Sketches rank the chords, and the first chords that can be cut are taken."""
         queues = self._ranked(plans, best)
         made: list[list[Plan]] = [[] for _ in plans]
         while not self.budget.over:
-            # no more at once than are wanted: so it is tried what would be tried one after another
+            # no more tasks at once than cuts wanted: the tried chords are then the same as one after another
             wanted = [self.effort(p).made - len(m) for p, m in zip(plans, made, strict=True)]
             turns = [(k, t) for k, queue in enumerate(queues) for t in queue[: wanted[k]]]
             queues = [queue[n:] for queue, n in zip(queues, wanted, strict=True)]
@@ -102,9 +102,9 @@ class Planner:
         return [after for of_plan in made for after in of_plan]
 
     def _ranked(self, plans: list[Plan], best: float) -> list[list[_Trial]]:
-        """The chords of each plan that are tried, those that sketches rank first at the head."""
-        # those of one plan in one go: in two turns, each with its own best so far, other cuts are found
-        # (tower_holes 0.65 to 0.58 of the page) in nine tenths of the time
+        """The chords of each plan in the order of their sketches, best first."""
+        # All chords of one plan go together. Two turns, each with its own best value, find other cuts
+        # (tower_holes: 0.65 to 0.58 of the page) in nine tenths of the time.
         trials_of = [self._trials(plan, best) for plan in plans]
         share = self.budget.left / len(plans)
         tasks = [(self._look(p, t), share) for p, t in zip(plans, trials_of, strict=True)]
@@ -196,7 +196,7 @@ class Planner:
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Chord k of piece n of a plan; promise: what it may be worth, told from boxes."""
+    """Chord k of piece n of a plan; promise: upper estimate of its worth from boxes."""
 
     n: int
     chords: Chords
@@ -213,8 +213,8 @@ class _Trial:
 class Look:
     """Chords of one plan that are sketched one after another.
 
-    sketches: of the pieces of the plan. piece: the number of the one that each chord cuts; halves: what it
-    leaves. length: of all boundaries then. below, tries: as for ``least_page``.
+    sketches: of the pieces of the plan. piece: number of the piece that each chord cuts; halves: both parts of
+    the piece. length: of all boundaries then. below, tries: as for ``least_page``.
     """
 
     chart_cutter: ChartCutter
@@ -229,8 +229,8 @@ class Look:
 def looked_at(
     look: Look, operations: float, monitor: Monitor
 ) -> tuple[list[int | None], list[list[Sketch]], float]:
-    """(side of the page with each chord, as far as the operations go: None where it is worth much less than the
-    best so far; sketches of what they leave, operations that were spent)."""
+    """(side of the page with each chord, None for chords worth much less than the best so far or beyond the
+    budget; sketches of both parts; operations spent)."""
     budget = Budget(operations, lambda: monitor.expired)
     highest, sides, known = -np.inf, [], look.chart_cutter.grid.cache
     known.keep(look.sketches)
@@ -269,8 +269,8 @@ class Making:
 def made_cut(
     making: Making, operations: float, monitor: Monitor
 ) -> tuple[Cut | None, Sides | None, float]:
-    """(the cut, None where it cannot be; the page then, None where it gets no better or there is no room for
-    the cut; operations that were spent)."""
+    """(the cut, None if it is impossible; the page with the cut, None if the page gets no better or there is no
+    room; operations spent)."""
     budget = Budget(operations, lambda: monitor.expired)
     chart_cutter, cut = making.chart_cutter, making.known
     if making.task is not None:

@@ -1,4 +1,4 @@
-"""Density by what a face is (``--density``): of materials, groups, nodes and colours, or face by face."""
+"""Density by materials, groups, nodes, colours or single faces (``--density``)."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Density:
 
 
 def find_density(document: Document, given: Any) -> Density | None:
-    """What ``--density`` asks for; None for one density everywhere.
+    """The densities of ``--density``; None for one density everywhere.
 
     given: None or "even"; names with numbers, as a mapping or ``NAME=X,NAME=X``; a file of one number a face,
-    or those numbers, of polygons where the file has them. A name may be that of a material, group or node, the
-    first of these that has it, or a colour ``#rrggbb`` of vertices; of several names of a face the last
-    counts. All triangles of a polygon get the largest number of any. Raises OptionError for names that match
-    nothing, and for numbers that do not fit the mesh; InputError for a file that holds something else.
+    or the numbers themselves. Polygons count as faces if the file has them. A name is a material, a group or a
+    node, in this order, or a colour ``#rrggbb`` of vertices. The last of several names of a face counts. All
+    triangles of a polygon get the largest number of any. Raises OptionError for names that match nothing, and
+    for numbers that do not fit the mesh; InputError for a file that holds something else.
     """
     if given is None or (isinstance(given, str) and given == EVEN):
         return None
@@ -71,7 +71,7 @@ def _by_name(document: Document, asked: dict[str, float]) -> Density:
 
 
 def _called(document: Document, name: str) -> BoolArray:
-    """(f,) faces of a name. Raises OptionError, with what comes near, where nothing is called so."""
+    """(f,) faces of a name. Raises OptionError with the nearest names if no part has the name."""
     if _COLOUR.match(name):
         return _painted(document, name)
     known: dict[str, None] = {}
@@ -151,7 +151,7 @@ def check_whole(cut_mesh: CutMesh, surface: Surface, name: str) -> None:
 
 
 def at_densities(cut_mesh: CutMesh, surface: Surface, uv: FloatArray) -> FloatArray:
-    """uv (nv, 2) of charts as they are given, each at the size at which its area is what the density asks."""
+    """uv (nv, 2) of given charts, each scaled to the area that its density asks for."""
     size = chart_densities(surface, cut_mesh, uv)
     asked = np.ones(cut_mesh.n_charts)
     if surface.density is not None:
@@ -165,9 +165,10 @@ def at_densities(cut_mesh: CutMesh, surface: Surface, uv: FloatArray) -> FloatAr
 def density_rows(
     density: Density, found: Verification, resolution: int
 ) -> Iterator[dict[str, Any]]:
-    """What each part asked for and got, those with the most faces first where a file says it.
+    """Rows of each part with the densities asked for and reached. Without an order in the file, parts with the
+    most faces come first.
 
-    got: in the unit of what was asked, so that both agree over the whole surface. texels: per unit of the mesh.
+    got: in the unit of ``asked``, so that both agree over the whole surface. texels: per unit of the mesh.
     """
     surface, n = found.surface, len(density.names)
     used = found.used[found.cut_mesh.chart]

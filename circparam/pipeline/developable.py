@@ -1,4 +1,4 @@
-"""Charts laid out straight: what unrolls without distortion exactly, and grids of quads as rectangles."""
+"""Straight charts: developable charts are unrolled exactly, grids of quads become rectangles."""
 
 from __future__ import annotations
 
@@ -42,9 +42,10 @@ def unrolled(atlas: Atlas) -> Atlas:
 def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool) -> Atlas:
     """The atlas with grids of quads as rectangles, where their distortion stays below ``bound``.
 
-    most_stretch: of all but a thousandth of the surface, None for the usual one; a rectangle stretches no more
-    of it than the chart did. always: take rectangles up to the bound, also for charts that unroll and have
-    curved borders; else only where the distortion hardly rises, and not for charts that unroll.
+    most_stretch: limit for all but a thousandth of the surface, None for the usual limit. A rectangle never
+    stretches more of the surface than its chart did. always: take rectangles up to the bound, also for
+    developable charts with curved borders. Otherwise take rectangles where the distortion hardly rises, and
+    unroll developable charts.
     """
     cut_mesh, uv = atlas.open()
     if not np.isfinite(uv).all():

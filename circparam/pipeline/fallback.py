@@ -1,10 +1,9 @@
 """From a layout to one without a flip or an overlap: a fallback cascade that always ends.
 
-A chart whose map is faulty takes the next step: after the method that was asked for, an isometric map, the
-chart split in two (several times), a convex map with positive weights, and in the end single faces, laid in the
-plane as they are. Charts that are sound stay as they are; all faulty ones of a round are solved together. One
-distorted beyond its bound is faulty where seams may be added: a chart crushed to nothing would also shrink all
-others to nothing when it is packed at its size. Where time is up, charts are projected along the axes instead.
+A faulty chart takes the next step: an isometric map, the chart split in two (several times), a convex map with
+positive weights, and single faces laid in the plane. Charts that are sound stay as they are; all faulty ones of
+a round are solved together. With seams allowed, a chart above its bound is faulty too. A collapsed chart would
+shrink all others at packing. Where time is up, charts are projected along the axes instead.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from circparam.pipeline.single_faces import LARGEST, take_to_pieces
 SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
-STEPS = 100  # of relaxing a piece: sound ones need some 30, what creeps on after that is split
+STEPS = 100  # Newton steps for a piece: sound pieces need about 30, slower ones are split
 PROJECTED = 100  # steps that count for having been projected, where there is no time for a map
 LATE_BOUND = 3.0  # distortion from which on a projection, in more charts, is the better of the two
 LATE_SPLITS = 6  # times that such a chart may be halved
@@ -41,7 +40,7 @@ SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to piece
 
 
 def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
-    """What is wrong with each chart, (n_charts,) SOUND, FLIPPED or OVERLAPPING; and the flipped faces (m,)."""
+    """The fault of each chart, (n_charts,) SOUND, FLIPPED or OVERLAPPING; and the flipped faces (m,)."""
     finite = np.isfinite(uv[cut_mesh.faces]).all(axis=(1, 2))
     flipped = ~finite | (signs(np.where(np.isfinite(uv), uv, 0.0), cut_mesh.faces) <= 0)
     n = cut_mesh.n_charts
@@ -74,8 +73,8 @@ def sent_on(
 ) -> Cascade:
     """Take the faulty charts ((n_charts,) codes) one step further and settle them, by themselves.
 
-    The others stay as they are, and sound; so every round costs what is still faulty. settled: takes a cascade
-    on until it is sound, by this again. The same cascade where no step is left.
+    Sound charts stay, so the cost of a round depends on the faulty charts alone. settled: takes a cascade on
+    until it is sound, by this again. The same cascade where no step is left.
     """
     if not (fault > 0).any():
         return cascade
@@ -153,7 +152,7 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
             )
         step = np.where(project, PROJECTED, bad.astype(np.int64))
         cascade = replace(cascade, tries=cascade.tries + step[chart])
-        # the halves of what was projected lie as they are
+        # halves of projected charts keep their coordinates
         todo = (again | halve)[chart] & (cascade.tries < PROJECTED)
         gentle = cascade.tries >= CONVEX
         cascade = _map_again(cascade, todo & ~gentle, "isometric", monitor)

@@ -24,7 +24,7 @@ from circparam.seams.constraints import constrain
 from circparam.seams.options import Seams
 
 CHARTS_COST = 10.0  # seconds that charts take at least over those of the repair: 20 on many meshes
-# What a numerical method raises where the numbers of a mesh are beyond it
+# errors of numerical methods on meshes beyond double precision
 NUMERICAL = (NoResultError, np.linalg.LinAlgError, ArithmeticError)
 
 
@@ -47,7 +47,7 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
 
 
 def _worth_beginning(monitor: Monitor) -> None:
-    """Raise OutOfTimeError where time is up and what is granted on top of it is too little for any charts."""
+    """Raise OutOfTimeError if time is up and the reserve is too small for any charts."""
     left = clock.left()
     least = CHARTS_COST * monitor.seconds.get("repair", 0.0)
     if left is not None and left < least and monitor.expired:
@@ -77,7 +77,7 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
 
 
 def with_straight(atlas: Atlas, options: Options) -> Atlas:
-    """The atlas with what unrolls laid out exactly and grids of quads as rectangles, unless that is off."""
+    """The atlas with developable charts unrolled and grids of quads as rectangles, unless this is off."""
     from circparam.pipeline.developable import gridded, unrolled
 
     if options.straighten == "off":
@@ -87,7 +87,7 @@ def with_straight(atlas: Atlas, options: Options) -> Atlas:
 
 
 def rules(options: Options) -> CascadeRules:
-    """What the fallback cascade may do with the charts of these options."""
+    """Rules of the fallback cascade for these options."""
     convex = "convex-boundary" in METHODS[options.method].tags
     # whether every chart can be brought below the bound by splitting it, and nothing asks for otherwise
     fixed = (options.max_charts, options.no_seams, options.seam_weights, options.pins)

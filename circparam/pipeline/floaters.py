@@ -22,7 +22,8 @@ RADIUS = 0.45  # of the circle that the corners of a polygon lie on, in cells of
 
 @dataclass(frozen=True, eq=False)
 class Floaters:
-    """What is left out. faces: (m,) bool over those of the file; components: how many; share: of the area."""
+    """Components left out of the layout. faces: (m,) bool over those of the file; components: how many; share:
+    of the area."""
 
     faces: BoolArray
     components: int
@@ -30,7 +31,7 @@ class Floaters:
 
 
 def find_floaters(document: Document, surface: Surface, least: float) -> tuple[Surface, Floaters]:
-    """The surface without components that hold less than a share of its area, and what they are.
+    """The surface without components below a share of its area, and these components.
 
     Faces of one polygon belong together. Raises OptionError where no component is so large.
     """
@@ -66,10 +67,9 @@ def with_patch(
 ) -> UVMap:
     """The layout with uv for the faces that were left out: a patch in a corner of the page, free of charts.
 
-    Every polygon is a regular one with as many corners in a cell of its own, counter-clockwise as the file
-    winds it, so nothing in the patch is flipped or overlaps. It lies in the margin that charts keep from the
-    border of the page, where stored numbers are finest: at the bottom left, or at the top left where v is
-    stored from there.
+    Every polygon becomes a regular polygon in its own cell, with the winding of the file. Nothing in the patch
+    is flipped or overlaps. The patch lies in the margin between charts and border, where stored numbers are
+    finest: at the bottom left, or at the top left where v counts from there.
     """
     polys = document.polygons()
     owner = sorted_distinct(polys.owner[floaters.faces])
@@ -101,7 +101,7 @@ def _step(rounding: Callable[[FloatArray], FloatArray], v: float) -> float:
 
 
 def note(floaters: Floaters) -> str:
-    """One line about what was left out."""
+    """One line about the components that were left out."""
     return (
         f"{floaters.components} components left out of the layout: {int(floaters.faces.sum())} faces, "
         f"{100 * floaters.share:.3g} % of the area"

@@ -1,13 +1,13 @@
-"""A fuller page for a little seam: what ``--pack-splits auto`` does.
+"""A fuller page for a little seam (``--pack-splits auto``).
 
-Texels are bought with seam. A page of R · R texels of which a share s is covered has s R² texels of surface,
-and seams and boundaries of length L, in roots of the area, have L √s R texels beside them, where filters blend
-and mip maps bleed. **A cut is worth it where texels grow by 0.4 of the percentage by which seams do, at
-least** (``RATE`` in ``cut_plan``), as sketches of the page see it. They see it in steps of a cell, 4 % of what
-is covered, and so late; what they rank highest is packed, beside the page without cuts where that may be as
-good, and the best is kept. The search has a budget of work (``WORK``), which is counted and not timed. Of more
-charts than a sketch shows well arms are cut off as their boxes tell (``sprawl``), and that one page is packed.
-A mesh that needs no seam gets none, and all cuts together make the seams no longer than ``LIMIT`` allows.
+Texels are bought with seam. A page of R · R texels with the covered share s has s R² texels of surface. Seams
+and boundaries of length L, in roots of the area, border L √s R texels, where filters blend and mip maps bleed.
+**A cut pays if texels grow by at least 0.4 of the percentage by which seams grow** (``RATE`` in ``cut_plan``),
+measured on sketches of the page. Sketches resolve 4 % of the covered share, one cell. The plans that rank
+highest are therefore packed, beside the page without cuts where that page may be as good. The best page is
+kept. The search has a budget of work (``WORK``), which is counted and not timed. Of more charts than a sketch
+shows well arms are cut off as their boxes tell (``sprawl``), and that one page is packed. A mesh that needs no
+seam gets none, and all cuts together make the seams no longer than ``LIMIT`` allows.
 """
 
 from __future__ import annotations
@@ -60,24 +60,24 @@ LIMIT = 0.149  # of the length of the seams that all cuts may add
 ENOUGH = 0.7  # covered share of a page on which nothing is looked for
 # the same of more charts than FEW on surfaces of more faces than LARGE, where cuts and packing take longer
 ENOUGH_OF_MANY, FEW, LARGE = 0.66, 12, 100_000
-# what sketches tell of a page to be packed: it may be fuller than this share of what it is to be; and the
-# logarithm of what it may be fuller than its sketch, at most
+# A page is packed if its sketch promises this share of the wanted covered share; and the largest gain of a
+# packed page over its sketch, as a logarithm.
 NEARLY, SURE = 0.86, 0.12
-# what a plan may be worth less than the best one by its sketch, and be packed beside it
+# largest loss against the best sketch of a plan that is packed too
 CLOSE = 0.05
 SKETCHED, PLANNED = 0.2, 0.6  # share of the packing that has been done then
 CUTS, ARMS = 8, 64  # at most: of plans, and arms of charts that are not sketched
 DRAWN = 9  # charts that a sketch shows well
-# what arms that are cut off must be worth, as boxes tell, for the page to be packed; and from where on it is
-# not packed without cuts as well
+# Least worth of arms by their boxes for the page to be packed; and the worth from which the page without cuts
+# is not packed.
 WORTH, CERTAIN = 0.16, 0.3
-# share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
-# the largest faces besides in plans, whose charts may be relaxed with weights
+# Share of the area that all cuts may stretch too much, below the promise; and the number of largest faces
+# exempt in plans, whose charts may be relaxed with weights.
 SPARED, LARGEST = 0.95e-3, 2
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
-    """Cut charts where a page so much fuller is worth the seam; a note tells what was done.
+    """Cut charts if a fuller page is worth the seam; a note says which cuts were made.
 
     There are never more charts than ``options.max_charts``, nor parts of fewer faces than
     ``options.min_chart_faces``. Charts keep the layout they had, so nothing overlaps, and their bound.
@@ -155,7 +155,7 @@ class _Uncut:
 def atlas_cutter(
     cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options
 ) -> AtlasCutter:
-    """What makes the cuts; through flats only where the user asked for cuts."""
+    """The maker of cuts; cuts lead through flats only if the user asked for cuts."""
     stretch = options.max_stretch or STRETCH
     if not stretch_asked(options.max_stretch, options.bound or np.inf):
         stretch = np.inf
@@ -182,7 +182,7 @@ def _plans(
 
 
 def _room(cutter: AtlasCutter, limited: bool) -> tuple[float, float]:
-    """What all cuts may add: length of seams, area of faces that are stretched too much."""
+    """Limits of all cuts: length of seams, area of faces that are stretched too much."""
     areas = cutter.atlas.surface.areas
     longer = LIMIT * cutter.chart_cutter.seams if limited else np.inf
     return longer, SPARED * float(areas.sum()) + LARGEST * float(areas.max())
@@ -190,7 +190,7 @@ def _room(cutter: AtlasCutter, limited: bool) -> tuple[float, float]:
 
 def _trimmed(uncut: _Uncut, cutter: AtlasCutter, cuts: int, enough: float) -> Cascade | None:
     """The layout with arms cut off, packed; None where that is not worth its seams. enough: covered share of
-    the page without cuts from which on none is made, but for those that the user asked for."""
+    the page without cuts from which no cut is made, except for cuts that the user asked for."""
     cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
     limited = options.cuts_asked is None
     found = Trimmer(cutter, *_room(cutter, limited), cuts).run(monitor)
@@ -260,7 +260,7 @@ class _Contest:
 
 
 def _note(cuts: int, before: Atlas, after: Atlas) -> str:
-    """What was done, for the user."""
+    """A note on the cuts, for the user."""
     old, new = before.seam_length, after.seam_length
     longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"
     return (
@@ -274,7 +274,7 @@ def stretch_kept(
 ) -> bool:
     """Whether no more of an atlas with cuts is stretched too much than may be, or was; by weights if need be.
 
-    Parts of a chart have a scale each, and those that were relaxed have lost the weights that they had.
+    Each part of a chart has its own scale, and relaxed parts have lost their weights.
     """
     if not stretch_asked(options.max_stretch, options.bound or np.inf):
         return True
@@ -292,8 +292,8 @@ def _stretched(atlas: Atlas, most: float) -> float:
 
 
 def start_of(cutter: AtlasCutter, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
-    """Where the charts of a plan lie on its page, as a start for packing, those that were not sketched on page
-    −1; None where they lie otherwise than they are mirrored, or are not packed on one page."""
+    """The placement of a plan as a start for packing; charts without a sketch have page −1. None for several
+    pages, or if charts are mirrored otherwise."""
     asked = pack_options(options)
     if asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
         return None
@@ -336,7 +336,7 @@ def packing(
 
 
 def _value(found: KnownPacking | None, length: float) -> float:
-    """What ``Plan.value`` is for a page that was packed."""
+    """``Plan.value`` of a page that was packed."""
     return -np.inf if found is None else float(np.log(covered_share(found)) - RATE * np.log(length))
 
 

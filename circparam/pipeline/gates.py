@@ -30,12 +30,12 @@ LAYOUT = (
     *("pack", "packed", "pages", "gap_texels", "border_texels", "outside"),
     *("thin", "density_min", "density_max", "axis_parallel"),
 )
-# what unwrap and pack report besides
+# further figures of unwrap and pack
 RUN = (
     *("vertices", "faces", "dropped_components", "dropped_faces", "padding", "mip_level"),
     *("seconds", "psnr", "ssim"),  # the last two with --check-look
 )
-# what check reports of the mesh, and of its uv besides
+# figures of check on the mesh, and on its uv
 TOPOLOGY = (
     *("vertices", "vertices_in_file", "unreferenced_vertices", "edges", "faces", "components"),
     *("euler", "genus", "boundaries", "borders", "nonmanifold_edges", "nonmanifold_vertices"),
@@ -84,7 +84,7 @@ class Gates:
         return out
 
     def names(self) -> set[str]:
-        """What the conditions are on."""
+        """Figures that the conditions refer to."""
         return {gate.name for gate in self.gates}
 
 

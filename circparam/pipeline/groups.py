@@ -23,8 +23,8 @@ NAMELESS = "(no name)"
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """label: (f,) group of each face of the mesh, 0..n-1 in order of the faces. names: of the groups.
-    kind: what they are, of ``KINDS``. pages: whether each has a page of its own; else each lies together.
+    """label: (f,) group of each face of the mesh, 0..n-1 in order of the faces. names: of the groups. kind: one
+    of ``KINDS``. pages: whether each has a page of its own; else each lies together.
     """
 
     label: IntArray
@@ -34,7 +34,7 @@ class Groups:
 
 
 def find_groups(document: Document, kind: str, pages: bool) -> Groups:
-    """The groups of a file by what they are called; faces without a name are a group as well.
+    """The groups of a file by name; faces without a name form a group.
 
     Raises OptionError where the file has no such names, all faces have one, or groups are more than pages.
     """

@@ -1,4 +1,4 @@
-"""Look at a mesh without changing anything: its topology, the uv it has, and what these are worth."""
+"""Inspection of a mesh without changes: its topology, its uv, and their quality."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ LARGEST = float(np.finfo(np.float32).max)  # larger uv mean nothing to a rendere
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """topology: of the mesh as it is. uv_sets: numbers of the sets in the file. uv: what the set that was asked
-    for is worth, None where none was; faults: what is wrong with it, one line each. shared: faces that lie on
-    another one with the same three points and the same uv, and are judged with it. notes: of reading.
+    """topology: of the mesh as it is. uv_sets: numbers of the sets in the file. uv: verification of the set
+    asked for, None without one; faults: one line each. shared: faces that lie on another one with the same
+    three points and the same uv, and are judged with it. notes: of reading.
     """
 
     document: Document
@@ -49,8 +49,8 @@ def inspect(
     group_by: str | None = None,
 ) -> Inspection:
     """Describe a document; with ``uv_set`` judge that set at a resolution in texels. padding: in texels, or
-    'auto', which grows with the resolution. group_by: what shares an atlas: 'primitive', 'mesh' or 'scene';
-    None as the file says (see ``judge``).
+    'auto', which grows with the resolution. group_by: owner of an atlas: 'primitive', 'mesh' or 'scene'; None
+    as the file says (see ``judge``).
 
     Raises InputError where the set does not exist, or no face has uv in it, OptionError for a resolution or
     padding (texels) out of range.

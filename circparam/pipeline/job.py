@@ -1,4 +1,4 @@
-"""What all stages of one unwrap share: the document, the surface that is solved on, the options."""
+"""Data that all stages of one unwrap share: the document, the surface that is solved on, the options."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ from circparam.pipeline.verify import Declared, corners_of, uv_seams
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One mesh on its way: what was read, what is solved on, and what was asked for.
+    """One mesh between the stages: document, surface and options.
 
     target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
-    the file, None where there is one; group_by: what has one, as ``Document.group_by``. floaters: what is left
-    out of the layout; the surface is without it. stacks: copies that lie on what is laid out; the surface is
-    without them. kept: what stays where it is; the surface is without it. density: how dense texels are asked
-    to be, None where all are alike. groups: what has pages of its own or lies together.
+    the file, None for one atlas; group_by: owner of an atlas, as ``Document.group_by``. floaters: components
+    left out of the layout and of the surface. stacks: copies that share texels with other parts; the surface is
+    without them. kept: faces that stay in place; the surface is without them. density: how dense texels are
+    asked to be, None where all are alike. groups: parts with pages of their own or with a common box.
     """
 
     document: Document
@@ -72,7 +72,7 @@ class Job:
 
     @property
     def declared(self) -> Declared | None:
-        """What may lie on what."""
+        """Declared overlaps."""
         return None if self.stacks is None else self.stacks.declared
 
     def rounding(self, double: bool = False) -> Callable[[FloatArray], FloatArray]:
@@ -85,7 +85,7 @@ class Job:
         return lambda uv: number(uv + np.array([offset, 0.0])) - [offset, 0.0]
 
     def sorting(self, cut_mesh: CutMesh) -> Sorting | None:
-        """What charts lie together, or on pages of their own. Raises OptionError for a chart of two groups."""
+        """Charts that lie together, or on pages of their own. Raises OptionError for a chart of two groups."""
         if self.groups is None:
             return None
         label = self.groups.label[self.surface.source]
@@ -101,7 +101,7 @@ class Job:
         return Sorting(most.astype(np.int64), self.groups.pages)
 
     def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
-        """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too.
+        """uv (nv, 2) of the cut mesh for every face of the file, including faces that repair set aside.
 
         double: floaters get uv that doubles hold, where the format has them.
         """
@@ -130,8 +130,8 @@ def prepare(
     monitor: Monitor,
     uvmap: UVMap | None = None,
 ) -> Job:
-    """Repair what was read, as a map; nothing of the document is edited. uvmap: a layout whose charts stay,
-    and whose atlases stay apart as the file says.
+    """Repair a document as a map; the document itself does not change. uvmap: a layout whose charts stay, and
+    whose atlases stay apart as the file says.
 
     Raises InputError for a mesh without usable faces, OptionError where an option does not fit the file.
     """
@@ -175,7 +175,7 @@ def _staying(
     uvmap: UVMap | None,
     tiles: IntArray | None,
 ) -> tuple[Surface, Kept | None]:
-    """What is laid out beside charts that stay, and those. Raises OptionError where the options do not fit."""
+    """The faces that are laid out, and the charts that stay. Raises OptionError for options that do not fit."""
     if options.lock is None:
         return find_only(document, surface, options)
     if uvmap is None:

@@ -9,14 +9,14 @@ from circparam.core import workers
 from circparam.core.monitor import Listener, Monitor
 from circparam.pipeline.options import Options
 
-# What workers import: all that is done in parts, first what is needed first
+# modules that workers import, in the order of need
 MODULES = (
     "circparam.seams.charts",
     "circparam.packing.nest.strategy",
     "circparam.pipeline.fuller_page",
 )
-# from this size on there is work enough for a process: its start costs this one 0.04 s, and it comes 0.3 s
-# later, when 600 faces are half done; planning cuts takes as long for few faces as for many
+# Faces from which a process pays: its start costs 0.04 s here and takes 0.3 s, half of the work on 600 faces.
+# Planning cuts takes as long for few faces as for many.
 FACES = 700
 BYTES = 40_000  # of a file: some 1000 faces as text, more in binary
 

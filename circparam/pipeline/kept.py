@@ -1,6 +1,6 @@
 """A page that is in use: some faces get new charts (``--only``) or new places (``pack``), all others stay.
 
-What stays keeps its uv to the last bit; the others go where no chart lies, at the density of what stays.
+Faces that stay keep their uv to the last bit. The others go to free places, at the density of the kept ones.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ SMALLER = 0.999  # of the density of the others: from there on a smaller one is 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """whole: the surface with all faces; fresh: (m,) bool, those of its faces that are laid out anew; uvmap:
-    the layout of the file; density: uv units per unit of the mesh, of what stays.
+    """whole: the surface with all faces; fresh: (m,) bool, its faces that are laid out anew; uvmap: the layout
+    of the file; density: uv units per unit of the mesh, of the kept faces.
     """
 
     whole: Surface
@@ -41,7 +41,7 @@ class Kept:
         faces = np.zeros(len(self.uvmap.uv_faces), bool)
         faces[self.whole.source[self.fresh]] = True
         old = self.uvmap.uv_faces
-        # what repair set aside goes with the new charts where all its neighbours do, and had no uv
+        # a face that repair set aside is new if it had no uv and all its neighbours are new
         faces |= (old < 0).any(1) & (uvmap.uv_faces >= 0).all(1) & self._aside()
         uv = np.concatenate([self.uvmap.uv, uvmap.uv])
         new = uvmap.uv_faces + len(self.uvmap.uv)
@@ -75,7 +75,7 @@ class Kept:
 def find_only(
     document: Document, surface: Surface, options: Options
 ) -> tuple[Surface, Kept | None]:
-    """The surface of the faces that ``only`` selects, and what stays; None where it is not asked for.
+    """The surface of the faces that ``only`` selects, and the kept faces; None without ``only``.
 
     Raises InputError where the file has no uv, OptionError where all faces or none are selected.
     """
@@ -97,7 +97,7 @@ def find_only(
 def find_lock(
     document: Document, surface: Surface, uvmap: UVMap, options: Options
 ) -> tuple[Surface, Kept]:
-    """The surface of the charts of a layout that are packed again, and those that ``lock`` keeps in place.
+    """The surface of the charts that are packed again, and the charts that ``lock`` keeps in place.
 
     Raises OptionError where all charts or none are selected.
     """
@@ -161,10 +161,10 @@ def _missing(shapes: Shapes, pages: list[FloatArray], asked: PackOptions, densit
 
 
 def kept_figures(kept: Kept, found: Verification, options: Options) -> dict[str, object]:
-    """What the report tells of a page that was in use.
+    """Figures of a page in use, for the report.
 
-    faces: laid out anew; kept_faces: those that stayed. charts: new ones. texel_density, kept_density: of the
-    new charts and of what stayed, in texels per unit of the mesh.
+    faces: laid out anew; kept_faces: unchanged. charts: new ones. texel_density, kept_density: of the new and
+    of the kept charts, in texels per unit of the mesh.
     """
     side = options.resolution or DEFAULT_RESOLUTION
     flat = found.uv[found.cut_mesh.faces]

@@ -10,7 +10,7 @@ from circparam.pipeline.options import AUTO
 
 @dataclass(frozen=True)
 class LookOptions:
-    """How textures are carried; the help text of each field says what it is.
+    """Options for carrying textures; the help text of each field explains the field.
 
     Raises OptionError, in one line, where a value is out of range.
     """

@@ -1,4 +1,4 @@
-"""Whether a mesh fits a bound on the memory: known before the work, from what meshes of its kind have taken."""
+"""Whether a mesh fits a bound on the memory: an estimate before the work, from measured meshes."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.pipeline.options import Options
 
-# Bytes a face at the highest point, besides what is held when the mesh has been read: 2200 to 2300 on scans of
-# 0.3 to 0.7 million faces (while charts are carried to the mesh), 1450 on one of floaters.
+# Bytes a face at the highest point, above the memory in use after reading. Scans of 0.3 to 0.7 million faces
+# took 2200 to 2300 (while charts are carried to the mesh), a mesh of floaters 1450.
 FACE = 2_250
-LIKELY = 0.65  # of that: what no mesh has got by with less of
+LIKELY = 0.65  # of this need: the share below which no measured mesh succeeded
 # faces from which on that is known; smaller meshes need hardly more than the libraries
 KNOWN = 50_000
 GIGABYTE = 1e9
@@ -33,7 +33,7 @@ def memory_limit() -> int | None:
 def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> None:
     """Do without workers where the memory is not enough for them too; the libraries take their work space.
 
-    Raises NoResultError where a mesh of so many faces has no chance under the bound, with what it would need.
+    Raises NoResultError with the memory needed if a mesh of so many faces cannot fit the bound.
     """
     limit = memory_limit()
     if limit is None:
@@ -53,5 +53,5 @@ def _check_limit(name: str, faces: int, limit: int, monitor: Monitor) -> None:
             f"give --max-memory {wanted + 0.1:.1f}G or more, or a smaller mesh"
         )
     if limit < need * pool.WORKER_SHARE / (pool.WORKER_SHARE - 1):
-        workers.stop()  # what they have of the memory is needed here
+        workers.stop()  # this process needs the memory of the workers
         monitor.jobs = 1

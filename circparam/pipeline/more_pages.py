@@ -1,11 +1,10 @@
 """Charts cut for several pages, and for pages too small for them at a texel density that the user fixed.
 
 Few charts leave pages empty: two charts fill two pages of four, each as large as the least square that holds
-it. So charts are cut until each fits on a page that all pages together would have if they were filled; the
-chart that needs the largest page comes first, along the chord whose larger part needs the smallest. After each
-cut the page is estimated from boxes, and the cuts are kept up to where texels are worth most beside seams
-(``RATE`` in ``cut_plan``); the two best stops are packed, beside the charts without a cut. At a fixed density
-pages have a size, and only charts that are longer are cut.
+it. Charts are cut until each fits on its share of full pages. The chart that needs the largest page comes
+first, along the chord whose larger part needs the smallest page. Boxes estimate the page after each cut. The
+cuts stop where texels are worth most beside seams (``RATE`` in ``cut_plan``). The two best stops are packed,
+beside the charts without a cut. At a fixed density pages have a size, and only charts that are longer are cut.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ SHARES = (
     1.0,
     0.7,
     0.5,
-)  # of the side of a page, that charts may take: what fits askew leaves no room
+)  # of the side of a page: limit for charts, because charts that fit askew leave no room
 CHORDS = 12  # of a chart along which no cut could be made before it is left
 SMALLER = (
     0.95  # of the side of the square of a chart, that its parts are at most: else nothing is gained
@@ -56,7 +55,8 @@ Values = TypeVar("Values", float, FloatArray)
 @dataclass(frozen=True, eq=False)
 class Stop:
     """The charts after some cuts. page: estimated area of the largest page needed; length: of all boundaries;
-    value: logarithm of what pages gain, less what seams and charts cost; fits: whether no chart is too long."""
+    value: logarithm of the gain of pages less the price of seams and charts; fits: whether every chart is short
+    enough."""
 
     grounds: list[Ground]
     cuts: int
@@ -145,7 +145,7 @@ class Divider(Trimmer):
         return nearest
 
     def _stop(self, cuts: int, first: Stop | None) -> Stop:
-        """Where the cuts so far have led. Charts go to the emptiest page, those that take most first."""
+        """Where the cuts so far have led. Charts go to the emptiest page, the largest first."""
         loads = np.zeros(self._pages)
         arms = self._arms
         for load in sorted((taken(a.box, a.outline.area) for a in arms), reverse=True):
@@ -247,7 +247,7 @@ def _packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacki
 def _cut(
     cascade: Cascade, cutter: AtlasCutter, stop: Stop, options: Options, monitor: Monitor
 ) -> Cascade | None:
-    """The layout with the cuts of a stop, and a note; None where too much of it would be stretched."""
+    """The layout with the cuts of a stop, and a note; None if too much surface would be stretched."""
     atlas = cutter.joined(stop.grounds)
     if not stretch_kept(atlas, cascade.atlas, options, cascade.rules.bound, monitor):
         return None
@@ -255,7 +255,7 @@ def _cut(
 
 
 def _note(cuts: int, before: Atlas, after: Atlas, options: Options) -> str:
-    """What was done, for the user."""
+    """A note on the cuts, for the user."""
     old, new = before.seam_length, after.seam_length
     longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"
     what = "for charts that fit on a page"

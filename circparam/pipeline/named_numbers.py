@@ -14,7 +14,7 @@ GRAMMAR = "write even, source, NAME=X,NAME=X or the name of a file with one numb
 
 
 def named_numbers(given: Any) -> dict[str, float] | None:
-    """Names with their densities out of ``face=2,sole=0.5`` or a mapping; None for what is no such list.
+    """Names with densities from ``face=2,sole=0.5`` or a mapping; None for other values.
 
     A string without ``=``, and the name of a file that exists, are no list. Raises OptionError for a number
     that is not above 0 and finite, or a name that is said twice.

@@ -1,8 +1,7 @@
 """The options of an unwrap: one frozen value, checked when it is made.
 
-``None`` means "not given": the default is that of the method, the cut or the file format. So an option that
-was given although it has no effect can be told from one that was not, and is an error: nothing that a
-user asks for is ignored in silence.
+``None`` means "not given": the default is that of the method, the cut or the file format. An option that was
+given without an effect is therefore known, and is an error. No request is ignored in silence.
 
 An option is one field here: its metadata hold its flag, its help text, its range and where it has an effect
 (``circparam.core.fields``). The checks below, the flags of the command line and the help read them.
@@ -50,7 +49,7 @@ def _methods() -> list[str]:
 
 
 def _starts() -> list[str]:
-    """Convex maps with positive weights: what isometric may begin with."""
+    """Convex maps with positive weights: possible starts of isometric."""
     from circparam.methods import METHODS
 
     return METHODS.tagged("positive")
@@ -64,7 +63,7 @@ def _boundaries() -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Options:
-    """What an unwrap is asked to do; the help text of each field says what it is.
+    """Options of an unwrap; the help text of each field explains the field.
 
     Angles (``sharp``) are degrees. ``polygon``: (k, 2) corners. ``pins``: (p, 3) vertex of the mesh, u, v
     in the written file. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``only``, ``lock``: "KIND=NAME",
@@ -72,8 +71,8 @@ class Options:
     of the outer boundary. ``max_distortion``: the area-weighted symmetric Dirichlet energy / 4 (1 is
     perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where there are several.
 
-    Raises OptionError, in one line, where a value is out of range, two options contradict each other, or an
-    option has no effect beside the others.
+    Raises OptionError, in one line, if a value is out of range, two options contradict each other, or an option
+    has no effect.
     """
 
     # fmt: off
@@ -393,7 +392,7 @@ class Options:
 
     @property
     def sorted_by(self) -> str | None:
-        """By what charts get pages of their own or lie together: material, node or group."""
+        """Owner of pages or boxes: material, node or group."""
         if self.pages_by is not None:
             return self.pages_by
         return self.group_by if self.group_by in ("material", "node", "group") else None
@@ -432,7 +431,8 @@ class Options:
 
 
 def from_keywords(keywords: Mapping[str, Any], options: Options | None = None) -> Options:
-    """Options from keywords, as changes to given ones; the error names what is nearest to an unknown one."""
+    """Options from keywords, as changes to given ones; an unknown name raises OptionError with the nearest
+    name."""
     names = list(specs(Options))
     keywords = {ALIASES.get(name, name): value for name, value in keywords.items()}
     for name in keywords:

@@ -1,5 +1,5 @@
-"""Pieces of charts: what a plan of cuts is made of. Every cut of a plan is made along the edges of the mesh at
-once, so that a plan knows how long its seams are, and holds no cut that cannot be made."""
+"""Pieces of charts, the parts of a plan of cuts. Every cut of a plan is made along the edges of the mesh at
+once. A plan therefore knows the length of its seams, and all its cuts are possible."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
 from circparam.seams.hard.regions import HARD, hardness, seam_prices
 from circparam.seams.segmentation.weigh import share_over
 
-LONGEST = 512  # cells of a sketch: what is longer is a sliver, for which no page is sketched
+LONGEST = 512  # cells of a sketch: a longer chart is a sliver and gets no sketch
 UNSEEN = 0.003  # of all seams, so little of which a cut may lead through flats whatever its length
 STEP = 0.35  # cells of a sketch between the corners of an outline
 
@@ -53,7 +53,7 @@ class Ground:
         return self.opened.atlas
 
     def part(self, after: Atlas, mine: BoolArray, stretched: float) -> Ground:
-        """What it is of some faces (bool) of the atlas that it became."""
+        """The part on some faces (bool) of the atlas after a cut."""
         inside = mine[self.atlas.surface.edges // 3].all(1)
         opened = Opened.of(after.part(mine))
         costs, flat = self.costs[inside], self.flat[inside]
@@ -62,8 +62,8 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A chart, or what cuts have left of it. outline: scaled to the size of the surface. places: (k, 2) uv of
-    its corners in the atlas. ground: None where nothing was cut."""
+    """A chart, or a part of a chart after cuts. outline: scaled to the size of the surface. places: (k, 2) uv
+    of its corners in the atlas. ground: None where nothing was cut."""
 
     outline: Outline
     places: FloatArray
@@ -77,8 +77,8 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Piece(Part):
-    """A part with its sketch. known, halves: what cuts along its chords came to, and what straight ones leave,
-    since plans share pieces."""
+    """A part with its sketch. known, halves: results of cuts along its chords, and parts of straight cuts;
+    plans share pieces."""
 
     sketch: Sketch
     known: dict[int, Cut | None] = field(default_factory=dict)
@@ -87,7 +87,7 @@ class Piece(Part):
 
 @dataclass(eq=False)
 class Halves:
-    """What a straight cut through a piece leaves: outlines, and sketches as soon as somebody asked for them."""
+    """Both parts of a straight cut through a piece: outlines, and their sketches on demand."""
 
     outlines: tuple[Outline, Outline]
     found: list[Sketch] = field(default_factory=list)
@@ -100,11 +100,11 @@ class Halves:
 
 @dataclass(frozen=True, eq=False)
 class ChartCutter:
-    """What all cuts of an atlas have in common, and no more: it goes to other processes.
+    """State that all cuts of an atlas share and that other processes receive.
 
-    grid: of the sketches of pieces. limits: what they have to keep. sign: (n_charts,) −1 for charts that are
-    packed mirrored, else 1. seams: length of all that there are. stretch: from which on faces are stretched
-    too much.
+    grid: of the sketches of pieces. limits: of both parts of a cut. sign: (n_charts,) −1 for charts that are
+    packed mirrored, else 1. seams: length of all that there are. stretch: from which on faces are stretched too
+    much.
     """
 
     grid: SketchGrid
@@ -132,8 +132,8 @@ class ChartCutter:
         return None if len(parts) < 2 else (parts, length, stretched)
 
     def divided(self, ground: Ground, chord: Chord) -> tuple[list[Ground], float, float] | None:
-        """(both parts of a chart cut along edges near a chord, length of the seam between them, area that is
-        stretched too much besides); None where that cannot be."""
+        """(both parts of a chart cut along edges near a chord, length of the seam between them, further area
+        stretched too much); None if the cut is impossible."""
         opened = cut_along(ground.opened, chord, ground.costs, self.limits)
         if opened is None:
             return None
@@ -170,7 +170,7 @@ class ChartCutter:
 
 @dataclass(frozen=True, eq=False)
 class AtlasCutter:
-    """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. grounds: of the charts that a cut was
+    """The maker of cuts in an atlas. cut_mesh, uv: the atlas opened. grounds: of the charts that a cut was
     tried on."""
 
     atlas: Atlas
@@ -196,7 +196,7 @@ class AtlasCutter:
         return piece.halves[k]
 
     def task(self, part: Part, k: int) -> tuple[Ground, Chord]:
-        """What ``ChartCutter.cut`` is asked for to cut a part near its chord k."""
+        """Arguments of ``ChartCutter.cut`` for a cut of a part near its chord k."""
         start, end = (part.places[int(at[k])] for at in (part.chords.i, part.chords.j))
         ground = part.ground or self._ground(part.outline.chart)
         return ground, Chord(start, end, float(part.chords.least[k]))
@@ -217,7 +217,7 @@ class AtlasCutter:
             mine = self.cut_mesh.chart == chart
             surface = self.atlas.surface
             sides = surface.edges // 3
-            near = mine.copy()  # with what lies beside: there a chart that is a flat ends
+            near = mine.copy()  # with the neighbours, which show where a flat chart ends
             near[sides[mine[sides].any(1)]] = True
             costs, flat = _costs(surface.part(near))
             inner = mine[sides[near[sides].all(1)]].all(1)
@@ -230,7 +230,7 @@ class AtlasCutter:
 
 
 def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
-    """((e,) what a cut along each edge costs, (e,) bool: edges inside flats that are meant)."""
+    """((e,) price of a cut along each edge, (e,) bool: edges inside flats of the design)."""
     cost = np.where(surface.locked, np.inf, surface.priced_lengths)
     flat, _ = real_flats(surface)
     hard = hardness(surface) == HARD

@@ -1,7 +1,7 @@
 """Pins: vertices of the mesh that lie where the user says, in the coordinates of the written file.
 
-Charts with pins are not packed, which would move them. Pins that cannot be held end the run with an error:
-before the work where the format cannot store their places, else before anything is written.
+Charts with pins are not packed, which would move them. Impossible pins are errors: before the work where the
+format cannot store their places, else before anything is written.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def _with_pins(job: Job, cut_mesh: CutMesh, pins: FloatArray) -> BoolArray:
 def check_pins(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -> None:
     """Raise NoResultError unless every corner of a pinned vertex lies at its pin, to PIN_TOLERANCE.
 
-    repairs: what was done to the layout, for the message.
+    repairs: lines on the layout, for the message.
     """
     vertices, places = pin_rows(pins)
     row = np.full(len(mesh.points), -1)

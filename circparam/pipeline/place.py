@@ -34,7 +34,7 @@ def chart_signs(surface: Surface, cut_mesh: CutMesh, options: Options) -> FloatA
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """uv (nv, 2) of a cut mesh on its pages, and what packing has to say."""
+    """uv (nv, 2) of a cut mesh on its pages, and notes of packing."""
 
     uv: FloatArray
     notes: list[str]
@@ -64,8 +64,8 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class Sorting:
-    """label: (n_charts,) from 0 on, what each chart belongs to. pages: whether each has the page of that
-    number, else a box."""
+    """label: (n_charts,) from 0 on, the owner of each chart. pages: whether each has the page of that number,
+    else a box."""
 
     label: IntArray
     pages: bool

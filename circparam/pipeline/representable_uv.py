@@ -1,9 +1,9 @@
 """The uv that a format can represent, and spoilt faces mended among them.
 
-Rounding to what a file holds may turn a needle over whose width is below the distance of two storable numbers.
-Its vertices then move among the storable numbers near them. The sum over spoilt faces of how far they are from
-upright is convex in one vertex while the others stay, so vertices that share no face (an independent set) all
-take their best place of a window at once, round by round. Signs are exact.
+Rounding may turn over a needle narrower than the distance of two storable numbers. Its vertices then move among
+the storable numbers near them. The sum of the violations of spoilt faces is convex in one vertex while the
+others stay. Vertices that share no face (an independent set) therefore take the best place in their windows at
+once, round by round. Signs are exact.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ Rounding: TypeAlias = Callable[[FloatArray], FloatArray]
 
 REACH = 3  # storable numbers to either side that a vertex looks at in one round
 # storable numbers that a vertex may move in all. On a boundary 6 single-precision numbers are 0.006 texels of
-# the largest page (16384), within the room that packing leaves for rounding; inside, nothing is near.
+# the largest page (16384), within the margin of packing. Inside a chart nothing is near.
 FAR, FAR_ON_BOUNDARY = 256, 6
 CROWDED = 16  # storable numbers: vertices joined by shorter edges are a crowd
 ROUNDS = 60  # of moves in one search
 PATIENCE = 16  # rounds without fewer spoilt faces after which a search ends
-# Spoilt faces, and the share of all, up to one of which a search is worth its time: a layout with more is
-# crushed below what can be stored, and mapping its charts anew gives faces back their size.
+# Spoilt faces, and their share, up to one of which a search pays. A layout with more is too small to be
+# stored, and new maps give its faces their size back.
 MOST, MOST_SHARE = 1000, 0.3
 SMALLEST = 2.0**-60  # no step is finer than this: numbers next to zero are of no use
 DOUBLINGS = (32, 16, 8, 4, 2, 1)  # all numbers up to 63 are sums of these
@@ -49,9 +49,9 @@ CHUNK = 2_000_000  # corners x places looked at together
 
 @dataclass(frozen=True)
 class Search:
-    """One way of looking for places: crowds are made so many times as wide first (``spread``), vertices up to
-    ``rings`` rings round the spoilt faces may move, and faces are wanted to hold ``room`` cells twice over.
-    along: vertices look along ``rays`` into the faces round them, and not at their window.
+    """One way of looking for places. Crowds are first widened by the factor ``spread``. Vertices up to
+    ``rings`` rings round the spoilt faces may move. Faces should hold ``room`` cells twice over. along:
+    vertices look along ``rays`` into the faces round them, and not at their window.
     """
 
     spread: float
@@ -60,9 +60,10 @@ class Search:
     along: bool = False
 
 
-# One after the other, for what the one before left. Of 1500 spoilt faces round crowds of 40 and 100 vertices in
-# two to eight cells the first two leave 8 %, those with spreading 0.5 %. Where a vertex lies at the tip of a
-# sliver, its next place is so many numbers away as the sliver is narrow: no window holds it, rays into it do.
+# One after the other, each for the faces that the one before left. Test: 1500 spoilt faces round crowds of 40
+# and 100 vertices in two to eight cells. The first two searches leave 8 %, the spreading ones 0.5 %. At the
+# tip of a sliver the next place is as many numbers away as the sliver is narrow. Rays into the sliver reach
+# that place, windows do not.
 SEARCHES = (
     Search(1, 0, 0),
     Search(1, 1, 0),
@@ -76,8 +77,8 @@ SEARCHES = (
 def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
     """The next storable number above (``side`` 1) or below (−1) each of the storable numbers x (k, 2).
 
-    A step that grows by doubling and is rounded to another number for the first time is longer than half the
-    distance to that number and not longer than the whole: so no number in between is passed over.
+    The step grows by doubling. The first step that rounds to another number is longer than half the distance to
+    that number and at most the whole distance, so no number in between is skipped.
     """
     step = np.maximum(np.spacing(np.abs(x)) / 2, SMALLEST)  # below a power of two they are finer
     doublings = np.zeros(x.shape, np.int64)  # by halves: single precision is 29 doublings away
@@ -115,9 +116,9 @@ def rays(
 ) -> tuple[FloatArray, FloatArray]:
     """((k, w, 2) places of chosen vertices on rays, x itself in the middle; (k, 2) next − x).
 
-    faces: (m, 3). x: (n, 2) storable. A ray leads from a vertex to the middle of the edge beyond one of its
-    largest faces; ``RADII`` numbers out lie the places, none beyond that edge. Where a vertex has fewer faces,
-    places are x once more.
+    faces: (m, 3). x: (n, 2) storable. A ray leads from a vertex to the middle of the opposite edge of one of
+    its largest faces. The places lie ``RADII`` numbers out, none beyond that edge. Where a vertex has fewer
+    faces, places are x once more.
     """
     step = following(x[chosen], rounding, 1) - x[chosen]
     slot = np.full(len(x), -1)
@@ -168,8 +169,8 @@ def mend_faces(
     """Round a layout, and move vertices among storable numbers until every face is upright, where that can be.
 
     faces: (m, 3), counter-clockwise as they should lie. exact: (nv, 2) before rounding. on_boundary: (nv,)
-    bool. Given up are layouts with over ``MOST`` spoilt faces, and faces that all ``SEARCHES`` leave, in which
-    a vertex gets up to ``FAR`` numbers away from where rounding puts it (on a boundary ``FAR_ON_BOUNDARY``).
+    bool. Layouts with over ``MOST`` spoilt faces are given up. So are faces that all ``SEARCHES`` leave, with
+    vertices up to ``FAR`` numbers from their rounded places (``FAR_ON_BOUNDARY`` on a boundary).
     """
     start = rounding(exact)
     x, spoilt = start.copy(), signs(start, faces) <= 0
@@ -225,8 +226,8 @@ def _spread(
 
 @dataclass(frozen=True, eq=False)
 class _Patch:
-    """Some faces (m, 3); start (n, 2): where rounding alone puts their vertices; free: (n,) which may move;
-    limit: (n,) how far from there, in numbers."""
+    """Some faces (m, 3); start (n, 2): rounded places of their vertices; free: (n,) movable vertices; limit:
+    (n,) largest distance from there, in numbers."""
 
     faces: IntArray
     start: FloatArray
@@ -246,7 +247,7 @@ class _Patch:
                 break
             active = np.zeros(len(x), bool)
             active[self.faces[bad]] = True
-            if turn % 4 == 3:  # what stands in the way may have to move first
+            if turn % 4 == 3:  # obstacles may have to move first
                 active[self.faces[active[self.faces].any(1)]] = True
             chosen = independent(self.faces, active & self.free, turn)
             x[chosen] = self._best(x, chosen, turn)

@@ -1,4 +1,4 @@
-"""What an unwrap returns, and the judgement on it: ok, repaired or degraded, with reasons."""
+"""The result of an unwrap and its status: ok, repaired or degraded, with reasons."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Effort:
-    """What was searched.
+    """The searches of a run.
 
-    searches: how many; costs: of each, in their order, infinite where it led nowhere, empty where there was
-    one; best: which one was kept; more: how many more were asked for when time was up. made: the effort that
-    led to the layout, 1 where the charts of a draft did not fit; None where no charts were searched.
+    searches: how many; costs: of each, in order, infinite for failures, empty for one search; best: number of
+    the kept one; more: searches still missing when time was up. made: the effort that led to the layout, 1
+    where the charts of a draft did not fit; None where no charts were searched.
     """
 
     searches: int = 1
@@ -49,20 +49,18 @@ class Effort:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """A layout, what it is worth, and what was done for it.
+    """A layout, its figures, and notes on its making.
 
-    document: the input. uv (k, 2) float64, uv_faces (m, 3) int64 for the m faces of the mesh, origin
-    bottom-left, as stored in the file; charts (m,) chart of each face, −1 for a face that was set aside.
-    status: ok | repaired | degraded, with reasons. warnings: what a user must know; notes: what may interest.
-    repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
-    the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
-    input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
-    uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None;
-    group_by: what has an atlas of its own, or None.
-    effort: how many searches the layout is the best of. floaters: what --drop-floaters left out, stacks: what
-    --stack laid on what, density: what --density asked for, groups: what --pages-by or --group-by
-    keeps together; None where they were not given. advice: what other options would do
-    for the page, where that was tried.
+    document: the input. uv (k, 2) float64 and uv_faces (m, 3) int64 for the m faces of the mesh, origin
+    bottom-left, as stored in the file; charts (m,) chart of each face, −1 for faces set aside. status: ok |
+    repaired | degraded, with reasons. warnings: necessary for a user; notes: of interest. repairs: of the mesh
+    and of the layout, one line each. iterations, stopped: of each chart as the method made it. seconds: of each
+    stage. path: the file written, None in memory; vertex_map and face_map: input vertex and face of every one
+    in that file. work: unwrap, or pack where the charts were there before. uv_double: uv need doubles where the
+    format has them. tiles: (m,) atlas of each face, or None; group_by: owner of an atlas, or None. effort: how
+    many searches the layout is the best of. floaters, stacks, density, groups: results of --drop-floaters,
+    --stack, --density, and of --pages-by or --group-by; None without the option. advice: gain of other options
+    for the page, if they were tried.
     """
 
     options: Options
@@ -145,9 +143,9 @@ class Result:
     def to_trimesh(self, image: Image | None = None) -> Trimesh:
         """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order.
 
-        Colours of vertices go along. Textures and materials of the input belong to its uv and do not, which a
-        warning tells: give the image (of PIL) that ``circparam bake`` made of them. Raises InputError where the
-        file's colours are malformed.
+        Colours of vertices go along. Textures and materials of the input belong to its old uv and are left out
+        with a warning. Give the image (of PIL) that ``circparam bake`` made. Raises InputError where the file's
+        colours are malformed.
         """
         if image is None and self.document.textured_sets():
             warnings.warn(
@@ -160,7 +158,7 @@ class Result:
 
 
 def promise(options: Options) -> Promise:
-    """What the options promise of the layout."""
+    """The promises of the options for the layout."""
     padding = options.padding_texels if options.packed else None
     return Promise(options.bound, padding, options.max_stretch)
 
@@ -189,7 +187,7 @@ def verify_layout(
 
 @dataclass(frozen=True)
 class Status:
-    """status: ok | repaired | degraded, with reasons; warnings: what a user must know."""
+    """status: ok | repaired | degraded, with reasons; warnings: necessary for a user."""
 
     status: str
     reasons: list[str]
@@ -203,8 +201,8 @@ def status_of(
     expired: bool,
     kept: Kept | None = None,
 ) -> Status:
-    """The judgement on what was verified. expired: the time given has run out. kept: charts that stay, for
-    whose distortion and number nothing is promised.
+    """The status of a verified layout. expired: the time given has run out. kept: charts that stay, for whose
+    distortion and number nothing is promised.
 
     Raises OutOfTimeError where time ran out with no valid layout.
     """

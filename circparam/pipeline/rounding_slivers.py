@@ -20,7 +20,8 @@ from circparam.pipeline.representable_uv import (
     rays,
 )
 
-# of the mean energy of its chart: what a face may add by being stored. The least room below a bound is 5e-6
+# of the mean energy of its chart: largest share that storing may add to a face The least room below a bound
+# is 5e-6
 ENERGY_SHARE = 1e-6
 ROUNDS = 8  # in each of which every vertex of a sliver moves at most once
 
@@ -58,7 +59,7 @@ def relieve(
         active &= free[v]
         if not active.any():
             break
-        # what lies inside can move for nothing
+        # inner vertices move freely
         waiting = active & ~on_boundary[v] if turn % 2 == 0 else active
         while waiting.any():
             chosen = independent(patch, waiting, turn)
@@ -77,7 +78,7 @@ def _best(
     bounds: tuple[FloatArray, IntArray],
     rounding: Rounding,
 ) -> FloatArray:
-    """(k, 2) of the places round chosen vertices those that load their faces least; bounds: (start, limit)."""
+    """(k, 2) the place round each chosen vertex with the least load; bounds: (start, limit)."""
     start, limit = bounds
     along, step = rays(faces, x, chosen, rounding)
     grid = np.concatenate([x[chosen][:, None], places(x[chosen], rounding)[0], along], 1)
@@ -108,7 +109,7 @@ def _sides(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _loads(before: FloatArray, after: FloatArray) -> FloatArray:
-    """(...) twice the area of triangles (..., 3, 2) times what their energy is above that of an isometry.
+    """(...) twice the area of triangles (..., 3, 2) times their energy above an isometry.
 
     Infinite where one of them is not counter-clockwise.
     """

@@ -24,8 +24,8 @@ from circparam.pipeline.verify import corners_of
 def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None = None) -> Result:
     """Write a result, read the file back and verify that.
 
-    Returns the result of the file: its numbers are those that stand in it. Raises OutputError where the disk
-    refuses, OptionError where the file exists, NoResultError where what was written cannot be read back.
+    Returns the result with the numbers of the file. Raises OutputError if the disk refuses, OptionError if the
+    file exists, NoResultError if the file cannot be read back.
     """
     monitor = monitor or Monitor()
     o = result.options
@@ -56,7 +56,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
 
 
 def _page_names(result: Result) -> tuple[str, ...]:
-    """What the pages of --pages-by hold, in their order."""
+    """Names of the pages of --pages-by, in order."""
     groups = result.groups
     return groups.names if groups is not None and groups.pages else ()
 
@@ -75,7 +75,7 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
         )
         if uvmap is None:
             raise NoResultError(f"{result.path}: the written file has no uv for its faces")
-        # the file holds the very numbers that were verified: what was found for them is found again
+        # the file holds the verified numbers, so their verification stays valid
         same = same_corners(uvmap, UVMap(result.uv, result.uv_faces))
         verification = (
             result.verification

@@ -1,4 +1,4 @@
-"""What is seen of the seams, for the report: found beside verifying and writing, left out where time is up."""
+"""Visibility of the seams, for the report: computed beside verifying and writing, left out when time is up."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class KnownFigure:
 
 
 class SeamVisibility:
-    """What is seen of the seams of a layout: a process that is idle looks along half of the directions."""
+    """The visibility of the seams of a layout: an idle process takes half of the directions."""
 
     def __init__(self, surface: Surface, uvmap: UVMap, monitor: Monitor) -> None:
         self._surface, self._uvmap, self._monitor = surface, uvmap, monitor
@@ -42,7 +42,7 @@ class SeamVisibility:
         if monitor.jobs > 1 and not self._late():
             self._cut = uv_seams(surface, uvmap)
             if surface.edge_lengths[self._cut].sum() > 0:
-                # what a surface keeps beside its fields need not be sent
+                # caches of a surface need not be sent
                 task = (replace(surface), self._cut)
                 self._deferred = DeferredTask(monitor.jobs, first_part, task, monitor)
                 self._deferred.begin()

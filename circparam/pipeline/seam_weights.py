@@ -1,4 +1,4 @@
-"""What the user says a seam costs: of edges, near vertices, or painted on the vertices."""
+"""Weights of seams from the user: of edges, near vertices, or painted on the vertices."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def edge_weights(
 ) -> FloatArray:
     """(e,) weight of every edge of the surface, 1 where nothing is said.
 
-    given: "colour", or (k, 3) rows of two vertices of the mesh and a weight; −1 for the second vertex where
-    the weight is that of one. An edge costs the mean of its vertices, so never where one says never; what is
-    said of the edge itself goes first. Raises OptionError where nothing named is in the mesh, or the
-    file has no colours; InputError for weights that are negative or no numbers.
+    given: "colour", or (k, 3) rows of two vertices of the mesh and a weight; −1 as second vertex for the weight
+    of one vertex. An edge costs the mean of its vertices, and is forbidden if one vertex forbids it. A weight
+    of the edge itself comes first. Raises OptionError where nothing named is in the mesh, or the file has no
+    colours; InputError for weights that are negative or no numbers.
     """
     flat = surface.faces.ravel()
     h = surface.edges[:, 0]

@@ -1,7 +1,7 @@
 """The best of several searches for charts: each goes all the way to a page, and the cheapest layout is kept.
 
-A search depends on its number alone, so the same effort gives the same bytes on any number of cores, and more
-effort, which contains the searches of less, never gives a layout that costs more (``AtlasCost.finished``).
+A search depends on its number alone, so the same effort gives the same bytes on any number of cores. More
+effort contains the searches of less and never gives a dearer layout (``AtlasCost.finished``).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ LIKELY = (
 
 @dataclass(frozen=True, eq=False)
 class _SearchResult:
-    """What one search sends back: seams (e,), layout (m, 3, 2), what it has to say, its packing, its cost."""
+    """The result of one search: seams (e,), layout (m, 3, 2), notes, packing, cost."""
 
     cut: BoolArray
     corners: FloatArray
@@ -52,7 +52,8 @@ class _SearchResult:
 def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """Charts cut for a fuller page, as ``pack_splits`` says."""
     no_time = monitor.late and not np.isfinite(cascade.atlas.corners).all()
-    if monitor.expired or no_time:  # what has no layout yet is projected, in far too many charts
+    # charts without a layout are projected later, in far too many charts
+    if monitor.expired or no_time:
         return cascade
     if not options.fills_page:
         return cascade
@@ -105,7 +106,7 @@ def searched(
     """One more search, to its page; None where it leads nowhere, or is broken off."""
     own = Monitor(
         None, monitor.left, monitor.jobs
-    )  # what is late here is no fault of the first search
+    )  # a late search here does not make the first search late
     try:
         asked = replace(asked, search=Search(asked.search.draft, number))
         seams = SEAMS[options.cut].function(surface, asked, own)
@@ -125,7 +126,8 @@ def searched(
 
 
 def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
-    """The layout with its packing, which is part of its cost; pages of several atlases are no part of it."""
+    """The layout with its packing, which is part of its cost; pages of several atlases are not part of the
+    cost."""
     own = options.grouped or options.sorted_by is not None or options.only is not None
     if cascade.packing is not None or not options.packed or own:
         return cascade

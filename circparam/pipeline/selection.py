@@ -24,7 +24,7 @@ def by_name(given: Any) -> bool:
 
 
 def nearest_names(name: str, known: list[str]) -> str:
-    """What to write in place of a name that no part has: names near it, else some of those there are."""
+    """Names to suggest for a name that no part has: near names, else some of the existing ones."""
     near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
     return f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known[:SHOWN])}"
 
@@ -33,7 +33,7 @@ def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
     """(m,) bool: the triangles of a document that a selection names, whole polygons.
 
     given: "KIND=NAME" or "KIND=NAME,NAME" with a kind of ``KINDS``; (m,) bool of the triangles; or numbers of
-    faces from 0 on, of polygons where the file has them. flag: the option, for messages.
+    faces from 0 on. Polygons count as faces if the file has them. flag: the option, for messages.
 
     Raises OptionError where a name or a number is not in the file, or nothing is selected.
     """

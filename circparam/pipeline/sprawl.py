@@ -1,9 +1,9 @@
 """Arms cut off charts that sprawl, on pages of so many charts that sketches tell little of each.
 
-A frame, a comb or a letter L keeps most of its bounding box from others. So the page is taken for what charts
-cover and a share of what their least boxes hold besides (``KEPT``), or for the least square that holds the
-widest chart. A cut is made where what it saves of that is worth its seam (``RATE`` in ``cut_plan``), the most
-worthwhile first: no page is laid out for it.
+A frame, a comb or a letter L keeps most of its bounding box from others. The estimate of the page is the
+covered area and a share of the empty part of the least boxes (``KEPT``), at least the least square of the
+widest chart. A cut is made if the saved area is worth its seam (``RATE`` in ``cut_plan``), the most worthwhile
+first. No page is laid out.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from circparam.pipeline.cut_along import Opened
 from circparam.pipeline.cut_plan import RATE, ZIGZAG, boundary_length
 from circparam.pipeline.pieces import AtlasCutter, Ground, Part
 
-# of what a chart leaves empty in its box: the share that is lost to others where charts are nested, and where
-# there are more of them, which are laid out by their boxes
+# of the empty part of a chart's box: the share lost to other charts, for nested charts and for many charts,
+# which are laid out by boxes
 KEPT, KEPT_OF_MANY, MANY = 0.5, 1.0, 250
 FILLED = 0.85  # of a page, at most
-WASTE = 0.003  # of all boxes: what a chart must leave empty of its own to be looked at
+WASTE = 0.003  # of all boxes: least empty part of a chart that is examined
 CORNERS = 300  # of an outline, along the side of the square that all charts cover
-# what a cut must save, its seam taken off: of the logarithm of the page, and by COUNT times that of charts
+# least gain of a cut, its seam deducted: of the logarithm of the page, and COUNT times the logarithm of the
+# number of charts
 SAVED, COUNT = 4e-3, 0.1
 TRIES = 4  # chords of a chart along which no cut could be made before it is left
 APART = 0.01  # of the same side: chords nearer to one that failed fail as well
@@ -37,9 +38,9 @@ APART = 0.01  # of the same side: chords nearer to one that failed fail as well
 
 @dataclass(frozen=True, eq=False)
 class Trimmed:
-    """What cuts have come to. grounds: of the charts that were cut, a row for each part. cuts: how many.
-    value: logarithm of what they save of the page, as it is taken here, less what their seams cost. before,
-    length: of all boundaries, without and with them."""
+    """The result of the cuts. grounds: of the charts that were cut, a row for each part. cuts: how many. value:
+    logarithm of the saved share of the estimated page, less the price of the seams. before, length: of all
+    boundaries, without and with them."""
 
     grounds: list[Ground]
     cuts: int
@@ -97,7 +98,7 @@ class Trimmer:
         return Trimmed(grounds, made, value, before, self._length)
 
     def _looked_at(self, box: FloatArray, square: FloatArray) -> BoolArray:
-        """(n_charts,) bool: charts that may be cut, those that leave much of their boxes empty."""
+        """(n_charts,) bool: charts that may be cut because much of their box is empty."""
         wasteful: BoolArray = box - self._cutter.cut_mesh.chart_areas > WASTE * self._box
         return wasteful
 
@@ -111,7 +112,7 @@ class Trimmer:
         return max([self._others, *(a.square for a in self._arms if a is not without)])
 
     def _best(self) -> tuple[Arm | None, int]:
-        """The most worthwhile chord, and what it cuts; None where none is worth it."""
+        """The most worthwhile chord and its arm; None if no chord pays."""
         now = self._page(self._box, self._widest())
         chart = COUNT * np.log1p(1 / self._charts)
         best: tuple[Arm | None, int] = (None, -1)

@@ -22,8 +22,8 @@ from circparam.pipeline.verify import Declared, Verification
 @dataclass(frozen=True, eq=False)
 class Stacks:
     """whole: the surface with every part; declared: which corners lie on which. parts, kinds: components, and
-    those of them that are laid out; copies: the others; mirrored: those of them that lie mirrored; apart:
-    copies that keep a place of their own since they are of another material.
+    those that are laid out; copies: the others; mirrored: mirrored copies; apart: copies with a place of their
+    own because their material differs.
     """
 
     whole: Surface
@@ -72,10 +72,10 @@ def find_stacks(
     tiles: IntArray | None,
     groups: Groups | None = None,
 ) -> tuple[Surface, Stacks | None]:
-    """The surface of one part of each kind, and what lies on what; None where stacks were not asked for.
+    """The surface with one part of each kind, and the declared stacks; None without --stack.
 
-    Parts are copies where a motion, or with ``mirrored`` a mirror, carries vertices and faces over; what they
-    are made of must be the same. Parts with edges that the user names as seams, or forbids, stay apart.
+    A part is a copy if a motion, or with ``mirrored`` a mirror, carries its vertices and faces over and the
+    materials agree. Parts with edges that the user names as seams, or forbids, stay apart.
     """
     if options.stack in (None, "off"):
         return surface, None
@@ -149,7 +149,7 @@ def _named(
 
 
 def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:
-    """What the report tells of the stacks, with them and without.
+    """Figures of the stacks for the report, with and without them.
 
     seam_length: of the charts laid out, in units of √(area of all), as that of all is. pack_unstacked: pages
     that all parts would cover at this density. density_gain: texels per unit over those without stacks, where

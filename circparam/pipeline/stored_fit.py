@@ -67,16 +67,16 @@ class _Trial:
 def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     """Mend, scale and pack until the numbers as stored have no flip and no overlap; uv for every face.
 
-    Packing takes longest, and faces that stored numbers cannot hold may need many steps of the cascade: once a
-    packed layout was spoilt, the next ones are tried at its size before they are packed. Raises NoResultError
-    where no finite layout is found.
+    Packing takes longest, and faces that stored numbers cannot hold may need many steps of the cascade. After a
+    spoilt layout, the next ones are tried at its size before they are packed. Raises NoResultError where no
+    finite layout is found.
     """
     options, settled = job.options, False
     if monitor.hurried and options.packed and cascade.rules.may_split:
         # with time up, no packing is tried that stored numbers are likely to spoil
         cascade, settled = _hold_stored(job, cascade, _likely_size(cascade), monitor), True
     for turn in range(ROUNDS):
-        if turn == 1:  # what stored numbers spoil is spoilt in a loose layout too
+        if turn == 1:  # faces that stored numbers spoil are spoilt in a loose layout too
             options = replace(options, effort=min(RETRIED * options.work, 1.0))
         if not settled:
             cascade = fallback.settle(cascade, monitor)
@@ -132,7 +132,7 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
 
 @dataclass(frozen=True, eq=False)
 class StoredLayout:
-    """A packed layout in numbers that its format stores, as doubles or not, and what there is to say of it."""
+    """A packed layout in numbers that its format stores, as doubles or not, with notes."""
 
     stored: Stored
     double: bool
@@ -142,11 +142,10 @@ class StoredLayout:
 def hold(
     job: Job, cut_mesh: CutMesh, uv: FloatArray, mirrored: BoolArray, turn: bool = False
 ) -> StoredLayout:
-    """Round a packed layout (nv, 2) as the target stores it and mend what that spoils; see ``store``.
+    """Round a packed layout (nv, 2) as the target stores it and mend spoilt faces; see ``store``.
 
-    Where charts stay faulty, the pages are turned by quarters (``turn``: where they may be), since numbers are
-    finest near zero (for glTF at the top left, it counts v from there); after that uv become doubles where the
-    format has them. What is returned has the fewest faulty charts.
+    For charts that stay faulty, pages are turned by quarters (if ``turn``), because numbers are finest near
+    zero. Next, uv become doubles where the format has them. The result has the fewest faulty charts.
     """
     tried: list[StoredLayout] = []
     for double in (False, True) if has_doubles(job.target) else (False,):
@@ -208,7 +207,8 @@ def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> C
 
 
 def _likely_size(cascade: Cascade) -> float:
-    """The size at which charts in rows fill a page, about, and less: what holds there is hardly ever spoilt."""
+    """About the size of charts in rows on a full page, made coarser. Charts that are sound at this size are
+    hardly ever spoilt."""
     return float(np.sqrt(FILLED / cascade.atlas.surface.areas.sum())) / COARSER
 
 

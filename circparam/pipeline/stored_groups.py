@@ -34,7 +34,7 @@ def judge(
     group_by: str | None = None,
     **judging: int,
 ) -> Judged:
-    """Verify a uv set of a file, every atlas of it on pages of its own.
+    """Verify a uv set of a file, every atlas on pages of its own.
 
     uvmap: the layout of that set. group_by: 'primitive', 'mesh' or 'scene'; None as the file says. Where the
     file says nothing, charts that overlap while their textures are different images lie on a page for each

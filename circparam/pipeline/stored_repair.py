@@ -40,7 +40,7 @@ class Stored:
 
 
 def store(cut_mesh: CutMesh, exact: FloatArray, mirrored: BoolArray, rounding: Rounding) -> Stored:
-    """Round a layout and mend what that spoils.
+    """Round a layout and mend spoilt faces.
 
     exact: (nv, 2) as placed, finite. mirrored: (n_charts,) charts that lie clockwise, as their file winds them.
     """
@@ -120,7 +120,7 @@ class _Boundary:
     def _inwards(self, uv: FloatArray, h: IntArray, by: int) -> FloatArray:
         """uv with the ends of boundary half-edges drawn towards the inside of their charts, by so many numbers.
 
-        A vertex takes the place where that comes out best of those that leave all its faces upright.
+        A vertex takes the best place that leaves all its faces upright.
         """
         c = self.cut_mesh
         flat = c.faces.ravel()

@@ -1,4 +1,4 @@
-"""The report as plain values: what ``--json`` prints. The schema has a version; names are never reused."""
+"""The report as plain values, as ``--json`` prints it. The schema has a version; names are never reused."""
 
 from __future__ import annotations
 
@@ -28,21 +28,19 @@ SCHEMA = "circparam/{}/1"
 def summarise(result: Result) -> dict[str, Any]:
     """One JSON document about an unwrap.
 
-    Figures are those of the file as read back. distortion: symmetric Dirichlet energy / 4 of the atlas at
-    its best scale, 1 is perfect; distortion_max_chart: of the worst chart at that scale. seam_length is in
-    units of √(surface area); seam_visible is the share of it that is seen, in the mean over 64 directions, null
-    where there is no seam and where --timeout left no time to look. seam_texels: length of the seams on the
-    page, the mean of both sides; seam_vertices: those of the surface cut open less those of the surface. thin:
-    charts narrower than 8 texels. density_min, density_max: texels per unit, of the charts with the fewest and
-    the most. packed (also as pack): covered share of the pages; pages: how many there are. padding: in texels;
-    mip_level: the last at which no texel of a neighbour bleeds in where gutters are filled, null where one does
-    at once. flips, overlap, mirrored, missing: 0 in a valid layout. effort: searches that were made, which one
-    was kept, what each cost (``AtlasCost``), and how many more were asked for when time was up.
-    dropped_components, dropped_faces: left out by --drop-floaters.
-    density: name, faces, asked, got and texels per unit of each part that --density names, null without it.
-    groups: name, faces, charts, pages (UDIM numbers) and box (u0, v0, u1, v1) of what --pages-by or --group-by
-    keeps together, null without them.
-    stages: seconds.
+    Figures are those of the file as read back. distortion: symmetric Dirichlet energy / 4 of the atlas at its
+    best scale, 1 is perfect; distortion_max_chart: of the worst chart at that scale. seam_length is in units of
+    √(surface area). seam_visible is its visible share, the mean over 64 directions; null without seams or
+    without time to look. seam_texels: length of the seams on the page, the mean of both sides; seam_vertices:
+    vertices added by the cuts. thin: charts narrower than 8 texels. density_min, density_max: texels per unit,
+    of the charts with the fewest and the most. packed (also as pack): covered share of the pages; pages: how
+    many there are. padding: in texels; mip_level: the last at which no texel of a neighbour bleeds in where
+    gutters are filled, null where one does at once. flips, overlap, mirrored, missing: 0 in a valid layout.
+    effort: searches made, the kept one, the cost of each (``AtlasCost``), and the number missing when time was
+    up. dropped_components, dropped_faces: left out by --drop-floaters. density: name, faces, asked, got and
+    texels per unit of each part that --density names, null without it. groups: name, faces, charts, pages (UDIM
+    numbers) and box (u0, v0, u1, v1) of each group of --pages-by or --group-by; null without them. stages:
+    seconds.
     """
     numbers = _numbers(result.measures)
     left_out = result.floaters
@@ -86,7 +84,7 @@ def summarise(result: Result) -> dict[str, Any]:
 
 
 def _densities(result: Result) -> list[dict[str, Any]] | None:
-    """What each part of --density asked for and got; None where nothing was asked."""
+    """Densities asked for and reached by each part of --density; None without it."""
     if result.density is None or not result.options.packed:
         return None
     side = result.options.resolution or DEFAULT_RESOLUTION
@@ -94,7 +92,7 @@ def _densities(result: Result) -> list[dict[str, Any]] | None:
 
 
 def _effort(result: Result) -> dict[str, Any]:
-    """The effort asked for and made, the searches, which one was kept, what each cost, how many were left."""
+    """The effort asked for and made, the searches, the kept one, the cost of each, the number left."""
     found = result.effort
     return {
         "asked": result.options.work,
@@ -106,9 +104,7 @@ def _effort(result: Result) -> dict[str, Any]:
     }
 
 
-ROOM = (
-    0.5  # a page that is less full than this is worth a word, where it is known what would fill it
-)
+ROOM = 0.5  # covered share below which a page is worth a word, if a cure is known
 
 
 def _room(result: Result) -> list[str]:

@@ -40,7 +40,7 @@ from circparam.pipeline.summary import SCHEMA, summarise
 from circparam.pipeline.unwrap import unwrap_document
 
 SMALL = 1e-3  # of the pages: 65 texels a side of 2048, which hold no more than an icon
-# options that speak of one file: by the name of the field, what to do about them
+# options of a single file, by the name of the field, with the cure
 OF_ONE_FILE = {
     "pins": "vertices of one file: unwrap it alone",
     "seams": "vertices of one file: unwrap it alone",
@@ -113,8 +113,8 @@ def unwrap_together(
     sources: each as for ``circparam.unwrap``. folder: where the outputs go; it must be there. names: of the
     outputs; None takes those of the inputs. listener, options, keywords: as for ``circparam.unwrap``.
 
-    Every file keeps all else that it has. Raises what ``unwrap`` does, for any of the files, and then writes
-    none; OptionError for options that speak of one file.
+    Every file keeps all else that it has. Raises the errors of ``unwrap`` for any of the files, and then writes
+    none; OptionError for options of a single file.
     """
     options = from_keywords(keywords, options)
     monitor = monitor_of(options, listener)
@@ -156,7 +156,7 @@ def outputs_in(
 def check_together(
     documents: Sequence[Document], outputs: Sequence[Path], options: Options
 ) -> None:
-    """Refuse before any work what makes no sense for one atlas. Raises OptionError, OutputError."""
+    """Refuse options without meaning for one atlas, before any work. Raises OptionError, OutputError."""
     if not documents:
         raise OptionError("no mesh is given: name some")
     for name, what in OF_ONE_FILE.items():
@@ -202,8 +202,8 @@ def save_together(
 ) -> SharedAtlas:
     """Write every file with its share of a layout, read all of them back and verify them as one.
 
-    parts: the files as they are written, those of ``joined`` or the same with other images. Raises what
-    ``save`` does; an error before all outputs are there leaves none.
+    parts: the files as they are written, those of ``joined`` or the same with other images. Raises the errors
+    of ``save``; an error before all outputs exist leaves none.
     """
     o = result.options
     layout = UVMap(result.uv, result.uv_faces)

@@ -1,7 +1,7 @@
 """The way through: the stages of an unwrap in order.
 
-read → repair → seams → flatten (and a fallback cascade that always ends) → pack → store → verify → write, read
-back and verify again. Nothing is printed; what was found and done is in the ``Result``.
+read → repair → seams → flatten (with a fallback cascade) → pack → store → verify → write, read back and verify
+again. Nothing is printed; notes and warnings are in the ``Result``.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ from circparam.pipeline.seam_visibility import SeamVisibility
 from circparam.pipeline.searches import best_layout, with_room
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 
-# What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
-# charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
+# Time after a stage as a multiple of the seconds of the repair, which visits the same mesh on the same
+# machine: for projected charts with all later stages; for packing in rows, writing and verifying; for all but
+# packing.
 LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
 KEPT = 0.05  # seconds that are kept besides
 KEEPING = 100_000  # faces from which on freed memory is kept for the next arrays
@@ -90,7 +91,7 @@ def unwrap_document(
         try:
             return _unwrapped(document, output, options, monitor)
         except MemoryError:
-            if not workers.stop():  # what workers had of the memory was not missing here
+            if not workers.stop():  # the workers' memory was not the cause
                 raise
         monitor.jobs = 1
         return _unwrapped(document, output, options, monitor)
@@ -112,7 +113,7 @@ def _unwrapped(
 
 
 def _searched(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
-    """The layout as it will be stored, and what was searched for it.
+    """The layout as it will be stored, and the searches.
 
     Charts of a draft may be longer than pages of a size that is fixed; those of a full search may fit.
     """
@@ -166,9 +167,9 @@ def repack(
 ) -> Result:
     """Pack the charts that a file's uv has already; their shapes and relative sizes stay as they are.
 
-    source, output, listener: as for ``unwrap``. keywords: the fields of ``Options`` for packing and writing;
-    uv_set is the set that is read and replaced; groups that have an atlas each, as the file says, keep one.
-    Raises InputError where a face has no uv.
+    source, output, listener: as for ``unwrap``. keywords: the fields of ``Options`` for packing and writing.
+    uv_set: the set that is read and replaced. Groups with an atlas each, as the file says, keep one. Raises
+    InputError where a face has no uv.
     """
     options = from_keywords({**keywords, "cut": "none"})
     if options.uv_set is not None:
@@ -235,7 +236,7 @@ def _as_given(job: Job, uvmap: UVMap) -> Atlas:
 
 
 def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
-    """What was made, and what it is worth."""
+    """The final result with its verification."""
     cascade, uvmap = fitted.cascade, fitted.uvmap
     with monitor.stage("verify"):
         whole = job.whole.at_density()

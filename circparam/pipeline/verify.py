@@ -1,7 +1,7 @@
-"""What a layout is worth, read from the layout alone: flips, overlaps, mirrored charts, gaps, distortion.
+"""Verification of a layout from the layout alone: flips, overlaps, mirrored charts, gaps, distortion.
 
-``verify`` is given the uv of a file as it was read back, and trusts nothing that the pipeline knew before:
-seams are where the uv of the two sides of an edge differ, charts are what lies between them.
+``verify`` gets the uv of a file as read back and trusts nothing else. Seams are edges whose sides differ in uv;
+charts are the components between them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 
-BOUND_SLACK = 1e-4  # relative: what storing uv in float32 may add to a distortion
+BOUND_SLACK = 1e-4  # relative: increase of the distortion by storing uv in float32
 TAIL = 1e-3  # share of the surface on which the stretch may be larger than promised
 EVEN = 1e-9  # share of a chart's area by which one side must outweigh the other
 OFFSET_SLACK = 1e-9  # of a page: rounding of u + 1 to decimals, far below any texel
@@ -39,7 +39,7 @@ class Declared:
     """Faces that may lie on others, as they are copies of them.
 
     corner: (m, 3) corner 3f + k of the surface on which each corner lies, itself where it is no copy. copy:
-    (m,) bool. turned: (m,) bool, copies that lie mirrored. offset: u of copies beside what they are copies of.
+    (m,) bool. turned: (m,) bool, copies that lie mirrored. offset: u of copies beside their originals.
     """
 
     corner: IntArray
@@ -48,8 +48,8 @@ class Declared:
     offset: float = 0.0
 
     def stacked(self, corners: FloatArray) -> BoolArray:
-        """(m,) bool: copies whose corners (m, 3, 2) are where they should be, to the last bit; beside an offset
-        up to the rounding of a sum."""
+        """(m,) bool: copies whose corners (m, 3, 2) are in place to the last bit; beside an offset up to the
+        rounding of a sum."""
         away = corners - [self.offset, 0.0] - corners.reshape(-1, 2)[self.corner]
         slack = OFFSET_SLACK if self.offset else 0.0
         result: BoolArray = self.copy & (np.abs(away) <= slack).all((1, 2))
@@ -70,18 +70,19 @@ class Staying:
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """What was found. Faces are those of the surface: without degenerate ones, and without duplicates.
+    """Measured figures of a layout. Faces are those of the surface: without degenerate ones, and without
+    duplicates.
 
     cut: (e,) bool, edges of the surface whose two sides have different uv; cut_mesh: the surface cut there; uv
-    (nv, 2) of its vertices. missing: faces of the file without uv, those set aside too.
-    flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
-    clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
-    that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. used: (n,)
-    bool, charts that have uv. stacked: charts that lie on others as declared; overlaps, pages and coverage are
-    those of the rest. seam_length: that of all seams / √(surface area). pages: how many hold a chart,
-    None where there are no pages. coverage: None where the layout was not rasterised. seen: what tells
-    ``seam_visible`` where something else than looking does: a process that looks meanwhile, or a lack of time.
-    resolution: texels a side of a page, None where there are no pages.
+    (nv, 2) of its vertices. missing: faces of the file without uv, those set aside too. flips: faces turned
+    against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie clockwise although the
+    file winds most of their area the other way, or the reverse. overlapping: charts that overlap themselves;
+    overlapping_pairs (p, 2). outside: charts that leave their page. used: (n,) bool, charts that have uv.
+    stacked: charts that lie on others as declared; overlaps, pages and coverage are those of the rest.
+    seam_length: that of all seams / √(surface area). pages: how many hold a chart, None where there are no
+    pages. coverage: None where the layout was not rasterised. seen: source of ``seam_visible`` other than a
+    direct computation: another process, or a lack of time. resolution: texels a side of a page, None where
+    there are no pages.
     """
 
     surface: Surface
@@ -116,7 +117,7 @@ class Verification:
 
     @cached_property
     def page(self) -> PageFigures | None:
-        """What the layout costs in texels; None where there are no pages."""
+        """Costs of the layout in texels; None without pages."""
         if self.resolution is None:
             return None
         return page_figures(self.surface, self.cut_mesh, self.uv, self.used, self.resolution)
@@ -201,9 +202,9 @@ def verify(
 
     uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this. tiles:
-    (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane; tile t
-    is laid out t units to the right. most_pages: of a layout on more, nothing is rasterised. declared: what may
-    lie on what, whole charts only, or what lay there before. Raises InputError where no face has finite uv.
+    (faces of the mesh,) int. Faces of different tiles are in different atlases; tile t is laid out t units to
+    the right. most_pages: of a layout on more, nothing is rasterised. declared: allowed overlaps, of whole
+    charts or of faces that stayed. Raises InputError where no face has finite uv.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
@@ -264,7 +265,7 @@ def _between(surface: Surface, own: IntArray | None) -> BoolArray:
 
 
 def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> tuple[IntArray, IntArray]:
-    """Of some charts ((n,) bool) those that lie on themselves, and (k, 2) pairs that lie on each other."""
+    """Of some charts ((n,) bool) those that overlap themselves, and (k, 2) pairs that overlap."""
     part, vertices, _ = cut_mesh.subset(which)
     found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
     number = np.flatnonzero(which)
@@ -292,7 +293,7 @@ def flipped_faces(surface: Surface, uvmap: UVMap) -> BoolArray:
 
 
 def _seam_length(atlas: Atlas) -> float:
-    """Length of all seams over the square root of the area, those that open one-sided components too."""
+    """Length of all seams over the square root of the area, including one-sided cuts that open components."""
     surface = atlas.surface
     seams = surface.edge_lengths[atlas.cut].sum()
     torn = surface.lengths(surface.torn_seams(atlas.corners)).sum()
@@ -330,9 +331,9 @@ def _outside(cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> IntArray:
 def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     """(n_charts,) charts of which the file winds more area the other way than the surface is wound.
 
-    Repair gives a whole component one winding, that of most of its area; where a file is wound at random a
-    single chart may go the other way, and readers take the side that most of the chart shows for its front.
-    Where both sides are as large, up to rounding, it is the side of the chart's first face.
+    Repair gives a whole component the winding of most of its area. In a file with random winding a chart may
+    differ; readers take the side of most of the chart as its front. Where both sides are as large, up to
+    rounding, it is the side of the chart's first face.
     """
     n = cut_mesh.n_charts
     balance = group_sum(
@@ -380,8 +381,8 @@ def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
 
 @dataclass(frozen=True)
 class Promise:
-    """What the options promise of a layout: bound None where the cut promises none; padding in texels; stretch
-    that all but ``TAIL`` of the surface keep to, None where nobody asked for one.
+    """The promises of the options. bound: None if the cut promises none. padding: texels. stretch: limit for
+    all but ``TAIL`` of the surface, None without one.
     """
 
     bound: float | None = None
@@ -390,9 +391,9 @@ class Promise:
 
 
 def reasons(v: Verification, promise: Promise, made: BoolArray | None = None) -> list[str]:
-    """Why a layout is less than what was promised, one line each; empty where it is all right.
+    """Broken promises, one line each; empty for a sound layout.
 
-    made: (n_charts,) bool, those that the bound is promised of; None: all.
+    made: (n_charts,) bool, charts that the bound is promised for; None: all.
     """
     out = []
     if v.missing:
