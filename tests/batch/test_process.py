@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import pickle
 import re
@@ -18,7 +17,6 @@ import pytest
 
 import circparam
 from circparam import samples
-from circparam.batch import task
 from circparam.batch.index import Item
 from circparam.batch.mesh import unwrap_one
 from circparam.batch.process import (
@@ -195,17 +193,6 @@ def test_a_server_whose_worker_has_gone_cleans_up(tmp_path: Path) -> None:
     server._process.stdin.close()
     assert server._process.wait(20) == 1
     assert not scratch.exists()
-
-
-def test_a_full_disk_is_told_from_other_trouble_of_the_output(tmp_path: Path) -> None:
-    full = f"/o/m.obj: cannot be written ({os.strerror(errno.ENOSPC)})"
-    for error, again in (
-        (full, "space"),
-        ("/o/m.obj: cannot be written (Input/output error)", None),
-    ):
-        answer = {"code": 8, "error": error, "report": None, "files": []}
-        end = {"end": "done", "answer": answer, "seconds": 1.0, "peak": 1}
-        assert task._failure(settings(tmp_path), end).get("again") == again
 
 
 def test_another_version_is_refused(tmp_path: Path) -> None:

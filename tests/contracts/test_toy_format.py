@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,13 @@ import pytest
 import circparam
 from circparam.core.registry import Row
 from circparam.errors import OptionError
-from circparam.formats import FORMATS, Encoded, Format, PlainDocument, sniff
+from circparam.formats import FORMATS, Encoded, Format, PlainDocument
 from circparam.formats.io import read, write
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support import format_contract as contract
 from tests.support import shapes
 from tests.support.formats_tools import smooth_layout
+from tests.support.toys import added
 
 STEPS = 1 << 24  # the toy stores uv as whole numbers of such steps
 
@@ -67,8 +69,9 @@ ROW = Row(
 
 
 @pytest.fixture(autouse=True)
-def toy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(FORMATS._rows, "toy", ROW)
+def toy() -> Iterator[None]:
+    with added(FORMATS, ROW):
+        yield
 
 
 def test_it_keeps_the_contract_of_every_format(tmp_path: Path) -> None:
@@ -113,8 +116,3 @@ def test_options_that_do_not_apply_name_it(tmp_path: Path) -> None:
     write(tmp_path / "in.toy", doc, smooth_layout(doc))
     with pytest.raises(OptionError, match="TOY files share no meshes"):
         circparam.unwrap(tmp_path / "in.toy", unshare=True)
-
-
-def test_it_is_gone_with_its_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(FORMATS._rows, "toy")
-    assert sniff(b"TOY\np 0 0 0\n") is None

@@ -40,50 +40,15 @@ def test_a_ball_keeps_its_shape_in_a_tenth_of_its_faces() -> None:
     assert np.linalg.norm(moved[into] - points, axis=1).max() < 0.15
 
 
-def test_a_process_of_its_own_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    points, faces = ball()
-    here = collapse.collapsed(points, faces, 500)
-    monkeypatch.setattr(collapse, "APART_FACES", 1000)
-    monkeypatch.setattr(collapse, "_here", lambda *_: pytest.fail("nothing is done here"))
-    apart = collapse.collapsed(points, faces, 500)
-    assert all(np.array_equal(a, b) for a, b in zip(here, apart, strict=True))
-
-
-@pytest.mark.parametrize("program", ["/nowhere/python", "/bin/false"])
-def test_what_no_process_answers_is_done_here(
+@pytest.mark.parametrize("program", [sys.executable, "/nowhere/python", "/bin/false"])
+def test_a_process_of_its_own_changes_nothing_whether_it_answers_or_not(
     program: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points, faces = ball()
     here = collapse.collapsed(points, faces, 500)
     monkeypatch.setattr(collapse, "APART_FACES", 1000)
     monkeypatch.setattr(sys, "executable", program)
+    started = noted_processes(monkeypatch)
     again = collapse.collapsed(points, faces, 500)
     assert all(np.array_equal(a, b) for a, b in zip(here, again, strict=True))
-
-
-def test_a_thread_that_cannot_be_had_or_has_no_memory_leaves_the_work_here(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    points, faces = ball()
-    here = collapse.collapsed(points, faces, 500)
-    monkeypatch.setattr(collapse, "APART_FACES", 1000)
-    started = noted_processes(monkeypatch)
-
-    def refuse(*_: object) -> None:
-        raise RuntimeError("can't start new thread")
-
-    class Short:
-        @staticmethod
-        def pack(*_: object) -> bytes:
-            raise MemoryError
-
-    for where, what in (
-        ("circparam.geometry.collapse.threading.Thread.start", refuse),
-        ("circparam.geometry.collapse.SIZES", Short),
-    ):
-        with monkeypatch.context() as patch:
-            patch.setattr(where, what)
-            again = collapse.collapsed(points, faces, 500)
-        assert all(np.array_equal(a, b) for a, b in zip(here, again, strict=True))
-    assert len(started) == 2
     assert all(process.poll() is not None for process in started)

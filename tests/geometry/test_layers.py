@@ -41,25 +41,3 @@ def test_cells_tell_what_rays_tell(seed: int, folded: float) -> None:
         patch.setattr(layers, "FEW", 0)
         found = layers.own_layers(rim, points, chart)
     assert np.array_equal(found, expected)
-
-
-def test_most_points_of_a_large_chart_need_no_ray(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A strip that comes round onto itself: two layers in an eighth of it."""
-    cut_mesh, places = patches_of(shapes.grid(600, 80, 600.0, 80.0))
-    angle, radius = places[:, 0] / 600 * 2.25 * np.pi, 120 - places[:, 1]
-    uv = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
-    middle = uv[cut_mesh.faces].mean(1)
-    cast: list[int] = []
-
-    def counted(rim: BoundarySegments, points: np.ndarray, *rest: object, **how: bool) -> object:
-        cast.append(len(points))
-        return windings(rim, points, *rest, **how)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(layers, "FEW", 1000)
-    monkeypatch.setattr(layers, "windings", counted)
-    found = np.abs(layers.own_layers(boundary(cut_mesh, uv), middle, cut_mesh.chart))
-    assert sum(cast) < 0.3 * len(middle)
-    turned = places[cut_mesh.faces].mean(1)[:, 0] / 600 * 2.25
-    upon = (turned < 0.25) | (turned > 2.0)
-    near = np.minimum(np.abs(turned - 0.25), np.abs(turned - 2.0)) < 0.02
-    assert np.array_equal(found[~near], np.where(upon, 2, 1)[~near])

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry import raster
 from circparam.geometry.raster import (
     NEAR,
     barycentric,
@@ -42,15 +41,17 @@ def test_triangles_of_a_plane_never_leave_gaps_nor_meet(seed: int):
     assert np.array_equal(layers, (inside_y[:, None] & inside[None, :]).astype(int))
 
 
-def test_chunks_change_nothing(monkeypatch: pytest.MonkeyPatch):
-    rng = np.random.default_rng(1)
-    xy = rng.uniform(-5, 45, (300, 3, 2))
-    depth = rng.uniform(0, 1, (300, 3))
-    whole = rasterise(xy, 40, 40, depth)
-    monkeypatch.setattr("circparam.geometry.raster.CHUNK", 500)
-    assert sum(1 for _ in fragments(xy, 40, 40)) > 10
-    for a, b in zip(whole, rasterise(xy, 40, 40, depth), strict=True):
-        assert np.array_equal(a, b)
+def test_faces_that_are_drawn_in_chunks_cover_what_each_covers_alone():
+    """Nine triangles of a page of 1400 pixels a side are more than are drawn at once."""
+    size = 1400
+    xy = np.random.default_rng(1).uniform(-0.2, 1.2, (9, 3, 2)) * size
+    parts = list(fragments(xy, size, size))
+    assert len(parts) > 1
+    face = np.concatenate([p.face for p in parts])
+    pixel = np.concatenate([p.pixel for p in parts])
+    for k in range(len(xy)):
+        alone = np.concatenate([p.pixel for p in fragments(xy[k : k + 1], size, size)])
+        assert np.array_equal(pixel[face == k], alone)
 
 
 def test_broken_triangles_cover_nothing():
@@ -119,15 +120,15 @@ def test_two_owners_of_a_centre_clash() -> None:
     assert owner_raster(corners, np.array([3, 3]), 4)[1] == 0
 
 
-def test_blocks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    corners = np.random.default_rng(0).uniform(-3, 33, (60, 3, 2))
-    whole = owner_raster(corners, np.arange(60), 30)
-    monkeypatch.setattr(raster, "ROWS_AT_ONCE", 50)
-    assert len(list(covered_runs(corners, 30))) > 5
-    parts = owner_raster(corners, np.arange(60), 30)
-    assert whole[1] > 0
-    assert parts[1] > 0
-    assert np.array_equal(whole[0] >= 0, parts[0] >= 0)
+def test_runs_that_are_found_in_blocks_are_those_of_each_triangle() -> None:
+    """More than a million rows: of each triangle what it has alone."""
+    corners = np.random.default_rng(0).uniform(0, 60_000, (40, 3, 2)) * [1e-3, 1.0]
+    blocks = list(covered_runs(corners, 60_000))
+    assert len(blocks) > 1
+    together = np.concatenate([np.stack(b) for b in blocks], axis=1)
+    for k in range(len(corners)):
+        (alone,) = covered_runs(corners[k : k + 1], 60_000)
+        assert np.array_equal(together[1:, together[0] == k], np.stack(alone[1:]))
     assert not list(covered_runs(np.zeros((0, 3, 2)), 30))
 
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry import visibility
 from circparam.geometry.visibility import axes, edge_shares, visible_share
 from circparam.mesh.surface import Surface
 from tests.support import shapes
@@ -155,25 +154,11 @@ def test_faces_smaller_than_a_pixel_hide_as_large_ones_do() -> None:
     assert means[0] == pytest.approx(means[1], abs=0.06)
 
 
-def test_shares_do_not_depend_on_how_many_faces_are_drawn_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    for refine, few in ((16, 1000), (4, 7)):
-        monkeypatch.undo()
-        _, whole = shares(channel(2, refine), 24, 64)
-        assert 0.1 < whole.mean() < 0.9
-        monkeypatch.setattr(visibility, "AT_ONCE", few)
-        np.testing.assert_array_equal(shares(channel(2, refine), 24, 64)[1], whole)
-
-
 @pytest.mark.parametrize(("refine", "pixels"), [(2, 64), (16, 64), (16, 256), (16, 24)])
-def test_faces_that_hide_nothing_asked_for_may_be_left_out(
-    monkeypatch: pytest.MonkeyPatch, refine: int, pixels: int
-) -> None:
+def test_faces_that_hide_nothing_asked_for_may_be_left_out(refine: int, pixels: int) -> None:
     """Of a few edges the shares are what they are among those of all, to the last digit."""
     surface = surface_of(*channel(2, refine))
     _, whole = shares(channel(2, refine), 24, pixels)
-    monkeypatch.setattr(visibility, "SPARSE", 1e9)
     for step in (1, 7, 101):
         few = np.arange(len(whole)) % step == 0
         found = edge_shares(surface, 24, pixels, few)

@@ -59,7 +59,7 @@ def test_a_wall_through_a_sheet_hangs_on_no_single_edge(seed):
     p, f = shapes.grid(7, 7)
     q, g = shapes.grid(7, 4)
     wall = np.stack([q[:, 0], np.full(len(q), p[3, 1]), q[:, 1] - 1 / 3], 1)
-    p, f = shapes._weld(*shapes.join((p, f), (wall, g)))
+    p, f = shapes.weld(*shapes.join((p, f), (wall, g)))
     turn = np.random.default_rng(seed).random(len(f)) < 0.2
     mesh = Mesh(p, np.where(turn[:, None], f[:, ::-1], f))
     surface, repairs = repair(mesh)

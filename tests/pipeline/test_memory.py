@@ -6,12 +6,10 @@ import re
 
 import pytest
 
-import circparam
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.pipeline import memory
 from circparam.pipeline.options import Options
-from tests.support import shapes
 
 FACES = 1_000_000
 HELD = 1 << 30
@@ -60,11 +58,3 @@ def test_what_has_no_chance_is_refused_with_a_size_that_would_do(monkeypatch, st
     assert judged(monkeypatch, float(said[2]) * 1e9) == 1
     # the model knows charts alone
     assert judged(monkeypatch, HELD + 1, cut="none") == 2
-
-
-def test_the_bound_is_asked_before_any_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "KNOWN", 10)
-    monkeypatch.setattr(memory, "memory_limit", lambda: 1 << 20)
-    monkeypatch.setattr("circparam.pipeline.unwrap.prepare", lambda *_: pytest.fail("worked"))
-    with pytest.raises(NoResultError, match="--max-memory"):
-        circparam.unwrap(shapes.icosphere(1))

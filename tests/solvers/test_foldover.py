@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.solvers import foldover
 from circparam.solvers.foldover import POSITIVE, FoldoverEnergy, lower
 from circparam.solvers.region import moving_region
 from tests.support import shapes
@@ -116,20 +115,3 @@ def test_a_group_that_has_flown_apart_keeps_its_place_and_others_are_mended():
     found = lower(part, x, None)
     assert (ones.determinants(found)[~apart] > POSITIVE).all()
     np.testing.assert_array_equal(found[far], x[far])
-
-
-def test_what_gets_no_better_is_left_before_all_rounds_are_spent(monkeypatch):
-    """A disk whose rim is held mirrored has no layout without flips."""
-    cut_mesh, points = patches_of(shapes.delaunay_disk(200))
-    uv = points[:, :2] * [-1, 1]
-    part = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), rim(cut_mesh), uv)
-    rounds = []
-
-    def counted(region, x, epsilon):
-        rounds.append(region.n_groups)
-        return descended(region, x, epsilon)
-
-    descended = foldover._descended
-    monkeypatch.setattr(foldover, "_descended", counted)
-    lower(part, uv[part.source], None)
-    assert 0 < len(rounds) < foldover.OUTER / 2

@@ -8,7 +8,6 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
-from circparam.solvers import foldover
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import flipped, untangle
@@ -122,19 +121,3 @@ def test_no_region_is_needed_where_nothing_is_flipped_and_none_is_tried_out_of_t
     assert report.rings == 0
     assert report.after.tolist() == report.before.tolist() != [0]
     assert untangle(cut_mesh, uv)[1].rings > 0
-
-
-def test_a_region_that_was_tried_is_not_tried_again(monkeypatch):
-    """Of a disk whose rim is held mirrored all is flipped: every width is the whole disk."""
-    cut_mesh, points = patches_of(shapes.delaunay_disk(200))
-    uv = points[:, :2] * [-1, 1]
-    tried = []
-
-    def lowered(part, x, monitor):
-        tried.append(len(part.faces))
-        return x
-
-    monkeypatch.setattr(foldover, "lower", lowered)
-    _, report = untangle(cut_mesh, uv, rim(cut_mesh))
-    assert len(tried) == 1
-    assert report.after.sum() == len(cut_mesh.faces)

@@ -42,9 +42,9 @@ def rim(cut_mesh) -> np.ndarray:
     return out
 
 
-def developable(kind: str) -> CutMesh:
-    """A strip that can be unrolled: from a cylinder, a cone or a bent sheet."""
-    u, v = np.meshgrid(np.linspace(0, 1.2, 25), np.linspace(0, 1, 13))
+def developable(kind: str, refine: int = 1) -> CutMesh:
+    """A strip of 24 by 12 refined squares that can be unrolled: of a cylinder, a cone or a bent sheet."""
+    u, v = np.meshgrid(np.linspace(0, 1.2, 24 * refine + 1), np.linspace(0, 1, 12 * refine + 1))
     if kind == "cylinder":
         p = np.stack([np.cos(2 * u), np.sin(2 * u), v], -1)
     elif kind == "cone":

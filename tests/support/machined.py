@@ -8,15 +8,15 @@ from itertools import pairwise
 import numpy as np
 
 from tests.support.parts import (
+    Builder,
     Floats,
     Part,
-    _add_walls,
-    _Builder,
-    _lift,
+    add_walls,
     circle,
     extrude,
     fill,
     lathe,
+    lift,
     rectangle,
 )
 
@@ -40,20 +40,20 @@ def rounded(width: float, height: float, radius: float, n: int = 8) -> Floats:
 
 def housing() -> Part:
     """A box with rounded walls, hollow, with four bosses on its floor."""
-    build = _Builder()
+    build = Builder()
     outer, inner = rounded(3.0, 2.0, 0.4), rounded(2.7, 1.7, 0.25)
     bosses = [circle(20, 0.18, x, y) for x in (-0.9, 0.9) for y in (-0.5, 0.5)]
     bores = [circle(12, 0.08, x, y) for x in (-0.9, 0.9) for y in (-0.5, 0.5)]
-    build.add(_lift(fill(outer), 0.0, False), True)
-    _add_walls(build, outer, 0.0, 1.0, True)
-    build.add(_lift(fill(outer, [inner]), 1.0, True), True)
-    _add_walls(build, inner, 0.15, 1.0, False)
-    build.add(_lift(fill(inner, bosses), 0.15, True), True)
+    build.add(lift(fill(outer), 0.0, False), True)
+    add_walls(build, outer, 0.0, 1.0, True)
+    build.add(lift(fill(outer, [inner]), 1.0, True), True)
+    add_walls(build, inner, 0.15, 1.0, False)
+    build.add(lift(fill(inner, bosses), 0.15, True), True)
     for boss, bore in zip(bosses, bores, strict=True):
-        _add_walls(build, boss, 0.15, 0.6, True)
-        build.add(_lift(fill(boss, [bore]), 0.6, True), True)
-        _add_walls(build, bore, 0.3, 0.6, False)
-        build.add(_lift(fill(bore), 0.3, True), True)
+        add_walls(build, boss, 0.15, 0.6, True)
+        build.add(lift(fill(boss, [bore]), 0.6, True), True)
+        add_walls(build, bore, 0.3, 0.6, False)
+        build.add(lift(fill(bore), 0.3, True), True)
     return build.part()
 
 
@@ -67,7 +67,7 @@ def nozzle() -> Part:
 
 def shaft() -> Part:
     """A shaft of three steps, the second with a keyway along it."""
-    build = _Builder()
+    build = Builder()
     t = 2 * np.pi * np.arange(48) / 48
     ring = np.stack([np.cos(t), np.sin(t)], 1) * 0.7
     key = np.abs(ring[:, 1]) < 0.15
@@ -78,32 +78,32 @@ def shaft() -> Part:
     keyed = np.concatenate([[[x, y]], before, [[x, -y], [0.5, -y], [0.5, y]]])
     steps = [circle(48, 1.0), keyed, circle(32, 0.4)]
     heights = [0.0, 0.8, 2.4, 3.2]
-    build.add(_lift(fill(steps[0]), 0.0, False), True)
+    build.add(lift(fill(steps[0]), 0.0, False), True)
     for k, loop in enumerate(steps):
-        _add_walls(build, loop, heights[k], heights[k + 1], True)
+        add_walls(build, loop, heights[k], heights[k + 1], True)
         inside = [steps[k + 1]] if k < 2 else []
-        build.add(_lift(fill(loop, inside), heights[k + 1], True), True)
+        build.add(lift(fill(loop, inside), heights[k + 1], True), True)
     return build.part()
 
 
 def flange() -> Part:
     """A disk with a ring of six bolt holes, and a neck with a bore on it."""
-    build = _Builder()
+    build = Builder()
     outer, neck, bore = circle(48, 1.0), circle(48, 0.5), circle(48, 0.38)
     bolts = [circle(20, 0.08, x, y) for x, y in circle(6, 0.77)]
-    build.add(_lift(fill(outer, [bore, *bolts]), 0.0, False), True)
-    build.add(_lift(fill(outer, [neck, *bolts]), 0.2, True), True)
+    build.add(lift(fill(outer, [bore, *bolts]), 0.0, False), True)
+    build.add(lift(fill(outer, [neck, *bolts]), 0.2, True), True)
     for loop in (outer, *bolts):
-        _add_walls(build, loop, 0.0, 0.2, loop is outer)
-    _add_walls(build, neck, 0.2, 0.8, True)
-    build.add(_lift(fill(neck, [bore]), 0.8, True), True)
-    _add_walls(build, bore, 0.0, 0.8, False)
+        add_walls(build, loop, 0.0, 0.2, loop is outer)
+    add_walls(build, neck, 0.2, 0.8, True)
+    build.add(lift(fill(neck, [bore]), 0.8, True), True)
+    add_walls(build, bore, 0.0, 0.8, False)
     return build.part()
 
 
 def barrel(staves: int = 20, rings: int = 6) -> Part:
     """A barrel of staves that bulge, with four bolts sunk into each lid."""
-    build = _Builder()
+    build = Builder()
     height = np.linspace(-1, 1, rings + 1)
     loops = [np.c_[circle(staves, 1 - 0.2 * z * z), np.full(staves, z)] for z in height]
     for low, high in pairwise(loops):
@@ -113,10 +113,10 @@ def barrel(staves: int = 20, rings: int = 6) -> Part:
             build.add(quad, True)
     bolts = [circle(16, 0.08, x, y) for x, y in circle(4, 0.5)]
     for side in (-1.0, 1.0):
-        build.add(_lift(fill(circle(staves, 0.8), bolts), side, side > 0), True)
+        build.add(lift(fill(circle(staves, 0.8), bolts), side, side > 0), True)
         for bolt in bolts:
-            _add_walls(build, bolt, min(side, 0.8 * side), max(side, 0.8 * side), False)
-            build.add(_lift(fill(bolt), 0.8 * side, side > 0), True)
+            add_walls(build, bolt, min(side, 0.8 * side), max(side, 0.8 * side), False)
+            build.add(lift(fill(bolt), 0.8 * side, side > 0), True)
     return build.part()
 
 

@@ -28,7 +28,7 @@ class Part:
     tube: npt.NDArray[np.bool_]
 
 
-class _Builder:
+class Builder:
     """Collects surfaces; points are welded at the end."""
 
     def __init__(self) -> None:
@@ -126,7 +126,7 @@ def fill(outer: Floats, holes: Sequence[Floats] = ()) -> Floats:
     return np.array(out)
 
 
-def _lift(triangles: Floats, z: float, up: bool) -> Floats:
+def lift(triangles: Floats, z: float, up: bool) -> Floats:
     """Plane triangles (k, 3, 2) at a height, facing up or down."""
     corners = np.concatenate([triangles, np.full((*triangles.shape[:2], 1), z)], 2)
     return corners if up else corners[:, ::-1]
@@ -140,7 +140,7 @@ def _walls(loop: Floats, low: float, high: float) -> Floats:
     return np.stack([np.stack([a, b, c], 1), np.stack([a, c, d], 1)], 1)
 
 
-def _add_walls(build: _Builder, loop: Floats, low: float, high: float, outward: bool) -> None:
+def add_walls(build: Builder, loop: Floats, low: float, high: float, outward: bool) -> None:
     """Walls of an outline: one surface for all that turn smoothly, so a circle is one tube."""
     quads = _walls(loop, low, high)
     if not outward:
@@ -165,22 +165,22 @@ def extrude(
     pockets: Sequence[tuple[Floats, float]] = (),
 ) -> Part:
     """A plate: outline, through holes, pockets sunk from the top by a depth; loops are counter-clockwise."""
-    build = _Builder()
-    build.add(_lift(fill(outer, holes), 0.0, False), True)
-    build.add(_lift(fill(outer, [*holes, *(p for p, _ in pockets)]), height, True), True)
-    _add_walls(build, outer, 0.0, height, True)
+    build = Builder()
+    build.add(lift(fill(outer, holes), 0.0, False), True)
+    build.add(lift(fill(outer, [*holes, *(p for p, _ in pockets)]), height, True), True)
+    add_walls(build, outer, 0.0, height, True)
     for hole in holes:
-        _add_walls(build, hole, 0.0, height, False)
+        add_walls(build, hole, 0.0, height, False)
     for loop, depth in pockets:
-        build.add(_lift(fill(loop), height - depth, True), True)
-        _add_walls(build, loop, height - depth, height, False)
+        build.add(lift(fill(loop), height - depth, True), True)
+        add_walls(build, loop, height - depth, height, False)
     return build.part()
 
 
 def lathe(profile: Floats, n: int = 48) -> Part:
     """A turned part: profile (k, 2) of radius and height, a closed loop, counter-clockwise with the radius to
     the right; one surface an edge."""
-    build = _Builder()
+    build = Builder()
     t = 2 * np.pi * np.arange(n + 1) / n
     t[-1] = 0.0
     for (r0, z0), (r1, z1) in zip(profile, np.roll(profile, -1, axis=0), strict=True):
@@ -273,7 +273,7 @@ def cube() -> Part:
 
 def rounded_box(steps: int = 4, radius: float = 0.25) -> Part:
     """A box without a sharp edge: flats, fillets and eighths of a ball."""
-    build = _Builder()
+    build = Builder()
     bend = np.pi / 4 * np.arange(steps + 1) / steps
     angle = np.concatenate([-bend[::-1], [0.0], bend])
     place = np.concatenate([np.full(steps + 1, -1.0), [0.0], np.full(steps + 1, 1.0)])

@@ -20,7 +20,7 @@ def compact(points: np.ndarray, faces: np.ndarray) -> Shape:
     return points[used], inverse.reshape(-1, 3).astype(np.int64)
 
 
-def _weld(points: np.ndarray, faces: np.ndarray, digits: int = 9) -> Shape:
+def weld(points: np.ndarray, faces: np.ndarray, digits: int = 9) -> Shape:
     """Join vertices that agree after rounding, keep the first position, drop collapsed faces."""
     _, first, inverse = np.unique(
         np.round(points, digits) + 0.0, axis=0, return_index=True, return_inverse=True
@@ -341,7 +341,7 @@ def voxels(mask: np.ndarray, refine: int = 1) -> Shape:
     p = np.concatenate(points)
     q = np.arange(len(p)).reshape(-1, 4)
     faces = np.stack([q[:, [0, 1, 2]], q[:, [0, 2, 3]]], 1).reshape(-1, 3)
-    return _weld((p - 1) / refine, faces)
+    return weld((p - 1) / refine, faces)
 
 
 def cube(refine: int = 4) -> Shape:
@@ -400,13 +400,13 @@ def fins(sheets: int = 3, n: int = 5) -> Shape:
         a = 2 * np.pi * k / sheets
         x, y = p[:, 0], p[:, 1]
         parts.append((np.stack([x * np.cos(a), x * np.sin(a), y], 1), f))
-    return _weld(*join(*parts))
+    return weld(*join(*parts))
 
 
 def pinched(n: int = 4) -> Shape:
     """Two squares that meet in one vertex."""
     p, f = grid(n, n)
-    return _weld(*join((p, f), (p - [1, 1, 0], f)))
+    return weld(*join((p, f), (p - [1, 1, 0], f)))
 
 
 # changing shapes -----------------------------------------------------------------------------------
@@ -424,7 +424,7 @@ def join(*parts: Shape) -> Shape:
 def mirrored(shape: Shape) -> Shape:
     """A shape and its mirror image across x = 0, joined where they meet there."""
     p, f = shape
-    return _weld(np.concatenate([p, p * [-1, 1, 1]]), np.concatenate([f, f[:, ::-1] + len(p)]))
+    return weld(np.concatenate([p, p * [-1, 1, 1]]), np.concatenate([f, f[:, ::-1] + len(p)]))
 
 
 def row_of(shape: Shape, copies: int, gap: float = 0.5) -> Shape:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams import SEAMS
-from circparam.seams.hard import exact as module
-from circparam.seams.hard.exact import EXACT, polyhedra
+from circparam.seams.hard.exact import polyhedra
 from circparam.seams.hard.regions import seam_prices
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.layout import judge
@@ -60,19 +57,6 @@ def test_so_is_a_cube_of_any_triangles(refine: int) -> None:
     atlas = Atlas(surface, seams.cut, seams.uv)
     assert distortion(atlas) == pytest.approx(1.0, abs=1e-9)
     assert surface.edge_lengths[atlas.cut].sum() == pytest.approx(7.0)
-
-
-@given(st.floats(0.3, 3.0), st.floats(0.3, 3.0))
-@settings(max_examples=15, deadline=None)
-def test_boxes_cost_no_more_than_when_only_seams_count(width: float, depth: float) -> None:
-    """A skewed net is kept only where its seams are so much shorter."""
-    part = extrude(rectangle(width, depth), [], 1.0)
-    atlas = charts_of(part)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "polyhedra", lambda a: np.zeros(len(a.surface.faces), bool))
-        other = charts_of(part)
-    assert module._cost(atlas)[0] <= module._cost(other)[0] + 1e-9
-    assert distortion(atlas) < EXACT or np.array_equal(atlas.cut, other.cut)
 
 
 def test_what_is_round_anywhere_is_no_polyhedron() -> None:

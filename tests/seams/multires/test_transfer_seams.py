@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,33 +10,10 @@ import pytest
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy, decimate
-from circparam.seams.multires.transfer_seams import _halves, _Router, transfer_seams
+from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.segmentation import grow
-from circparam.seams.segmentation.paths import chains_of
 from tests.support import shapes
 from tests.support.atlases import cut_between, cut_where, middles, surface_of
-
-
-def test_a_vertex_where_a_carried_path_may_end_is_not_moved_again() -> None:
-    """Chains that find no path are halved; both halves end at the middle, also when one is halved once more."""
-    surface = surface_of(*shapes.torus(60, 30))
-    proxy = decimate(surface, 600)
-    coarse = Atlas(proxy.surface, np.zeros(len(proxy.surface.edges), bool))
-    grow.first_charts(coarse, grow.dual_graph(proxy.surface), 6)
-    a, b = (ends[coarse.cut] for ends in coarse.ends)
-    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    nowhere = np.zeros(len(proxy.surface.points), bool)
-    chains = chains_of(a, b, len(nowhere), nowhere)
-    flat, along = proxy.surface.faces.ravel(), proxy.surface.faces[:, [1, 2, 0]].ravel()
-    router = _Router(fine, proxy, (flat, along), nowhere, chains)
-    middle = np.unique(chains.vertex)
-    router.stand_again(middle, middle)
-    stand = router.stand[middle].copy()
-    assert np.array_equal(proxy.cell[stand], middle)
-    # paths now run through those vertices
-    fine.cut = np.isin(fine.ends[0], stand) | np.isin(fine.ends[1], stand)
-    router.stand_again(middle, middle)
-    assert np.array_equal(router.stand[middle], stand)
 
 
 def proxy_over(fine: Surface, coarse: Surface) -> Proxy:
@@ -146,24 +122,3 @@ def test_edges_apart_are_seams_as_well() -> None:
     assert transfer_seams(coarse, torn, atlas) == 0
     assert (np.abs(points_on(atlas)[:, 0] - 0.5) < 1e-9).all()
     assert fine.edge_lengths[atlas.cut].sum() >= 1 - 2 / 18 - 1e-9
-
-
-def test_halves_of_chains_count_from_their_own_starts() -> None:
-    """Also when they are halved again: the middles of all are where a path of that length has them."""
-    way = np.array([9, 3, 7, 0, 5, 1, 8, 2])  # 7 edges
-    short = np.array([10, 11])
-    a, b = np.r_[way[:-1], short[:-1]], np.r_[way[1:], short[1:]]
-    chains = chains_of(a, b, 12, np.zeros(12, bool))
-    joined = {(int(p), int(q)) for p, q in zip(np.r_[a, b], np.r_[b, a], strict=True)}
-    for count in (2, 3, 5, 8, 8):
-        assert len(chains.start) == count
-        assert chains.size.sum() == 8
-        for k in range(count):
-            inner = chains.vertex[chains.chain == k]
-            position = chains.position[chains.chain == k]
-            assert sorted(position.tolist()) == list(range(1, int(chains.size[k])))
-            steps = np.r_[chains.start[k], inner[np.argsort(position)], chains.end[k]].tolist()
-            assert set(pairwise(steps)) <= joined
-        longest = int(chains.size.max())
-        chains = _halves(chains)
-        assert chains.size.max() == -(-longest // 2)

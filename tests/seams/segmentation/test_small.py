@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import repair
 from circparam.seams.accuracy import ROUGH
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
-from circparam.seams.segmentation.small import _take_apart, absorb, small_note
+from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.unions import MergeOptions
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
@@ -51,28 +48,6 @@ def test_small_charts_that_nobody_takes_stay_as_they_were() -> None:
     few = int(np.bincount(atlas.charts()[1]).min())
     assert absorb(atlas, MergeOptions(1.0001), few + 1, Monitor()) == 1
     assert np.array_equal(atlas.cut, before)
-
-
-def test_only_small_charts_are_taken_apart_and_no_polygon_is() -> None:
-    """Every piece lies without distortion; the layouts of the others stay as they are."""
-    points, faces = shapes.grid(13, 3, 6.0, 1.0)
-    surface = repair(Mesh(points, faces, polygons=np.arange(len(faces)) // 2))[0]
-    label = np.floor(middles(surface)[:, 0] / 2).astype(np.int64)
-    for k in range(3):
-        atlas = as_it_lies(cut_between(surface, label))
-        atlas.corners = atlas.corners * 2.0
-        before = atlas.cut.copy(), atlas.corners.copy()
-        _, chart = atlas.charts()
-        which = np.zeros(3, bool)
-        which[chart[label == k]] = True
-        _take_apart(atlas, chart, which)
-        inside = (label[surface.edges // 3] == k).all(1) & ~surface.locked
-        assert np.array_equal(atlas.cut, before[0] | inside)
-        mine = label == k
-        assert np.array_equal(atlas.corners[~mine], before[1][~mine])
-        side = np.linalg.norm(np.diff(atlas.corners[mine], axis=1), axis=2)
-        true = np.linalg.norm(np.diff(surface.points[surface.faces[mine]], axis=1), axis=2)
-        assert side == pytest.approx(true, rel=1e-3)
 
 
 def test_charts_with_a_neighbour_count_as_small_below_the_number_asked_for() -> None:
