@@ -1,7 +1,7 @@
 """Carry colours into a layout: an image whose texels are the colours of the surface that lies there.
 
-Every texel whose centre a face covers is looked up on that face; then the colours are grown outwards, so that
-filtering at a chart's boundary never takes in background.
+Every texel with its centre on a face is looked up on that face. Colours then grow outwards, so filtering at the
+boundary of a chart never takes in background.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ Texels: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 class Baked:
     """tiles: (u, v) of a unit tile → (size, size, c), row 0 at the top: uint8, c = 3 or 4; uint16, c = 1.
 
-    covered: share of all texels that a face covers. notes: what the user should know. report: figures on how
-    places were found on another surface, for JSON. tints: what materials do to the colours that were
-    baked, which is not part of the image.
+    covered: share of all texels that a face covers. notes: for the user. report: figures on how places were
+    found on another surface, for JSON. tints: effects of materials on the baked colours, which the image does
+    not contain.
     """
 
     tiles: dict[tuple[int, int], Texels]
@@ -114,7 +114,7 @@ def bake(
 
 
 def tiles_of(layout: UVMap) -> IntArray:
-    """(m, 2) unit tile of each face, −1 for a face without uv; see ``bake`` for what it raises."""
+    """(m, 2) unit tile of each face, −1 for a face without uv; raises the errors of ``bake``."""
     mapped = (layout.uv_faces >= 0).all(1)
     if not mapped.any():
         raise InputError("no face has uv to bake into: make them first with 'circparam unwrap'")
@@ -179,8 +179,8 @@ def dilate(image: Texels, mask: BoolArray) -> Texels:
 class Across:
     """How a target's texels find their places on another surface.
 
-    by: 'nearest', along smooth normals within a cage, or a map between target and source, either way round;
-    None: face to face where both hold the same triangles, else the closest point. cage: in units of the mesh.
+    by: 'nearest', along smooth normals within a cage, or a map between target and source in either direction;
+    None: face to face if both hold the same triangles, else the closest point. cage: in units of the mesh.
     """
 
     by: SurfaceMap | Literal["nearest"] | None = None
@@ -197,12 +197,12 @@ def bake_document(
     size: int = 2048,
     monitor: Monitor | None = None,
 ) -> Baked:
-    """Bake what a file, or another file, looks like into a uv set of a file.
+    """Bake the look of a file, or of another file, into a uv set of a file.
 
     kind: one of KINDS. uv_set: the layout to bake into. source: the file with the colours or the shape, None
-    for the file itself. across: how places are found on the source.
-    Raises OptionError for an unknown kind and for what does not apply, InputError where colours, textures or uv
-    are missing, or where the map was made for other meshes.
+    for the file itself. across: how places are found on the source. Raises OptionError for an unknown kind and
+    for options that do not apply, InputError if colours, textures or uv are missing, or if the map belongs to
+    other meshes.
     """
     if kind not in KINDS:
         raise OptionError(f"--from {kind!r} is unknown: choose {' or '.join(KINDS)}")
@@ -239,13 +239,13 @@ def bake_document(
 
 
 def _tints(origin: Document, kind: str) -> tuple[str, ...]:
-    """What the materials of a file do to the textures that are baked out of it."""
+    """Effects of the materials of a file on textures baked from it."""
     found = origin.textures() if kind == "texture" else None
     return () if found is None else found.tints
 
 
 def check_across(kind: str, has_source: bool, across: Across) -> None:
-    """Raise OptionError where what was asked for does not go together."""
+    """Raise OptionError for options that contradict each other."""
     if not has_source:
         if across.by is not None:
             raise OptionError("--map needs another mesh: name it with --source")

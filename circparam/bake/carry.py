@@ -1,10 +1,10 @@
 """Every image of every material, carried from its own uv into one layout over the same faces.
 
-A texel of the new layout shows a point of the surface: a face and barycentric coordinates. The same
-coordinates give the place in the old uv of each texture, where its image is looked up as a sampler would:
-transform, wrap mode, filter. No ray is cast, for faces correspond. Colours are averaged in linear light;
-normals and directions go from the old tangent frame to the surface and from there into the new one. What no
-face covers takes the nearest colour.
+A texel of the new layout shows a point of the surface: a face and barycentric coordinates. The same coordinates
+give the place in the old uv of each texture. The image is looked up there as a sampler does: transform, wrap
+mode, filter. No ray is cast, for faces correspond. Colours are averaged in linear light; normals and directions
+go from the old tangent frame to the surface and from there into the new one. Texels that no face covers take
+the nearest colour.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class CarryOptions:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What is the same for all texels of a page."""
+    """Data that all texels of a page share."""
 
     source: Source
     texels: Texels
@@ -92,7 +92,7 @@ def _painted(work: Work, parts: list[Part], slots: set[Slot], monitor: Monitor) 
     for slot in slots:
         width[slot.page] = max(width.get(slot.page, 0), 3, 1 + max(slot.channels))
     images = {page: np.full((size * size, 4), 255, np.uint8) for page in sorted(width)}
-    for part in parts:  # what threads share is made before them
+    for part in parts:  # shared tables are made before the threads
         _prepare(work.source, part)
     done = 0
     with ThreadPoolExecutor(max(1, min(cores(), 4))) as pool:
@@ -123,8 +123,8 @@ class Part:
 def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part]:
     """The texels in parts of one material each.
 
-    Those that old images magnify are apart, for one sample does for them. So are those of far denser images,
-    which take twice as many along each side.
+    Parts that old images magnify are separate, because one sample is enough there. So are those of far denser
+    images, which take twice as many along each side.
     """
     looks, of = work.source.looks, work.texels.face
     group_of = {member: group for group in groups for member in group.members}
@@ -178,7 +178,7 @@ def without_image(slot: Slot) -> FloatArray:
 
 
 def _prepare(source: Source, part: Part) -> None:
-    """Make what the slots of a part look up."""
+    """Make the tables that the slots of a part look up."""
     for slot in part.group.shown:
         use = part.material.uses.get(slot)
         if use is not None:
@@ -203,8 +203,8 @@ def _store(
 
 
 def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[FloatArray]:
-    """(p, 4) the mean of what each image shows at the samples of texels; of colours that are seen through, or
-    not at all, by how much they are seen.
+    """(p, 4) the mean colour of each image at the samples of texels; transparent colours are weighted by their
+    opacity.
 
     wanted: uses that lie alike (``layout_of``), and their slots: they share the texels that they are looked up
     at.
@@ -245,7 +245,7 @@ def _weight(alpha: Floats, material: Material) -> Floats:
 
 
 def layout_of(source: Source, use: Use) -> tuple[object, ...]:
-    """What uses have in common that are looked up at the same texels."""
+    """Common layout of uses that are looked up at the same texels."""
     shape = source.images[use.image].shape
     return shape, use.uv_set, use.move.tobytes(), use.wrap, use.nearest
 

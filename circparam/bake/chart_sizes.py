@@ -1,4 +1,4 @@
-"""Sizes of charts by what they show: plain ones tiny, and where asked for, sharp ones large."""
+"""Sizes of charts by their images: plain charts tiny, and on request sharp charts large."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
 FEW = 4.0  # texels a side of a chart without an image, and of the smallest with one
-A_FACE = 0.5  # texels a side for each face of it, so that numbers of the file tell its faces apart
+# texels a side for each of its faces, so that numbers of the file tell the faces apart
+A_FACE = 0.5
 PATTERN = 2.0  # times the density of the sharpest image, up to which images that repeat count
 TAIL = 0.01  # share of a chart's surface that may be sharper than the chart
 
@@ -25,7 +26,7 @@ class Sized:
 
 
 def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized | None:
-    """Charts without an image at a few texels; the others at one density, or at that of what they show.
+    """Charts without an image at a few texels; the others at one density, or at that of their images.
 
     layout: of charts with one density, as ``unwrap`` makes them. side: texels of the page. even: whether charts
     with images keep one density; else images that repeat count up to PATTERN times the density of the others.

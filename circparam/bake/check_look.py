@@ -1,8 +1,8 @@
 """Proof that a look stays: source and result drawn from 12 directions, channel by channel, and compared.
 
-Both have the same faces, so both are looked up at the same points of the surface; what a channel shows there is
-drawn without light. Normals and directions are drawn as they lie in space. PSNR is that of whole pictures,
-SSIM that of Wang et al. (2004), with a Gaussian window of 1.5 pixels.
+Both have the same faces, so both are looked up at the same points of the surface. Each channel is drawn without
+light. Normals and directions are drawn as they lie in space. PSNR is that of whole pictures, SSIM that of Wang
+et al. (2004), with a Gaussian window of 1.5 pixels.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from circparam.formats.materials import srgb
 from circparam.geometry.raster import rasterise
 
 PIXELS = 512  # side of a picture
-GROUND = 0.5  # what stands where no surface is
+GROUND = 0.5  # value of pixels without a surface
 MOST = 99.0  # dB of pictures that are the same to the last bit
 # the corners of an icosahedron: 12 directions spread evenly
 GOLDEN = (1 + 5**0.5) / 2
@@ -91,7 +91,7 @@ def _seen(source: Source, direction: FloatArray) -> tuple[FloatArray, IntArray]:
 def _picture(
     source: Source, slot: Slot, xy: FloatArray, pixel: IntArray, face: IntArray
 ) -> FloatArray:
-    """(PIXELS, PIXELS, c) what a slot shows."""
+    """(PIXELS, PIXELS, c) the picture of a slot."""
     out = np.full((PIXELS * PIXELS, max(3, len(slot.channels))), GROUND)
     texels = Texels(PIXELS, pixel, face, pixel, 0, len(pixel))
     work = Work(source, texels, xy, None)
@@ -106,7 +106,7 @@ def _picture(
 
 
 def _values(work: Work, part: Part, slot: Slot, material: Material) -> FloatArray:
-    """(p, c) what a slot of a material stands for: a texel and its factor, colours coded as sRGB."""
+    """(p, c) values of a slot of a material: texel times factor, colours coded as sRGB."""
     texels, use, own = work.texels, material.uses.get(slot), material.factors[slot]
     pixel, face = texels.pixel[part.at], texels.face[part.at]
     value: FloatArray

@@ -1,4 +1,4 @@
-"""``circparam.bake``: what ``circparam bake`` does, for files and documents in Python."""
+"""``circparam.bake``: ``circparam bake`` for files and documents in Python."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def bake_mesh(
     """Carry colours, a texture, normals or heights into the uv of a mesh.
 
     mesh: a file or a ``Document`` with uv. kind: texture, vertex-colors, normals or height. output: an image
-    (.png) or the mesh with the image inside (.glb); None writes nothing. source: what has the colours or the
-    shape, None for the mesh itself. across: how places are found on the source. keywords: uv_set, size in
+    (.png) or the mesh with the image inside (.glb); None writes nothing. source: the mesh with the colours or
+    the shape, None for the mesh itself. across: how places are found on the source. keywords: uv_set, size in
     texels, monitor, see ``bake_document``.
 
-    Returns the images by tile and what is to be told of them. Raises OptionError, InputError, OutputError.
+    Returns the images by tile and the notes on them. Raises OptionError, InputError, OutputError.
     """
     target = None if output is None else Path(output)
     if target is not None:

@@ -1,4 +1,4 @@
-"""What a bake of one image would leave behind: textures drawn for the uv that it replaces."""
+"""Textures that a bake of one image would leave behind, drawn for the replaced uv."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from circparam.errors import CircparamError, InputError
 from circparam.formats.document import Document
 
-# what --from texture carries, as glTF, OBJ and PLY call it
+# channels that --from texture carries, by their names in glTF, OBJ and PLY
 ONE = ("base colour", "diffuse", "map_kd", "texture")
 HOW = "carry all of them with circparam bake --all, or with circparam unwrap --rebake"
 
@@ -17,7 +17,7 @@ HOW = "carry all of them with circparam bake --all, or with circparam unwrap --r
 def check_left_behind(
     path: Path, document: Document, source: Document | None, kind: str, uv_set: int
 ) -> list[str]:
-    """What to say of textures of the source that one image does not hold.
+    """Notes on textures of the source that one image does not hold.
 
     Raises InputError where a GLB would show textures of the document in uv that they were not drawn for.
     """
@@ -38,9 +38,7 @@ def _textures(document: Document, uv_set: int | None) -> list[str]:
     all."""
     try:
         looks = document.looks()
-    except (
-        CircparamError
-    ):  # what cannot be carried is not left behind in silence: reading textures tells it
+    except CircparamError:  # reading textures reports images that cannot be carried
         return []
     if looks is None:
         return []

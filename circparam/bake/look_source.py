@@ -37,7 +37,7 @@ class Source:
 
     @classmethod
     def of(cls, document: Document, keep_tiled: bool = False) -> Source:
-        """What a document shows; keep_tiled: without the materials whose images repeat.
+        """The look of a document; keep_tiled: without the materials whose images repeat.
 
         Raises InputError where images or uv are missing, broken or not finite.
         """

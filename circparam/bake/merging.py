@@ -1,7 +1,7 @@
 """Which materials become one, and the arithmetic of factors that then go into texels.
 
-A factor common to a group stands in its material, and a texel holds what is left: for one material that is the
-texel it had. Means are taken of values in linear light.
+A factor common to a group stands in its material, and a texel holds the rest. For a single material the texel
+is unchanged. Means are taken of values in linear light.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FILL = {
 
 
 def groups_of(looks: Looks, merge: bool, kept: frozenset[int] = frozenset()) -> tuple[Group, ...]:
-    """The materials that faces show, each on its own or with those that differ from it in textures and factors
+    """The materials of the faces, each alone or grouped with materials that differ in textures and factors
     only.
 
     Materials that merging gives nothing, since none of them shows an image, stay as they are.
@@ -70,7 +70,7 @@ def common_factor(slot: Slot, values: Sequence[FloatArray]) -> FloatArray:
 def fitted(slot: Slot, texel: FloatArray, own: FloatArray, common: FloatArray) -> FloatArray:
     """Texels (p, c) beside a common factor that stand for the same values as beside their own.
 
-    Only for what is no direction: products, occlusion, ranges.
+    Only for values that are no directions: products, occlusion, ranges.
     """
     if (own == common).all():
         return texel

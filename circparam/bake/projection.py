@@ -1,9 +1,9 @@
 """Where each texel of one surface lies on another: along its smooth normal within a cage, or by a map.
 
-Light falls in from the cage: from D above the low surface along its smooth normal to D below it, and the first
-face of the source that looks the same way is met. A ray that meets none takes the closest point of such a face
-within twice the cage, and where there is none the texel stays empty and is grown over like padding.
-With a map the target is first moved onto the source, every vertex to its place; what is met nearest counts.
+Rays start on the cage: from D above the low surface along its smooth normal to D below. The first face of the
+source that looks the same way is met. A ray without such a face takes the closest point of one within twice the
+cage. Otherwise the texel stays empty and is filled like padding. With a map the target is first moved onto the
+source, every vertex to its place. Rays then take the nearest hit.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Projection:
             size = float(np.linalg.norm(np.ptp(target.points[target.faces].reshape(-1, 3), axis=0)))
             self.cage = CAGE * size if cage is None else cage
             self.reach = np.full(len(target.faces), self.cage)
-        else:  # a face may cut through what is curved between its corners, by less than it is wide
+        else:  # a face may cut through a curved source between its corners, by less than its width
             sides = self.corners - self.corners[:, [1, 2, 0]]
             self.reach = np.linalg.norm(sides, axis=2).max(1)
             self.cage = float(self.reach.max())
@@ -128,7 +128,8 @@ class Projection:
         return Landed(hits.face, hits.bary, hits.t)
 
     def height_range(self, layout: UVMap) -> float:
-        """The height that white stands for, black for its opposite: the cage, or what the map's texels need."""
+        """The height of white, black for its opposite: the cage, or the largest height that the map's texels
+        need."""
         if not self.mapped:
             return self.cage
         face = np.repeat(np.flatnonzero((layout.uv_faces >= 0).all(1)), len(PROBES))
@@ -137,7 +138,7 @@ class Projection:
         return max(float(np.abs(landed.height[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
 
     def note(self) -> str:
-        """How many rays met nothing, and what came of them."""
+        """The share of rays without a hit, and their replacement."""
         tally = self.tally
         missed, empty = (tally.share(count) for count in (tally.missed, tally.empty))
         return (
@@ -155,7 +156,7 @@ class Projection:
         self.tally = Tally()
 
     def check(self) -> None:
-        """Raises InputError where hardly any texel found its place: what was given does not belong together."""
+        """Raises InputError if hardly any texel finds its place, because the meshes do not belong together."""
         tally = self.tally
         if self.mapped and tally.share(tally.missed) > LOST:
             raise InputError(
@@ -180,7 +181,7 @@ def in_blocks(paint: Paint) -> Paint:
 
 
 def through(projection: Projection, paint: Paint, channels: int) -> Paint:
-    """What a paint of the source shows at the places of the target's texels; NaN where there is none."""
+    """Values of a paint of the source at the places of the target's texels; NaN without a place."""
 
     def painted(face: IntArray, bary: FloatArray) -> FloatArray:
         landed = projection.find(face, bary)
@@ -197,8 +198,8 @@ def normal_paint(
 ) -> Paint:
     """The normals of the source in the tangent space of the target, x y z as red green blue, +Y up.
 
-    The target's normals are those of its file (glTF), else smooth; with a map they are those of the target
-    moved onto the source, so that a normal turns with the surface that carries it.
+    The target's normals are those of its file (glTF), else smooth. With a map they are the normals of the
+    target moved onto the source, so a normal turns with its surface.
     """
     seen = source.normals()
     if seen is None:
@@ -218,7 +219,7 @@ def normal_paint(
 
 
 def target_frames(projection: Projection, target: Document, layout: UVMap) -> Frames:
-    """The frames in which normals are told: the target's own, or those it has moved onto the source."""
+    """The frames of the normals: the target's own, or those of the target moved onto the source."""
     if not projection.mapped:
         return own_frames(target, layout)
     return _frames(projection.corners, projection.vertex, projection.normals, layout)

@@ -61,10 +61,10 @@ HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf"), "obj": ("obj",), "ply"
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What became of the materials and images of a file.
+    """The materials and images of a file after a bake.
 
     size: texels a side of every new image. pages: their names. materials: how many faces showed, before and
-    after. sharp: what is left of the density of every old image. covered: share of the page in charts.
+    after. sharp: share of the density that is left of every old image. covered: share of the page in charts.
     draw_calls: before and after, as ``Document`` has them; None where that is open.
     """
 
@@ -74,7 +74,7 @@ class Look:
     sharp: list[Sharpness]
     covered: float
     notes: list[str] = field(default_factory=list)
-    checked: dict[str, Any] | None = None  # what --check-look found
+    checked: dict[str, Any] | None = None  # figures of --check-look
     draw_calls: tuple[int, int] | None = None
 
     def as_dict(self) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def rebake(
     source, listener, options: as for ``circparam.unwrap``. output: a file of the same family of formats.
     keywords: the fields of ``Options`` and of ``LookOptions``: size, merge_materials, samples, check_look.
 
-    Returns the result of the unwrap and what became of images and materials. Raises what ``unwrap`` does, and
+    Returns the result of the unwrap and the new images and materials. Raises the errors of ``unwrap``, and
     InputError for images that cannot be carried.
     """
     names = specs(LookOptions)
@@ -129,7 +129,7 @@ def rebake_document(
 ) -> tuple[Result, Look]:
     """Unwrap a file and write it with its images in the new layout.
 
-    Raises what ``unwrap_document`` does, OptionError where an option leaves no single page, InputError for
+    Raises the errors of ``unwrap_document``, OptionError if an option leaves no single page, InputError for
     images that cannot be carried; all but the first before any work.
     """
     check_page(options, look)
@@ -157,7 +157,7 @@ def rebake_document(
 def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monitor) -> Result:
     """A page for the images of a source, at the size and the densities that they ask for.
 
-    options: with the format of the output. Raises what ``unwrap_document`` does.
+    options: with the format of the output. Raises the errors of ``unwrap_document``.
     """
     document = source.document
     size = look.fixed_size or options.resolution or needed_size(source, None)
@@ -209,7 +209,7 @@ def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
 def carried_looks(
     source: Source, result: Result, look: LookOptions, monitor: Monitor
 ) -> tuple[Carried, Look]:
-    """The images of a source on the page of a result, and what became of them."""
+    """The images of a source on the page of a result, and their figures."""
     o, layout = result.options, UVMap(result.uv, result.uv_faces)
     how = CarryOptions(o.resolution or DEFAULT_RESOLUTION, look.samples or 2, look.merge)
     with monitor.stage("textures"):
@@ -234,7 +234,7 @@ def as_written(
 
 
 def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
-    """What --check-look finds in a file that was written."""
+    """The figures of --check-look for a written file."""
     faces = np.arange(len(source.looks.face))
     face_map = faces if written.face_map is None else written.face_map
     with monitor.stage("look"):
@@ -242,7 +242,8 @@ def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dic
 
 
 def _at_size(result: Result, size: int, grows: bool) -> Result:
-    """A result on a page of another size, with what its padding is there; as it is where that is too little.
+    """A result on a page of another size, with the padding of that size; unchanged if that padding is too
+    small.
 
     grows: the padding is that of ``--padding auto``, which a smaller page needs less of.
     """
@@ -336,7 +337,7 @@ def check_home(document: Document, target: str, look: LookOptions) -> None:
 
 
 def _look(source: Source, layout: UVMap, carried: Carried, texels: Texels) -> Look:
-    """The figures of what was carried, and the lines that a user must read."""
+    """The figures of the carried images, and the lines that a user must read."""
     sharp = sharpness(source, layout, texels.size)
     before = len(np.unique(source.looks.face))
     notes = blurred(sharp, texels.size)

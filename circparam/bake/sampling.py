@@ -23,7 +23,7 @@ Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
 # Nearest samples whose faces are tried for the closest point, and steps from the best one to its neighbours.
 CANDIDATES = 6
-FACING = 24  # of those that must look the same way: of a thin part half are on its back
+FACING = 24  # nearest samples that must look the same way: half of a thin part are on its back
 MOST_STEPS = 8
 
 # Samples of a surface: some for every face, so many that small meshes are sampled finely, and no more than
@@ -48,8 +48,8 @@ def corner_paint(corners: FloatArray) -> Paint:
 def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tuple[Paint, int]:
     """The textures of a mesh through their own uv; returns (paint, channels: 4 where an image has alpha).
 
-    shrink: texels of the source for one texel of the target; above 2 the images are averaged down first, so
-    that fine detail does not turn into noise. Faces without image or uv take their plain colour.
+    shrink: texels of the source for one texel of the target. Above 2 the images are averaged down first, so
+    fine detail does not turn into noise. Faces without image or uv take their plain colour.
     """
     pictures = [decode(*pair) for pair in zip(textures.images, textures.names, strict=True)]
     channels = 4 if any(p.mode == "RGBA" for p in pictures) else 3
@@ -90,8 +90,8 @@ def texel_ratio(old: UVMap, old_size: float, new: UVMap, new_size: float) -> flo
 class Closest:
     """Closest points on a surface, for many places at once.
 
-    Every face is sampled, more often where it is larger; the exact closest point is sought on the faces of
-    the nearest samples, and then on the neighbours of the best face for as long as one of them is nearer.
+    Every face is sampled, larger ones more often. The exact closest point is sought on the faces of the nearest
+    samples, then on the neighbours of the best face while one of them is nearer.
     """
 
     def __init__(self, points: FloatArray, faces: IntArray) -> None:
@@ -122,9 +122,9 @@ class Closest:
     ) -> tuple[IntArray, FloatArray, FloatArray]:
         """For places (p, 3): ((p,) face, (p, 3) barycentric coordinates, (p,) distance).
 
-        normals: (p, 3); given, only faces that look the same way count (all do for a normal of length 0), and
-        the distance is infinite where none of those near does. far: beyond it any face may be told, at its
-        distance: what lies round places at a distance, as a ball round its middle, would be sought for hours.
+        normals: (p, 3). If given, only faces that look the same way count (all do for a normal of length 0).
+        The distance is infinite if no near face does. far: beyond this distance any face may be returned, at
+        its distance. An exact search from the middle of a distant ball would take hours.
         """
         if len(places) == 0:
             return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)

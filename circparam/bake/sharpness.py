@@ -47,7 +47,7 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
 
 
 def sharpness(source: Source, layout: UVMap, size: int) -> list[Sharpness]:
-    """What is left of the density of every image."""
+    """Share of the density left of every image."""
     return [
         Sharpness(name, min(1 / dense, 1.0) if dense > 0 else 1.0, tiled)
         for name, dense, tiled in _densities(source, layout, size)
@@ -95,8 +95,8 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
 
 
 def _flat(area: FloatArray, shows: BoolArray) -> FloatArray:
-    """(m, 3, 2) triangles of the areas that faces will have on a page of side 1; shows: (m,) those with an
-    image, for the others take a few texels."""
+    """(m, 3, 2) triangles with the areas of the faces on a page of side 1; shows: (m,) faces with an image, the
+    others take a few texels."""
     whole = area[shows].sum()
     side = np.sqrt(area / whole * FILLED) if whole > 0 else area
     out = np.zeros((len(area), 3, 2))

@@ -1,7 +1,7 @@
-"""An image that is looked up at many places: its codes as whole words, averages of it in levels, wrap modes.
+"""An image for many look-ups: its codes as whole words, averaged levels, wrap modes.
 
 Samples blend the four texels round a place in linear light, as graphics hardware does for sRGB textures
-(bilinear), in the level whose texels are about as large as what a sample stands for.
+(bilinear). They use the level whose texels have about the size of a sample.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FLOATS = 1 << 22  # pixels up to which an image is decoded as a whole, in 64 MB
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Texels (p,) to blend: one, or upper left, upper right, lower left and lower right with the shares (p, 1)
+    """Texels (p,) to blend: one, or upper left, upper right, lower left and lower right, with the shares (p, 1)
     of the right and the lower ones."""
 
     texels: list[IntArray]

@@ -1,7 +1,7 @@
 """Which surface point each texel of a layout shows, and how far apart neighbouring texels lie in an old layout.
 
 A texel whose centre a face covers shows the point under its centre. The ring of texels round a chart shows the
-nearest point of the chart, so that a bilinear sample at the very edge of a chart has that edge's own colour.
+nearest point of the chart. A bilinear sample at the very edge therefore has the colour of that edge.
 """
 
 from __future__ import annotations

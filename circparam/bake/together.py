@@ -24,7 +24,7 @@ from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.together import SharedAtlas, check_together, outputs_in, save_together
 
-STEM = "atlas"  # what the names of shared images begin with
+STEM = "atlas"  # prefix of the names of shared images
 
 
 def rebake_together(
@@ -41,8 +41,8 @@ def rebake_together(
     sources, folder, names: as for ``circparam.unwrap_together``. keywords: as for ``circparam.rebake``. The
     images lie in the folder as ``atlas_NAME.png``; a GLB holds them itself.
 
-    Returns the atlas and what became of images and materials. Raises what ``unwrap_together`` and ``rebake``
-    do, for any of the files, and then writes none.
+    Returns the atlas and the new images and materials. Raises the errors of ``unwrap_together`` and ``rebake``
+    for any of the files, and then writes none.
     """
     known = specs(LookOptions)
     look = LookOptions(**{k: v for k, v in keywords.items() if k in known})
@@ -97,7 +97,7 @@ def _check_images(source: Source, folder: Path, look: LookOptions, overwrite: bo
 def _checked(
     documents: Sequence[Document], shared: SharedAtlas, monitor: Monitor
 ) -> dict[str, Any]:
-    """What --check-look finds in each textured file; the figures of the whole are those of the worst."""
+    """The figures of --check-look for each textured file; the figures of the whole are those of the worst."""
     found = {}
     with monitor.stage("look"):
         for document, part in zip(documents, shared.parts, strict=True):

@@ -48,12 +48,12 @@ def check_up(path: Path, document: Document, up: str | None) -> None:
 def write_baked(
     path: Path, baked: Baked, document: Document, uv_set: int, kind: str, up: str | None = None
 ) -> tuple[list[Path], list[str]]:
-    """Write what was baked: (files, notes).
+    """Write a baked image: (files, notes).
 
     .png: one file, or NAME.1001.png and so on where the layout has several tiles. .glb: the document with the
-    layout and the image inside; a single unit square only; with 'normals' the frames that they are told in go
-    along as NORMAL and TANGENT. up: the axis that points up where a mesh becomes glTF; None: what its format
-    means. Raises OptionError, OutputError.
+    layout and the image inside, for a single unit square. With 'normals' their frames are stored as NORMAL and
+    TANGENT. up: the axis that points up if a mesh becomes glTF; None: the axis of its format. Raises
+    OptionError, OutputError.
     """
     check_target(path, kind)
     if path.suffix.lower() == ".png":
@@ -86,14 +86,15 @@ def write_baked(
 
 
 def _untold(baked: Baked, document: Document | None = None) -> list[str]:
-    """What materials did to the colours, and the output does not show; those of a glTF document still do it."""
+    """Effects of materials on the colours that the output does not show; a glTF document keeps its own
+    materials."""
     found = document.textures() if isinstance(document, GltfDocument) else None
     kept = () if found is None else found.tints
     return [f"{line}, which is not part of the image" for line in baked.tints if line not in kept]
 
 
 def _gloss_notes(document: Document) -> list[str]:
-    """What is said of materials that become metallic-roughness ones."""
+    """Notes on materials that become metallic-roughness ones."""
     materials = (
         document.tree.json.get("materials", []) if isinstance(document, GltfDocument) else []
     )
@@ -202,7 +203,7 @@ def _dress(tree: dict[str, Any], texture: dict[str, int], slot: Slot) -> None:
 
 
 def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
-    """Put the texture into a material's base colour; what tints it, or lets light through, stays."""
+    """Put the texture into the base colour of a material; its tint and its transparency stay."""
     gloss = material.get("extensions", {}).pop(GLOSS, None)
     if material.get("extensions") == {}:
         material.pop("extensions")
@@ -223,7 +224,7 @@ def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
     if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
         factor_alone = (
             "specularGlossinessTexture" not in gloss
-        )  # else the factor is but a part of it
+        )  # otherwise the factor is only a part of the value
         pbr["metallicFactor"] = 0.0
         pbr["roughnessFactor"] = (
             1.0 - float(gloss.get("glossinessFactor", 1.0)) if factor_alone else 0.9

@@ -16,8 +16,8 @@ class PlacedCharts:
     """Charts as they lie on their pages, to be checked: in uv of the page each part lies on.
 
     start, end: (b, 2) outline edges, edge_owner: (b,) their charts. page: (n,) page of each chart. simple: (n,)
-    charts that are told from their outlines (``Shapes.simple``), none if left out. corners: (m, 3, 2) of the
-    faces that outlines do not tell of, owner: (m,) their charts.
+    charts whose outlines tell their covered texels (``Shapes.simple``), none if left out. corners: (m, 3, 2) of
+    the faces that outlines do not tell of, owner: (m,) their charts.
     """
 
     corners: FloatArray
@@ -44,7 +44,7 @@ class PlacedCharts:
 def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, FloatArray]:
     """Check a finished layout on the raster, as single-precision numbers, which formats store.
 
-    Returns (what is wrong or None, (pages,) covered share of each page).
+    Returns (the fault or None, (pages,) covered share of each page).
     """
     share = np.zeros(options.pages)
     for tile in range(options.pages):

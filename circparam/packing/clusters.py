@@ -45,8 +45,8 @@ def pack_clusters(
     """Place charts so that those of a group lie in a box that no other group reaches into.
 
     faces (m, 3) into uv (nv, 2), chart (m,), group (n_charts,) labels 0..k-1. All charts have one scale. Boxes
-    are as square as can be, or as wide as a page, whichever leaves charts larger; square ones are turned by
-    quarters where charts may be turned. Raises OptionError where a fixed scale leaves no room.
+    are nearly square, or as wide as a page, whichever leaves charts larger. Square boxes are turned by quarters
+    if charts may be turned. Raises OptionError where a fixed scale leaves no room.
     """
     charts = _Charts(faces, uv, chart, group)
     options = replace(options, effort=SHARE * options.effort)
@@ -97,7 +97,7 @@ def _clustered(
         more = placed.scale * options.resolution  # times as large as they are packed
         if more >= 1 - 1e-9 and (best is None or scale * more > best.scale * options.resolution):
             best = _moved(charts, boxes, placed, scale * more / options.resolution)
-        # strips fill the width of a page at any scale, so what is left of its height tells
+        # strips fill the width of a page at any scale, so the height left is the measure
         height = (boxes.size[:, 1] + options.gap).sum() / (options.pages * options.resolution)
         larger = float(np.sqrt(1 / height)) if strips and more >= 1 else more
         if fixed is not None or (more >= 1 and larger <= CLOSE):

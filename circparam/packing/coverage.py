@@ -1,9 +1,9 @@
-"""Which texels charts cover, told from their outlines: much less work than all faces where these are many.
+"""Texels covered by charts, from their outlines: much less work than from many faces.
 
-A chart of which no face is reversed covers a point as often as its outline winds about it: the faces that
-cover the point are counted by the degree of the map, none with a minus. So where the winding number is not 0
-there is the chart. Charts with reversed faces, or with edges at which three faces or faces of opposite
-orientation meet, are scanned face by face.
+A chart without reversed faces covers a point as often as its outline winds about the point. The degree of the
+map counts the faces over the point, none negatively. So where the winding number is not 0 there is the chart.
+Charts with reversed faces, or with edges at which three faces or faces of opposite orientation meet, are
+scanned face by face.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def painted(runs: Runs, side: int) -> tuple[LabelGrid, int]:
     head = np.flatnonzero(new)
     right = (reach - group * side)[np.r_[head[1:] - 1, len(order) - 1]] if len(order) else right
     owner, row, left = owner[head], row[head], left[head]
-    # what begins and ends at each texel, summed row by row: where a row is full the next begins with its end
+    # beginnings less ends at each texel, summed row by row: after a full row the next begins with its end
     begin, stop = row * side + left, row * side + right + 1
     label = _steps(begin, stop, owner + 1, side, -1)
     first_come = np.argsort(begin, kind="stable")

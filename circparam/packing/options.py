@@ -1,4 +1,4 @@
-"""What can be asked of packing, and what comes back."""
+"""Options and results of packing."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ class PackOptions:
     def gap(self) -> float:
         """Distance in texels that two charts keep, so that covered centres are padding + 1 apart.
 
-        At least the diagonal of a texel, so that no texel is touched by two charts whatever the padding:
-        that keeps charts apart which are too small to cover any centre.
+        At least the diagonal of a texel, so no two charts touch one texel whatever the padding. This separates
+        charts too small to cover any centre.
         """
         return max(lattice_gap(self.padding), math.sqrt(2)) + MARGIN
 
@@ -75,8 +75,8 @@ class PackOptions:
     def border(self) -> float:
         """Distance in texels that charts keep from the border of the page.
 
-        The centre of texel ``padding − 1`` is half a texel nearer to the border than the texel's inner side,
-        and it is the last one that must stay empty.
+        The centre of texel ``padding − 1``, the last that must stay empty, is half a texel nearer to the border
+        than the texel's inner side.
         """
         return max(self.padding - 0.5, 0.0) + MARGIN
 
@@ -116,8 +116,8 @@ MARGIN = 0.01
 def lattice_gap(padding: int) -> float:
     """Largest distance below padding + 1 that two texel centres can have.
 
-    Charts further apart than this have covered centres at least padding + 1 apart, since no two centres of
-    the grid have a distance in between: 2·√5 = 4.472 does for padding 4, where 5 seems to be needed.
+    Charts further apart than this have covered centres at least padding + 1 apart. No two centres of the grid
+    have a distance in between: for padding 4, 2·√5 = 4.472 is enough in place of 5.
     """
     bound = (padding + 1) ** 2
     best = 0
@@ -130,9 +130,9 @@ def lattice_gap(padding: int) -> float:
 def strip_gap(padding: int, normal: FloatArray) -> FloatArray:
     """Width in texels of an empty strip that keeps covered centres padding + 1 apart: normal (k, 2) → (k,).
 
-    Two centres on its sides at a distance below padding + 1 have a difference (a, b) in whole texels; the
-    strip is wide enough when no such (a, b) reaches across it. 4 for an upright strip and padding 4, up to
-    ``lattice_gap`` for a slanted one.
+    Two centres on its sides at a distance below padding + 1 differ by whole texels (a, b). The strip is wide
+    enough if no such (a, b) reaches across it. 4 for an upright strip and padding 4, up to ``lattice_gap`` for
+    a slanted one.
     """
     a = np.arange(padding + 1)
     b = np.array([math.isqrt((padding + 1) ** 2 - 1 - int(x) ** 2) for x in a])
@@ -144,9 +144,9 @@ def strip_gap(padding: int, normal: FloatArray) -> FloatArray:
 class Packed:
     """A packed layout.
 
-    uv: (nv, 2) float64 in the unit square, u shifted by the page (UDIM). page: (n,) page of each chart.
-    scale: factor from the uv given to the uv here. share: (pages,) covered share of each page.
-    notes: what the user should know, one line each.
+    uv: (nv, 2) float64 in the unit square, u shifted by the page (UDIM). page: (n,) page of each chart. scale:
+    factor from the uv given to the uv here. share: (pages,) covered share of each page. notes: for the user,
+    one line each.
     """
 
     uv: FloatArray

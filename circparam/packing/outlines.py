@@ -16,8 +16,8 @@ from circparam.mesh.halfedge import run_opposite, sort_by_edge
 
 _QUARTER = np.pi / 2
 
-# Directions in which the furthest vertices are looked for, to tell which others cannot be on a convex hull; and
-# how far inside, as a share of a chart's radius, a vertex still counts as outside: rounding.
+# Directions of the furthest vertices, which show vertices inside the convex hull; and the tolerance of this
+# test for rounding, as a share of a chart's radius.
 DIRECTIONS = 16
 HULL_ROUNDING = 1e-12
 
@@ -51,7 +51,7 @@ class Shapes:
     def simple(self) -> BoolArray:
         """(n,) charts with area, no face of which is reversed, whose edges have two faces of one orientation.
 
-        Their outlines tell what they cover: the winding number there is the number of faces at a point.
+        The winding number of their outlines at a point is the number of faces over the point.
         """
         signed = self._doubled
         runs = sort_by_edge(self.faces, len(self.points))
@@ -64,7 +64,8 @@ class Shapes:
 
     @cached_property
     def scanned(self) -> BoolArray:
-        """(m,) faces that outlines do not tell of: those of charts that are not simple, those without area."""
+        """(m,) faces whose texels outlines do not give: faces of charts that are not simple, and faces without
+        area."""
         return np.asarray(~self.simple[self.chart] | (self._doubled == 0))
 
     @cached_property
@@ -102,7 +103,7 @@ class Shapes:
         for a, b in zip(furthest, furthest[1:] + furthest[:1], strict=True):
             length = np.sqrt(((b - a) ** 2).sum(1))[own]
             outside |= cross2((b - a)[own], p - a[own]) <= room * length
-        # a chart without extent, or all on a line, keeps what it has
+        # a chart without extent, or on a line, keeps its angle
         kept = np.flatnonzero(outside)
         return v[kept], np.searchsorted(own[kept], np.arange(self.n + 1)).astype(np.int64)
 
@@ -127,8 +128,8 @@ class Shapes:
 
     @cached_property
     def _hull_points(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """(h,) chart, (n,) first, (h,) x and y of the points of ``hull``; x and y (k, n) where no chart has
-        more than k of them, a few: the first ones then stand for those that are missing."""
+        """(h,) chart, (n,) first, (h,) x and y of the points of ``hull``. If no chart has more than a few
+        points k, x and y are (k, n), filled up with the first points."""
         v, at = self.hull
         first, count = at[:-1], np.diff(at)
         if count.max() <= DIRECTIONS:
@@ -189,8 +190,8 @@ class Shapes:
 def shapes_of(faces: IntArray, uv: FloatArray, chart: IntArray) -> Shapes:
     """Charts of a layout: faces (m, 3), uv (nv, 2), chart (m,) labels 0..n-1.
 
-    Raises OptionError where arrays do not fit, uv are not finite, labels leave gaps, or two charts share a
-    uv vertex (they could not be moved apart).
+    Raises OptionError if arrays do not fit, uv are not finite, labels leave gaps, or two charts share a uv
+    vertex and cannot move apart.
     """
     faces = np.asarray(faces, np.int64)
     uv = np.asarray(uv, np.float64)
@@ -292,7 +293,7 @@ def least_square_angles(
     return _best_angles(shapes, "square", steps, rounds)
 
 
-# what an angle costs, by the width and the height of the bounding box
+# cost of an angle, by the width and the height of the bounding box
 COSTS: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "box": np.multiply,
     "square": np.maximum,

@@ -30,9 +30,9 @@ def pack(
     """Place charts on pages: faces (m, 3) into uv (nv, 2), chart (m,) labels 0..n-1.
 
     All charts get one scale, so relative sizes are kept. Charts are moved, turned as the options allow, and
-    scaled, never mirrored. On a raster of the stated resolution the covered texel centres of two charts are
-    at least padding + 1 apart and padding texels are empty at the border of the page. start: a layout to go on
-    from, with offsets of the origin of the uv in texels of the page; its gaps may be somewhat narrow.
+    scaled, never mirrored. On a raster of the stated resolution the covered texel centres of two charts are at
+    least padding + 1 apart. At the border of the page padding texels are empty. start: a layout to continue,
+    with offsets of the origin of the uv in texels of the page; its gaps may be somewhat narrow.
 
     Raises OptionError where the charts cannot fit (padding, density or sizes too large, too many charts),
     NoResultError where no chart has any extent.
@@ -50,7 +50,7 @@ def pack(
         candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound, begun))
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
-        # the largest scale, then the fewest pages; what the check refuses gives way to the next
+        # the largest scale, then the fewest pages; the next one follows if the check refuses
         candidates.sort(key=lambda p: (-p.scale, int(p.page.max())))
         for placement in candidates:
             packed, wrong = checked(placement)
@@ -71,7 +71,7 @@ def _centred(shapes: Shapes, uv: FloatArray, start: Placement) -> Placement:
 
 
 class _Check:
-    """What ``finish`` says, once for each placement: it fills a raster of the whole page."""
+    """The result of ``finish``, once for each placement: it fills a raster of the whole page."""
 
     def __init__(self, shapes: Shapes, options: PackOptions) -> None:
         self._shapes, self._options = shapes, options
@@ -115,7 +115,7 @@ def _with(found: dict[str, Placement], row: Row[Packer], task: PackTask) -> dict
 
 
 def check_room(shapes: Shapes, options: PackOptions) -> None:
-    """Refuse what can never fit: more charts than a page has places, or nothing with any extent."""
+    """Refuse impossible tasks: more charts than a page has places, or charts without extent."""
     if not shapes.radius.max() > 0:
         raise NoResultError("no chart has any extent in uv: there is nothing to pack")
     side = options.resolution - 2 * options.border
@@ -129,7 +129,7 @@ def check_room(shapes: Shapes, options: PackOptions) -> None:
 
 
 def check_fixed_room(shapes: Shapes, options: PackOptions) -> None:
-    """Refuse at once what cannot fit at the scale the user fixed: too much area, or a chart too long."""
+    """Refuse impossible tasks at the scale that the user fixed: too much area, or a chart too long."""
     scale = options.fixed_scale
     if scale is None:
         return
@@ -139,7 +139,7 @@ def check_fixed_room(shapes: Shapes, options: PackOptions) -> None:
     box = shapes.boxes(least_square_angles(shapes, options.rotate))
     side = (box[:, 2:] - box[:, :2]).max(1) * scale
     room = options.resolution - 2 * options.border
-    # the least square is searched in steps: what is too long by little is left to the packers
+    # the least square is searched in steps: the packers decide on charts slightly too long
     if side.max() > 1.01 * room:
         raise OptionError(
             f"the longest chart has {side.max():.0f} texels, and a page of {options.resolution} has room "
@@ -166,7 +166,7 @@ def does_not_fit(shapes: Shapes, options: PackOptions) -> str:
 
 
 def finish(shapes: Shapes, placement: Placement, options: PackOptions) -> tuple[Packed, str | None]:
-    """uv of a placement, checked on the raster: returns (packed, what is wrong or None)."""
+    """uv of a placement, checked on the raster: returns (packed, the fault or None)."""
     local = shapes.place(placement.angle, placement.offset, placement.scale) / options.resolution
     charts = PlacedCharts(
         local[shapes.faces[shapes.scanned]],

@@ -1,4 +1,4 @@
-"""Where every chart lies, and what a packer is given to find it: the common words of all packers."""
+"""Placements of all charts, and the task of a packer: the common data of all packers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Placement:
 
 @dataclass(frozen=True, eq=False)
 class PackTask:
-    """What a packer is given.
+    """The task of a packer.
 
     found: placements of the packers before it, by the name of their row; it may start from them.
     sound: whether a placement passes the check on the raster (a packer may ask before it settles for one).
@@ -57,9 +57,9 @@ class Packer:
     """The function of a row of ``PACKERS``; called with a task, it places the charts.
 
     place: PackTask → Placement, or None where it finds none; the caller checks it on the raster. applies:
-    whether the packer is worth its time for these charts and options. instant: it takes no time, so that it
-    runs after the deadline too, and what it finds is only a start. fallback: it is tried for any charts where
-    no other packer found more than a start.
+    whether the packer is worth its time for these charts and options. instant: the packer takes no time, so it
+    runs after the deadline too, and its result is only a start. fallback: it is tried for any charts where no
+    other packer found more than a start.
     """
 
     place: Place

@@ -40,7 +40,7 @@ class Room:
 def find_room(
     shapes: Shapes, pages: Sequence[FloatArray], options: PackOptions, exact: bool
 ) -> Room | None:
-    """Places for charts, whose units are pages, beside what lies on pages; None where there are none.
+    """Places for charts, whose units are pages, on pages in use; None if there are none.
 
     pages: (t, 3, 2) triangles on each page, in the unit square. exact: at the sizes that the charts have; else
     smaller where that is needed, all alike.
@@ -62,7 +62,7 @@ def find_room(
 
 
 def free_share(pages: Sequence[FloatArray], options: PackOptions) -> float:
-    """Pages that nothing lies on, in pages, without the gaps round what lies there."""
+    """Free area in pages, without the gaps round placed charts."""
     side = min(options.resolution, SIDE)
     return float(sum(1.0 - cells_of(t * side, side, side).mean() for t in pages))
 
@@ -95,7 +95,7 @@ class _Grid:
         return out
 
     def paint(self, used: BoolArray, cells: BoolArray, row: int, column: int) -> None:
-        """Block a chart that was placed, and what is near it."""
+        """Block the cells of a placed chart and its neighbourhood."""
         from scipy.ndimage import binary_dilation
 
         reach = self.reach()
@@ -227,8 +227,8 @@ def _first(free: BoolArray, count: int = 8) -> list[tuple[int, int]]:
 def cells_of(triangles: FloatArray, height: int, width: int) -> BoolArray:
     """(height, width) bool, row by y: cells that triangles (t, 3, 2), in cells, touch anywhere.
 
-    Each triangle is cut by the slab of every row of cells that it reaches; what it covers of that row is one
-    interval, since triangles are convex.
+    The slab of every row of cells cuts each triangle that it meets. The covered part of the row is one
+    interval, because triangles are convex.
     """
     t = np.asarray(triangles, np.float64).reshape(-1, 3, 2)
     low = np.clip(np.floor(t[:, :, 1].min(1)), 0, height).astype(np.int64)

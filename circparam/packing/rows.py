@@ -1,7 +1,7 @@
 """Rows by size, dropped: very many charts, row by row, each row let down on the one below.
 
-A row is an array operation: its charts lie side by side, and each comes to rest on the columns of the skyline
-below it, upright or turned by half, whichever wastes less. It takes seconds where a skyline takes minutes.
+A row is an array operation. Its charts lie side by side, and each comes to rest on the columns of the skyline
+below, upright or turned by half, whichever wastes less. It takes seconds where a skyline takes minutes.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def row_placement(
 ) -> Placement | None:
     """Charts in dropped rows at the largest scale found, or at the fixed one; None where none fits.
 
-    boxes: a layout of boxes. It is returned where a sample of very many charts does not reach its scale: they
-    are so small that their gaps, which are narrower between boxes, count for more than their shapes.
+    boxes: a layout of boxes. The layout by boxes is returned if a sample of very many charts does not reach its
+    scale. Gaps between boxes are narrower, and count for more than the shapes of such small charts.
     """
     angle = _angles(shapes, options)
     if options.fixed_scale is not None:

@@ -15,8 +15,7 @@ def shelf_placement(
 ) -> Placement | None:
     """Rows of boxes by falling height at the largest scale at which they fit; None where they never do.
 
-    Where the scale is fixed only that one is tried, and a chart whose box is longer than a page is turned to
-    where it fits the least square.
+    A fixed scale is the only one tried. A chart with a box longer than a page is turned to its least square.
     """
     if angle is None:
         angle = least_box_angles(shapes, options.rotate)

@@ -1,7 +1,7 @@
 """Skyline: many charts come to rest one by one on the skyline of those below, each at its best angle.
 
-After Lévy, Petitjean, Ray and Maillot 2002 ("Least squares conformal maps", section 4.3): a chart is known by
-the lower and upper bound of each column, the page by its skyline; a chart comes to rest where it wastes least.
+After Lévy, Petitjean, Ray and Maillot 2002 ("Least squares conformal maps", section 4.3). The lower and upper
+bound of each column stand for a chart, the skyline for the page. A chart comes to rest where it wastes least.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _SHARE, _SHARE_OF_MANY = 0.72, 0.58
 _MANY = 1000
 _FULL = 0.99
 
-# Weight of how high a chart ends, beside the room that it wastes for each of its columns: of charts by size,
-# and by height, which is tried too where there are not many.
+# Weight of the height at which a chart ends, beside its wasted room per column: for charts by size, and by
+# height, an order that is tried for few charts too.
 STEEP, STEEP_BY_HEIGHT = 1.0, 0.5
 
 # Two scales so much apart tell how the height rises; nearer ones tell of single rows.
@@ -203,8 +203,8 @@ class ScaleSearch:
     """The largest scale that fits, looked for: scale is tried next; low fits, high does not.
 
     first: the scale tried first and the height used there over the height there is. The root of the height is
-    nearly linear in the scale, also where most of a page is padding: two tries that are far apart tell the next
-    scale, before that the area that grown charts take does.
+    nearly linear in the scale, even if most of a page is padding. Two distant tries give the next scale; before
+    that, the area of the grown charts does.
     """
 
     shapes: Shapes
@@ -215,7 +215,7 @@ class ScaleSearch:
     first: tuple[float, float] | None = None
 
     def after(self, fits: bool, fill: float) -> ScaleSearch:
-        """What is known after a try. fill: the height used over the height there is."""
+        """The state after a try. fill: the height used over the height there is."""
         low, high = (self.scale, self.high) if fits else (self.low, self.scale)
         first = self.first or (self.scale, fill)
         guess = 0.999 * self._full(fill, *first)

@@ -18,7 +18,7 @@ _QUARTER = np.pi / 2
 @dataclass(frozen=True, eq=False)
 class Straight:
     """angle: (n,) the angle that lays most of each outline along the axes, within a quarter turn. counts: (n,)
-    whether that is so much of it that the chart is to lie so."""
+    whether this border is long enough for the chart to lie along the axes."""
 
     angle: FloatArray
     counts: BoolArray
@@ -31,7 +31,7 @@ class Straight:
 
 
 def along_axes(shapes: Shapes) -> Shapes:
-    """The charts with those upright that have a straight border: most of it lies along the axes."""
+    """The charts, with upright charts if most of their straight border lies along the axes."""
     along = shapes.points[shapes.end] - shapes.points[shapes.start]
     owner = shapes.owner[shapes.start]
     counts = np.zeros(shapes.n, bool)

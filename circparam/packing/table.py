@@ -13,11 +13,11 @@ from circparam.packing.rows import ANGLES, hopeless, row_placement
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
-# Nesting takes the longer the more charts there are, the skyline hardly does: up to 250 charts are nested, from
-# 41 on charts are put on the skyline too, whose layout is at times the better start of the compaction.
+# Charts up to which the nest packer runs, whose time grows with their number; and charts from which the
+# skyline runs too. Its layout is sometimes the better start of the compaction.
 NESTED_UP_TO = 250
-# Rows take a tenth of its time, and are as full at times: more than are nested are put into rows too, and more
-# than 6000 only there.
+# Rows take a tenth of the time of the skyline and are sometimes as full. Charts too many for the nest packer
+# are put into rows too, more than 6000 only into rows.
 SKYLINE_ABOVE = 40
 SKYLINE_UP_TO = 6000
 

@@ -1,4 +1,4 @@
-"""Charts put between others that lie already: a layout of the large ones is gone on with by all."""
+"""Charts placed between others: the layout of the large charts is completed with all small ones."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def lying(placement: Placement) -> BoolArray:
 def filled(
     shapes: Shapes, options: PackOptions, start: Placement, angles: list[FloatArray], budget: Budget
 ) -> Placement | None:
-    """A layout on one page with the charts that lie nowhere put between the others, on the smallest of some
-    pages that holds all; None where none does.
+    """A layout on one page with the unplaced charts put between the others, on the smallest of some pages that
+    holds all; None if no page does.
 
     angles: at which each is tried. budget: of cells that are transformed.
     """
@@ -109,7 +109,7 @@ def _placement(
     frame: _Frame,
     smaller: float,
 ) -> Placement:
-    """All charts on a page of which what lay there takes ``smaller`` of the side."""
+    """All charts on a page. The old layout takes ``smaller`` of its side."""
     angle, offset = start.angle.copy(), frame.cells(start.offset)
     for c, masks, (k, y, x) in zip(put[0].tolist(), board.masks, put[1], strict=True):
         angle[c] = masks.angle[k]

@@ -1,9 +1,9 @@
 """Compact a layout: grow all charts at once until they lock, by linear programs.
 
-Near a layout that is free of overlap the distance between two outlines is, to first order, linear in the
-moves, the turns and the common growth of the charts. The largest growth that keeps all distances is then a
-linear program (compaction after Li and Milenkovic 1995, "Compaction and separation algorithms for
-non-convex polygons", here with turns and growth); a few steps in a shrinking trust region reach the lock.
+Near a layout without overlap the distance between two outlines is linear, to first order, in the moves, the
+turns and the common growth of the charts. The largest growth that keeps all distances is then a linear program:
+the compaction of Li and Milenkovic 1995 ("Compaction and separation algorithms for non-convex polygons") with
+turns and growth. A few steps in a shrinking trust region reach the lock.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from circparam.packing.placement import Placement
 # Rows of one linear program; layouts of real charts have some ten thousand at most.
 MOST_ROWS = 60_000
 
-# Pivots for each chart, after which the simplex counts as stalled (others take a tenth); and what the solver
-# says then.
+# Pivots for each chart, after which the simplex counts as stalled (others take a tenth); and the status of
+# the solver then.
 PIVOTS = 60
 STALLED = 1
 
 # Samples lie at most this share of a trust region apart along the edges.
 STEP = 0.7
 
-# Trust regions in texels of a page of 2048: the first one; the one below which steps gain nothing that the
-# raster could show; and those of the last steps after an early end, which take back what was overshot.
+# Trust regions in texels of a page of 2048: the first; the smallest, below which the raster shows no gain;
+# and those of the last steps after an early end, which correct the error.
 FIRST_TRUST = 32.0
 LEAST_TRUST = 0.25
 LAST_TRUSTS = (1.0, 0.5)
 
-# A step that gains less than this share of what its trust region allows is followed by a shorter one.
+# A step with less than this share of the possible gain is followed by a shorter one.
 LITTLE_GAIN = 0.2
 
 # One that gains less than this share is followed by one a quarter as long: charts are locked, or nearly.
@@ -133,8 +133,8 @@ def compaction_step(
     # unknowns in units of the trust region, so that the solver sees numbers near 1
     matrix.data *= most[matrix.indices] / trust
     right = bound / trust
-    # to presolve takes longer than it saves; the few programs on which the simplex stalls are left to interior
-    # points, which take longer on all others
+    # Presolving takes longer than it saves. The simplex stalls on a few programs; interior points solve them,
+    # and take longer on all others.
     attempts: list[tuple[Any, int]] = [("highs-ds", PIVOTS * (n + 10)), ("highs-ipm", PIVOTS)]
     for method, most_rounds in attempts:
         options: Any = {"presolve": method == "highs-ipm", "maxiter": most_rounds}
@@ -163,13 +163,12 @@ def compact(
 ) -> Placement:
     """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
 
-    trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
-    region allows, and quartered when it gains next to nothing, down to a quarter of a texel. A step after which
-    charts overlap on a coarse raster is not made; one that brings charts so near that a tip may be through a
-    neighbour, or to where no step keeps all distances, is taken back. strict: keep the full gap in all
-    directions, where the width of straight strips would do; for layouts that the check refuses.
-    The budget counts the rows of the programs. The result keeps the distances but for the error of the last
-    step: the caller checks.
+    trust: first trust region in texels of a page of 2048. Half of it follows a step with little of the possible
+    gain, a quarter a step with next to no gain, down to a quarter of a texel. A step that makes charts overlap
+    on a coarse raster is not made. A step is taken back if a tip may be through a neighbour, or if no further
+    step keeps all distances. strict: keep the full gap in all directions, where the width of straight strips
+    would do; for layouts that the check refuses. The budget counts the rows of the programs. The result keeps
+    the distances but for the error of the last step: the caller checks.
     """
     ascent = Ascent(placement, trust, strict)
     ascent.climb(growth, steps)
@@ -228,7 +227,7 @@ class Ascent:
             self.placement, self.earlier = self.earlier, None
 
     def take(self, growth: Growth, after: Placement) -> None:
-        """Make a step; what it gains sets the next trust region."""
+        """Make a step; its gain sets the next trust region."""
         gain = after.scale / self.placement.scale - 1
         self.earlier, self.placement = self.placement, after
         most = self.most(growth)
@@ -236,11 +235,11 @@ class Ascent:
             return
         if abs(gain) > LOCKED * most or self.trust <= 2 * LEAST_TRUST:
             self.trust /= 2
-        else:  # locked; for good where that is below what others have reached
+        else:  # locked; final if the scale is below that of other layouts
             self.trust /= 4 if after.scale >= self.reached else np.inf
 
     def most(self, growth: Growth) -> float:
-        """What a step in the trust region gains at most."""
+        """Largest gain of a step in the trust region."""
         widest = growth.shapes.radius.max() * self.placement.scale
         return float(self.trust * growth.unit / max(widest, 1e-9))
 
@@ -258,7 +257,7 @@ def _looked_at(growth: Growth, placement: Placement, trust: float) -> Contacts:
 def _cut_short(
     growth: Growth, earlier: Placement | None, placement: Placement, strict: bool
 ) -> Placement:
-    """Last small steps after an early end: they take back what the linear programs overshot."""
+    """Last small steps after an early end: they correct the error of the linear programs."""
     outlines = growth.outlines(max(1.0, growth.finest) / placement.scale)
     for trust in LAST_TRUSTS:
         found = growth.near(placement, outlines, trust)

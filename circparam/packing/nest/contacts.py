@@ -13,8 +13,8 @@ from circparam.packing.placement import Placement
 # Squares along a page, at most, of the grid that tells which samples may have another chart near.
 FILTER_CELLS = 128
 
-# One sample in a square of this share of a step is enough where edges are shorter than a step: narrow tips must
-# stay, where straight edges need few samples.
+# Share of a step: one sample in such a square is enough for edges shorter than a step. Narrow tips keep
+# samples, straight edges need few.
 THINNED = 0.35
 
 
@@ -80,9 +80,9 @@ def find_contacts(
 ) -> Contacts:
     """Near points of all pairs of charts of one page, the nearest of each square; all lengths in texels.
 
-    Samples of two charts within ``reach`` are paired, and of the pairs of two charts whose middles lie in one
-    square of ``side`` only the nearest counts: the others say the same. 0 keeps all. One of the two points is
-    a sample, the other the nearest one on the edge of the other sample; i < j.
+    Samples of two charts within ``reach`` are paired. Of all pairs of two charts with middles in one square of
+    ``side``, the nearest counts alone. 0 keeps all. One of the two points is a sample, the other the nearest
+    one on the edge of the other sample; i < j.
     """
     world = to_world(placement, outlines.chart, outlines.points)
     tiled = _pages_apart(placement, outlines.chart, world, reach)

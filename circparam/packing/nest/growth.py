@@ -1,4 +1,4 @@
-"""What stays the same while charts grow: their outlines, sampled, and how near and how crossed they are."""
+"""Data of charts that growth does not change: their sampled outlines, tests for contact and overlap."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from circparam.packing.straight import Straight
 # Contacts closer to each other than this share of the trust region count once.
 THIN = 1.0
 
-# Contacts within so many trust regions beyond the gap count: 3 cover as much of the page as 4 with a quarter
+# Trust regions beyond the gap within which contacts count. 3 cover as much of the page as 4 with a quarter
 # fewer rows; with 2, steps are taken back too often.
 REACH = 3.0
 
@@ -41,13 +41,13 @@ FINEST = 0.75
 # Steps at which outlines are sampled lie on a ladder of this ratio.
 STEP_RATIO = 2**0.5
 
-# Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
+# Room in texels for the error of the linear programs: curvature of the outlines and of the turns.
 SLACK = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """What stays the same while charts grow, for all layouts of the same charts.
+    """Data of charts that growth does not change, for all layouts of the same charts.
 
     straight: charts that stay along the axes where they lie so, None for none. sampled: outlines that were
     sampled already, by their step.
@@ -60,7 +60,7 @@ class Growth:
     sampled: dict[float, Outlines] = field(default_factory=dict)
 
     def turning(self, placement: Placement) -> FloatArray:
-        """(n,) 1 for charts that may be turned, 0 for those that may not, or lie along the axes and stay so."""
+        """(n,) 1 for charts that may be turned, 0 for fixed ones and for those that stay along the axes."""
         free = np.full(self.shapes.n, float(self.options.rotate == "free"))
         if self.straight is not None:
             free[self.straight.lying(placement.angle)] = 0.0
@@ -78,7 +78,7 @@ class Growth:
 
     @property
     def slack(self) -> float:
-        """Room in texels for what the linear programs leave out, and for what lies between the samples."""
+        """Room in texels for the error of the linear programs, and for edges between samples."""
         return SLACK + 0.1 * (self.finest - FINEST)
 
     def outlines(self, step: float) -> Outlines:
@@ -97,10 +97,10 @@ class Growth:
         return find_contacts(placement, outlines, reach, max(THIN * trust * self.unit, 1.0))
 
     def overlaps(self, placement: Placement) -> bool:
-        """Whether two charts overlap, to within a coarse raster; it sees what distances of outlines do not."""
+        """Whether two charts overlap, up to a coarse raster; distances of outlines miss such cases."""
         shapes, side = self.shapes, OVERLAP_SIDE
         own = shapes.owner[shapes.start]
-        # outlines of charts that are not simple do not tell what they cover; the last check does
+        # outlines of charts that are not simple miss covered cells; the last check sees them
         page = np.where(shapes.simple[own], placement.page[own], -1)
         world = shapes.place(placement.angle, placement.offset, placement.scale)
         world *= side / self.options.resolution

@@ -1,7 +1,7 @@
-"""Sketched pages grown until their outlines lock: a share of the page that is told to a hundredth.
+"""Sketched pages grown until their outlines lock: the covered share to 1 %.
 
-Sketches see the page in steps of a cell, 4 % of what is covered. A few linear programs on the outlines that
-were sketched take 30 ms, and tell what packing will reach to about 1 %.
+Sketches resolve 4 % of the covered share, one cell. A few linear programs on the sketched outlines take 30 ms
+and predict the packed share to about 1 %.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Charts as masks on a coarse grid, one for each angle: what the search for a layout works on."""
+"""Charts as masks on a coarse grid, one for each angle, for the greedy search."""
 
 from __future__ import annotations
 

@@ -19,10 +19,10 @@ sf = OnDemand("scipy.fft")
 Spectrum = npt.NDArray[np.complex64]
 Single = npt.NDArray[np.float32]
 
-# Threads of the transforms: a second one costs 70 µs a call, about what those of one chart take.
+# Threads of the transforms: a second thread costs 70 µs a call, about the time of one chart.
 THREADS = 1
 
-# What contacts that are told beside cells in use are off by at most, as a share of what such a cell counts as
+# Error of contacts beside taken cells, as a share of the weight of a taken cell.
 NOISE = 2e-6
 
 
@@ -49,7 +49,7 @@ def best_place(
     how much they touch; where several may be the best, their masks are looked at again.
     """
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
-    # what a cell in use counts as: more than all that a mask may touch
+    # weight of a taken cell: more than the contact of any mask
     used = 2 * np.float32(area.max())
     contact = _at_places(kernel * (page * (blur + used)), tall, wide)
     free = contact < 0.75 * used
@@ -124,7 +124,8 @@ class GridPages:
 
 
 def _at_places(product: Spectrum, tall: int, wide: int) -> Single:
-    """(k, tall, wide) the first rows and columns of what products of spectra (k, n, n // 2 + 1) stand for.
+    """(k, tall, wide) the first rows and columns of the inverse transforms of products of spectra (k, n, n // 2
+    + 1).
 
     As ``irfft2`` gives them, to the last bit: it transforms the rows that are not asked for as well.
     """

@@ -11,15 +11,15 @@ class Schedule:
 
     hoped_share: share of the page that is hoped for; it sets the cell. Where no layout fits, the next try hopes
         for ``less_hope`` times as much, ``tries`` times in all.
-    few, very_few, handful: charts up to which the grid is coarse; up to which several layouts are compacted; up
-        to which grid and search are smaller still.
-    handful_cells, coarse_cells, cells: side of the grid, coarse for few charts, whose layouts are compacted
-        anyway (on 13 meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice
-        the cells; on three of 63 to 96 charts 96 cells 0.607, 128 cells 0.594, 192 cells 0.573).
+    few, very_few, handful: numbers of charts. Up to ``few`` the grid is coarse, up to ``very_few`` several
+        layouts are compacted, up to ``handful`` grid and search are smaller still.
+    handful_cells, coarse_cells, cells: side of the grid, coarse for few charts because compaction follows. On
+        13 meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice the cells.
+        On three meshes of 63 to 96 charts 96 cells cover 0.607, 128 cells 0.594, 192 cells 0.573.
     fixed_cells: side of the grid at a scale the user fixed, which the compaction does not mend afterwards.
     handful_budget, coarse_budget, budget: cells transformed in the search on each grid: half a second or less.
-    beaten, patience: of a layout that is gone on with: share of its scale that the search must reach, and tries
-        until a first one does.
+    beaten, patience: for a given start: share of its scale that the search must reach, and tries until the
+        first success.
     compacted_up_to: charts up to which the linear programs are solved in a second or so.
     kept: layouts of very few charts that are compacted; one of more.
     full: share of the scale at which the longest chart fills the page alone, from which on nothing else is
@@ -33,13 +33,13 @@ class Schedule:
         their scale.
     lone_rounds: rounds of the search for the angle of a single chart, each four times finer.
     askew: share of the side of a page beyond which a straight chart may lie as it fits best.
-    straight_cost: share of what is covered that straight charts along the axes may cost; told from the search,
-        with ``straight_budget`` times its budget, where they have ``straight_area`` of the area.
-    tiling: share of the area that straight charts have, beyond which few charts get the grid of many: what they
-        could tile is lost by rounding to coarse cells (0.82 to 0.89 of the page on a part of 30 rectangles).
-    tiny_area, tiny_reach, tiny_share: share of the area, and diameter in its roots, up to which a chart is
-        tiny; share of the area that all tiny charts have at most, of many charts, where the others are laid out
-        first (scans of 69 and 104 charts: 0.65 to 0.71 and 0.68 to 0.73 of the page, of 75 the same).
+    straight_cost: share of the covered area that straight charts along the axes may cost. The search measures
+        the cost with ``straight_budget`` times its budget if these charts have ``straight_area`` of the area.
+    tiling: share of the area in straight charts from which few charts get the grid of many. Rounding to coarse
+        cells would lose tilings (0.82 to 0.89 of the page on a part of 30 rectangles).
+    tiny_area, tiny_reach, tiny_share: a chart up to this share of the area and this diameter, in roots of the
+        area, is tiny. If all tiny charts of many have at most ``tiny_share``, the others are laid out first
+        (scans of 69 and 104 charts: 0.65 to 0.71 and 0.68 to 0.73 of the page, of 75 the same).
     """
 
     hoped_share: float = 0.68

@@ -1,8 +1,8 @@
 """Nesting: charts put one by one where they touch most, at every angle, holes used.
 
-A grid of the page is correlated with the mask of a chart by FFT: once with the cells in use (any common
-cell forbids the place), once with those cells blurred (how much of the chart lies against others). Masks and
-their spectra are made once; a larger scale of the charts is a smaller page on the same grid.
+FFT correlates a grid of the page with the mask of a chart: once with the taken cells, where any common cell
+forbids the place, and once with those cells blurred, which measures contact. Masks and their spectra are made
+once; a larger scale of the charts is a smaller page on the same grid.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _TIP = 3.0
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
 SLACK = 1.25
 
-# The first page has sides so many times those at the density that is hoped for: a layout found at once costs
-# less than two that fail.
+# Side of the first page over the side at the expected density: a layout found at once costs less than two
+# failures.
 FIRST = 1.18
 
-# What finds no place goes earlier, as if it were so much larger (in logarithms), so often in a round, unless it
-# is among the first: less than so much of the area had a place.
+# A chart without a place goes earlier, as if its logarithmic size were larger by BLAME, up to RETRIES times a
+# round. An early chart (below the share NEARLY of the area) does not.
 RETRIES = 3
 BLAME = 0.5
 NEARLY = 0.9
@@ -162,7 +162,7 @@ def _attempt(
 
 
 def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Placement:
-    """A layout on the grid in texels: the page's free side is what lies between the borders."""
+    """A layout on the grid in texels. The free side of the page lies between the borders."""
     n = len(board.masks)
     k = found.mask
     angle = np.array([board.masks[c].angle[k[c]] for c in range(n)])
@@ -177,7 +177,7 @@ def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Place
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What a layout must meet. largest: page side in cells beyond which it is of no use (None: the whole grid).
+    """Conditions for a layout. largest: page side in cells beyond which it is of no use (None: the whole grid).
     allowed: the masks of each chart that may be used (None: all). patience: tries until a first one."""
 
     largest: int | None = None
@@ -195,8 +195,8 @@ def search(
 ) -> list[GridLayout]:
     """Layouts of falling page side, best first.
 
-    Greedy orders by size come first, then perturbed orders with a random part of the angles and another
-    blur; each must beat the best page side by a cell, and goes on for as long as it does.
+    Greedy orders by size come first, then perturbed orders with a random part of the angles and another blur.
+    Each must beat the best page side by a cell, and continues while it does.
     """
     allowed = terms.allowed or [np.arange(len(m.angle)) for m in board.masks]
     rng = np.random.default_rng(20)

@@ -1,7 +1,7 @@
-"""Sketches of pages: how large a page some outlines need, told in milliseconds on a coarse grid.
+"""Sketches of pages: the page that some outlines need, found in milliseconds on a coarse grid.
 
-For whoever weighs many changes of the charts against each other: sketches rank them. What a page of charts
-covers in the end is a tenth more, since packing goes on from such a layout.
+For whoever weighs many changes of the charts against each other: sketches rank them. Packing continues from
+such a layout and covers a tenth more.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FULLEST = 0.78  # share of its cells that no page of a few outlines fills: none 
 SHUFFLED = 0.3  # spread of the logarithm of the sizes by which later tries change the order
 # tries in which all masks take part, by size and by reach; later ones take half of them
 FIRST_TRIES = 2
-EVEN = 1e-5  # of its cells: what masks in corners that touch as much may seem to differ by
+EVEN = 1e-5  # of its cells: error of contacts between masks in corners
 LARGEST = 4  # outlines that are tried at all their angles; smaller ones at every other one
 
 
@@ -64,8 +64,7 @@ class SketchedPage:
 class _Step:
     """A chart on a page, after those before it. place: mask, row and column; None where it finds no place.
 
-    sketch: kept, so that no other one gets its number. after: what followed, by sketch and masks to choose
-    from.
+    sketch: kept, so that no other one gets its number. after: next steps, by sketch and masks to choose from.
     """
 
     sketch: Sketch | None = None
@@ -74,11 +73,10 @@ class _Step:
 
 
 class SketchCache:
-    """What pages of the same charts have in common: many begin as others did, and go on as those went.
+    """Cache for pages of the same charts: pages with the same beginning share their steps.
 
     sketches: by the outlines that they show: several chords may lead to the same cut. locked: layouts grown
-    until they lock, by what ``page_key`` says of the page. Nothing but time depends on it; in another process
-    it is empty.
+    until they lock, by ``page_key``. Nothing but time depends on it; in another process it is empty.
     """
 
     def __init__(self, kept: Sequence[Sketch] = ()) -> None:
@@ -92,7 +90,7 @@ class SketchCache:
         return SketchCache, ()
 
     def keep(self, sketches: Sequence[Sketch]) -> None:
-        """Keep the spectra of some sketches: those that take part in many pages."""
+        """Keep the spectra of sketches that take part in many pages."""
         self._kept.update((id(s), s) for s in sketches)
 
     def first(self, size: int, side: int, sigma: float) -> _Step:
@@ -100,7 +98,7 @@ class SketchCache:
         return self._pages.setdefault((size, side, sigma), _Step())
 
     def page_key(self, sketches: Sequence[Sketch], page: SketchedPage) -> tuple[bytes, ...]:
-        """What tells a page of sketches that stay from all others."""
+        """Key of a page of sketches that stay."""
         numbers = np.array([id(s) for s in sketches])
         return tuple(
             a.tobytes() for a in (numbers, page.mask, page.row, page.column, np.array(page.side))
@@ -119,8 +117,8 @@ class SketchCache:
 
 @dataclass(frozen=True, eq=False)
 class SketchGrid:
-    """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by.
-    cache: of the pages that were sketched."""
+    """The grid of all sketches. cell: its side in uv units. grow: cells that outlines are grown by. cache: of
+    the pages that were sketched."""
 
     cell: float
     grow: float
@@ -281,8 +279,8 @@ def _corner(
 ) -> tuple[int, int, int]:
     """The mask that touches most in a corner of an empty page, and its row and column there.
 
-    A blurred page is the product of what it is along both axes, the same from either end: that tells what
-    touches most but for quarter turns, which differ in the last bits.
+    A blurred empty page is the product of two equal, symmetric profiles along its axes. Profiles therefore rank
+    the contacts, except quarter turns, which differ in the last bits.
     """
     blurred, along = empty
     size = masks.size[pick]

@@ -42,8 +42,8 @@ def nested(
 
     skyline: tells of charts on a skyline, compacted instead of the layout found, or beside it, where there are
     few charts. shelf: rows of boxes, compacted too where that leads nowhere: for charts like boxes they can be
-    the best start. A long first step may push a thin tip through a neighbour, which no later step undoes; the
-    check on the raster (``task.sound``) tells, and then the next layout is taken.
+    the best start. A long first step may push a thin tip through a neighbour, and no later step undoes it. The
+    check on the raster (``task.sound``) sees this, and the next layout is taken.
     """
     shapes, options = task.shapes, task.options
     if options.fixed_scale is not None:
@@ -98,8 +98,8 @@ def _begun(task: PackTask) -> PackTask:
 
 
 def _going_on(task: PackTask) -> Placement | None:
-    """The layout that is known already grown until it locks, or a better one that the search finds; None where
-    charts are straight, which may have to be laid along the axes, or where nothing passes the check."""
+    """The given layout grown until it locks, or a better one of the search. None for straight charts, which may
+    have to lie along the axes, or if no layout passes the check."""
     shapes, start = task.shapes, task.start
     side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / task.options.pages))
     if start is None:
@@ -125,7 +125,7 @@ def _most(shapes: Shapes, options: PackOptions) -> float:
 
 
 def _growth(task: PackTask, straight: Straight | None) -> Growth:
-    """What all layouts that are compacted have in common, the budget among it."""
+    """Data and budget that all compacted layouts share."""
     rows = SCHEDULE.rows * min(1.0, max(4 * task.options.effort, 0.25))
     return Growth(task.shapes, task.options, Budget(rows, lambda: task.monitor.expired), straight)
 
@@ -140,8 +140,8 @@ def _grown(task: PackTask, growth: Growth, start: Placement) -> Placement:
 def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
     """Layouts of the search, and the charts that lie along the axes in them.
 
-    Straight charts do where that costs little. What no straight chart lies along the axes for must be so much
-    better, so it is asked for nothing less.
+    Straight charts do where that costs little. A layout without straight charts along the axes must be this
+    much better, so the search asks for no less.
     """
     shapes, options = task.shapes, task.options
     straight = None
@@ -175,7 +175,7 @@ class _Boards:
 
     @property
     def tiling(self) -> bool:
-        """Whether straight charts have most of the area: what they could tile coarse cells would lose."""
+        """Whether straight charts have most of the area; coarse cells would lose their tiling."""
         if self.straight is None:
             return False
         area = self.shapes.area
@@ -211,8 +211,7 @@ def _compacted(
 ) -> Placement | None:
     """The best layout grown until it locks; None where none passes the check.
 
-    plain: skyline and shelf. grown: what ``_grown`` has made of the layout that is known already; its budget is
-    that of the others.
+    plain: skyline and shelf. grown: result of ``_grown`` for the given layout, with the same budget.
     """
     (skyline, shelf), budget = plain, growth.budget
     shapes, options = task.shapes, task.options
@@ -259,7 +258,7 @@ def on_page(placement: Placement, before: PackOptions, after: PackOptions) -> Pl
 
 
 def _inner(options: PackOptions) -> float:
-    """Side in texels of what lies between the borders."""
+    """Side in texels of the page between its borders."""
     return options.resolution - 2 * options.border
 
 
