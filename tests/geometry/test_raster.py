@@ -158,6 +158,18 @@ def test_each_row_is_crossed_where_an_edge_passes_its_centre(seed: int, centre: 
     assert np.allclose(d[:, 0] * e[:, 1], d[:, 1] * e[:, 0], atol=1e-9)
 
 
+@pytest.mark.parametrize("search", [4, NEAR + 1])
+def test_a_gap_is_found_in_every_direction(search: int) -> None:
+    """One texel beside another, at every offset within the search."""
+    reach = np.arange(-search, search + 1)
+    for dy, dx in np.stack(np.meshgrid(reach, reach), 2).reshape(-1, 2).tolist():
+        if not 0 < np.hypot(dy, dx) <= search:
+            continue
+        grid = np.full((2 * search + 1, 2 * search + 1), -1, np.int32)
+        grid[search, search], grid[search + dy, search + dx] = 3, 1
+        assert smallest_gap(grid, search) == (np.hypot(dy, dx), (1, 3))
+
+
 def test_a_gap_as_wide_as_the_search_is_found() -> None:
     grid = np.full((9, 9), -1, np.int32)
     grid[1, 1], grid[4, 5] = 2, 1

@@ -114,7 +114,7 @@ def test_a_number_of_charts_never_leads_to_more(shape) -> None:
     bound = {"max_distortion": 1.01}
     _, free = atlas_of(shape, **bound)
     count = free.charts()[0]
-    for most in (1, 2, count, count + 3):
+    for most in sorted({1, count - 1, count} - {0}):
         _, atlas = atlas_of(shape, max_charts=most, **bound)
         assert atlas.charts()[0] <= count
         if most >= count:

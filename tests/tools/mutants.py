@@ -30,8 +30,11 @@ from tests.bench.common import REPORTS, ROOT, table, write
 from tests.tools.planting import Mutant, sample
 
 PACKAGE = "circparam"
-# what is mutated: whole rooms, and single modules
-WHERE = ("geometry", "solvers", "seams", "packing", "formats", "pipeline/verify.py")
+# rooms that are mutated: all that compute or keep a promise of a file; the others pass on what these answer
+ROOMS = (
+    *("core", "mesh", "geometry", "solvers", "methods", "seams", "packing", "formats"),
+    *("pipeline", "maps", "render", "bake"),
+)
 WORKERS = 2
 ENOUGH = 0.85  # share that is to be noticed
 REPORT = "mutants.md"
@@ -39,24 +42,30 @@ LEFT_OUT = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "*.egg-in
 
 
 def tests_of(module: str) -> tuple[str, ...]:
-    """The tests of a module, both from the root of the tree: tests/ mirrors the package.
+    """The tests of a module, from the root of the tree: tests/ mirrors the package.
 
-    circparam/ROOM/[SUB/]MODULE.py has tests/ROOM/[SUB/]test_MODULE.py, or else the whole of tests/ROOM.
+    circparam/ROOM/[SUB/]MODULE.py has tests/ROOM/[SUB/]test_MODULE.py and what else in tests/ROOM imports it;
+    a module that no test of its room names has all of them.
     """
     path = Path(module).relative_to(PACKAGE)
-    own = Path("tests") / path.with_name(f"test_{path.name}")
-    found = own if (ROOT / own).is_file() else Path("tests") / path.parts[0]
-    return (found.as_posix(),)
+    room = ROOT / "tests" / path.parts[0]
+    own = ROOT / "tests" / path.with_name(f"test_{path.name}")
+    name = ".".join(Path(module).with_suffix("").parts)
+    called = re.compile(
+        rf"{re.escape(name)}\b|from {re.escape(name.rpartition('.')[0])} import .*\b{path.stem}\b"
+    )
+    found = {own} if own.is_file() else set()
+    for file in room.rglob("test_*.py"):
+        if called.search(file.read_text(encoding="utf-8")):
+            found.add(file)
+    return tuple(sorted(f.relative_to(ROOT).as_posix() for f in found or {room}))
 
 
 def modules(only: str) -> list[str]:
     """Files that are mutated, whose names hold a text."""
-    found: list[Path] = []
-    for place in WHERE:
-        path = ROOT / PACKAGE / place
-        found += [path] if path.suffix else sorted(path.rglob("*.py"))
+    found = [p for room in ROOMS for p in sorted((ROOT / PACKAGE / room).rglob("*.py"))]
     names = [p.relative_to(ROOT).as_posix() for p in found if p.name != "__init__.py"]
-    return [n for n in names if only in n and (ROOT / n).is_file()]
+    return [n for n in names if only in n]
 
 
 # the runs -----------------------------------------------------------------------------------------

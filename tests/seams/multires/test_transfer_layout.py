@@ -222,3 +222,24 @@ def test_seams_are_taken_over_only_where_every_corner_is_the_same() -> None:
         taken = take_over(atlas, coarse, proxy, np.arange(2))
         assert taken.all() if faces is one else not taken.any()
         assert atlas.cut.all() if faces is one else not atlas.cut.any()
+
+
+def test_a_seam_on_one_side_is_a_seam_on_both() -> None:
+    """Four pages on one spine, joined in other pairs on the proxy: 0 with 1 here, 0 with 3 there."""
+    angle = np.arange(4) * np.pi / 2
+    rim = np.stack([np.cos(angle), np.sin(angle), np.full(4, 0.5)], 1)
+    p = np.concatenate([[[0.0, 0, 0], [0, 0, 1]], rim])
+    faces = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4], [1, 0, 5]])
+
+    def book(*pairs: tuple[int, int]) -> Surface:
+        none = np.zeros(4, bool)
+        return Surface(p, faces, np.arange(4), none, np.array(pairs), np.zeros(2, bool))
+
+    fine, coarse = book((0, 3), (6, 9)), Atlas(book((0, 9), (3, 6)), np.array([False, True]))
+    cell = np.zeros(int(fine.corner_vertex.max()) + 1, np.int64)
+    cell[fine.corner_vertex] = faces
+    atlas = Atlas(fine, np.zeros(2, bool))
+    assert take_over(
+        atlas, coarse, Proxy(coarse.surface, cell, np.zeros((0, 2))), np.arange(4)
+    ).all()
+    assert atlas.cut.all()
