@@ -16,8 +16,8 @@ from circparam.formats.source import Source, regular_bytes, safe_path
 
 @dataclass(frozen=True)
 class Assets:
-    """copies: what goes beside the output, by its place. there: places of what lies there already. warnings:
-    what won't resolve from there."""
+    """copies: files to write beside the output, by their place. there: places of files that exist already.
+    warnings: files that the output cannot find."""
 
     copies: dict[Path, bytes] = field(default_factory=dict)
     there: list[Path] = field(default_factory=list)
@@ -44,8 +44,8 @@ def find_assets(
 ) -> Assets:
     """The files that the output refers to. copy: see ``WriteOptions.copy_assets``.
 
-    overwrite: whether those that are there may be replaced. Files without which the output cannot be read go
-    along whatever ``copy`` says.
+    overwrite: whether existing files may be replaced. Files without which the output cannot be read go along
+    whatever ``copy`` says.
     """
     folder, out = source.folder, target.resolve().parent
     if folder is None:

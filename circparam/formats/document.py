@@ -1,4 +1,4 @@
-"""What every format has in common: a file as read, and what writing it back gives.
+"""Common data of all formats: a file as read, and the result of writing it back.
 
 A ``Document`` is a file in memory that can write itself again with another uv layout and everything else
 kept. Each format has its own subclass; ``circparam.formats`` is the only door to them.
@@ -21,22 +21,21 @@ from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
-GROUPINGS = ("primitive", "mesh")  # what may share an atlas, other than the whole file
+GROUPINGS = ("primitive", "mesh")  # owners of an atlas, other than the whole file
 
 
 @dataclass(frozen=True)
 class WriteOptions:
     """How uv goes into the file.
 
-    uv_set: the set to write; None replaces the first one. overwrite_uv: allow ``uv_set`` to replace a set
-    that is there. ply_uv: 'vertex', which None means too, or 'face'.
-    copy_assets: copy the materials and textures that the output refers to beside it; None does so but never
-    over another file. Buffers go along whatever it says: nothing could read the output without them. uv_double:
-    store uv as doubles where the format can (PLY); others write what they always do. set_flag: the option that
-    chose the set, for messages. group_by: what shares an atlas, as ``Document.group_by`` tells it; None is the
-    whole file. colours: images and vertex colours go along into a new glTF. up: the axis that points up, y or
-    z, of a mesh that becomes a new glTF; None takes what its format means. pages: names of the pages 1001, 1002
-    and so on, for formats that have a place for them.
+    uv_set: the set to write; None replaces the first one. overwrite_uv: allow ``uv_set`` to replace a set that
+    is there. ply_uv: 'vertex', which None means too, or 'face'. copy_assets: copy the materials and textures
+    that the output refers to beside it; None does so but never over another file. Buffers go along whatever it
+    says: nothing could read the output without them. uv_double: store uv as doubles where the format can (PLY);
+    other formats do not change. set_flag: the option that chose the set, for messages. group_by: owner of an
+    atlas, as in ``Document.group_by``; None is the whole file. colours: images and vertex colours go along into
+    a new glTF. up: the up axis, y or z, of a mesh that becomes a new glTF; None takes the axis of its format.
+    pages: names of the pages 1001, 1002 and so on, for formats that have a place for them.
     """
 
     uv_set: int | None = None
@@ -55,10 +54,10 @@ class WriteOptions:
 class Encoded:
     """A document as bytes, before anything touches the disk.
 
-    data: the file. format: its format. extra: further files by their name beside it. assets: relative names
-    of files that it refers to, needed: those without which it cannot be read. warnings: what changes for the
-    user; notes: what may interest. vertex_map: (k,) int64, input vertex of every output vertex. face_map: (m,)
-    int64, input face of every output face (triangles, in the order in which reading the output gives them).
+    data: the file. format: its format. extra: further files by their name beside it. assets: relative names of
+    files that it refers to, needed: those without which it cannot be read. warnings: changes for the user;
+    notes: of interest. vertex_map: (k,) int64, input vertex of every output vertex. face_map: (m,) int64, input
+    face of every output face (triangles, in the order in which reading the output gives them).
     """
 
     data: bytes
@@ -74,8 +73,8 @@ class Encoded:
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """Names of faces. label: (m,) int64 of each face. names: pairs of a name and a label; a name may have
-    several labels, as a node with meshes below it has, and a label several names, as a mesh of two nodes has.
+    """Names of faces. label: (m,) int64 of each face. names: pairs of a name and a label. A name may have
+    several labels (a node with meshes below it), and a label several names (a mesh of two nodes).
     """
 
     label: IntArray
@@ -87,9 +86,9 @@ class Document:
     """A file as read, able to write itself back with uv added and everything else kept.
 
     mesh: the triangles in world space (points bit-exact, polygons and groups as labels). uv_sets: numbers of
-    the uv sets in the file. notes: what reading found worth telling. warnings: what reading lost. features:
-    what the file carries beyond triangles, as short nouns, for the list of what another format cannot hold.
-    group_names: name of each label in ``mesh.groups``.
+    the uv sets in the file. notes: of interest from reading. warnings: losses of reading. features: data of the
+    file beyond triangles, as short nouns, for the losses in another format. group_names: name of each label in
+    ``mesh.groups``.
     """
 
     source: Source
@@ -130,7 +129,7 @@ class Document:
         return None
 
     def require_uv(self, uv_set: int = 0) -> UVMap:
-        """The layout of one uv set. Raises InputError, which says what sets there are, where it is none."""
+        """The layout of one uv set. Raises InputError with the existing sets if the set does not exist."""
         found = self.uv(uv_set) if uv_set in self.uv_sets else None
         if found is None:
             there = ", ".join(map(str, self.uv_sets)) or "none"
@@ -144,7 +143,7 @@ class Document:
         return None
 
     def group_by(self, uv_set: int = 0) -> str | None:
-        """What shares an atlas in a uv set, a kind of ``labels``; None where the file does not say so."""
+        """Owner of an atlas in a uv set, a kind of ``labels``; None if the file does not say."""
         return None
 
     def labels(self, kind: str) -> IntArray:
@@ -157,7 +156,7 @@ class Document:
         return np.zeros(len(self.mesh.faces), np.int64)
 
     def named(self, kind: str) -> Named | None:
-        """What faces are called by ``kind``: 'material', 'group' or 'node'; None where the file has none."""
+        """Names of faces by ``kind``: 'material', 'group' or 'node'; None if the file has none."""
         groups = self.mesh.groups
         if kind == "node" or groups is None or not self.group_names:
             return None
@@ -185,8 +184,8 @@ class Document:
         return None
 
     def tangents(self) -> FloatArray | None:
-        """(m, 3, 4) tangents of every corner as the file has them, unit, their sign last; NaN for faces that
-        have none, None where no face has one."""
+        """(m, 3, 4) unit tangents of every corner in the file, their sign last; NaN for faces without, None if
+        no face has one."""
         return None
 
     def targets(self) -> list[tuple[str, FloatArray]]:
@@ -203,7 +202,7 @@ class Document:
     def looks(self) -> Looks | None:
         """The materials of the file with all their images; None for a format without materials.
 
-        Raises InputError for a malformed material, an image that is missing, and what cannot be carried.
+        Raises InputError for a malformed material, a missing image, and looks that cannot be carried.
         """
         return None
 
@@ -226,7 +225,7 @@ class Document:
         return []
 
     def flaws(self) -> list[str]:
-        """What common loaders refuse in the file although its format allows it."""
+        """Parts of the file that its format allows and common loaders refuse."""
         return []
 
     def texture_layout(self, textures: Textures) -> UVMap:
@@ -315,7 +314,7 @@ def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool)
 
 
 def exported_grouping(document: Document, group_by: str | None) -> str | None:
-    """What shares an atlas in a new file, which tells materials apart and nothing else."""
+    """Owner of an atlas in a new file, which tells materials apart only."""
     if group_by not in GROUPINGS:
         return None
     groups = document.mesh.groups
@@ -334,7 +333,7 @@ def check_new_set(options: WriteOptions, format: str) -> None:
 
 
 def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str], list[str]]:
-    """What of the input a new file in another format does not carry: (notes, warnings on its looks)."""
+    """Parts of the input that a new file in another format loses: (notes, warnings on its looks)."""
     gone = [f for f in document.features if f not in kept]
     looks = [f for f in gone if "colours" in f]
     cure = "--from vertex-colors" if looks and _has(document.colours) else ""
@@ -349,7 +348,7 @@ def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str],
 
 
 def _has(ask: Callable[[], object]) -> bool:
-    """Whether a file has its colours or textures; those that are malformed count as well."""
+    """Whether a file has colours or textures of its own; malformed ones count too."""
     try:
         return ask() is not None
     except InputError:

@@ -11,24 +11,24 @@ from circparam.errors import InputError
 
 RUN = 8  # corners in the smallest boxes
 GRID = 1 << 16  # cells along a side of the polygon, along which corners are put in order
-# Corners beyond which the ear with the shortest diagonal goes first, and not the first one: what small
-# triangles hold lies near them, while triangles along a side of many corners meet the boxes of all these.
+# Corners from which the ear with the shortest diagonal goes first. Small triangles hold only near corners;
+# triangles along a side of many corners meet the boxes of all these.
 LARGE = 1000
 SLIVER = 1e-9  # area over the square of the length below which such an ear waits for a better one
 MOST_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
-# How often a corner is looked at, for each corner of a polygon and besides, before the rest is cut as it comes:
-# three times each is enough where the polygon does not cross itself.
+# Looks at a corner, for each corner of a polygon and in addition, before the rest is cut in order. Three
+# looks each are enough for polygons that do not cross themselves.
 LOOKS, MORE_LOOKS = 4, 100_000
 
 
 class Ears:
     """A polygon whose ears are clipped: the first of its corners that is an ear, or of many the smallest.
 
-    An ear is a corner that turns left and whose triangle holds no other corner. Corners at one point with a
-    corner of the triangle do not count: a polygon with a hole comes back along the bridge to it, and one that
-    goes round twice would have no ear at all. Where the polygon does not cross itself, clipping an ear makes
-    ears of its neighbours at most, so these alone are looked at again; and a triangle that holds a corner holds
-    one that turns right, so in large polygons only those are looked for.
+    An ear is a corner that turns left and whose triangle holds no other corner. Corners at the same point as a
+    corner of the triangle do not count. Otherwise a polygon with a hole, which comes back along its bridge, and
+    a polygon that goes round twice would have no ear. In a polygon that does not cross itself, clipping an ear
+    makes ears of its neighbours at most, so only these are looked at again. A triangle that holds a corner
+    holds one that turns right, so large polygons search only those corners.
     """
 
     def __init__(self, q: FloatArray) -> None:
@@ -45,7 +45,8 @@ class Ears:
         self._make_boxes(q)
 
     def _make_boxes(self, q: FloatArray) -> None:
-        """A heap of boxes: 2 k and 2 k + 1 lie in k, and leaves hold runs of corners that can be in the way.
+        """A heap of boxes: boxes 2 k and 2 k + 1 lie in box k, and leaves hold runs of corners that can be in
+        the way.
 
         Runs follow a curve through the plane and not the outline: boxes round spikes would be as long as these.
         """

@@ -1,4 +1,4 @@
-"""What trimesh reads and no lossless reader here does: 3MF, COLLADA, XAML, STEP; when asked, all that it reads.
+"""Formats that only trimesh reads: 3MF, COLLADA, XAML, STEP; on request, every format of trimesh.
 
 Triangles, uv and node transforms come through; materials, names and whatever else the file holds do not, and
 the document says so. Nothing of these formats is written back: GLB by default.
@@ -20,7 +20,7 @@ from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
 EXTRA = "pip install 'circparam[formats]'"
-# what trimesh needs for a format: module → what it is called for pip
+# packages that trimesh needs for a format: module → its name for pip
 NEEDS = {
     "3mf": {"lxml": "lxml", "networkx": "networkx"},
     "dae": {"collada": "pycollada"},
@@ -29,17 +29,17 @@ NEEDS = {
     "3dxml": {"lxml": "lxml", "networkx": "networkx"},
     "step": {"cascadio": "cascadio"},
 }
-# what the name of an entry ends in that an archive of a format must have
+# ending of an entry that an archive of a format must have
 ENTRY = {"3mf": ".model", "zae": ".dae", "3dxml": ""}
 LOST = ("materials", "names", "the tree of nodes")
-# Bytes that any archive may declare to unpack to, and those for each byte of it: text packs 5 to 20 times,
-# nothing that somebody has made a hundred times.
+# Bytes that any archive may declare, and bytes for each packed byte: text packs 5 to 20 times, no real file a
+# hundred times.
 UNPACKED, UNPACKED_PER_BYTE = 50_000_000, 50
 
 
 @dataclass(frozen=True, eq=False)
 class ForeignDocument(PlainDocument):
-    """Triangles and uv that came through trimesh; ``features``: what did not."""
+    """Triangles and uv read by trimesh; ``features``: data that trimesh lost."""
 
 
 def read_as(kind: str) -> Callable[[bytes, Source], ForeignDocument]:
@@ -55,9 +55,9 @@ def read_as(kind: str) -> Callable[[bytes, Source], ForeignDocument]:
 def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocument:
     """The scene of a file as trimesh reads it, its node transforms applied, in the order of the scene.
 
-    kind: the format as trimesh calls it. Raises InputError where a package that trimesh needs is missing,
-    where it cannot read the file within the bounds of ``second_reader``, where an archive would unpack to far
-    more than its size, and where there are no triangles in it.
+    kind: the format as trimesh calls it. Raises InputError if a package of trimesh is missing, if trimesh
+    cannot read the file within the bounds of ``second_reader``, if an archive would unpack to far more than its
+    size, or if there are no triangles.
     """
     missing = [
         pip
@@ -85,7 +85,7 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
 
 
 def _lost_of_gltf(data: bytes, source: Source) -> tuple[str, ...]:
-    """What trimesh loses of a glTF file. Raises InputError where it needs a package to decode it."""
+    """Parts of a glTF file that trimesh loses. Raises InputError where it needs a package to decode it."""
     features = features_of(data, source)
     if DRACO.encode() in data and importlib.util.find_spec("DracoPy") is None:
         raise source.error(f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}")
@@ -94,7 +94,7 @@ def _lost_of_gltf(data: bytes, source: Source) -> tuple[str, ...]:
 
 
 def check_archive(data: bytes, source: Source, kind: str) -> None:
-    """Refuse an archive by what it declares, before anything of it is unpacked. Raises InputError.
+    """Refuse an archive by its declared sizes, before unpacking. Raises InputError.
 
     Nothing unpacks to more than its entry declares: reading ends there.
     """

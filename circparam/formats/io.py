@@ -43,9 +43,9 @@ PEEKED = 1 << 20  # bytes of each end of a large file that are looked at before 
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: path (None for standard output), all files, what is told, and the index maps.
+    """The written output: path (None for standard output), all files, notes, and the index maps.
 
-    warnings: what changes for the user; notes: what may interest.
+    warnings: changes for the user; notes: of interest.
 
     vertex_map: (k,) int64 input vertex of every output vertex. face_map: (m,) int64 input face of every
     output face.
@@ -60,7 +60,7 @@ class Written:
 
 
 _GLB = "export a .glb (or .obj) there, and unwrap that"
-# what people have in place of a mesh that can be read → what to do with it
+# files that people give in place of a readable mesh → cure
 _FOREIGN = {
     ".fbx": (
         "FBX is a closed format; Blender makes a GLB of it, unwrap that: blender -b --python-expr "
@@ -161,7 +161,7 @@ def _blocks_of_input(file: BinaryIO, format: str | None) -> Iterator[bytes]:
 
 
 def _row_of(head: bytes, format: str | None, suffix: str) -> Format | None:
-    """What will read a file that begins so, as far as these bytes and its suffix tell."""
+    """The reader of a file that begins so, judged by these bytes and its suffix."""
     name = sniff(head) if format is None else format_of("", format)
     if name is None:
         return next((r.function for r in FORMATS if suffix.lower() in r.function.suffixes), None)
@@ -314,7 +314,7 @@ def stage(
     path: str | os.PathLike[str], document: Document, uvmap: UVMap, *,
     format: str | None = None, options: WriteOptions | None = None, overwrite: bool = False,
 ) -> Staged:  # fmt: skip
-    """The files that ``write`` would write. Raises what it does."""
+    """The files that ``write`` would write. Raises the errors of ``write``."""
     options = options or WriteOptions()
     target = Path(path)
     name = format_of(target, format)
@@ -322,7 +322,7 @@ def stage(
     encoded = encode(document, uvmap, name, options=options, stem=target.stem)
     assets = find_assets(document.source, encoded, target, options.copy_assets, overwrite)
     beside = {target.parent / name: data for name, data in encoded.extra.items()}
-    # the file itself comes last: what it refers to is there before it
+    # the file itself comes last: the files that it refers to exist before it
     contents = {**assets.copies, **beside, target: encoded.data}
     warnings = [*encoded.warnings, *assets.warnings]
     maps = encoded.vertex_map, encoded.face_map
@@ -333,7 +333,7 @@ def stage(
 def write_staged(outputs: Sequence[Staged], overwrite: bool = False) -> list[Written]:
     """Write several outputs into one folder, all or none; files that are the same in two of them once.
 
-    Raises OptionError where files that differ have one place, and what ``write`` does.
+    Raises OptionError if different files have one place, and the errors of ``write``.
     """
     contents: dict[Path, bytes] = {}
     place: dict[Path, Path] = {}

@@ -1,7 +1,7 @@
 """Several files as one document, for one layout that all of them share.
 
-The meshes stand side by side in a lattice, so that no vertices of two files coincide and are welded; the files
-keep their own positions. A layout of the whole is cut into one for each file again, and so are carried images.
+The meshes stand side by side in a lattice, so no vertices of two files coincide and are welded. The files keep
+their own positions. A layout of the whole is cut into one for each file again, and so are carried images.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from circparam.formats.table import takes_unshare
 from circparam.geometry.shading import corner_normals
 from circparam.mesh.mesh import Mesh, UVMap
 
-# of a format: its pages of images that mean what a page of glTF means, so that one image serves both
+# of a format: its pages of images with the meaning of a page of glTF, so one image serves both
 SHARED_PAGES = {
     "obj": {"map_kd": "base_color", "map_ke": "emissive", "norm": "normal"},
     "ply": {"texture": "base_color"},
@@ -39,7 +39,7 @@ class JoinedLooks(Looks):
 
 @dataclass(frozen=True, eq=False)
 class JoinedDocument(Document):
-    """Files whose faces are those of the first, then those of the second, and so on.
+    """Files in one document: the faces of the first, then those of the second, and so on.
 
     parts: the files. first_face, first_point: (parts + 1,) number of the first face or point of each, and of
     all.
@@ -159,7 +159,7 @@ class JoinedDocument(Document):
     def dressed_part(self, k: int, carried: Carried, stem: str) -> Document:
         """A file with its share of carried images, which lie beside it and have names of their own.
 
-        stem: what the names of the images begin with.
+        stem: prefix of the names of the images.
         """
         part, (start, end) = self.parts[k], self._looks.first[k : k + 2]
         own = {new: old for old, new in SHARED_PAGES.get(part.format, {}).items()}
@@ -199,7 +199,8 @@ def image_name(stem: str, page: str) -> str:
 
 
 def _moved(material: Material, k: int, images: int, format: str) -> Material:
-    """A material of file k among those of all: its images have other numbers, pages those of glTF.
+    """A material of file k among those of all files: its images get other numbers, and the page numbers of
+    glTF.
 
     Materials of two files cannot become one.
     """

@@ -1,9 +1,9 @@
-"""What materials show, whatever the format: which values they take from images, where, and how they are coded.
+"""Looks of materials in any format: values from images, their slots, and their coding.
 
 A ``Slot`` is one thing that a material can take from an image, such as its base colour. A ``Use`` is an image
-in a slot: the uv set, the affine map of its uv, and how the image goes on beyond its edges. ``Looks`` are the
-materials of a file, face by face; ``Carried`` is what stands in their place after their images moved to one
-layout. Colours are linear light, and v points down, as rows of images do.
+in a slot: the uv set, the affine map of its uv, and the wrap modes beyond its edges. ``Looks`` are the
+materials of a file, face by face. ``Carried`` replaces them after their images moved to one layout. Colours are
+linear light, and v points down, as rows of images do.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError
 
 Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
-# how texel t and factor f make a value: f·t, 1 + f·(t − 1), f₀ + (f₁ − f₀)·t, a normal whose x and y f
-# scales, a direction in x and y with a strength f₀, turned by f₁ radians
+# How texel t and factor f make a value: f·t; 1 + f·(t − 1); f₀ + (f₁ − f₀)·t; a normal whose x and y f
+# scales; a direction in x and y with a strength f₀, turned by f₁ radians.
 Kind: TypeAlias = Literal["product", "occlusion", "range", "normal", "direction"]
 
 
@@ -90,8 +90,8 @@ class Looks:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Materials that become one. members: their numbers. factors: what goes with the new images, by slot, and
-    ``shown``: the slots that have one."""
+    """Materials that become one. members: their numbers. factors: values beside the new images, by slot, and
+    ``shown``: the slots with an image."""
 
     members: tuple[int, ...]
     factors: dict[Slot, FloatArray]
@@ -104,9 +104,9 @@ class Carried:
     """Images in one layout, in place of those of ``Looks``.
 
     pages: PNG bytes by the name of the page. uv_set: the layout. tangents: (m, 3, 4) of corners with w last,
-    those that normals and directions are told in; None where there are none. kept: materials that stay
-    as they are, with the uv that they had. files: the name of each page's file beside the output, where several
-    outputs share it; None where each output has its own.
+    the frames of normals and directions; None without them. kept: materials that stay as they are, with the uv
+    that they had. files: the name of each page's file beside the output, where several outputs share it; None
+    where each output has its own.
     """
 
     pages: dict[str, bytes]
@@ -153,7 +153,7 @@ def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uin
 
 
 def _kind_of(data: bytes) -> str:
-    """What a file holds that Pillow knows nothing of."""
+    """Kind of a file that Pillow does not know."""
     if data[:7] == b"\xabKTX 20":
         return "KTX2, which is not decoded"
     if data[4:8] == b"ftyp" or data[:4] == b"\x1aE\xdf\xa3":

@@ -1,4 +1,4 @@
-"""What the surface of a file looks like, as every format gives it: textures and how their bytes are read.
+"""Appearance of a file in any format: textures, and the reading of their bytes.
 
 Each format finds its own (``obj/materials.py``, ``ply/materials.py``, ``gltf/materials.py``); callers ask
 ``Document.colours`` and ``Document.textures``. Colours are sRGB, 0..1. Pillow is loaded when an image is.
@@ -30,12 +30,12 @@ MEDIA_TYPES = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp", "
 class Textures:
     """The base colour textures of a file.
 
-    images: each one's bytes as in its file. names: what to call them. face: (m,) int64, image of each face,
-    −1 for none. plain: (m, 3) colour of the material of a face without image, white where there is none.
-    uv_set: the set that the images refer to. notes: images that are missing or unreadable, one line each.
-    alpha: (m,) of the material of each face, None where all are opaque. tints: what materials do to the colours
-    beyond that, and what is no part of them, one line each.
-    moves: (2, 3) affine map of each image, from uv of the set to places in the image; empty where uv are those.
+    images: each one's bytes as in its file. names: of the images. face: (m,) int64, image of each face, −1 for
+    none. plain: (m, 3) colour of the material of a face without image, white where there is none. uv_set: the
+    set that the images refer to. notes: images that are missing or unreadable, one line each. alpha: (m,) of
+    the material of each face, None where all are opaque. tints: further effects of materials on the colours,
+    which the images do not contain, one line each. moves: (2, 3) affine map of each image, from uv of the set
+    to places in the image; empty where uv are those.
     """
 
     images: tuple[bytes, ...]
@@ -91,8 +91,8 @@ class ImageFiles:
         return self._known[name]
 
     def _content(self, name: str) -> bytes:
-        """The bytes of an image; of a path on the exporter's machine the last part is looked for here, and
-        what follows a # is a comment where no file has it in its name."""
+        """The bytes of an image. Of a path on the exporter's machine the last part is looked for here. Text
+        after # is a comment if no file has it in its name."""
         far = re.match(r"[A-Za-z]:|/", name) is not None
         places = [name, name.rpartition("/")[2]] if far else [name]
         for place in [*places, *(re.sub(r"\s+#.*", "", p) for p in places if "#" in p)]:
@@ -109,7 +109,7 @@ class ImageFiles:
 
 
 def tint(name: str, factor: FloatArray, has_image: bool) -> str:
-    """What a factor (linear red, green, blue, alpha) of a material does beyond its image or plain colour."""
+    """Effect of a factor (linear red, green, blue, alpha) of a material on its image or plain colour."""
     said = []
     if has_image and (factor[:3] != 1).any():
         said.append("its texture times " + ", ".join(f"{x:.3g}" for x in factor[:3]))

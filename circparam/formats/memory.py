@@ -68,7 +68,7 @@ def from_arrays(
 
 
 def _numbers(points: npt.ArrayLike) -> FloatArray:
-    """Points as float64. Raises InputError for what holds no real numbers."""
+    """Points as float64. Raises InputError for values that are no real numbers."""
     try:
         given = np.asarray(points)
     except ValueError as error:  # rows of several lengths
@@ -79,10 +79,10 @@ def _numbers(points: npt.ArrayLike) -> FloatArray:
 
 
 def whole_numbers(indices: npt.ArrayLike, what: str) -> IntArray:
-    """Indices (m, 3) as int64, of any integer type and byte order; ``what`` they are, for messages.
+    """Indices (m, 3) as int64, of any integer type and byte order; ``what``: their noun for messages.
 
-    Raises InputError for floats, which would lose their fractions in silence, for what is no array, for
-    quads, and for numbers that int64 does not hold.
+    Raises InputError for floats, which would lose their fractions in silence, for objects that are no arrays,
+    for quads, and for numbers beyond int64.
     """
     try:
         given = np.asarray(indices)
@@ -104,7 +104,7 @@ def whole_numbers(indices: npt.ArrayLike, what: str) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class TrimeshDocument(PlainDocument):
-    """A trimesh object: its triangles and uv, and what its visuals show. visual: as trimesh has it, or None."""
+    """A trimesh object: its triangles and uv, and the looks of its visuals. visual: of trimesh, or None."""
 
     visual: Any = None
 

@@ -1,7 +1,7 @@
 """Polygons of a file, and one rule that turns them into triangles, for every format.
 
-The fan from the first corner whose triangles all agree with the polygon's normal (Newell's), else ear
-clipping in the coordinate plane in which the polygon is largest.
+The fan from the first corner whose triangles all agree with the polygon's normal (Newell's). Otherwise ears are
+clipped in the coordinate plane in which the polygon is largest.
 """
 
 from __future__ import annotations
@@ -128,8 +128,8 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     """First corner of each polygon whose fan agrees with its normal.
 
     p: (k, n, 3) corners relative to corner 0. Returns ((k,) corner, (k,) whether there is one). A polygon
-    without a normal takes corner 0: no other choice is better. A corner fits where it lies to the left of every
-    side that does not end in it, so the side that the fan of one corner fails at rules out many others.
+    without a normal takes corner 0: no other choice is better. A corner fits if it lies to the left of every
+    side that does not end in it. The side at which the fan of one corner fails therefore rules out many others.
     """
     k, n, _ = p.shape
     with np.errstate(over="ignore", invalid="ignore"):

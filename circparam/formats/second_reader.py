@@ -1,8 +1,8 @@
 """trimesh in a process of its own, with bounds on its time and memory: files that nobody has checked go in.
 
-Started as ``python -m circparam.formats.second_reader KIND FOLDER SECONDS BYTES``, it reads the file from
-standard input and writes arrays, or one line about an error, to standard output. The parsers behind trimesh
-unfold what a file of a few bytes promises, and compiled ones may crash: neither reaches the caller.
+``python -m circparam.formats.second_reader KIND FOLDER SECONDS BYTES`` reads the file from standard input. The
+output is arrays, or one line about an error, on standard output. The parsers behind trimesh may unpack a small
+file to a huge one, and compiled parsers may crash. A process of their own protects the caller.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Arrays = dict[str, Any]
 
 
 def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str]]:
-    """As ``triangles_of``, by another process. Raises InputError with what went wrong."""
+    """As ``triangles_of``, by another process. Raises InputError with the cause."""
     seconds = SECONDS + SECONDS_PER_BYTE * len(data)
     bound = BYTES + BYTES_PER_BYTE * len(data)
     command = [sys.executable, "-P", "-m", "circparam.formats.second_reader", kind]
@@ -127,7 +127,7 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
 
 
 def _resolver(folder: Path | None) -> Any:
-    """What trimesh asks for the files that a file names: regular ones inside its folder, nothing else."""
+    """Resolver for trimesh: regular files inside the folder of the file, nothing else."""
     from trimesh.resolvers import Resolver
 
     class Beside(Resolver):
@@ -162,14 +162,14 @@ def _bounded(seconds: int, size: int) -> None:
 
 
 def _said(error: BaseException) -> str:
-    """What a parser says in brackets; none of it where it misses a file of its own, or says nothing."""
+    """The message of a parser in brackets; empty for files missing inside the parser, or without a message."""
     if (isinstance(error, OSError) and error.errno) or not str(error).strip():
         return ": it is damaged, or holds no shape"
     return f" ({' '.join(str(error).split())[:120]})"
 
 
 def main() -> None:
-    """In the process: a file on stdin; its arrays, or what is wrong with it, on stdout."""
+    """In the process: a file on stdin; its arrays, or an error, on stdout."""
     kind, folder, seconds, size = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asks hears it too, and ends this process
     target = os.fdopen(os.dup(1), "wb")

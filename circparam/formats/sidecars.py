@@ -102,7 +102,8 @@ def read_seams(path: str | os.PathLike[str]) -> IntArray:
 
 
 def read_weights(path: str | os.PathLike[str]) -> FloatArray:
-    """(k, 3): what a seam costs, two vertices and a weight a line, or one vertex (−1 for the other) and one.
+    """(k, 3): the weights of seams, two vertices and a weight a line, or one vertex (−1 for the other) and a
+    weight.
 
     A weight is a number from 0 on, or ``inf`` (also ``never``). Raises InputError where a line holds something
     else.

@@ -40,7 +40,7 @@ def read_bytes(
 ) -> tuple[bytes, Source]:
     """The content of a file, or of standard input for ``-``; InputError where it cannot be read or is empty.
 
-    blocks: what reads standard input piece by piece, and may refuse it before its end.
+    blocks: a reader of standard input piece by piece, which may refuse the input early.
     """
     if os.fspath(path) == "-":
         source = Source("standard input")
@@ -111,8 +111,8 @@ def bytes_beside(folder: Path | None, uri: str, most: int = -1) -> bytes:
 
 
 def found_beside(folder: Path | None, uri: str) -> Path | None:
-    """The file that a relative URI names inside a folder, in another case where only that is there (files that
-    were made where case means nothing); None where there is none."""
+    """The file that a relative URI names inside a folder, or the only one that differs in case (from systems
+    without case); None if there is none."""
     path = None if folder is None else safe_path(folder, uri)
     if path is None or path.is_file():
         return path

@@ -80,7 +80,7 @@ def _welded(corners: FloatArray, groups: IntArray | None = None) -> Mesh:
 
 
 def _why_empty(data: bytes) -> str:
-    """What is wrong with a text in which no facet was found."""
+    """The fault of a text without facets."""
     begun, ended = (
         len(re.findall(word, data, re.I)) for word in (rb"\bfacet\s+normal", rb"\bendfacet\b")
     )
@@ -90,10 +90,10 @@ def _why_empty(data: bytes) -> str:
 
 
 def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
-    """Text, one solid or several; what reads it takes 0.3 s to import."""
+    """Text, one solid or several; the reader takes 0.3 s to import."""
     import trimesh
 
-    # what it cannot read it tells its log, tracebacks and all; here that is one line
+    # the reader logs its errors with tracebacks; here an error is one line
     logging.getLogger("trimesh").addHandler(logging.NullHandler())
     text = data.decode(
         "utf-8", "replace"

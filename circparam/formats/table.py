@@ -43,19 +43,19 @@ RoundUV = Callable[[FloatArray, Document | None], FloatArray]
 class Format:
     """One file format. Called, it reads: (data, source) → Document.
 
-    suffixes: how names end. sniff: whether content is of this format. rank: rows of lower rank are asked
-    first; 0 for a magic number at the beginning, more where the evidence is weaker.
-    export: (document, layout, options, stem of further files) → the file; writes any document into the
-    format, None where it has no place for uv. round_uv: (uv (k, 2), document or None) → the uv as they are
-    after being written and read, each coordinate for itself; the document only where it is of this format.
-    round_double: the same with uv in doubles, where the format can hold them (``WriteOptions.uv_double``).
-    output: the format that its meshes are written to when nothing is said, '' for itself. unshare: reads with
-    meshes that several nodes use copied for each; None where meshes of the format cannot be shared. foreign: it
-    is read through trimesh, which keeps geometry and uv only. peek: (first bytes, last bytes, size, source),
-    raises InputError where these tell that a large file is not worth reading. lined: whether a file of the
-    format that begins so is text in lines, of which none may be endless. up: the axis that points up in
-    meshes of the format, '' where nothing says which. also: suffixes of other rows that files of this content
-    may have too. require: raises OptionError where a package is missing that writes the format.
+    suffixes: how names end. sniff: whether content is of this format. rank: rows of lower rank are asked first;
+    0 for a magic number at the beginning, more where the evidence is weaker. export: (document, layout,
+    options, stem of further files) → the file; writes any document into the format, None where it has no place
+    for uv. round_uv: (uv (k, 2), document or None) → the uv after writing and reading, each coordinate by
+    itself; the document only if it has this format. round_double: the same with uv in doubles, where the format
+    can hold them (``WriteOptions.uv_double``). output: the format that its meshes are written to when nothing
+    is said, '' for itself. unshare: reads with meshes that several nodes use copied for each; None where meshes
+    of the format cannot be shared. foreign: it is read through trimesh, which keeps geometry and uv only. peek:
+    (first bytes, last bytes, size, source), raises InputError where these tell that a large file is not worth
+    reading. lined: whether a file of the format that begins so is text in lines, of which none may be endless.
+    up: the axis that points up in meshes of the format, '' where nothing says which. also: suffixes of other
+    rows that files of this content may have too. require: raises OptionError where a package is missing that
+    writes the format.
     """
 
     read: Read
@@ -218,7 +218,7 @@ DEFAULT_OUTPUT: Mapping[str, str] = _Outputs()
 
 
 def output_suffix(suffix: str) -> str:
-    """The suffix of what a file is written to when nothing is said: its own where its format has uv."""
+    """The default suffix of an output: the suffix of the input if its format has uv."""
     for row in FORMATS:
         if suffix.lower() in row.function.suffixes and row.function.output:
             return f".{row.function.output}"

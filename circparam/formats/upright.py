@@ -1,4 +1,4 @@
-"""Which axis points up: glTF says y, STL, PLY and what comes from CAD programs mean z."""
+"""The up axis: y in glTF; z in STL, PLY and files of CAD programs."""
 
 from __future__ import annotations
 

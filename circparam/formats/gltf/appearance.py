@@ -1,4 +1,4 @@
-"""What a new glTF tree shows: materials, images, colours and normals of any document."""
+"""Appearance of a new glTF tree: materials, images, colours and normals of any document."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from circparam.mesh.mesh import UVMap
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """What a tree shows of a document.
+    """Materials, images and attributes of a tree from a document.
 
     label: (m,) material of each face, in the order of the groups. images: with their media types. uv: the
     layout that the images were drawn for, None where there are none. colours: (m, 3, 3) linear, of the corners;
-    normals: (m, 3, 3), unit; None where the document has none. warnings: what is missing. carried: the features
+    normals: (m, 3, 3), unit; None where the document has none. warnings: missing parts. carried: the features
     that are there now.
     """
 
@@ -40,7 +40,7 @@ class Appearance:
 def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
     """The appearance of a document. with_colours: False leaves images and vertex colours out.
 
-    What the document describes badly becomes a warning: it is no reason to write no mesh.
+    A bad description in the document becomes a warning, because the mesh can still be written.
     """
     warnings: list[str] = []
     found = colours = None
@@ -71,7 +71,7 @@ def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
 def material_table(
     found: Textures | None, faces: int, document: Document | None = None
 ) -> tuple[IntArray, list[Json], list[tuple[bytes, str]], list[str]]:
-    """(material of each face, materials, images with their media types, what is missing).
+    """(material of each face, materials, images with their media types, missing parts).
 
     document: whose groups stay apart, and whose names materials get.
     """
@@ -112,7 +112,7 @@ def material(colour: FloatArray, image: int | None) -> Json:
 
 
 def _images(found: Textures | None) -> tuple[list[tuple[bytes, str]], list[str]]:
-    """Images as glTF takes them, with their media types, and what cannot be read."""
+    """Images as glTF takes them, with their media types, and unreadable ones."""
     if found is None:
         return [], []
     images, notes = [], list(found.notes)

@@ -108,7 +108,7 @@ class Packing:
                 extra[name] = data
 
     def _drop(self) -> Unused:
-        """Take out what lost its last user."""
+        """Remove entries that lost their last user."""
         gone = _image_views(self.tree.json) - _image_views(self.json)
         if self.careful or not (self.touched or gone):
             return Unused([], [])
@@ -116,7 +116,7 @@ class Packing:
         return drop_unused(self.json, self.touched, accessors, views, gone)
 
     def _fill_rows(self, unused: Unused) -> Unused:
-        """Lay out anew the views that end inside their last row, which loaders refuse, with all of it."""
+        """Store views anew with their whole last row, if they end inside it; loaders refuse such views."""
         spans, moved = list(unused.spans), set()
         for k, size in short_views(self.json).items():
             view = self.json["bufferViews"][k]
@@ -143,7 +143,7 @@ class Packing:
         return b"".join(parts)
 
     def _pack(self, unused: Unused) -> tuple[bytes, Unused]:
-        """All buffers as one, for a GLB, and where in it lies what nothing uses."""
+        """All buffers as one, for a GLB, and the unused bytes in it."""
         parts, size, at = [], 0, []
         for number in range(len(self.json["buffers"])):
             gap = -size % 4

@@ -45,7 +45,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 class GltfDocument(Document):
     """A glTF or GLB file: its tree, its primitives in the order of the faces, and their vertex pools.
 
-    carried: what stands in place of its images when it is written, None for those that it has.
+    carried: new materials and images for writing, None for those of the file.
     """
 
     tree: Tree = field(kw_only=True)
@@ -94,7 +94,7 @@ class GltfDocument(Document):
         return UVMap(uv, np.where(has[faces], faces, -1))
 
     def group_by(self, uv_set: int = 0) -> str | None:
-        """What shares an atlas, as the extras of the asset say."""
+        """Owner of an atlas, as the extras of the asset say."""
         return stored_grouping(self.tree.json, uv_set)
 
     def labels(self, kind: str) -> IntArray:
@@ -272,13 +272,13 @@ def _materials(tree: Tree, primitives: list[Primitive]) -> tuple[IntArray | None
 
 
 def features_of(data: bytes, source: Source) -> tuple[str, ...]:
-    """What a glTF file carries beyond triangles and one uv set, compressed or not."""
+    """Data of a glTF file beyond triangles and one uv set, compressed or not."""
     with sound_tree(source):
         return _features(Tree(data, source))
 
 
 def _features(tree: Tree) -> tuple[str, ...]:
-    """What the tree carries beyond triangles and one uv set."""
+    """Data of the tree beyond triangles and one uv set."""
     names = {
         name
         for mesh in tree.json.get("meshes", [])

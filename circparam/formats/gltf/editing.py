@@ -1,4 +1,4 @@
-"""Put uv into a glTF tree: new accessors for what changed, everything else where it was."""
+"""Put uv into a glTF tree: new accessors for changed data, everything else in place."""
 
 from __future__ import annotations
 
@@ -97,8 +97,8 @@ def _pool_order(blocks: list[list[int]], primitives: list[Primitive], n: int) ->
 def stored_uv(uv: FloatArray) -> FloatArray:
     """uv as glTF stores them: float32 u and float32 (1 − v), back as float64 with v upwards.
 
-    1 − v of a float64 in [0, 1] is a multiple of 2⁻⁵³ and stays one when it is rounded to float32, so turning
-    it back is exact: no second rounding can flip a triangle.
+    For float64 v in [0, 1], 1 − v is a multiple of 2⁻⁵³ and stays one after rounding to float32. Turning v back
+    is exact, so no second rounding can flip a triangle.
     """
     file = file_uv(uv).astype(np.float64)
     return np.stack([file[:, 0], 1.0 - file[:, 1]], 1)
@@ -112,7 +112,7 @@ def file_uv(uv: FloatArray) -> Any:
 class TreeEdit(Packing):
     """A copy of a tree in which vertices and uv of primitives change.
 
-    new_tangents: (m, 3, 4) tangents to write, None to keep those that still hold.
+    new_tangents: (m, 3, 4) tangents to write, None if the old ones stay valid.
     """
 
     new_tangents: FloatArray | None = None

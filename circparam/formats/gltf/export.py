@@ -77,7 +77,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """points: (n, 3) as they are stored. at: (3,) of the node. notes: what storing them changes."""
+    """points: (n, 3) as they are stored. at: (3,) of the node. notes: changes by storing."""
 
     points: npt.NDArray[np.float32]
     at: FloatArray
@@ -111,8 +111,8 @@ def _placed(mesh: Mesh, up: str) -> _Placed:
 
 
 def _origin(points: FloatArray) -> FloatArray:
-    """(3,) where the node of a mesh is put, in numbers that float32 has: 0 unless it lies so far away that its
-    shape would be rounded away with its place, as that of a scan in the coordinates of a map."""
+    """(3,) place of the node of a mesh, in float32 numbers. The place is 0 unless the mesh is so far away that
+    rounding would spoil its shape, as in scans with map coordinates."""
     low, high = points.min(0), points.max(0)
     with np.errstate(over="ignore", invalid="ignore"):
         near = not np.maximum(-low, high).max() > FAR * (high - low).max()
@@ -121,7 +121,7 @@ def _origin(points: FloatArray) -> FloatArray:
 
 
 def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """glTF: the GLB of it, taken apart; ``stem`` names the file of its buffer (none: inside the JSON)."""
+    """glTF: its GLB, taken apart; ``stem`` names the file of its buffer (none: inside the JSON)."""
     encoded = to_glb(document, uvmap, options)
     again = read_gltf(encoded.data, Source("memory"))
     whole = again.uv()
@@ -148,7 +148,7 @@ class _Attribute:
 
 
 def _attributes(faces: IntArray, uvmap: UVMap, shown: Appearance, up: str) -> list[_Attribute]:
-    """The new uv, and what else the vertices have: the old uv of images, normals, colours."""
+    """The new uv and the other attributes of the vertices: old uv of images, normals, colours."""
     out = [_Attribute("TEXCOORD_0", stored_uv(uvmap.uv), uvmap.uv_faces, file_uv)]
     each = np.arange(faces.size).reshape(-1, 3)
     if shown.uv is not None:

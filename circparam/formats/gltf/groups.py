@@ -1,4 +1,4 @@
-"""What shares an atlas in a glTF file, said in the extras of its asset.
+"""Owners of atlases in a glTF file, stored in the extras of its asset.
 
 As in {"extras": {"circparam": {"group_by": {"0": "mesh"}}}}: the keys are the numbers of uv sets; a set that is
 not named is one atlas.
@@ -14,7 +14,7 @@ from circparam.formats.gltf.model import Json
 
 
 def stored_grouping(tree: Json, uv_set: int) -> str | None:
-    """What shares an atlas in a uv set: 'primitive' or 'mesh'; None where the file says nothing known."""
+    """Owner of an atlas in a uv set: 'primitive' or 'mesh'; None without a known entry."""
     value: object = tree.get("asset")
     for key in ("extras", "circparam", "group_by", str(uv_set)):
         value = value.get(key) if isinstance(value, dict) else None
@@ -22,12 +22,12 @@ def stored_grouping(tree: Json, uv_set: int) -> str | None:
 
 
 def store_grouping(tree: Json, uv_set: int, kind: str | None) -> None:
-    """Say in a tree, in place, what shares an atlas in a uv set; None is one atlas, which needs no word."""
+    """Store the owner of an atlas of a uv set in a tree, in place; None, one atlas, needs no entry."""
     _store(tree, "group_by", uv_set, kind if kind in GROUPINGS else None)
 
 
 def store_pages(tree: Json, uv_set: int, names: Sequence[str]) -> None:
-    """Say in a tree, in place, what the pages of a uv set hold, as {"1001": "steel", "1002": "paint"}."""
+    """Store the names of the pages of a uv set in a tree, in place, as {"1001": "steel", "1002": "paint"}."""
     _store(tree, "pages", uv_set, {str(1001 + k): name for k, name in enumerate(names)} or None)
 
 

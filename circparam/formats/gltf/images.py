@@ -20,7 +20,7 @@ _MAGIC = {
 def embed_images(tree: Json, folder: Path | None) -> list[tuple[Json, bytes]]:
     """Give every image file of a tree a buffer view, in place: (the views, their bytes).
 
-    What is missing, outside the folder or of an unknown kind keeps its name.
+    Images that are missing, outside the folder or of an unknown kind keep their names.
     """
     out: list[tuple[Json, bytes]] = []
     known: dict[str, tuple[int, str] | None] = {}

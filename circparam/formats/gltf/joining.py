@@ -33,8 +33,8 @@ def join_primitives(
 ) -> list[list[int]]:
     """Join those of the chosen primitives that can be, in place.
 
-    primitives: all of the tree, in the order of the faces. Returns what each primitive of the new tree is made
-    of, in their order: numbers of ``primitives``.
+    primitives: all of the tree, in the order of the faces. Returns the sources of each primitive of the new
+    tree, in order: numbers of ``primitives``.
     """
     alone = [[i] for i in range(len(primitives))]
     if edit.careful:
@@ -67,7 +67,7 @@ def _entry(edit: Packing, p: Primitive) -> Json:
 
 
 def _kind(edit: Packing, mesh: int, entry: Json) -> str:
-    """What primitives that can be joined have in common, as text."""
+    """Common properties of primitives that can be joined, as text."""
 
     def types(attributes: dict[str, int]) -> list[Any]:
         known = edit.json["accessors"]

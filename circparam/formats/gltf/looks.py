@@ -32,8 +32,8 @@ _NEAREST = 9728
 def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
     """The materials that triangles show.
 
-    Raises InputError for an image that is missing or has no bytes here, and for textures that no slot has; what
-    Python raises for a tree of the wrong shape.
+    Raises InputError for a missing or empty image and for textures without a slot, and the errors of Python for
+    a tree of the wrong shape.
     """
     entries = materials_of(tree.json)
     reader = _Images(tree)
@@ -242,8 +242,8 @@ def in_set(material: Json, old: int, new: int) -> Json:
 def _compact(tree: Json, images: dict[int, str], before: Json) -> dict[int, str]:
     """Take out materials, textures, samplers and images that lost their last user, in place.
 
-    images: numbers of those that are new; returned as they are afterwards. before: the tree as it was; what
-    nothing used there stays.
+    images: numbers of the new ones; returned with their final numbers. before: the original tree, whose unused
+    entries stay.
     """
     moves: dict[int, int] = {}
     for kind, users in _USERS.items():

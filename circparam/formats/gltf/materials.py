@@ -30,7 +30,7 @@ def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None
 def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     """Base colour textures; factors without a texture as plain colours; None where all is white.
 
-    Raises what Python raises for a tree of the wrong shape.
+    Raises the errors of Python for a tree of the wrong shape.
     """
     files = ImageFiles(tree.source.folder)
     faces, plain = [], []
@@ -78,10 +78,10 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
 
 
 def affine(moved: dict[str, Any]) -> FloatArray:
-    """(2, 3) what KHR_texture_transform does to uv with v upwards: scaled, turned, then shifted.
+    """(2, 3) the effect of KHR_texture_transform on uv with v upwards: scaled, turned, then shifted.
 
-    The extension speaks of v downwards, and turns counter-clockwise as one sees it: (u, v) goes to
-    (c u + s v, c v − s u). Its own example, the lower left quadrant turned by 90°, tells the direction.
+    The extension has v downwards and turns counter-clockwise on the screen: (u, v) goes to (c u + s v, c v − s
+    u). Its own example, the lower left quadrant turned by 90°, tells the direction.
     """
     shift, scale = np.array(moved.get("offset", (0, 0)), float), moved.get("scale", (1, 1))
     c, s = np.cos(moved.get("rotation", 0.0)), np.sin(moved.get("rotation", 0.0))
@@ -130,7 +130,7 @@ def _texture_source(texture: dict[str, Any]) -> int | None:
 
 
 def _unread(texture: dict[str, Any]) -> str:
-    """What to say of a texture whose image only an extension knows; nothing where there is none."""
+    """A note on a texture whose image only an extension knows; empty for other textures."""
     named = texture.get("extensions", {})
     known = [str(n) for n, held in named.items() if isinstance(held, dict) and "source" in held]
     return (

@@ -16,7 +16,7 @@ from circparam.formats.tokens import ByteArray
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What vertices move to, in the world, as (n, 3) of ``Document.mesh.points``.
+    """Places to which vertices move, in the world, as (n, 3) of ``Document.mesh.points``.
 
     normals: before and after, unit. times, weights: the key frames of its animation, seconds from 0 on and
     0..1. colours: (n, 3) linear, or None. name: of the target and its animation.

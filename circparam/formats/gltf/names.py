@@ -1,4 +1,4 @@
-"""What materials, meshes and nodes of a glTF tree are called."""
+"""Names of materials, meshes and nodes of a glTF tree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""glTF 2.0 as a JSON tree with buffers: every access checked against what the file really holds."""
+"""glTF 2.0 as a JSON tree with buffers: every access is checked against the bytes of the file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _BIN, _JSON = 0x004E4942, 0x4E4F534A
 
 @contextmanager
 def sound_tree(source: Source, what: str = "the glTF tree") -> Iterator[None]:
-    """Turn what a tree of the wrong shape makes Python raise into an InputError that names the file."""
+    """Turn errors of Python on a tree of the wrong shape into an InputError with the name of the file."""
     try:
         yield
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -145,7 +145,7 @@ class Tree:
         return data
 
     def _reach(self, number: int, size: int) -> int:
-        """Bytes of a buffer that are of use: those that it promises, and those that views reach beyond them."""
+        """Useful bytes of a buffer: its declared bytes, and bytes beyond them that views reach."""
         views = [v for v in self.entries("bufferViews") if isinstance(v, dict)]
         views = [v for v in views if v.get("buffer") == number]
         ends = (_whole(v.get("byteOffset", 0)) + _whole(v.get("byteLength", 0)) for v in views)

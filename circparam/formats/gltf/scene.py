@@ -16,7 +16,7 @@ from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What meshes hold: (n, 3) points in the world, primitives with triangles, their pools, and notes."""
+    """Content of meshes: (n, 3) points in the world, primitives with triangles, their pools, and notes."""
 
     points: FloatArray
     primitives: list[Primitive]
@@ -226,7 +226,7 @@ class Again:
 
 
 def shown_again(tree: Tree, shown: list[tuple[int, FloatArray]]) -> list[Again]:
-    """What nodes (from ``walk``) show again; a mesh that its first node flattens stays where that one is."""
+    """Further instances by nodes (from ``walk``); a mesh that its first node flattens stays in place."""
     first: dict[int, FloatArray] = {}
     out = []
     for node, matrix in shown:

@@ -1,7 +1,6 @@
 """Where a glTF material keeps its textures: the core of glTF 2.0, and the ratified extensions.
 
-Each row says which channels of the image count and what they are multiplied by (glTF 2.0, 3.9;
-KHR_materials_*).
+Each row gives the channels of the image and their factors (glTF 2.0, 3.9; KHR_materials_*).
 """
 
 from __future__ import annotations
@@ -152,7 +151,7 @@ def places_of(material: Json) -> Iterator[tuple[Place, Json]]:
 
 
 def unlike(material: Json) -> str:
-    """What of a material no texel can hold, as text: materials that differ in it stay apart."""
+    """Properties of a material that no texel can hold, as text. Materials that differ in them stay apart."""
     rest: Json = json.loads(json.dumps(material))
     for place, holder in places_of(rest):
         holder.pop(place.texture, None)

@@ -1,7 +1,7 @@
-"""What nothing in a glTF tree uses any more: accessors, views and buffers that lost their last user go.
+"""Unused entries of a glTF tree: accessors, views and buffers that lost their last user are removed.
 
-New entries take the places of those that go, so that few numbers change; what is left over is taken out and
-all references are renumbered. The bytes go with them, those of accessors that share a view with others too.
+New entries take the places of removed ones, so few numbers change. The remaining gaps are closed and all
+references renumbered. The bytes go with them, those of accessors that share a view with others too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Unused:
-    """What went: the bytes, and the views in which other accessors still live (by identity)."""
+    """Removed data: the bytes, and the views in which other accessors still live (by identity)."""
 
     spans: list[Span]
     shared: list[Json]
@@ -65,7 +65,7 @@ def drop_unused(
     """Take out the accessors among ``touched`` that nothing refers to, and the views that only they used.
 
     accessors, views: how many the tree had before new ones were appended. images: views of images that went.
-    What nothing used from the beginning stays: it is not ours.
+    Entries that nothing used at first stay, because they belong to the file.
     """
     old, all_views = tree.get("accessors", []), tree.get("bufferViews", [])
     free = sorted(touched - {c[k] for c, k in accessor_slots(tree)})
@@ -202,7 +202,7 @@ def _words(spans: Iterable[Span], size: int, whole: bool) -> BoolArray:
 
 
 def _compact(entries: list[Json], free: list[int], old: int, slots: Callable[[], Slots]) -> None:
-    """Move the entries from ``old`` on into free places, take out what is left of those, and renumber."""
+    """Move the entries from ``old`` on into free places, close the remaining gaps, and renumber."""
     if not free:
         return
     moves = dict(zip(range(old, len(entries)), free, strict=False))

@@ -1,7 +1,7 @@
 """Wavefront OBJ: an array scanner that remembers where every byte is, and a writer that edits them.
 
-Written back, every line of the input stays byte for byte, but for the old ``vt`` lines (they go), the new
-ones (they stand where the first old one stood, or before the first face) and the vt field of ``f``.
+In the output every line of the input stays byte for byte, except ``vt`` lines and the vt field of ``f``. Old
+``vt`` lines go. New ones stand in place of the first, or before the first face.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class ObjDocument(Document):
         return UVMap(self.texture_points, self.corner_vt[self.polys.triangles])
 
     def group_by(self, uv_set: int = 0) -> str | None:
-        """What shares an atlas, as a comment before the vt lines says."""
+        """Owner of an atlas, from a comment before the vt lines."""
         said = groupings(self.scan)
         return None if not said else said[-1].group(1).decode()
 

@@ -14,7 +14,7 @@ _GROUPING = b"# circparam group_by "  # a comment on its own line; behind it: pr
 
 
 def groupings(scan: Scan) -> list[re.Match[bytes]]:
-    """The lines that say what shares an atlas."""
+    """The lines that name the owner of an atlas."""
     if _GROUPING not in scan.data:
         return []
     line = rb"^" + _GROUPING + rb"(primitive|mesh)[ \t]*(?:\r\n|\r|\n|\Z)"
@@ -22,14 +22,14 @@ def groupings(scan: Scan) -> list[re.Match[bytes]]:
 
 
 def grouping_line(group_by: str | None, newline: str) -> bytes:
-    """The line that says what shares an atlas; none for the whole file."""
+    """The line that names the owner of an atlas; none for the whole file."""
     return b"" if group_by is None else _GROUPING + f"{group_by}{newline}".encode()
 
 
 def with_uv(scan: Scan, uv: FloatArray, corner: IntArray, group_by: str | None = None) -> bytes:
     """The file with the given uv (k, 2) and, for every face corner, (L,) its number (from 0; −1: none).
 
-    group_by: what shares an atlas, 'primitive' or 'mesh'; None is the whole file.
+    group_by: owner of an atlas, 'primitive' or 'mesh'; None is the whole file.
     """
     start, end, text, length = corner_edits(scan, corner)
     block, drop_start, drop_end, where = vt_edits(scan, uv, group_by)
@@ -38,7 +38,7 @@ def with_uv(scan: Scan, uv: FloatArray, corner: IntArray, group_by: str | None =
     starts = np.concatenate([[where], drop_start, e_start, start])
     ends = np.concatenate([[where], drop_end, e_end, end])
     lengths = np.concatenate([[len(block)], empty, length])
-    order = np.argsort(starts, kind="stable")  # the block comes before what is removed there
+    order = np.argsort(starts, kind="stable")  # the block comes before lines that are removed there
     # the block stands before every face, so its text comes first
     inserted = np.concatenate([as_bytes(block), text])
     return splice(scan.raw, starts[order], ends[order], inserted, lengths[order])
@@ -61,7 +61,7 @@ def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
 
 
 def corner_edits(scan: Scan, uv: IntArray) -> tuple[IntArray, IntArray, ByteArray, IntArray]:
-    """What to replace so that every corner names the given vt (from 0; −1: none)."""
+    """Edits after which every corner names the given vt (from 0; −1: none)."""
     _, start, end = scan.cuts
     text, length = digits(np.maximum(uv, 0) + 1, b"/")
     none = uv < 0

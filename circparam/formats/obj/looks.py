@@ -1,6 +1,6 @@
 """The materials of MTL libraries as ``Looks``, and a library and OBJ text that show other images.
 
-An image stands behind a keyword such as ``map_Kd``, with options before its name: ``-s`` and ``-o`` scale and
+An image stands behind a keyword such as ``map_Kd``, with options before its name. ``-s`` and ``-o`` scale and
 move uv, ``-clamp on`` ends the image at its edges. ``bump`` holds heights, or normals where its colours are
 those of one.
 """
@@ -34,13 +34,14 @@ SLOTS = {
 } | {word: Slot(word, RGB, word) for word in ("bump", "map_bump")}
 NORMAL = {word: Slot(f"{word} (normals)", RGB, word, kind="normal") for word in BUMP}
 TINTS = {"map_kd": "kd", "map_ka": "ka", "map_ks": "ks", "map_ke": "ke"}
-KEPT = ("-bm", "-mm", "-imfchan")  # options that say what values mean; others say where they lie
+# options that give the meaning of values; the others give their place
+KEPT = ("-bm", "-mm", "-imfchan")
 _BLUE = 0.25  # how far the mean of an image of normals may lie from (½, ½, 1) or above
 
 
 @dataclass
 class Statements:
-    """One material of a library: its name, the line of it, and those behind it: keyword, rest, the whole."""
+    """One material of a library: its name and its line, and the lines that follow: keyword, rest, the whole."""
 
     name: str
     head: str = ""
@@ -118,7 +119,7 @@ class _Images:
         for word, tint in TINTS.items():
             factors[SLOTS[word]] = _colour(values.get(tint, ""))
         mapped = {slot.name for slot in uses}
-        # what no texel holds: numbers, which maps there are beside colours, which colours are stated
+        # properties that no texel holds: numbers, the kinds of maps beside colours, the stated colours
         rest_of = sorted(
             (key, "" if key in mapped or key in TINTS.values() else value)
             for key, value in values.items()

@@ -34,7 +34,7 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
         path = found_beside(folder, library)
         try:
             text = None if path is None else regular_bytes(path).decode("utf-8", "replace")
-            text = "" if folder is None else text  # what came through a pipe has nothing beside it
+            text = "" if folder is None else text  # a file from a pipe has no folder
         except OSError:
             text = None
         if text is None:

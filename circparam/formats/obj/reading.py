@@ -175,8 +175,8 @@ class Scan:
         return index
 
     def corner_normals(self) -> FloatArray | None:
-        """(L, 3) unit normals of the corners, 0 for those without a direction; None where a corner has none, or
-        names one that is not there."""
+        """(L, 3) unit normals of the corners, 0 for corners without a direction; None if a corner has no normal
+        or names a missing one."""
         lines = self.of(b"vn")
         if len(lines) == 0:
             return None

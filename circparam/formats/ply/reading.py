@@ -17,7 +17,7 @@ from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, par
 UNFILLED = 1 << 12  # bytes
 CHUNK = 1 << 22  # rows that are looked at at once
 KEYWORDS = {"ply", "format", "comment", "obj_info", "element", "property", "end_header"}
-MAX_HEADER = 1 << 20  # bytes: the longest header of a real file is a thousandth of it
+MAX_HEADER = 1 << 20  # bytes: a thousand times the longest header of a real file
 
 
 def is_ascii(head: bytes) -> bool:
@@ -26,10 +26,10 @@ def is_ascii(head: bytes) -> bool:
 
 
 def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
-    """Refuse a binary file that cannot hold what its header promises, before the file is read.
+    """Refuse a binary file too short for its header, before the file is read.
 
     head, tail: its first and last bytes, as many as a header may have and more than ``UNFILLED``. size: of the
-    whole, in bytes. Raises InputError; what it lets pass may still be refused.
+    whole, in bytes. Raises InputError; later checks may refuse further files.
     """
     layout = Layout.__new__(Layout)
     layout.data, layout.source = head, source
@@ -45,7 +45,8 @@ def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
 
 
 def _whole_comments(lines: list[str]) -> list[str]:
-    """Header lines, those that carry on a comment as comments: file names in them may hold line breaks."""
+    """Header lines, with the continuation lines of comments as comments: file names in them may hold line
+    breaks."""
     out: list[str] = []
     for line in lines:
         is_comment = bool(out) and out[-1].split()[:1] in (["comment"], ["obj_info"])
@@ -123,11 +124,11 @@ class Layout:
         return 1 if self.ascii else int(code[1])
 
     def _least(self, e: Element) -> int:
-        """What a row of an element takes at least."""
+        """Least bytes of a row of an element."""
         return sum(self._width(p.count_type or p.type) for p in e.properties)
 
     def promised(self, e: Element, room: int) -> int:
-        """What the rows of an element take at least; InputError where that is more than there is room."""
+        """Least bytes of the rows of an element; InputError if the file is too short for them."""
         least = self._least(e)
         if e.count * least > room:
             raise self.source.error(
@@ -137,7 +138,7 @@ class Layout:
         return e.count * least
 
     def unfilled(self, e: Element) -> InputError:
-        """What is said of a file that ends in zeros."""
+        """A warning on a file that ends in zeros."""
         return self.source.error(
             f"the rows of {e.name!r} end in zeros: the file was not filled to its end"
         )
@@ -189,7 +190,7 @@ class Layout:
         return len(end) == UNFILLED and not end.any()
 
     def _cut_short(self, e: Element, at: int, stride: int) -> bool:
-        """Whether all rows that the file has are alike, and what is behind them is too little for the others.
+        """Whether all rows of the file are alike, and the bytes behind them are too few for the others.
 
         Row after row would tell the same of gigabytes in minutes. stride: bytes of the first row.
         """

@@ -28,7 +28,7 @@ KINDS = (TEXT, CRATE, PACKAGE)
 class UsdDocument(Document):
     """A USD file: its bytes, its meshes, and the files that it refers to, by names relative to it.
 
-    layers: without these it cannot be read. assets: textures and the like. outside: what lies in other folders.
+    layers: without these it cannot be read. assets: textures and the like. outside: files in other folders.
     """
 
     data: bytes = field(kw_only=True, repr=False)
@@ -172,7 +172,7 @@ def _warnings(arrays: Arrays, missing: list[str]) -> list[str]:
 
 
 def _check_alone(stage: Any, source: Source) -> None:
-    """Raise InputError where bytes without a folder refer to other layers: what they hold depends on those."""
+    """Raise InputError for bytes without a folder that refer to other layers, which cannot be found."""
     with silent():
         found = referred(Path(stage.GetRootLayer().realPath), source)
     layers = [

@@ -22,11 +22,11 @@ CURE = "put it beside the file, or flatten the file (usdcat --flatten)"
 
 @dataclass
 class Files:
-    """What a file refers to, without itself.
+    """Files that a file refers to, without itself.
 
-    layers: those that it is composed of. assets: textures and the like inside its folder. outside: such files
-    in other folders, which are not opened. missing: names that lead nowhere. opened: the layers as USD holds
-    them, the file itself first.
+    layers: of its composition. assets: textures and the like inside its folder. outside: such files in other
+    folders, which are not opened. missing: names that lead nowhere. opened: the layers as USD holds them, the
+    file itself first.
     """
 
     layers: list[Path] = field(default_factory=list)

@@ -215,7 +215,7 @@ def _subsets(mesh: Any, faces: int) -> tuple[IntArray, list[str]]:
 
 
 def _uv(prim: Any, corners: IntArray) -> dict[str, FloatArray]:
-    """The uv primvars of a mesh by name, (c, 2) for its corners; those that do not fit are left out."""
+    """The uv primvars of a mesh by name, (c, 2) for its corners; malformed ones are left out."""
     from pxr import Usd, UsdGeom
 
     out: dict[str, FloatArray] = {}

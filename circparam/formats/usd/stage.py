@@ -55,7 +55,7 @@ def require_usd() -> None:
 
 @contextlib.contextmanager
 def silent() -> Iterator[None]:
-    """What USD would print is collected, and left aside: what matters is asked for."""
+    """Messages of USD are collected and left aside; errors are asked for."""
     from pxr import UsdUtils
 
     collected = UsdUtils.CoalescingDiagnosticDelegate()

@@ -26,7 +26,7 @@ NOT_COPIED = {"subLayers", "subLayerOffsets", "primOrder"}
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What a layer with uv is made of.
+    """Parts of a layer with uv.
 
     data, source: the file. prims: its meshes. name: of the primvar. uv: (k, 2); corner: (L,) into it, −1 for
     none.
@@ -41,8 +41,7 @@ class Parts:
 
 
 def stronger(parts: Parts, kind: str, below: str = "") -> bytes:
-    """A layer that holds the uv alone and lies over the file; what the root layer says of the stage is
-    repeated.
+    """A layer with the uv alone, stronger than the file; it repeats the stage metadata of the root layer.
 
     below: the name of the layer under it, that of the file where none is given.
     """
