@@ -1,1 +1,1 @@
-"""Many files: listed, handed to Dask's workers, each unwrapped in a process of its own, told in a manifest."""
+"""Many files: listed, sent to Dask workers, each unwrapped in a process of its own, recorded in a manifest."""

@@ -33,9 +33,9 @@ REMOTE_STATUS = 30.0  # seconds between two notes of the state in a remote folde
 
 @dataclass(frozen=True)
 class Plan:
-    """What is asked for. sources: as the command line has them. retry: of failed, degraded, all. workers: of a
-    cluster on this machine; scheduler, scheduler_file: of one that runs. task: what a worker does with one.
-    last: seconds that what runs has after the batch was asked to stop."""
+    """The task of a batch. sources: as the command line has them. retry: of failed, degraded, all. workers: of
+    a cluster on this machine; scheduler, scheduler_file: of one that runs. task: function that a worker calls
+    for one item. last: seconds for running tasks after the batch was asked to stop."""
 
     sources: Sequence[str]
     settings: Settings
@@ -49,8 +49,8 @@ class Plan:
 
 @dataclass(frozen=True)
 class Hooks:
-    """What the caller hears. listener: how far it is. on_line: each final line. note: a word on what was
-    left out. started: gets the function that asks the batch to stop; a context, within which it works."""
+    """Callbacks of the caller. listener: how far it is. on_line: each final line. note: called for sources left
+    out. started: gets the function that asks the batch to stop; a context, within which it works."""
 
     listener: Callable[[Progress], None] | None = None
     on_line: Callable[[dict[str, Any]], None] | None = None
@@ -62,9 +62,9 @@ class Hooks:
 
 @dataclass(frozen=True)
 class Summary:
-    """How a batch ended. total: files of the sources; counts: of them by status, as the manifest has them in
-    the end; missed: with a gate missed; done: in this run; finished: whether nothing is left to do. codes:
-    exit code → files. report: address of the page, None where none was written."""
+    """How a batch ended. total: files of the sources; counts: files by status in the manifest at the end;
+    missed: with a gate missed; done: in this run; finished: whether nothing is left to do. codes: exit code →
+    files. report: address of the page, None where none was written."""
 
     total: int
     counts: dict[str, int]
@@ -86,9 +86,8 @@ class Summary:
 def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
     """Unwrap all files of the sources that the manifest does not have as done.
 
-    Raises OptionError for results that collide, a scheduler or a worker that does not fit; InputError for
-    sources that are missing; OutputError where the folder cannot be written; NoResultError where the
-    scheduler ended.
+    Raises OptionError for results that collide and for a scheduler or worker that does not fit, InputError for
+    missing sources, OutputError for a folder that cannot be written, NoResultError if the scheduler ended.
     """
     hooks = hooks or Hooks()
     start = time.monotonic()
@@ -146,7 +145,7 @@ class _Any:
 def _check_owned(
     folder: Folder, index: Index, exists: Callable[[str, int], bool], settings: Settings
 ) -> None:
-    """Refuse to write over what no batch has written: a folder with a manifest is a batch's own."""
+    """Refuse to write over other files: a folder with a manifest belongs to a batch."""
     if settings.options.overwrite or exists(NAME, -1):
         return
     found = index.existing(exists)
@@ -159,7 +158,7 @@ def _check_owned(
 def _work(
     plan: Plan, settings: Settings, state: tuple[Index, Manifest, Meter], hooks: Hooks
 ) -> bool:
-    """Run what is due; whether all of it is done."""
+    """Run the items that are due; whether all are done."""
     index, manifest, meter = state
     cluster = Cluster(plan.workers, plan.scheduler, plan.scheduler_file)
     try:
@@ -204,7 +203,7 @@ class _StatusFile:
 
 
 def _clean(folder: Folder) -> None:
-    """Remove what an earlier run may have left, and what this one had."""
+    """Remove temporary files of an earlier run, and of this one."""
     if not folder.remote:
         shutil.rmtree(folder.of(WORK), ignore_errors=True)
         return
@@ -243,7 +242,7 @@ def _summary(
 
 
 def status(out: str) -> dict[str, Any]:
-    """What the manifest of a folder says, and how far the batch is that runs there, where one does.
+    """The state of a folder from its manifest, and the progress of a running batch, if there is one.
 
     Raises OptionError where there is no manifest.
     """

@@ -57,7 +57,7 @@ class Cluster:
         if importlib.util.find_spec("distributed") is None:
             raise OptionError(f"circparam batch: {EXTRA}")
         self._process: subprocess.Popen[bytes] | None = None
-        self._said = b""  # the end of what the cluster has written to standard error
+        self._said = b""  # the end of the cluster's standard error
         self._folder: str | None = None
         self.scheduler = scheduler_file or scheduler
         if self.scheduler is None:
@@ -68,7 +68,7 @@ class Cluster:
             "distributed",
             "asyncio",
             "tornado",
-        ):  # what is cut off by an end tells so there
+        ):  # a pipe that is cut off reports an error here
             logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler_file is not None:
             scheduler = address_in(scheduler_file)
@@ -113,7 +113,7 @@ class Cluster:
         self._listener.start()
 
     def _listen(self) -> None:
-        """Keep the end of what the cluster says, until its last process has ended."""
+        """Keep the end of the cluster's output, until its last process has ended."""
         stream = self._process.stderr if self._process is not None else None
         with contextlib.suppress(OSError, ValueError):
             while stream is not None and (part := os.read(stream.fileno(), 1 << 16)):
@@ -134,9 +134,9 @@ class Cluster:
             ) from None
 
     def _check_versions(self) -> None:
-        """Refuse workers without circparam, or with another version of it."""
+        """Refuse workers without circparam, or with another version."""
 
-        def probe() -> str:  # travels by value: nothing of it has to be there
+        def probe() -> str:  # sent by value: no module has to exist there
             try:
                 from circparam._version import __version__ as found
             except ImportError:
@@ -173,7 +173,7 @@ class Cluster:
         return bool(self.client.status == "running")
 
     def kill(self) -> None:
-        """End it at once; what ran on a cluster that was there before is left to it."""
+        """End the cluster at once; a foreign cluster keeps its running tasks."""
         self._end()
         with contextlib.suppress(Exception):
             self.client.close(timeout=0.2)

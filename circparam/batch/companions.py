@@ -20,7 +20,7 @@ _LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.M)
 def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | None]:
     """Download a file into a folder: (its local path, hash of its bytes).
 
-    What it refers to comes along: buffers of a glTF, with --copy-assets images and materials too. Raises
+    Its companions come along: buffers of a glTF, with --copy-assets images and materials too. Raises
     InputError, with the cause kept where it was the store.
     """
     os.makedirs(folder)
@@ -36,7 +36,7 @@ def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | Non
             local = safe_path(Path(folder), name)
             if local is not None:
                 local.parent.mkdir(parents=True, exist_ok=True)
-                # a file that is missing is told when the mesh is read, as with local files
+                # reading the mesh reports a missing file, as with local files
                 with contextlib.suppress(FileNotFoundError):
                     again(store.get_file, beside, str(local))
     except CircparamError:

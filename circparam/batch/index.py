@@ -1,7 +1,7 @@
-"""What is to be done: all files of the sources and what the manifest says of them, in a temporary data base.
+"""Items of a batch: all files of the sources with their state in the manifest, in a temporary data base.
 
-It lies on the disk, so that ten million files take no more memory than ten, and is thrown away at the end: the
-manifest is the truth, the index only an order in it.
+The data base lies on the disk, so ten million files take no more memory than ten. The end of the run deletes
+the data base, because the manifest is the truth and the index only orders its lines.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class Index:
     def mark_due(
         self, options: str, retry: frozenset[str], exists: Callable[[str, int], bool]
     ) -> int:
-        """Decide what is to be done; returns the number of files.
+        """Decide which files are due; returns their number.
 
         options: hash of the options and version. retry: of failed, degraded, all. exists: whether a result
         (name, bytes) is still there. Done and unchanged is left: same options, same source, result there.

@@ -18,13 +18,13 @@ from multiprocessing import resource_tracker
 
 from circparam.core.messages import send
 
-# A worker that is ended is started again; the tasks that it had are given to others that often before they
-# count as failed, and then the batch itself tries them again.
+# An ended worker is started again. Its tasks go to other workers this many times before they count as failed,
+# and then the batch itself tries them again.
 CONFIG = {
     "distributed.scheduler.allowed-failures": 10,
     "distributed.worker.preload": ["circparam.batch.preload"],
     "distributed.worker.profile.enabled": False,
-    # what Dask remembers of past tasks, for people who look: nobody does here
+    # Dask keeps data of past tasks for its dashboard, which nobody reads here
     "distributed.admin.log-length": 100,
     "distributed.admin.low-level-log-length": 100,
     "distributed.admin.system-monitor.log-length": 10,

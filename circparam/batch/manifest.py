@@ -1,8 +1,8 @@
 """The manifest: one line of JSON a file, appended, never rewritten.
 
-A line that a crash or a full disk has torn is cut off before anything else is appended. A remote folder has no
-appending: there the lines go to a journal on this machine, which is put into the folder as a whole from time to
-time and at the end.
+A line that a crash or a full disk has torn is cut off before anything else is appended. A remote folder cannot
+append. Lines go to a journal on this machine, and the whole journal is put into the folder from time to time
+and at the end.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ def encode(line: dict[str, Any]) -> bytes:
 
 
 def lines(path: Path) -> Iterator[dict[str, Any]]:
-    """The lines of a manifest, in order; what is no JSON object with a name is passed over, as a torn one."""
+    """The lines of a manifest, in order; torn lines and other lines that are no JSON object with a name are
+    skipped."""
     with contextlib.suppress(FileNotFoundError), path.open("rb") as stream:
         for text in stream:
             if not text.endswith(b"\n"):
@@ -91,7 +92,7 @@ class Manifest:
             self.upload()
 
     def _fetch(self) -> bool:
-        """Let the journal hold what the remote manifest has; the longer of the two holds all of the other."""
+        """Make the journal hold the remote manifest; the longer of the two contains the other."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         data = self.folder.get_bytes(NAME)
         if data is not None and (not self.path.exists() or self.path.stat().st_size < len(data)):

@@ -11,10 +11,10 @@ from circparam.batch.settings import PLACE, Settings
 
 
 def unwrap_one(settings: Settings, source: str, target: str, name: str) -> dict[str, Any]:
-    """Unwrap a file; never raises but for what ends a process.
+    """Unwrap a file; only errors that end a process are raised.
 
     source: local path. target: path of the result in a scratch folder. name: of the result, for further files.
-    Returns {"code": exit code of ``unwrap``, "error": a line or None, "report": what --json tells or None,
+    Returns {"code": exit code of ``unwrap``, "error": a line or None, "report": the JSON of --json or None,
     "files": written, relative to the scratch folder, the result itself last}.
     """
     try:

@@ -32,10 +32,10 @@ class GoneError(Exception):
 
 
 def server_environment() -> dict[str, str]:
-    """What a server is started with: one thread, and the memory of the C library as it is by itself.
+    """The environment of a server: one thread, and the default memory settings of the C library.
 
-    Dask has its workers give freed memory back from 64 KiB on; here every array would be paged in anew, which
-    took a third of the time of a mesh.
+    Dask has its workers return freed memory from 64 KiB on. Every array would then be paged in anew, which took
+    a third of the time of a mesh.
     """
     one = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     return {k: v for k, v in environment().items() if k != "MALLOC_TRIM_THRESHOLD_"} | one
@@ -69,7 +69,7 @@ class WarmServer:
         return self._process.poll() is None
 
     def ask(self, task: dict[str, Any], stop: float | None, limit: int | None) -> dict[str, Any]:
-        """What became of a mesh (see ``Server.answer``). stop: seconds, limit: bytes, where it is reused.
+        """The result of a mesh (see ``Server.answer``). stop: seconds, limit: bytes, where it is reused.
 
         Raises GoneError.
         """

@@ -1,4 +1,4 @@
-"""How far a batch is, as values: what the command line draws, and ``--status`` reads from the disk."""
+"""Progress of a batch as values, which the command line draws and ``--status`` reads from the disk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from circparam.core.records import dataclass
 
-BASE = 50_000  # bytes that a file weighs beside its size: what an unwrap costs at least
+BASE = 50_000  # bytes added to the size of a file for its weight: the least cost of an unwrap
 RECENT = 300.0  # seconds that the rate is measured over
 KINDS = ("ok", "repaired", "degraded", "failed")
 
@@ -18,9 +18,9 @@ KINDS = ("ok", "repaired", "degraded", "failed")
 @dataclass(frozen=True)
 class Progress:
     """total: files of the sources. skipped: done before. done: in this run, by status in ``counts``. missed: of
-    them, those with a gate missed. running: (name, seconds) of what is at work, the oldest first. rate: files a
-    second, lately. left: seconds, None where nobody can say. workers: tasks that can be at work. note: what
-    the batch waits for.
+    them, those with a gate missed. running: (name, seconds) of the running items, the oldest first. rate: files
+    a second, lately. left: seconds, None where nobody can say. workers: tasks that can be at work. note: the
+    reason of a wait.
     """
 
     total: int
@@ -45,7 +45,7 @@ class Progress:
 
 @dataclass
 class Meter:
-    """Counts what is done and says how far it is. total, skipped: files. weight: bytes of those to do."""
+    """Counts finished items and reports the progress. total, skipped: files. weight: bytes of those to do."""
 
     total: int
     skipped: int

@@ -137,7 +137,7 @@ def _counts(counts: dict[str, int], index: Index) -> str:
 
 
 def _causes(index: Index) -> str:
-    """What failed or missed a gate, by cause; the names of the files do not tell causes apart."""
+    """Failures and missed gates by cause; file names are no part of a cause."""
     found: dict[str, list[Any]] = {}
     query = "SELECT name, source, exit, cause FROM done WHERE exit != 0 ORDER BY name"
     for name, source, code, cause in index.data.execute(query):
@@ -255,7 +255,7 @@ def _card(pictures: Callable[[str], list[str]], title: str, row: tuple[Any, ...]
 
 
 def _rows(index: Index) -> tuple[list[list[Any]], bool]:
-    """Rows of the table, those that need a look first; whether there are more."""
+    """Rows of the table, those that need attention first; whether there are more."""
     names = ", ".join(TITLES)
     query = (
         f"SELECT name, status, exit, faces, {names}, attempts, cause FROM done ORDER BY exit != 0 DESC, "
@@ -284,6 +284,6 @@ def _rows(index: Index) -> tuple[list[list[Any]], bool]:
 
 
 def readable(key: bytes) -> str:
-    """A name as text for people: what is no UTF-8, and control characters, as escapes."""
+    """A name as text for people: invalid UTF-8 and control characters become escapes."""
     text = key.decode("utf-8", "backslashreplace")
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

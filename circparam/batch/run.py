@@ -1,5 +1,5 @@
-"""The batch itself: a bounded window of tasks at Dask, lines into the manifest as they come, another try where
-that may help, and an end that can be continued from."""
+"""The batch itself: a bounded window of tasks at Dask, lines into the manifest as they come, new attempts after
+errors that may pass, and an end from which another run continues."""
 
 from __future__ import annotations
 
@@ -24,25 +24,27 @@ ATTEMPTS = 5  # of a file whose worker, process or store failed
 PAUSE = 0.5  # seconds before a second attempt; twice as long before each further one
 # seconds that a full disk may stay full with nothing done before files count as failed
 FULL_WAIT = 600.0
-LOOK = 1.0  # seconds between two looks at what runs
+LOOK = 1.0  # seconds between two looks at the running tasks
 POLL = 0.01
-LAST = 3.0  # seconds that what runs has to finish after the batch was asked to stop
+LAST = 3.0  # seconds for running tasks after the batch was asked to stop
 
 Listener = Callable[[Progress], None]
 Task = Callable[[bytes, Item], dict[str, Any]]
 
 
 def task_key(number: int) -> tuple[str, int]:
-    """What Dask calls a task: one group for all, as it keeps something of each while any task is at work."""
+    """Dask's key of a task: one group for all, because Dask keeps data of each group while any of its tasks
+    runs."""
     return "unwrap", number
 
 
 @dataclass
 class Batch:
-    """One run. items: to do, in this order. settings: packed. task: what a worker does with one, by
-    ``do_item``. listener: told how far it is, about once a second. on_line: told each line that is final.
+    """One run. items: to do, in this order. settings: packed. task: function that a worker calls for an item,
+    by ``do_item``. listener: called with the progress, about once a second. on_line: called with each final
+    line.
 
-    last: seconds. ``ask_to_stop`` lets what runs finish that takes no longer; ``run`` then returns False.
+    last: seconds. ``ask_to_stop`` lets short tasks finish; ``run`` then returns False.
     """
 
     cluster: Cluster
@@ -62,7 +64,7 @@ class Batch:
 
         client = self.cluster.client
         self._ready = as_completed([], with_results=True, raise_errors=False, loop=client.loop)
-        self._later: list[tuple[float, int, Item]] = []  # heap of what is tried again
+        self._later: list[tuple[float, int, Item]] = []  # heap of items for another attempt
         self._unwritten: list[dict[str, Any]] = []  # lines that the disk had no room for
         self._number = itertools.count()
         self._looked, self._threads = 0.0, 0
@@ -70,7 +72,7 @@ class Batch:
         self._note = ""
 
     def ask_to_stop(self) -> None:
-        """Let what runs finish soon, and no more (from a signal handler, or another thread)."""
+        """Let running tasks finish soon, and start no others (from a signal handler, or another thread)."""
         self.stopping = True
 
     def run(self) -> bool:
@@ -89,7 +91,7 @@ class Batch:
             more = not self.stopping and (self._fill() or bool(self._later))
             if not self.running and not self._unwritten and not more:
                 return not self.stopping
-            if time.monotonic() > end:  # what runs is done by the next run
+            if time.monotonic() > end:  # the next run does the tasks that were left
                 return False
             self._write()
             if self._ready.has_ready():
@@ -123,7 +125,7 @@ class Batch:
         self._ready.add(future)
 
     def _take(self, future: Any, line: Any) -> None:
-        """What came back of one task."""
+        """Record the answer of one task."""
         entry = self.running.pop(future.key, None)
         if entry is None:
             return
@@ -209,8 +211,8 @@ class Batch:
                 self.on_line(line)
 
     def _look(self) -> None:
-        """Once in a while: how many workers there are, what runs, whether the scheduler is there; after
-        ``ask_to_stop`` each worker is told so, those that came later, too."""
+        """A periodic look at the number of workers, the running tasks and the scheduler. After ``ask_to_stop``
+        the look tells each worker, also workers that joined later."""
         now = time.monotonic()
         if now - self._looked < LOOK:
             return
@@ -235,8 +237,8 @@ class Batch:
     def _leave_waiting(self) -> None:
         """Have the workers begin nothing more.
 
-        Each task answers all the same, with a line or that it was left: a worker alone knows what it has begun,
-        the scheduler hears of it later, and a cancelled task would go on without anybody waiting for its line.
+        Each task still answers with a line, or with the word that it was left. Only a worker knows which tasks
+        it has begun. The scheduler hears later, and nobody would wait for the line of a cancelled task.
         """
         self.cluster.client.run(leave, settings_of(self.settings).run, on_error="ignore")
         if not self._threads:  # nobody there to answer, and so nothing that is at work

@@ -74,7 +74,7 @@ class Server:
                 send(self.target, pickle.dumps(self.answer(task)))
 
     def answer(self, task: dict[str, Any]) -> dict[str, Any]:
-        """What became of a task: {"end": done | timeout | memory | signal, "answer", "peak", "seconds" ...}."""
+        """The result of a task: {"end": done | timeout | memory | signal, "answer", "peak", "seconds" ...}."""
         settings = settings_of(task["settings"])
         start = time.monotonic()
         if self.forks:
@@ -112,7 +112,7 @@ class Server:
         return {**out, "said": said[-1] if said else ""}
 
     def _watch(self, pid: int, reader: int, settings: Settings, scratch: str) -> dict[str, Any]:
-        """Read what the child writes until it ends, or has to be ended."""
+        """Read the output of the child until it ends, or has to be ended."""
         limit, stop = settings.max_memory, settings.hard_stop
         deadline = None if stop is None else time.monotonic() + stop
         parts: list[bytes] = []

@@ -1,4 +1,4 @@
-"""What is the same for all files of a batch, as it travels to the workers."""
+"""Settings that all files of a batch share, as sent to the workers."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _NO_BYTES = ("timeout", "overwrite", "format", "jobs")
 
 @dataclass(frozen=True)
 class Settings:
-    """options, gates: of each unwrap. out: folder of the results. extras: what else is written of each, by
-    ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. exit_of: the exit
-    code and line of an exception, a function of a module. run: a name of this run. fork: whether a warm server
-    forks for each mesh, else it is used again; None where the system decides.
+    """options, gates: of each unwrap. out: folder of the results. extras: further outputs of each file, by
+    ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. exit_of: the exit code and
+    line of an exception, a function of a module. run: a name of this run. fork: whether a warm server forks for
+    each mesh, else it is used again; None where the system decides.
     """
 
     options: Options
@@ -57,7 +57,7 @@ class Settings:
         return None if self.options.timeout is None else 1.5 * self.options.timeout
 
     def key(self) -> str:
-        """A hash of what decides the bytes of the results: options and version."""
+        """A hash of the options and the version, which decide the bytes of the results."""
         names = [f.name for f in dataclasses.fields(self.options) if f.name not in _NO_BYTES]
         values: dict[str, Any] = {name: getattr(self.options, name) for name in names}
         return settings_hash({**values, **self.extras, "version": self.version})

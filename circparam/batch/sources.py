@@ -1,8 +1,8 @@
-"""What is to be unwrapped: files, folders, globs, lists and remote addresses, listed one by one.
+"""Sources of a batch: files, folders, globs, lists and remote addresses, listed one by one.
 
 Every file has a name relative to its source, with ``/``: the tree under the source, mirrored under --out. The
-name of a file given alone is its last part, of one found by a glob what follows the part without wildcards, of
-one out of a list the path as the list has it.
+name of a single file is the last part of its path. A file found by a glob is named by the path behind the part
+without wildcards, a file of a list by its path in the list.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def _real_folder(folder: str) -> str:
 
 
 def _remote(address: str, prefix: str | None) -> Iterator[Source]:
-    """The files of a remote address: one, those of a folder, or those of a glob."""
+    """The files of a remote address: a file, a folder or a glob."""
     store, path = open_store(address)
     tail = archive_of(address)
     wild = _WILD.search(path)
@@ -192,7 +192,7 @@ def _named(
     base: str,
     prefix: str | None,
 ) -> Iterator[Source]:
-    """place: the store, the address as given, what follows ``::`` in it."""
+    """place: the store, the address as given, the part behind ``::``."""
     store, address, tail = place
     known, any_file = suffixes(), False
     for path, info in found:

@@ -24,7 +24,7 @@ T = TypeVar("T")
 TRIES = 6  # calls of a remote store before it counts as failed
 PAUSE = 0.1  # seconds before the second call; twice as long before each further one
 EXTRA = "it needs the extra: pip install 'circparam[batch]'"
-# what another call does not change
+# parts that other calls do not change
 FINAL = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, ImportError)
 
 
@@ -40,7 +40,7 @@ def local_path(address: str) -> str:
 
 
 def chained(address: str) -> str:
-    """An address as fsspec chains them: what is inside an archive first, then the archive.
+    """An address as fsspec chains addresses: the path inside an archive first, then the archive.
 
     ``zip://a.zip::*.glb`` (the archive first) is taken as ``zip://*.glb::a.zip``.
     """
@@ -51,7 +51,7 @@ def chained(address: str) -> str:
 
 
 def archive_of(address: str) -> str:
-    """What an address names behind ``::``, with it: the archive, a local one by its whole path; '' for none."""
+    """The archive behind ``::`` in an address, a local one by its whole path; '' for none."""
     _, mark, rest = chained(address).partition("::")
     return mark + (rest if "://" in rest or not rest else os.path.abspath(rest))
 
@@ -92,7 +92,7 @@ def again(call: Callable[..., T], *args: Any, **keywords: Any) -> T:
 
 
 def etag(info: dict[str, Any]) -> str:
-    """What tells a change of a remote file, from what its store says of it; '' where it says nothing."""
+    """A value that changes with a remote file, from the data of its store; '' without one."""
     for name in ("ETag", "etag", "md5Hash", "CRC", "checksum", "LastModified", "mtime", "created"):
         if info.get(name):
             return str(info[name]).strip('"')
@@ -124,7 +124,7 @@ class Folder:
             ) from None
 
     def put(self, name: str, path: str) -> None:
-        """Put a local file there, whole: moved where the folder is local. Raises what the store does."""
+        """Put a local file there, whole: moved where the folder is local. Raises the errors of the store."""
         if not self.remote:
             target = self.of(name)
             os.makedirs(os.path.dirname(target), exist_ok=True)
@@ -134,8 +134,8 @@ class Folder:
         again(store.put_file, path, f"{root}/{name}")
 
     def put_bytes(self, name: str, data: bytes, durable: bool = True) -> None:
-        """Put a small file there, whole; ``durable``: as for ``write_files``. Raises OutputError or what the
-        store does."""
+        """Put a small file there, whole; ``durable``: as for ``write_files``. Raises OutputError or the errors
+        of the store."""
         if self.remote:
             store, root = root_store(self.address)
             again(store.pipe_file, f"{root}/{name}", data)

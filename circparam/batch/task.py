@@ -1,7 +1,7 @@
-"""What a worker does with one file: fetch it, have it unwrapped, put the results in their place, tell.
+"""The work on one file: fetch it, have it unwrapped, put the results in place, report.
 
-Nothing is raised: whatever happens is a line of the manifest, with ``again`` in it where another attempt may
-end otherwise (a store that refuses, a full disk, a process that somebody ended).
+Nothing is raised: every outcome is a line of the manifest. The line has ``again`` if another attempt may end
+otherwise (a store that refuses, a full disk, a process that somebody ended).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SIGNALS = {
     15: "SIGTERM",
 }
 _NOT_ITS_FAULT = (9, 15)  # signals that come from outside
-# what stands in a line under its own name, or nowhere
+# keys with a place of their own in a line, or none
 _ELSEWHERE = {
     *(
         "schema",
@@ -61,7 +61,7 @@ _LEFT: set[str] = set()  # runs that begin nothing more in this process
 
 
 def leave(run: str) -> None:
-    """Called in every worker when a run is asked to stop: what is begun from now on is left as it is."""
+    """Called in every worker when a run is asked to stop: tasks begun from now on are left."""
     _LEFT.add(run)
 
 
@@ -176,7 +176,7 @@ def _unwrap(settings: Settings, data: bytes, item: Item, scratch: str) -> dict[s
 def _placed(
     folder: Folder, item: Item, inner: str, files: list[str], further: dict[str, str]
 ) -> dict[str, Any]:
-    """Put the files where they belong, the result last; returns what the line tells of them."""
+    """Put the files in place, the result last; returns their entries for the line."""
     target = os.path.join(inner, files[-1])
     output = {"output_bytes": size_of(target), "output_hash": digest(target)}
     base = item.target.rpartition("/")[0]
@@ -200,7 +200,7 @@ def _placed(
 
 
 def _failure(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
-    """What a warm server says of a mesh, as part of a line; its files under 'files' and 'further'."""
+    """The answer of a warm server for a mesh, as part of a line; its files under 'files' and 'further'."""
     out: dict[str, Any] = {
         "status": "failed",
         "exit": 1,
@@ -282,7 +282,7 @@ def _failed(settings: Settings, error: Exception) -> dict[str, Any]:
 
 
 def _renamed(values: Any, names: dict[str, str]) -> Any:
-    """The same values with the paths of the scratch folder as those that the user knows."""
+    """The same values with the paths of the scratch folder replaced by those of the user."""
     if isinstance(values, str):
         for old, new in names.items():
             values = values.replace(old, new)

@@ -120,7 +120,7 @@ command.params += _unwrap_options()
 
 
 def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
-    """What the command line asks for. Raises OptionError before anything is listed."""
+    """The plan of a batch from the command line. Raises OptionError before anything is listed."""
     if not sources:
         raise OptionError("SOURCE is missing: name files, folders, globs or @list.txt")
     if given["out"] is None:

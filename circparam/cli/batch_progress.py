@@ -1,4 +1,4 @@
-"""What a batch shows while it runs, and at its end: a few lines that renew themselves, or one line a minute."""
+"""Display of a batch while it runs and at its end: a few lines that renew themselves, or one line a minute."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Screen:
 
     @contextlib.contextmanager
     def started(self, stop: Callable[[], None]) -> Iterator[None]:
-        """While the work runs: Ctrl-C once lets what runs finish that takes seconds."""
+        """During the work: the first Ctrl-C lets tasks finish that take seconds."""
 
         def ask() -> None:
             stop()
@@ -108,7 +108,7 @@ class Screen:
 
 
 def headline(progress: Progress) -> str:
-    """All of it in one line."""
+    """The whole state in one line."""
     parts = [f"{progress.skipped + progress.done} of {progress.total} done"]
     if progress.skipped:
         parts[0] += f" ({progress.skipped} before)"
@@ -157,7 +157,7 @@ def print_summary(summary: Summary) -> None:
 
 
 def print_status(found: dict[str, Any]) -> None:
-    """What ``--status`` tells, as a table."""
+    """The table of ``--status``."""
     counts = [f"{n} {kind}" for kind, n in sorted(found["counts"].items())]
     table = facts([("results", escaped(found["out"])), ("done", ", ".join(counts) or "none yet")])
     if found["missed"]:

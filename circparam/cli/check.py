@@ -1,4 +1,4 @@
-"""``circparam check``: what a mesh is, and what its uv are worth."""
+"""``circparam check``: topology of a mesh and quality of its uv."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Shared options as values: one spelling and one help text for every command that has them.
 
-The options of the library are built out of the metadata of the fields of ``Options``; those that only the
-command line has stand here.
+The metadata of the fields of ``Options`` give the options of the library; options of the command line alone
+stand here.
 """
 
 from __future__ import annotations
@@ -92,8 +92,7 @@ def today(word: str) -> str:
 class Name(click.ParamType[str]):
     """A name out of a table of the library, read when it is needed: did-you-mean, and shell completion.
 
-    What follows a colon belongs to the name as its argument and is not looked at. ``listed``: the help shows
-    all names.
+    Text after a colon is the argument of the name and is not checked. ``listed``: the help shows all names.
     """
 
     name = "name"
@@ -165,7 +164,7 @@ class NumberOrName(click.ParamType[Any]):
         self.names = names
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number, or the text as it stands: the library words what is wrong with it."""
+        """The number, or the text as it stands; the library words the error."""
         try:
             return float(value)
         except ValueError:
@@ -184,7 +183,7 @@ def _formats() -> list[str]:
     return FORMATS.names()
 
 
-# what cannot be read or is a directory is the library's error (exit 3), not one of usage
+# unreadable files and directories are errors of the library (exit 3), not of usage
 MESH = click.Path(dir_okay=True, allow_dash=True, readable=False)
 FILE = click.Path(readable=False)
 
@@ -221,9 +220,9 @@ def library_options(stage: str, fields: Any = Options) -> list[Decorator]:
 
 
 def library_keywords(given: dict[str, Any], fields: Any = Options) -> dict[str, Any]:
-    """What was given on the command line of the options of the library, by the names of their fields.
+    """Options of the library given on the command line, by the names of their fields.
 
-    What was not given is left out: None, and a flag that has no counterpart and does not stand there.
+    Options not given are left out: None, and absent flags without a counterpart.
     """
     out = {}
     for name, spec in specs(fields).items():

@@ -133,8 +133,8 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
 def _compared(
     meshes: tuple[str, ...], names: list[str], given: dict[str, Any]
 ) -> Iterator[tuple[str | None, Comparison | int]]:
-    """What each mesh gives, with the name to show where it is not that of the file; the exit code of one
-    that cannot be compared, where there are others."""
+    """The comparison of each mesh, with a name if it differs from the file's; the exit code of a mesh that
+    cannot be compared, if there are others."""
     from circparam import samples
     from circparam.compare.compare import compare
 

@@ -1,4 +1,4 @@
-"""What a comparison prints: cost and quality of each row, and Table 1 of the source."""
+"""Output of a comparison: cost and quality of each row, and Table 1 of the source."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SECONDS = ("weights", "solve", "total")
 
 
 def print_comparison(found: Comparison, shown: str | None = None) -> None:
-    """What each row costs and what it is worth, two tables of at most 80 columns; then what is to say of them.
+    """Cost and quality of each row, two tables of at most 80 columns, and the notes.
 
     shown: a name for the mesh in place of that of its file.
     """
@@ -70,7 +70,7 @@ def _figures(row: Entry, chosen: Figures) -> list[str]:
 
 
 def print_table1(sizes: list[Size], repeats: int) -> None:
-    """Table 1 of the source beside what was measured here."""
+    """Table 1 of the source beside the measured values."""
     from circparam.compare.kim2019 import RANGE
 
     click.echo(f"Table 1 of the source (Kim 2019), median of {repeats} repeats, ms [quartiles]")

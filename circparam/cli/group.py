@@ -1,4 +1,4 @@
-"""The group of all commands: the table ``COMMANDS``, and what is the same for each of them.
+"""The group of all commands: the table ``COMMANDS``, and the options that all commands share.
 
 A command is one module and one row. ``circparam --help`` reads only the summaries of the table, so it needs
 neither NumPy nor trimesh. An error becomes one line and a documented code here and nowhere else.
@@ -23,7 +23,7 @@ from circparam.core.memory import room_for_libraries
 from circparam.core.records import dataclass
 from circparam.core.workers import cores
 
-ALONE = {"-h", "--help", "-V", "--version"}  # what needs no command, and so no library
+ALONE = {"-h", "--help", "-V", "--version"}  # options without a command need no library
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _end_workers() -> None:
 def _open_standard_streams() -> None:
     """Give streams that were closed before the start (``>&-``) a device, lest a file takes their number.
 
-    What is written to a closed standard output is an error, as with a closed pipe; errors go unseen.
+    Writing to a closed standard output is an error, as with a closed pipe; errors go unseen.
     """
     for name, mode, flags in (
         ("stdin", "r", os.O_RDONLY),

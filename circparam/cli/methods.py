@@ -1,4 +1,4 @@
-"""``circparam methods``: every method, where it comes from, and what it guarantees."""
+"""``circparam methods``: every method, its source and its guarantees."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _SHORT = {
 
 
 def _print_table(rows: list[dict[str, Any]]) -> None:
-    """Every method and its guarantees, what each is for, and what the guarantees mean."""
+    """Every method with its guarantees and its use, and the meaning of the guarantees."""
     from circparam.cli.tables import columns, console, facts
     from circparam.core.registry import TAGS
 

@@ -1,4 +1,4 @@
-"""Where outputs go, and what is refused before any work begins."""
+"""Places of outputs, and checks before any work begins."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def beside(path: Path, tail: str, suffix: str) -> str:
 
 
 def without_outputs(meshes: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """The meshes, and those left out: what an earlier call wrote for another of them (``*.obj`` finds both)."""
+    """The meshes, and those left out: outputs of an earlier call for another mesh (``*.obj`` finds both)."""
     made = {os.path.normpath(output_path(mesh, _NOWHERE)) for mesh in meshes if mesh != "-"}
     again = [mesh for mesh in meshes if os.path.normpath(mesh) in made]
     return [mesh for mesh in meshes if mesh not in again], again
@@ -50,7 +50,7 @@ _FURTHER = {
 
 
 def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str, Any]) -> None:
-    """Refuse before any work what cannot be written as asked. Raises OptionError, OutputError."""
+    """Refuse impossible outputs before any work. Raises OptionError, OutputError."""
     if given["output"] is not None and given.get("out_dir") is not None:
         raise OptionError("-o and --out-dir exclude each other: give one of them")
     if given["output"] is not None and len(meshes) > 1:
@@ -86,7 +86,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
 
 
 def check_one_atlas(meshes: Sequence[str], given: dict[str, Any]) -> None:
-    """Refuse what makes no sense for several meshes that share an atlas. Raises OptionError."""
+    """Refuse options without meaning for meshes that share an atlas. Raises OptionError."""
     if given["output"] is not None:
         raise OptionError(
             "--one-atlas writes a file for each mesh: give --out-dir DIR in place of -o"
@@ -131,7 +131,7 @@ def made_folder(folder: str | None) -> Iterator[None]:
         yield
     finally:
         for path in reversed(made):
-            with contextlib.suppress(OSError):  # what holds a file stays
+            with contextlib.suppress(OSError):  # a folder with files stays
                 path.rmdir()
 
 

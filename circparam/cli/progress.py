@@ -1,4 +1,4 @@
-"""What happens on stderr: a bar for work over two seconds, warnings, and nothing at all with --quiet."""
+"""Output on stderr: a bar for work over two seconds, warnings, and nothing at all with --quiet."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from circparam.core.monitor import Listener
 
 AS_LINES = "CIRCPARAM_PROGRESS"  # in the environment: a program reads stderr and wants a line for each per cent
 DELAY = 2.0  # seconds before a bar appears
-SURE = 0.1  # of the run: before that no time that is left is told
-# Stages and what each takes of a run, in hundredths: processor seconds, means over meshes of 1,600 to 90,000
+SURE = 0.1  # of the run: no remaining time is shown before this share
+# Stages and their shares of a run, in hundredths: processor seconds, means over meshes of 1,600 to 90,000
 # faces. Groups follow each other; the stages of a group come again and stand inside each other.
 GROUPS: tuple[dict[str, int], ...] = (
     {"read": 1},
@@ -31,8 +31,8 @@ GROUPS: tuple[dict[str, int], ...] = (
     {"verify": 4},
     {"write": 1},
 )
-LEVEL = "level"  # what a mesh goes through that gets its charts on a smaller surface
-# other kinds of runs, by the stage that tells them; compare has no name for what it does method by method
+LEVEL = "level"  # stages of a mesh whose charts are found on a smaller surface
+# other kinds of runs, by a stage that identifies them; compare has no names for its methods
 OTHERS: dict[str, tuple[dict[str, int], ...]] = {
     LEVEL: (
         {"read": 1},
@@ -63,7 +63,7 @@ def warn(line: str, quiet: bool = False) -> None:
 
 
 def note(line: str, quiet: bool = False) -> None:
-    """What was done on the way and asks nothing of anybody, on stderr, in one line."""
+    """A note on the work, on stderr, in one line; the user need not act."""
     if not quiet:
         click.echo(f"circparam: note: {line}", err=True)
 
@@ -85,10 +85,10 @@ def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterat
 
 
 class Forward:
-    """How far the whole run is, out of how far its stages are: by what they take, and never back.
+    """Progress of the whole run from the progress of its stages, weighted by their times; it never falls.
 
-    A group is done when a stage of a later one has begun. Within a group each stage counts by the furthest it
-    has come, whatever has been heard of the others: that one has begun says nothing of those before it.
+    A group is done when a stage of a later one has begun. Within a group each stage counts by its furthest
+    report, whatever the others reported. A stage that began says nothing of earlier ones.
     """
 
     def __init__(self) -> None:

@@ -65,7 +65,7 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
 
 
 def _print_table(rows: tuple[Sample, ...]) -> None:
-    """Every sample with its size, then what each is."""
+    """Every sample with its size, then a description of each."""
     from circparam.cli.tables import columns, console, facts
 
     heads = ("format", "vertices", "faces", "genus", "boundaries")
@@ -82,7 +82,7 @@ def _print_table(rows: tuple[Sample, ...]) -> None:
 
 
 def _save(sample: Sample, output: str, overwrite: bool) -> list[str]:
-    """Copy a sample and what it refers to; returns the paths written."""
+    """Copy a sample and its files; returns the paths written."""
     from circparam import samples
     from circparam.core.files import write_files
     from circparam.errors import OptionError

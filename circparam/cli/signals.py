@@ -1,10 +1,10 @@
 """Ctrl-C and SIGTERM: an exception in the main thread, and an end within a second whatever it is doing.
 
-Python delivers a signal between bytecodes, and a sparse factorisation of a large mesh is a single one that
-may take many seconds. So the interpreter also writes each signal to a pipe, which a watching thread
-reads: where the main thread has not ended by itself shortly after, the watcher removes the
-temporary files and ends the process. SIGUSR1 (where there is one) is answered by the same thread at once,
-with a line on stderr that tells how far the work is.
+Python delivers a signal between bytecodes, and a sparse factorisation of a large mesh is a single one that may
+take many seconds. The interpreter therefore also writes each signal to a pipe, which a watching thread reads.
+If the main thread has not ended shortly after, the watcher removes the temporary files and ends the process.
+SIGUSR1 (where there is one) is answered by the same thread at once, with a line on stderr that tells how far
+the work is.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ GRACE = 0.7  # seconds that the main thread has to clean up by itself
 # the same for a command that has processes and folders to clear away
 _LONGER: list[float] = []
 
-# what the first Ctrl-C calls instead, once: one list for the main thread, one for the watcher
+# replacement for the first Ctrl-C, once: one list for the main thread, one for the watcher
 _ASKED: list[Callable[[], None]] = []
 _SPARED: list[int] = []
 # tells how far the work is, in one line
@@ -63,7 +63,7 @@ def clearing_away(seconds: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def answering(status: Callable[[], str]) -> Iterator[None]:
-    """Within the block SIGUSR1 is answered with what ``status`` says."""
+    """Within the block, SIGUSR1 prints ``status``."""
     _STATUS.append(status)
     try:
         yield
@@ -141,7 +141,7 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
 
 
 def _remove_temporaries() -> None:
-    """Unlink what an interrupted write has left (the formats keep a list of their temporary files)."""
+    """Unlink files of an interrupted write (the formats keep a list of their temporary files)."""
     formats = sys.modules.get("circparam.core.files")
     for path in tuple(getattr(formats, "TEMPORARIES", ())):
         with contextlib.suppress(OSError):

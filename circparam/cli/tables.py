@@ -1,7 +1,7 @@
 """Reports as text for a terminal: within 80 columns, colours only where the terminal has them.
 
-All tables are of one style: facts (a bold name, then its value), or columns (a bold name, then numbers to
-the right), neither with lines.
+All tables have one style: facts (a bold name, then its value) or columns (a bold name, then numbers to the
+right). None has lines.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
 
 
 def _look(look: dict[str, Any] | None) -> list[tuple[str, str]]:
-    """What became of images, materials and draw calls."""
+    """Counts of images, materials and draw calls."""
     if look is None:
         return []
     rows = [
@@ -118,7 +118,7 @@ def _look(look: dict[str, Any] | None) -> list[tuple[str, str]]:
 
 
 def summary_table(reports: list[dict[str, Any]]) -> Table:
-    """What became of several meshes: one line each, and how many of them are of which status."""
+    """Results of several meshes: one line each, and the number of each status."""
     rows: dict[str, Iterable[str]] = {}
     for number, report in enumerate(reports, 1):
         figures = ["-"] * 5
@@ -163,7 +163,7 @@ LISTED = 12  # components that a table shows
 
 
 def check_table(report: dict[str, Any]) -> Table:
-    """What a mesh is, and what its uv are worth."""
+    """Topology of a mesh and quality of its uv."""
     table = facts()
 
     def row(name: str, value: object) -> None:
@@ -217,7 +217,7 @@ def _numbers_of(numbers: list[int]) -> str:
 
 
 def map_table(report: dict[str, Any]) -> Table:
-    """What a map between two surfaces is worth."""
+    """Quality of a map between two surfaces."""
     table = facts()
     table.add_row("surfaces", plain(f"{report['a']} to {report['b']}"))
     table.add_row("output", plain(report["output"]))
@@ -239,7 +239,7 @@ def map_table(report: dict[str, Any]) -> Table:
 
 
 def check_line(report: dict[str, Any]) -> str:
-    """What a mesh is, and what its uv are worth, in one line."""
+    """Topology of a mesh and quality of its uv, in one line."""
     parts = report["component_list"]
     verdict = parts[0]["verdict"] if len(parts) == 1 else counted(len(parts), "component")
     words = [counted(report["faces"], "face"), verdict, counted(report["boundaries"], "boundary")]
@@ -290,7 +290,7 @@ def _thin(report: dict[str, Any]) -> str:
 
 
 def _densities(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
-    """Texels per unit of the charts with the fewest and the most, and of what --density names."""
+    """Texels per unit of the charts with the fewest and the most, and of the parts of --density."""
     least, most = report.get("density_min"), report.get("density_max")
     if least is not None and most is not None:
         yield "texels a unit", f"{least:.4g} to {most:.4g}"

@@ -163,15 +163,15 @@ FROM_FILES = {
 
 
 class _Run:
-    """One call of the command: what is the same for all its meshes."""
+    """One call of the command: data that all its meshes share."""
 
     def __init__(self, given: dict[str, Any], gates: Any) -> None:
         self.given, self.gates = given, gates
-        self.started: float | None = time.monotonic()  # for the first mesh: what it imports counts
+        self.started: float | None = time.monotonic()  # the first mesh pays for the imports
         self.place = (1, 1)  # of the mesh, and of how many
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
-        put_off()  # before the options ask for what knows the methods
+        put_off()  # before options that need the table of methods
         self.options = Options(**library_options_of(given))
         self.look = look_options_of(given)
         self.reports: list[dict[str, Any]] = []  # of every mesh, those without a result too
@@ -193,7 +193,7 @@ class _Run:
         return exits.OK
 
     def _failed(self, mesh: str, error: Exception, meshes: list[str] | None = None) -> int:
-        """Say what went wrong; returns the exit code. meshes: of one atlas."""
+        """Print the error; returns the exit code. meshes: of one atlas."""
         line = exits.line_about(mesh, error)
         click.echo(f"circparam: error: {line}", err=True)
         if not isinstance(error, GateError):
@@ -205,7 +205,7 @@ class _Run:
         return exits.code_of(error)
 
     def summary(self) -> None:
-        """One line a mesh where there are several: what became of each."""
+        """One line for each of several meshes with its result."""
         if len(self.reports) < 2 or self.as_json or self.quiet:
             return
         from circparam.cli.tables import console, summary_table
@@ -346,7 +346,7 @@ def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_files(out: dict[str, Any]) -> dict[str, Any]:
-    """Options of the library with what stands in the files that they name."""
+    """Options of the library with the contents of their files."""
     if not out.keys() & FROM_FILES:
         return out
     # only now: workers start before anything large is imported

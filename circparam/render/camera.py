@@ -57,8 +57,8 @@ def look_from(
 def up_vector(scene: Scene, up: str = "auto") -> FloatArray:
     """The unit vector of an axis name; raises OptionError for any other name.
 
-    auto: y, or z where the surface stands much better on its lower end along z: what is within 3 % of that
-    end spans more of the outline seen from above (after the idea of Fu et al. 2008).
+    auto: y, or z if the surface stands much better on its lower end along z. The vertices within 3 % of that
+    end then span more of the outline seen from above (after the idea of Fu et al. 2008).
     """
     if up == "auto":
         up = "z" if _support(scene, 2) > 1.5 * _support(scene, 1) + 0.1 else "y"
@@ -111,7 +111,7 @@ def best_directions(
     so_far = np.zeros(samples)
     for k in range(count):
         gain = np.maximum(seen - so_far, 0).sum(1) + (0.2 * seen.sum(1) if k else 0)
-        # a side much like one that is shown already says little, even where all of it is seen well
+        # a side much like a shown one adds little, even if all of it is well visible
         alike = (directions @ directions[best].T > 0.82).any(1)
         best.append(int(np.argmax(np.where(alike, -1.0, gain * bonus))))
         so_far = np.maximum(so_far, seen[best[-1]])

@@ -1,4 +1,4 @@
-"""Fewer faces for a page: what a screen does not tell apart is drawn once.
+"""Fewer faces for a page: details below the resolution of a screen are drawn once.
 
 By clustering of vertices (Rossignac and Borrel 1993), in the layout: there charts lie apart, however thin the
 surface is. A million and a half faces would make a page of 13 MB that takes seconds to open.

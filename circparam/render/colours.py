@@ -1,4 +1,4 @@
-"""Colours of every picture and page, in one place: calm, and told apart by the colour-blind.
+"""Colours of every picture and page, in one place: calm, and distinct for the colour-blind.
 
 Chart colours are those of Okabe and Ito (2008), with an indigo of Tol (2021) for their black. The map of
 distortion runs from pale to dark with falling lightness, interpolated in OKLab (Ottosson 2020), so that it
@@ -18,7 +18,7 @@ PANEL = "#f5f6f8"
 PAPER = "#ffffff"
 ACCENT = "#0068a3"
 WARN = "#a84300"
-# what a page has in place of these where the reader's system is dark; text keeps the contrast of WCAG 2.1, AA
+# replacements on a page if the reader's system is dark; text keeps the contrast of WCAG 2.1, AA
 DARK = {
     "INK": "#e7eaf0", "MUTED": "#a5aebd", "HAIRLINE": "#3a414e", "PANEL": "#20252e", "PAPER": "#14181f",
     "ACCENT": "#62b6ee", "WARN": "#ff9a62",
@@ -133,7 +133,7 @@ ENDS = (1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)  # that a page o
 
 
 def line_weight(length: float) -> float:
-    """How thick lines may be, 1 where there are few of them, less where they would bury what they divide.
+    """Thickness of lines: 1 for few lines, less where lines would cover the charts.
 
     length: of all lines together, in sides of the picture.
     """

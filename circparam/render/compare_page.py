@@ -58,7 +58,7 @@ def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str
 
 
 def _layouts(meshes: Sequence[SideBySide]) -> tuple[list[PageLayout], list[list[int | None]]]:
-    """What the viewer shows, and for each row of each mesh the number of its layout in it, None without one."""
+    """The layouts of the viewer, and for each row of each mesh the number of its layout, None without one."""
     out: list[PageLayout] = []
     numbers: list[list[int | None]] = []
     for k, shown in enumerate(meshes):

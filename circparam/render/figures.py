@@ -1,4 +1,4 @@
-"""What pictures and pages share: their options, and the key figures in words."""
+"""Shared parts of pictures and pages: their options, and the key figures in words."""
 
 from __future__ import annotations
 
@@ -38,9 +38,10 @@ class PictureOptions:
 
     title: the heading. note: words beside it. up: the axis that points up: x, y, z, or auto. padding: of the
     layout, in uv units (0 shows none). scale_end: end of the colour scale of distortion. directions: (d, 3)
-    sides to look from, None for those that show most. samples: along a pixel's side, to smooth edges; None
-    takes 3, or 2 for large meshes. charts: how many there are by the figures; None counts those of the scene.
-    For pages only: repairs, one line each; images, the mesh's own textures; image_note, why there are none.
+    sides to look from, None for the sides with the largest view. samples: along a pixel's side, to smooth
+    edges; None takes 3, or 2 for large meshes. charts: how many there are by the figures; None counts those of
+    the scene. For pages only: repairs, one line each; images, the mesh's own textures; image_note, why there
+    are none.
     """
 
     title: str = "uv layout"
@@ -82,7 +83,7 @@ def scene_figures(scene: Scene) -> list[tuple[str, str]]:
         return [("charts", f"{once.n_charts:,}"), ("flips", f"{int(once.flipped.sum()):,}")]
 
 
-# what reports call their measures → what pictures call them, in the order in which they are shown
+# names of measures in reports → their labels in pictures, in order
 NAMES = {
     "charts": "charts",
     "distortion": "distortion (1 is perfect)",
@@ -113,7 +114,7 @@ NAMES = {
 
 
 def as_figures(measures: Mapping[str, object] | Figures) -> list[tuple[str, str]]:
-    """Measures as (label, text): known ones first, numbers rounded to what one can read; None is left out."""
+    """Measures as (label, text): known ones first, numbers rounded to readable digits; None is left out."""
     pairs = dict(measures.items() if isinstance(measures, Mapping) else measures)
     known = [name for name in NAMES if name in pairs]
     order = [*known, *(name for name in pairs if name not in NAMES)]
@@ -129,7 +130,7 @@ def as_figures(measures: Mapping[str, object] | Figures) -> list[tuple[str, str]
 
 
 def number_text(value: object) -> str:
-    """A number with what one can read of it: whole numbers whole, others with five digits."""
+    """A number in readable digits: whole numbers whole, others with five digits."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return str(value)
     number = float(value)

@@ -37,7 +37,7 @@ SCRIPTS = (
     "beside.js",
     "main.js",
 )
-TWICE = "#e5007d"  # what more than one face covers: a hue beside that of flips
+TWICE = "#e5007d"  # texels under more than one face: a hue beside that of flips
 HINT = (
     "Drag to turn, scroll to zoom, shift-drag to move; point at a chart, or press , and . "
     "to go through them; click locks one."
@@ -51,8 +51,8 @@ FEWEST = 20_000  # faces that a layout is drawn with at least, however many layo
 
 @dataclass(frozen=True, eq=False)
 class PageLayout:
-    """One layout of a page. name: what stands above it. figures: (label, text) pairs, None for those that the
-    scene itself tells. mesh: number of the mesh that it is of; those of one mesh are turned together."""
+    """One layout of a page. name: heading of the layout. figures: (label, text) pairs, None for those of the
+    scene itself. mesh: number of the mesh that it is of; those of one mesh are turned together."""
 
     name: str
     scene: Scene
@@ -64,7 +64,7 @@ class PageLayout:
         """With about that many faces, where it has more, and with an image for each of them."""
         scene, options = coarser(self.scene, most), self.options
         if options.images is not None and scene.source is not None:
-            # what is shown again has the image of what it repeats
+            # repeated parts have the image of their original
             images = PageImages(options.images.files, options.images.face[scene.source])
             options = replace(options, images=images)
         return replace(self, scene=scene, options=options)
@@ -76,8 +76,8 @@ def page(
     figures: Figures | None = None,
     before: PageLayout | None = None,
 ) -> str:
-    """The page as text. figures: (label, text) pairs of the table; None writes what the scene itself tells.
-    before: a layout to stand to the left of it."""
+    """The page as text. figures: (label, text) pairs of the table; None for those of the scene itself. before:
+    a layout on the left of it."""
     options = options or PictureOptions()
     layouts = [PageLayout("after", scene, options, figures)]
     if before is not None:
@@ -191,7 +191,7 @@ def _choice(layouts: Sequence[PageLayout], meshes: Sequence[str]) -> str:
 
 
 def fill_in(template: str, fields: dict[str, str]) -> str:
-    """Replace every %NAME% of a template; what is filled in is not looked at again."""
+    """Replace every %NAME% of a template; replaced text is not searched again."""
     parts = template.split("%")
     out, k = [parts[0]], 1
     while k < len(parts):
@@ -271,7 +271,7 @@ def _sliders(scene: Scene) -> str:
 
 
 def _common_meta(top: float) -> dict[str, Any]:
-    """What all layouts of a page share: colours, and the scale of distortion that ends at ``top``."""
+    """Data that all layouts of a page share: colours, and the scale of distortion up to ``top``."""
     palette = col.chart_colours(np.arange(24))
     return {
         "distortionEnd": top,

@@ -1,9 +1,8 @@
 """The geometry of a page in few bytes: 16 bits a coordinate, predicted along a tree of faces, deflated.
 
-Every face but the first of each connected part is entered through an edge of an earlier face, so that one
-corner of it is left to say (Touma and Gotsman 1998, in the breadth-first order of the dual graph). A new
-vertex is predicted by the parallelogram over that edge, and only the difference is stored.
-``viewer/decode.js`` reads it.
+Every face but the first of each connected part is entered through an edge of an earlier face, so one corner is
+left to encode (Touma and Gotsman 1998, in the breadth-first order of the dual graph). A new vertex is predicted
+by the parallelogram over that edge, and only the difference is stored. ``viewer/decode.js`` reads it.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ ROOT = 3  # in place of a side: the face is entered from nowhere
 
 @dataclass(frozen=True, eq=False)
 class Packed:
-    """order: (m,) faces of the scene as they are stored. sections: what the bytes hold, in their order:
-    name, count, columns, bytes of a number, coding. data: deflated."""
+    """order: (m,) faces of the scene as they are stored. sections: content of the bytes, in order: name, count,
+    columns, bytes of a number, coding. data: deflated."""
 
     order: IntArray
     sections: list[dict[str, Any]]
@@ -128,8 +127,9 @@ def _tree(index: IntArray, group: IntArray | None) -> _Tree:
 
 
 def _predictors(tree: _Tree, label: IntArray, first: IntArray) -> IntArray:
-    """(n, 3) earlier vertices a, b, c: vertex k lies near a + b − c; the last one before it where no edge leads
-    to it. label: (m, 3) vertices of the faces. first: (n,) corner that uses each first."""
+    """(n, 3) earlier vertices a, b, c: vertex k lies near a + b − c. Without an edge to an earlier vertex, a +
+    b − c is the previous vertex. label: (m, 3) vertices of the faces. first: (n,) corner that uses each first.
+    """
     face, k = np.divmod(first, 3)
     out = np.repeat(np.maximum(np.arange(len(first)) - 1, 0)[:, None], 3, axis=1)
     led = (k == 2) & (tree.side[face] != ROOT)
@@ -218,11 +218,11 @@ def _octahedral(normal: FloatArray) -> Any:
 
 
 def _density_codes(scene: Scene) -> Any:
-    """Texel density of every face beside that of all: 0 a quarter of it or less, 255 four times or more."""
+    """Texel density of every face over the mean density: 0 is a quarter or less, 255 four times or more."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.sqrt(np.abs(scene.uv_areas) / scene.areas) / scene.scale
         place = np.nan_to_num(np.log2(ratio), nan=0.0, posinf=2.0, neginf=-2.0)
-    # 32 steps are what one sees, and they compress
+    # 32 steps are visible enough, and compress well
     return (np.round((np.clip(place, -2, 2) + 2) * 7.75) * 8.2258).astype(np.uint8)
 
 

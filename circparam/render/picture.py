@@ -47,7 +47,7 @@ def draw_figure(
 ) -> Image.Image:
     """The figure, 1600 pixels wide: layout on the left, checker above distortion on the right, numbers below.
 
-    figures: (label, text) pairs to print; None prints what the scene itself tells.
+    figures: (label, text) pairs to print; None prints those of the scene itself.
     """
     options = options or PictureOptions()
     factor = options.samples or (3 if len(scene.faces) < 200_000 else 2)
@@ -162,10 +162,9 @@ def save_preview(
 ) -> None:
     """Write a PNG (or an SVG, or an HTML page, by the file's ending) of a mesh and its uv.
 
-    measures: figures to print, name → value, by the names of ``figures.NAMES`` or any others; None prints
-    what the layout itself tells. options: title, padding, repairs and so on.
-    Raises InputError where the mesh has no usable uv, OutputError where the file cannot be written or the
-    ending is unknown.
+    measures: figures to print, name → value, by the names of ``figures.NAMES`` or any others; None prints those
+    of the layout itself. options: title, padding, repairs and so on. Raises InputError where the mesh has no
+    usable uv, OutputError where the file cannot be written or the ending is unknown.
     """
     path = Path(path)
     scene = make_scene(mesh.points, mesh.faces, uvmap.uv, uvmap.uv_faces)

@@ -1,4 +1,4 @@
-"""What a picture shows: a mesh with its uv, its charts, its seams, and the distortion of every face."""
+"""Content of a picture: a mesh with its uv, its charts, its seams, and the distortion of every face."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from circparam.pipeline.verify import flipped_faces
 class Scene:
     """Arrays that every picture is drawn from; made by ``make_scene``.
 
-    points: (n, 3) float64. faces: (m, 3) int64 into points. weld: (n,) int64, equal for equal positions.
-    uv: (k, 2) float64, finite, all of them used. uv_faces: (m, 3) int64 into uv, −1 where a face has no uv.
-    chart: (m,) int64, charts numbered by falling uv area, −1 where a face has no uv.
-    base, source: where the surface is shown several times, the scene without its copies and (m,) the face of it
-    that each face repeats; the layout, the distortion and all figures are those of the base.
-    targets: morph targets, the name of each and its (n, 3) points; pages show them.
+    points: (n, 3) float64. faces: (m, 3) int64 into points. weld: (n,) int64, equal for equal positions. uv:
+    (k, 2) float64, finite, all of them used. uv_faces: (m, 3) int64 into uv, −1 where a face has no uv. chart:
+    (m,) int64, charts numbered by falling uv area, −1 where a face has no uv. base, source: for a surface with
+    several instances, the scene of one instance, and (m,) the face of it that each face repeats. The layout,
+    the distortion and all figures belong to the base. targets: morph targets, the name of each and its (n, 3)
+    points; pages show them.
     """
 
     points: FloatArray
@@ -59,7 +59,7 @@ class Scene:
 
     @property
     def once(self) -> Scene:
-        """The scene in which every face stands once: what a layout is drawn from."""
+        """The scene with every face once, for drawings of the layout."""
         return self if self.base is None else self.base
 
     @cached_property
@@ -192,7 +192,7 @@ class Scene:
 
     @cached_property
     def single(self) -> BoolArray:
-        """(m,) faces with uv; those that are there twice (two sides of a sheet) once, as reports have it."""
+        """(m,) faces with uv; double faces (two sides of a sheet) count once, as in reports."""
         first = first_duplicates(self.uv_faces, len(self.uv))
         result: BoolArray = self.mapped & (first == np.arange(len(first)))
         return result
@@ -243,7 +243,7 @@ class Scene:
 
 
 def with_instances(scene: Scene, instances: Sequence[tuple[IntArray, FloatArray]]) -> Scene:
-    """The scene with parts of it shown again: faces (k,) and the (4, 4) transform of each copy."""
+    """The scene with further instances: faces (k,) and the (4, 4) transform of each."""
     if not instances:
         return scene
     n, k = len(scene.points), len(scene.uv)
@@ -283,10 +283,10 @@ def row_labels(rows: FloatArray) -> IntArray:
 def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: IntArray) -> Scene:
     """The scene of a mesh and its layout.
 
-    points: (n, 3), faces: (m, 3), uv: (k, 2), uv_faces: (m, 3), −1 in uv_faces for a corner without uv.
-    Corners that share position and uv are joined first, whatever the file's numbering says (glTF repeats
-    them at sharp edges), so that charts and seams are those that one sees.
-    Raises InputError where shapes do not fit, where no face has uv, or where uv are not finite.
+    points: (n, 3), faces: (m, 3), uv: (k, 2), uv_faces: (m, 3), −1 in uv_faces for a corner without uv. Corners
+    that share position and uv are joined first, whatever the file's numbering (glTF repeats them at sharp
+    edges). Charts and seams are then the visible ones. Raises InputError where shapes do not fit, where no face
+    has uv, or where uv are not finite.
     """
     points = np.asarray(points, np.float64)
     faces = np.asarray(faces, np.int64)

@@ -39,7 +39,7 @@ from circparam.render.svg import figure_svg
 from circparam.render.texture import LARGEST, unmoved
 
 KINDS = (".png", ".svg", ".html")
-MOST_TARGETS = 8  # morph targets with a slider: what fits above the pictures
+MOST_TARGETS = 8  # number of morph targets with a slider that fit above the pictures
 
 
 def check_kind(path: Path) -> None:
@@ -53,11 +53,11 @@ def check_kind(path: Path) -> None:
 
 @dataclass(frozen=True)
 class Look:
-    """What of a file is drawn, and how.
+    """Part of a file to draw, and its style.
 
     uv_set: from 0 on. padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or
-    auto. scale_end: end of the colour scale of distortion, None for that of all pictures. group_by: what shares
-    an atlas; several stand side by side (see ``circparam.pipeline.stored_groups.judge``).
+    auto. scale_end: end of the colour scale of distortion, None for that of all pictures. group_by: owner of an
+    atlas; several atlases stand side by side (see ``circparam.pipeline.stored_groups.judge``).
     """
 
     uv_set: int = 0
@@ -72,9 +72,9 @@ def view_document(
 ) -> Scene:
     """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
 
-    before: the file as it was, whose layout a page shows to the left. look: the fields of ``Look``.
-    Raises OptionError for an unknown ending or where a picture is no page and has ``before``, InputError where
-    a file lacks that set or its uv are no numbers, OutputError where the picture cannot be written.
+    before: the file as it was, whose layout a page shows to the left. look: the fields of ``Look``. Raises
+    OptionError for an unknown ending, or for ``before`` with a picture that is no page; InputError if the file
+    lacks that set or its uv are no numbers; OutputError if the picture cannot be written.
     """
     check_kind(path)
     if before is not None:
@@ -102,7 +102,8 @@ def view_document(
     name = Path(document.source.name).name
     if (
         up == "auto"
-    ):  # what the format means, as new glTF files have it; else what the shape stands on
+        # the axis of the format, for formats that become glTF; else the axis on which the shape stands
+    ):
         up = document.up or up_of(document.format) or up
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
@@ -144,7 +145,7 @@ def view_figures(judged: Judged | None, scene: Scene) -> list[tuple[str, str]]:
 
 
 def judged_set(document: Document, uv_set: int, group_by: str | None = None) -> Judged | None:
-    """A uv set as ``circparam check --uv`` judges it; None where nothing of it can be judged."""
+    """A uv set as verified by ``circparam check --uv``; None if no part can be verified."""
     try:
         uvmap = document.require_uv(uv_set)
         surface, _ = repair(document.mesh, RepairOptions(), uvmap)
@@ -221,9 +222,9 @@ def view(
 ) -> Path:
     """Draw the uv of a file, a document or a result of ``unwrap``; returns where.
 
-    output: a name that ends in .png, .svg or .html. look: fields of ``Look``, and ``before``, a path
-    or a document; a result that is not a file is drawn as ``--preview`` does and takes none.
-    Raises OptionError, InputError, OutputError.
+    output: a name that ends in .png, .svg or .html. look: fields of ``Look``, and ``before``, a path or a
+    document. A result that is not a file is drawn as by ``--preview`` and takes none. Raises OptionError,
+    InputError, OutputError.
     """
     path = Path(output)
     check_kind(path)
@@ -244,7 +245,7 @@ def view(
 
 
 def notebook_picture(result: Result) -> str:
-    """The layout of a result as an inline picture, below its line: what a notebook shows."""
+    """The layout of a result as an inline picture, below its line, for notebooks."""
     scene = make_scene(result.mesh.points, result.mesh.faces, result.uv, result.uv_faces)
     picture = figure_svg(scene, PictureOptions(title="", padding=result.options.padding_uv))
     encoded = base64.b64encode(picture.encode()).decode()

@@ -1,4 +1,4 @@
-"""Layouts of one mesh side by side: what a comparison shows, drawn with the same views and the same scale."""
+"""Layouts of one mesh side by side, for a comparison, with the same views and the same scale."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def draw_layouts(
 
 
 def _view_height(scene: Scene, camera: Camera, size: int) -> int:
-    """Height of a view that is size wide, so that little of it stays empty."""
+    """Height of a view of width ``size`` with little empty space."""
     xy, _ = camera.project(scene.used_points, 1000, 1000)
     wide, high = np.ptp(xy, axis=0) + 1e-9
     return int(size * np.clip(1.06 * high / wide, 0.45, 1.0))
@@ -154,7 +154,7 @@ def _scene(mesh: Mesh, row: MethodLayout) -> Scene | None:
 
 
 def caption(row: MethodLayout, seconds: bool = True) -> str:
-    """Charts, distortion and seconds of a row in a few words; what is unknown is left out."""
+    """Charts, distortion and seconds of a row in a few words; unknown values are left out."""
     charts, distortion, time = (row.figures.get(k) for k in ("charts", "distortion", "seconds"))
     parts = []
     if charts is not None:

@@ -22,9 +22,9 @@ STEPS = 24  # of the colour scale
 def outlines(scene: Scene, label: IntArray | None = None) -> list[tuple[int, FloatArray]]:
     """Closed outlines of all charts: (chart, (p, 2) uv), charts ascending, holes included.
 
-    label: (m,) outlines of what has one label instead, those below 0 left out; a label may not reach over
-    several charts. The half-edges on a boundary are chained end to start. Where a boundary touches itself in a
-    point, the k-th half-edge that arrives goes on with the k-th that leaves, which closes every loop as well.
+    label: (m,) outlines of groups with one label, negative ones left out; a label may not reach over several
+    charts. The half-edges on a boundary are chained end to start. Where a boundary touches itself in a point,
+    the k-th half-edge that arrives continues with the k-th that leaves. This closes every loop too.
     """
     flat = scene.uv_faces.ravel()
     owner = scene.chart if label is None else label

@@ -1,6 +1,6 @@
 """Text in pictures, with Pillow's own font, so that they look the same on every machine.
 
-That font knows little beyond ASCII: what it lacks is written in what it has, and never as an empty box.
+That font covers little beyond ASCII. Missing characters are written with existing ones, never as an empty box.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ def bilinear(image: FloatArray, uv: FloatArray) -> FloatArray:
 
 
 def unmoved(image: Image.Image, move: FloatArray) -> Image.Image:
-    """The image that shows at uv what ``image`` shows at the place that ``move`` (2, 3) takes them to.
+    """The image that shows at uv the colours of ``image`` at the place to which ``move`` (2, 3) takes uv.
 
     It is the unit square of uv, with as many texels for their length as the image has there. Beyond the square
     it repeats, as the image itself does where the map takes whole units to whole units.

@@ -90,7 +90,7 @@ def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArr
 
 
 def _occlusion(z: FloatArray, pixel: IntArray, factor: int) -> FloatArray:
-    """Darken what lies deeper than its surroundings (unsharp masking of the depth, Luft 2006)."""
+    """Darken pixels deeper than their surroundings (unsharp masking of the depth, Luft 2006)."""
     small = z[
         factor // 2 :: factor, factor // 2 :: factor
     ]  # a soft effect: one sample a pixel is enough
@@ -113,8 +113,8 @@ def paint(
 ) -> FloatArray:
     """The finished picture (h, w, 4) with straight alpha.
 
-    colour: (p, 3) of the samples. seam: (3,) colour of the seams, drawn with the opacity ``line``.
-    shade: how much of the light is applied; less of it keeps colours that carry values legible.
+    colour: (p, 3) of the samples. seam: (3,) colour of the seams, drawn with the opacity ``line``. shade: share
+    of the light that is applied; less light keeps colours that carry values legible.
     """
     h, w = view.height * view.factor, view.width * view.factor
     c = np.where(view.back[:, None], col.mix(colour, np.array([0.62, 0.63, 0.65]), 0.45), colour)
