@@ -128,9 +128,9 @@ def turned_out(boundary: BoundarySegments, n: int) -> BoolArray:
 def turned_loops(boundary: BoundarySegments) -> BoolArray:
     """(b,) segments of loops that run counter-clockwise beside a larger one of the same chart that does too.
 
-    A point inside a chart has as many originals as loops wind round it. Loops that do not cross leave each at
-    most one exactly if a single loop is counter-clockwise: a second one is a flap at an inner hole, folded out
-    over the chart without any crossing.
+    A point inside a chart has as many originals as loops wind round it. If loops do not cross, exactly one of
+    them is counter-clockwise in a one-to-one map. A second one is a flap at an inner hole, folded out over the
+    chart without any crossing.
     """
     loop, _, total = boundary.along
     count = int(loop.max(initial=-1)) + 1

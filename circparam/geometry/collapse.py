@@ -1,8 +1,8 @@
 """Edges collapsed by quadric error (Garland and Heckbert 1997); large meshes have a process of their own.
 
-fast-simplification keeps what it has needed for the largest mesh so far as long as its process lives, some 600
-bytes a face, which is a quarter of what all that follows takes. The process is started as
-``python -m circparam.geometry.collapse``; nothing else uses that door.
+fast-simplification keeps the memory of its largest mesh as long as its process lives, some 600 bytes a face.
+That is a quarter of the memory of all later stages. The process is started as ``python -m
+circparam.geometry.collapse``; nothing else uses that door.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Collapse:
                 self._process, self._reader = process, reader
 
     def result(self) -> tuple[SingleArray, IntArray]:
-        """What the process has found; where there is none, or it has failed, the same found here."""
+        """The result of the process; without one, or after a failure, the same result computed here."""
         self.begin()
         if self._reader is not None and self._process is not None:
             try:

@@ -3,7 +3,7 @@
 1. Numbers that no motion changes (counts, area, second moment, distances of vertices) part the components into
    classes; the first of each class leads it.
 2. A leader has a frame: its centroid and two vertices of few like them. Every pair of vertices of a copy that
-   may stand for these two gives a motion, and one nearest-neighbour query tells whether it carries all
+   may stand for these two gives a motion. One nearest-neighbour query decides whether the motion carries all
    vertices over. All components are tried at once.
 3. Faces are compared through the vertices that belong together; where triangles differ, outlines of flats.
 """
@@ -29,10 +29,12 @@ from circparam.core.records import dataclass
 from circparam.geometry.congruent_flats import Flats, find_flats, same_flats
 
 ALIKE = 2e-5  # of the radius of a component: how far points of copies may lie apart
-NOISE = 1.2e-6  # of the largest coordinate: likewise, what single precision and a rotation do to two points
+# of the largest coordinate: the error of two points by single precision and a rotation
+NOISE = 1.2e-6
 BENT = 0.1  # radians by which the sums of the angles at two vertices may differ
 BASES = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
-LEADERS = 16  # times that what is like no leader of its class is given a leader of its own
+# rounds in which components unlike every leader of their class get a leader of their own
+LEADERS = 16
 FAR, WIDE = (
     0.3,
     0.1,
@@ -58,8 +60,8 @@ class Congruent:
 class _Parts:
     """Components with vertices of their own. vertex: (m, 3) number of each corner's vertex, ascending by
     component; points: (v, 3) from the centroid of the component; owner: (v,) component; first: (n + 1,) first
-    vertex of each; radius, slack: (n,) farthest vertex, and how far copies may be off; distance, angle: (v,)
-    from the centroid, and sum of the angles of the faces there; label: (m,) what copies share face by face."""
+    vertex of each; radius, slack: (n,) farthest vertex, and tolerance of copies; distance, angle: (v,) from the
+    centroid, and sum of the face angles; label: (m,) labels that copies share face by face."""
 
     component: IntArray
     vertex: IntArray
@@ -96,7 +98,7 @@ def find_congruent(
 ) -> Congruent:
     """Components of the same shape: points (n, 3), faces (m, 3), component (m,) from 0 on without gaps.
 
-    label: (m,) what copies must share face by face, such as their material. mirror: mirror images and
+    label: (m,) labels that copies must share face by face, such as their material. mirror: mirror images and
     components turned inside out are copies as well. flats: so are those with other triangles in their flats.
     """
     parts = _parts(points, faces, component, label)
@@ -269,7 +271,7 @@ def _one_to_one(which: IntArray, near: IntArray, size: IntArray) -> BoolArray:
 
 
 def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
-    """Two vertices of each leader of which few others of it are like them, off one line with the centroid."""
+    """Two rare vertices of each leader, not on one line with the centroid."""
     n = len(leads)
     vertex = np.flatnonzero(leads[parts.owner])
     owner = parts.owner[vertex]

@@ -1,4 +1,4 @@
-"""Flats of components: what copies share whose triangles run another way across them."""
+"""Flats of components: copies whose triangles run another way across their flats."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     """Faces that lie in one plane and hang together.
 
     points: (v, 3). vertex: (m, 3). slack: (m,) how far from a plane the points of a face may lie. kind: (m,)
-    what the faces of a flat share. A face in no larger flat is one.
+    label that the faces of a flat share. A face in no larger flat is one.
     """
     m = len(vertex)
     flat = vertex.ravel()
@@ -66,9 +66,9 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
 
 @dataclass(frozen=True, eq=False)
 class SameFlats:
-    """own: (k,) components whose flats are those of their leaders. face: (f,) their faces, corner: (f, 3)
-    one of the leader at the same vertex of the same flat, turned: (f,) bool, flats that run the other way
-    round.
+    """own: (k,) components whose flats are those of their leaders. face: (f,) their faces; corner: (f, 3) a
+    corner of the leader at the same vertex of the same flat; turned: (f,) bool, flats with the opposite
+    winding.
     """
 
     own: IntArray

@@ -1,9 +1,9 @@
 """Texels that charts cover: scan conversion from the boundary alone, covered share, and the gaps between
 charts.
 
-A chart without flips and overlaps is the inside of its boundary, so the covered texels follow from the
-crossings of boundary segments with texel rows; the cost is that of the boundary, not of the faces. A chart that
-is folded is taken apart at its folds: its upright faces and its reversed ones have a boundary each.
+A chart without flips and overlaps is the inside of its boundary. The covered texels follow from the crossings
+of boundary segments with texel rows, at the cost of the boundary, not of the faces. A chart that is folded is
+taken apart at its folds: its upright faces and its reversed ones have a boundary each.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Coverage:
     """Measures of the pages, from a raster.
 
     share: covered share of the pages, 0..1. gap: smallest distance in texels between the centres of covered
-    texels of two charts, infinity where it is beyond what was searched. border: smallest number of empty
-    texels between a covered one and the edge of its page. near: charts (2,) at the smallest gap, or None.
-    pages: how many hold a chart.
+    texels of two charts, infinity beyond the searched distance. border: smallest number of empty texels between
+    a covered one and the edge of its page. near: charts (2,) at the smallest gap, or None. pages: how many hold
+    a chart.
     """
 
     share: float
@@ -53,8 +53,8 @@ def cover(
     """Rasterise every page that holds a chart, and measure it.
 
     uv: (nv, 2), page p of the pages shown lies at u in [p, p + 1], v in [0, 1]. resolution: texels a side.
-    search: the radius in texels up to which gaps are looked for. charts: (n_charts,) those that have uv;
-    None: all. stays: (n_charts,) those whose gaps between each other and to the border are nobody's promise.
+    search: the radius in texels up to which gaps are looked for. charts: (n_charts,) charts with uv; None: all.
+    stays: (n_charts,) those whose gaps between each other and to the border are nobody's promise.
     """
     page = pages_of(cut_mesh, uv)
     used = np.ones(len(page), bool) if charts is None else charts

@@ -1,7 +1,7 @@
 """How far a layout is from an isometry: one table of measures, for the whole map and for each chart.
 
-All are integrals over the surface of the singular values σ1 ≥ σ2 of the map surface → uv, weighted by the
-share of the surface that a face has. Every measure is a plain number without unit, and 1 is perfect.
+All are integrals over the surface of the singular values σ1 ≥ σ2 of the map surface → uv, weighted by the area
+of each face. Every measure is a plain number without unit, and 1 is perfect.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ COLLAPSED = 1e-150
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Singular values of every face that has a shape: large, small (f,) positive, area (f,) on the surface,
-    group (f,) what a value is given for, n groups. The layout is at a scale at which areas agree in total.
+    """Singular values of every face with a shape: large, small (f,) positive, area (f,) on the surface, group
+    (f,) of n groups, each with its own value. The layout is at a scale at which areas agree in total.
     """
 
     large: FloatArray
@@ -50,8 +50,8 @@ Metric: TypeAlias = Callable[[Stretch], FloatArray]
 def symmetric_dirichlet(s: Stretch) -> FloatArray:
     """Mean of (σ1² + σ2² + σ1⁻² + σ2⁻²)/4; no unit, 1 is perfect (an isometry).
 
-    The whole is at the one scale of the atlas that is best for it; a chart is at that same scale, so one
-    texel density for all charts is part of it.
+    The whole atlas is at its best single scale. Charts are at the same scale, so one texel density for all
+    charts is part of the value.
     """
     k = s.dirichlet_scale
     square = (s.large**2 + s.small**2) * k**2
@@ -223,7 +223,7 @@ def stretch_and_distortion(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArra
 
 
 def _distortion(square: FloatArray, inverse: FloatArray, area: FloatArray) -> FloatArray:
-    """As ``chart_distortion``, from what ``_scale_terms`` gives."""
+    """As ``chart_distortion``, from the terms of ``_scale_terms``."""
     with np.errstate(all="ignore"):
         energy = np.sqrt(square) * np.sqrt(inverse) / (2 * area)
     return np.where(area > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)

@@ -81,8 +81,8 @@ def nearest_known(atlas: Atlas, known: BoolArray) -> tuple[IntArray, BoolArray]:
 
 
 def targets_beside(atlas: Atlas, moved: BoolArray) -> FloatArray:
-    """(2, 2, m) as ``targets_from`` has them once some faces ((m,) bool) took the gradients of those next to
-    them (``spread``); of the others, which keep theirs, zero."""
+    """(2, 2, m) targets as from ``targets_from``, after some faces ((m,) bool) took the gradients of their
+    neighbours (``spread``); zero for the other faces."""
     surface, todo = atlas.surface, np.flatnonzero(moved)
     source = nearest_known(atlas, ~moved)[0][todo]
     normals = surface.normals

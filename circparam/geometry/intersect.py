@@ -140,7 +140,7 @@ def _within(o: FloatArray, first: FloatArray, last: FloatArray, x: FloatArray) -
     flat = (span == 0) & ~same
     at_first = (first_x == 0) & _same_direction(x - o, first - o)
     convex = (span > 0) & (first_x > 0) & (x_last > 0)
-    # a reflex arc holds what the convex arc from last to first does not
+    # a reflex arc holds the directions outside the convex arc from last to first
     reflex = (span < 0) & ~((x_last <= 0) & (first_x <= 0))
     result: BoolArray = at_first | same | convex | (flat & (first_x > 0)) | reflex
     return result

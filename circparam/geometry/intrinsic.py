@@ -15,8 +15,8 @@ from circparam.mesh.cut_mesh import CutMesh
 def corner_products(cut_mesh: CutMesh) -> tuple[FloatArray, FloatArray]:
     """(dot, cross), each (m, 3): products of the two edge vectors that leave each corner (squared units).
 
-    The cross product is twice the face's area at every corner; the dot product is that of corner k to
-    corner k + 1 and corner k to corner k + 2.
+    The cross product is twice the face's area at every corner. The dot product is that of the edges from corner
+    k to corners k + 1 and k + 2.
     """
     p = cut_mesh.rest_triangles
     to_next = p[:, [1, 2, 0]] - p
@@ -59,7 +59,7 @@ def jacobians(cut_mesh: CutMesh, uv: FloatArray, faces: slice = slice(None)) -> 
     """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂x_j.
 
     x: the plane of the rest triangle. uv: (n_vertices, 2). Built from differences, so that a translation of uv
-    costs no digits. faces: those that it is asked of.
+    costs no digits. faces: numbers of the faces, None for all.
     """
     f = cut_mesh.faces[faces]
     d1 = uv[f[:, 1]] - uv[f[:, 0]]

@@ -16,8 +16,8 @@ CELLS = 1.0  # at most so many for each point, in the boxes of all charts
 def own_layers(boundary: BoundarySegments, points: FloatArray, chart: IntArray) -> IntArray:
     """(k,) winding number of the boundary of its own chart ((k,) int) about each point (k, 2).
 
-    Rays of many points of a large chart would meet its whole boundary over and over: points in cells of a grid
-    that no boundary touches have what the middle of their cell has, and only those beside boundaries get rays.
+    Rays of many points of a large chart would meet its whole boundary over and over. In a grid, points in cells
+    without a boundary share the value of the middle of their cell. Only points beside boundaries get rays.
     """
     out = np.zeros(len(points), np.int64)
     left = np.arange(len(points))
@@ -71,7 +71,7 @@ def _of_cells(
 def _winding(
     boundary: BoundarySegments, low: FloatArray, side: float, size: IntArray, start: IntArray
 ) -> IntArray:
-    """(cells,) winding number about the middle of each: what passes on its right, row by row."""
+    """(cells,) winding number about the middle of each: the boundary parts on its right, summed row by row."""
     s, e, of = boundary.start, boundary.end, boundary.chart
     # rows whose middle lies between both ends, the lower one counted
     a, b = (np.ceil((y[:, 1] - low[of, 1]) / side - 0.5).astype(np.int64) + 1 for y in (s, e))

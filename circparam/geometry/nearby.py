@@ -1,4 +1,4 @@
-"""Which points of a layout lie near some few places of it."""
+"""Points of a layout near a few places."""
 
 from __future__ import annotations
 

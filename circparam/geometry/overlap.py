@@ -1,13 +1,13 @@
 """Whether a layout is one to one: exact signs of faces, charts that overlap themselves or each other.
 
-A chart whose faces are all positive is one to one exactly if every inner vertex is wound round once and no two
-parts of its boundary meet. (A boundary without self-intersection winds round every point at most once; with
+A chart with positive faces is one to one exactly if the faces wind once round every inner vertex and no two
+parts of its boundary meet. (A boundary without self-intersection winds round every point at most once. With
 inner vertices wound once the turning numbers of the loops sum to 2πχ, so exactly one loop runs
 counter-clockwise, and every point has at most one preimage.) So only boundaries are compared, never faces.
 
-Meeting is decided exactly. Two boundaries meet where the *insides* beside them meet: a proper crossing, or a
-touch (a shared point, pieces of one line) with surface on the same side. Charts that lie side by side on a
-common line or point, as the two sides of a cut through a plane do, touch and do not overlap.
+Meeting is decided exactly. Two boundaries meet if the *insides* beside them meet: in a proper crossing, or in a
+touch (a shared point, pieces of one line) with surface on the same side. Charts side by side along a common
+line or point touch and do not overlap, as the two sides of a cut through a plane.
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ def self_overlapping(
 ) -> BoolArray:
     """(n_charts,) bool, charts that overlap themselves; parts of a boundary that come too near count too.
 
-    uv: (n_vertices, 2). margin: share of the root of the chart's area in the layout below which two parts of
-    its boundary are too near (parts less than 8 such distances apart along the boundary are neighbours).
+    uv: (n_vertices, 2). margin: share of the root of the chart's area in the layout. Two parts of its boundary
+    nearer than this are too near, except neighbours, parts less than 8 such distances apart along the boundary.
     chamfers: see ``nearby``.
     """
     contacts = SelfContacts.of(cut_mesh, uv)

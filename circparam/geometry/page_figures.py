@@ -92,7 +92,8 @@ def chart_densities(surface: Surface, cut_mesh: CutMesh, uv: FloatArray) -> Floa
 
 
 def seam_vertices(surface: Surface, cut_mesh: CutMesh, used: BoolArray) -> int:
-    """Vertices that seams add: those of the surface cut open less those of the surface, of charts with uv."""
+    """Vertices that seams add: the number on the surface cut open less the number on the surface, of charts
+    with uv."""
     faces = used[cut_mesh.chart]
     opened = np.zeros(cut_mesh.n_vertices, bool)
     opened[cut_mesh.faces[faces]] = True

@@ -1,9 +1,9 @@
 """Exact signs of plane determinants: floating point where its error bound decides, exact arithmetic elsewhere.
 
-Three steps, each for the signs that the earlier one left open: the determinant in float64 with the error bound
-of Shewchuk (1997, orient2d, bound A); the determinant as an exact sum of twelve floats (two-product,
-grow-expansion), still as array operations; rationals for coordinates that lie further apart than the range
-of float64.
+Three steps, each for the signs that the earlier one left open. First, the determinant in float64 with the error
+bound of Shewchuk (1997, orient2d, bound A). Second, the exact sum of twelve floats (two-product,
+grow-expansion), still in array operations. Third, rationals for coordinates further apart than the range of
+float64.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Scan conversion, a z-buffer and gaps between labels in plain NumPy: no loop over faces or pixels.
 
-Two rules say what a triangle covers, and both are needed. ``fragments`` samples: each centre belongs to
-exactly one of two faces that share an edge, as a picture wants it. ``covered_runs`` is conservative: a
-centre on an edge, or off it by rounding, is covered by both, as a check wants it that promises free texels.
-``row_crossings`` is the scan conversion of closed boundaries, where the inside is found by counting. Pixels
-and texels have their centres at k + ½ unless said otherwise.
+Two rules decide which texels a triangle covers, and both are needed. ``fragments`` samples: each centre belongs
+to exactly one of two faces that share an edge, as a picture wants it. ``covered_runs`` is conservative:
+triangles on both sides cover a centre on an edge, or near it within rounding. A check that promises free texels
+needs this rule. ``row_crossings`` is the scan conversion of closed boundaries, where the inside is found by
+counting. Pixels and texels have their centres at k + ½ unless said otherwise.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
         left, right = extremes(x)
         first, last = (np.clip(np.ceil(end - 0.5), 0, height) for end in extremes(y))
         seen = (last > first) & (right > 0.5) & (left <= width - 0.5)
-        # a sum is finite where all of it is; coordinates too large for that are no pixels
+        # a sum is finite if all its terms are; coordinates too large for that are no pixels
         seen &= np.isfinite(x[:, 0] + x[:, 1] + x[:, 2] + y[:, 0] + y[:, 1] + y[:, 2])
     face = np.flatnonzero(seen)
     x, y = _by_height(x[face], y[face])
@@ -155,7 +155,7 @@ def barycentric(xy: FloatArray, face: IntArray, pixel: IntArray, width: int) -> 
 def covered_runs(corners: FloatArray, height: int) -> Iterator[tuple[IntArray, ...]]:
     """Runs of covered texels of triangles, centres on an edge included: corners (m, 3, 2) in texels.
 
-    Unlike ``fragments``, which gives a centre on an edge to one side only, this errs to the safe side: a centre
+    ``fragments`` gives a centre on an edge to one side only. This function errs to the safe side: a centre
     within EDGE of a triangle is covered, so two triangles may both claim it.
 
     Yields (triangle, row, first column, number of columns) of the runs that are not empty, block by block.
@@ -228,7 +228,7 @@ def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: In
     texel = np.clip(p[:, 1], 0, size - 1) * size + np.clip(p[:, 0], 0, size - 1)
     who, own = page.ravel()[texel], owner[edge].astype(np.int32)
     last = np.empty(size * size, np.int32)
-    last[texel] = own  # one of those that run through it
+    last[texel] = own  # one of the lines through it
     if not ((last[texel] != own) | ((who >= 0) & (who != own))).any():
         return 0
     low = np.full(size * size, np.iinfo(np.int32).max, np.int32)
@@ -246,8 +246,8 @@ def row_crossings(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Where edges cross the lines through the centres of rows 0..height−1, y = row + centre.
 
-    start, end: (e, 2). A row is crossed where the lower end is at or below its line and the upper end above:
-    a shared end point counts once, so each row is crossed an even number of times by a closed boundary.
+    start, end: (e, 2). An edge crosses a row if its lower end is at or below the row's line and its upper end
+    above. A shared end point then counts once, so a closed boundary crosses each row an even number of times.
     Returns (edge (k,), row (k,), x (k,)), edges in ascending order.
     """
     low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
@@ -280,7 +280,7 @@ def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] |
     if search > NEAR:
         return _gap_by_trees(np.stack([y, x], 1), own, search)
     if len(at) and 2 * min(y[0], x.min(), len(grid) - 1 - y[-1], wide - 1 - x.max()) < search:
-        # else what looks beyond a border comes to the empty texels along another
+        # otherwise texels beyond one border would match empty texels along another
         grid = np.pad(grid, search, constant_values=-1)
         wide, flat = grid.shape[1], grid.ravel()
         at = (y + search) * wide + x + search
@@ -304,8 +304,8 @@ def _gap_by_trees(
 ) -> tuple[float, tuple[int, int] | None]:
     """``smallest_gap`` of texels (k, 2) of labels (k,): the work hardly grows with the search.
 
-    Two labels differ in a bit, so the nearest texels of two labels are nearest where the texels with a bit look
-    for those without, for one of the bits.
+    Two labels differ in a bit. The nearest texels of two labels are found by searching, for each bit, from the
+    texels with the bit to those without.
     """
     from scipy.spatial import cKDTree
 

@@ -1,8 +1,8 @@
 """Where rays meet a surface first: a tree of boxes, packets of near rays, array operations over all pairs.
 
-Rays of a bake are many, short and in order: neighbours go side by side. So rays are put into packets, a packet
-is a capsule (its mean segment and a radius that holds all its rays), capsules go down the tree level by level,
-and only what remains is tested ray by ray.
+Rays of a bake are many, short and in order: neighbours go side by side. Rays therefore form packets. A packet
+is a capsule: its mean segment and a radius that holds all its rays. Capsules go down the tree level by level,
+and only the remaining pairs are tested ray by ray.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
 from circparam.core.records import dataclass
 
 WIDTH = 4  # children of a box, and faces of a leaf
-PAIRS = 50_000  # pairs of ray and face at once: what is in work fits in the cache
+PAIRS = 50_000  # pairs of ray and face in one block, which fits the cache
 CELL = 0.8  # side of the cells whose rays make a packet, in mean diagonals of the faces' boxes
 RAYS = 200_000  # rays at once
 EDGE = 1e-9  # barycentric: rays that meet an edge meet a face beside it, whatever is rounded
@@ -121,9 +121,9 @@ def first_hits(
 ) -> Hits:
     """Where lines meet the front of a surface first.
 
-    origin: (p, 3). direction: (p, 3) unit. reach: (p,) how far a line goes from its origin, both ways. It comes
-    from the far end of its direction, as light falls on a surface, and faces that look the other way are not
-    met; nearest: what is met nearest to the origin counts, not what is met first.
+    origin: (p, 3). direction: (p, 3) unit. reach: (p,) how far a line goes from its origin, both ways. A ray
+    comes from the far end of its direction, as light falls on a surface, and misses faces that look the other
+    way. nearest: take the hit nearest to the origin, not the first.
     """
     face, bary, t = np.full(len(origin), -1), np.zeros((len(origin), 3)), np.zeros(len(origin))
     for at in range(0, len(origin), RAYS):

@@ -1,9 +1,8 @@
 """Pairs of plane segments that may meet: a grid whose cells follow the segments, refined where it is crowded.
 
 Every pass is a few array operations over all segments of all groups at once. Cells are as wide as two mean
-segments of their group, so a long segment is walked through in pieces, and there are few more pieces than
-segments. Crowded cells are swept across the direction of their segments, or quartered where even that leaves
-many pairs.
+segments of their group. A long segment is divided into pieces, and there are few more pieces than segments.
+Crowded cells are swept across the direction of their segments, or quartered where even that leaves many pairs.
 """
 
 from __future__ import annotations
@@ -197,8 +196,8 @@ class Candidates:
     ) -> tuple[IntArray, IntArray]:
         """Order of entries inside their cells, and how many behind each one overlap it across the cell.
 
-        The pieces inside the cell are projected on the normal of their mean direction, so that segments side
-        by side do not meet there whichever way they run.
+        The pieces inside the cell are projected on the normal of their mean direction, so parallel segments do
+        not meet there.
         """
         p = self.start[segment]
         d = self.end[segment] - p

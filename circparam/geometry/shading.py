@@ -1,9 +1,9 @@
 """Shading frames as viewers have them: smooth normals, and the tangents of MikkTSpace, at every corner.
 
-Tangent space by the rule that glTF names (2.0, 3.7.2.1): at a corner t is the direction of growing u made
-perpendicular to the normal n, averaged by angle over the faces that share position and uv there, and the
-bitangent is w · n × t with w = +1 where the uv are wound as the surface, −1 where they are mirrored (Mikkelsen
-2008). v points up, so a normal map made with these has green up, as glTF wants it.
+Tangent space by the rule of glTF (2.0, 3.7.2.1; Mikkelsen 2008). At a corner t is the direction of growing u,
+made perpendicular to the normal n and averaged by angle over the faces that share position and uv there. The
+bitangent is w · n × t, with w = +1 where the uv are wound as the surface, −1 where they are mirrored. v points
+up, so a normal map made with these has green up, as glTF wants it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Frames:
     def into(self, face: IntArray, bary: FloatArray, direction: FloatArray) -> FloatArray:
         """Directions (p, 3) in the frames of places: (p, 3) unit, x along t, y along w n × t, z along n.
 
-        A frame inside a face is that of its corners, interpolated, each of its three axes normalised, as
-        viewers of glTF do it; it need not be orthogonal, so what they decode is what was given.
+        A frame inside a face interpolates the frames of its corners and normalises each of its three axes, as
+        viewers of glTF do. The frame need not be orthogonal; viewers decode the given vectors.
         """
         t, b, n = (
             unit(np.einsum("pk,pkc->pc", bary, axis[face]))

@@ -1,13 +1,13 @@
 """From how many directions places on a surface are seen: z-buffers along axes spread evenly over the sphere.
 
-A direction is that of parallel light from far away. Every axis stands for two directions that run against
-each other, so one pass over the faces fills both of its z-buffers, the nearest and the farthest depth of every
-pixel. Faces that are smaller than a pixel only leave their centre there. A place is looked up a pixel out along
-its normal: there the slope of its own face cannot hide it, since within half a pixel a face rises by at most
-tan(angle) / √2 pixels along the axis, and one pixel along the normal are 1 / cos(angle).
+A direction is that of parallel light from far away. Every axis stands for two opposite directions. One pass
+over the faces therefore fills both z-buffers, the nearest and the farthest depth of every pixel. Faces that are
+smaller than a pixel only leave their centre there. A place is looked up one pixel out along its normal, so the
+slope of its own face cannot hide it. Within half a pixel a face rises by at most tan(angle) / √2 pixels along
+the axis, and one pixel along the normal are 1 / cos(angle).
 
-All faces hide what lies behind them, whichever way they are wound. The front of a place is the side that its
-normal shows; a place on a sheet (a component with a boundary) is seen from both sides.
+All faces hide places behind them, whichever way they are wound. The front of a place is the side of its normal.
+A place on a sheet (a component with a boundary) is visible from both sides.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MOST = 8  # of them on one edge
 JUDGED = 64  # directions that a reported share is measured from
 # side of the picture for it; up to so many faces the coarse one
 COARSE, FINE, FEW = 128, 256, 10_000
-# faces: what is made of them stays in the cache, twice as fast on 100,000 and more
+# faces: derived arrays of a block stay in the cache, twice as fast on 100,000 faces and more
 AT_ONCE = 16_000
 ALL = slice(None)
 PARTS = 2  # of the directions of a reported share, which two processes may look along
@@ -80,9 +80,9 @@ def seen_shares(
 ) -> FloatArray:
     """(k,) share of ``count`` directions, an even number, from which each place is seen: 0 to 1.
 
-    triangles: (m, 3, 3) corners of all faces, which hide what lies behind them. pixels: side of the square that
-    holds the mesh from every side. What is narrower than two pixels is not told apart. turn: the axes that are
-    looked along; from others nothing is seen.
+    triangles: (m, 3, 3) corners of all faces that hide others. pixels: side of the square that holds the mesh
+    from every side. Details narrower than two pixels are not resolved. turn: the axes that are looked along;
+    from others nothing is seen.
     """
     seen = np.zeros(len(places.point), np.int64)
     flat = triangles.reshape(-1, 3)
@@ -115,8 +115,8 @@ def seen_shares(
 
 
 def _scene(triangles: FloatArray) -> Scene:
-    """((3, 3, k), (3, 3, l) coordinates, corners of faces that cover pixels, of those with an edge longer than
-    WIDE and of others; (3, s) centres of those that are too small), in pixels."""
+    """((3, 3, k), (3, 3, l) corner coordinates of the faces that cover pixels, with an edge longer than WIDE
+    and without; (3, s) centres of the smaller faces), in pixels."""
     corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
     edge = corners - corners[:, [1, 2, 0]]
     x, y, z = edge * edge
@@ -126,7 +126,7 @@ def _scene(triangles: FloatArray) -> Scene:
 
 
 def _frame(axis: FloatArray) -> FloatArray:
-    """(3, 3) rows right, down, away for a look along −axis: what lies further along the axis is nearer."""
+    """(3, 3) rows right, down, away for a look along −axis: a place further along the axis is nearer."""
     other = np.eye(3)[np.argmin(np.abs(axis))]
     right = np.cross(other, axis)
     right /= np.linalg.norm(right)
@@ -209,7 +209,7 @@ def _between(x: FloatArray) -> BoolArray:
 
 
 def _slopes(p: FloatArray) -> FloatArray:
-    """(2, m) rise of each face along x and y, 0 for those that stand upright. p: (3, 3, m)."""
+    """(2, m) rise of each face along x and y, 0 for vertical faces. p: (3, 3, m)."""
     u, v = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1 / (u[0] * v[1] - u[1] * v[0])
@@ -228,7 +228,7 @@ def _pixel(p: FloatArray, pixels: int) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """Where places are looked up along one direction, sign times the axis. place: (l,) those that face it;
+    """Where places are looked up along one direction, sign times the axis. place: (l,) places that face it;
     pixel, height: (l,)."""
 
     sign: float
@@ -300,7 +300,7 @@ def visible_share(surface: Surface, cut: BoolArray) -> float | None:
 
 
 def visible_part(surface: Surface, cut: BoolArray, k: int) -> float:
-    """What part k of the directions has in ``visible_share``, of edges that have a length."""
+    """The part of ``visible_share`` by the directions k, for edges with a length."""
     length = surface.edge_lengths[cut]
     pixels = COARSE if len(surface.faces) <= FEW else FINE
     shares = edge_shares(surface, JUDGED, pixels, cut, slice(k, None, PARTS))

@@ -1,9 +1,9 @@
 """The layout of one mesh on another mesh of the same shape: seams follow, nothing flips.
 
-The charts of the source lie as sheets in space. Every face of the target takes the chart that most of it lies
-on, and every corner the closest point of that chart, on one side of every seam. Faces side by side whose
-corners found the same points hang together; the other edges are seams. What is turned over then goes to a
-neighbour's chart, or is untangled where it stands.
+The charts of the source lie as sheets in space. Every face of the target takes the chart under most of its
+probes. Every corner takes the closest point of that chart, on one side of every seam. Faces side by side whose
+corners found the same points hang together; the other edges are seams. Turned faces then go to a neighbour's
+chart, or are untangled in place.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ FEWEST_SAMPLES, MOST_SAMPLES = 50_000, 1_000_000
 UV_WEIGHT = 0.3  # of a distance in uv against one in space, in the choice of a side of a seam
 PLACES_AT_ONCE = 20_000  # places sought at once: some kilobytes each
 LAYER_DIAGONALS = 10.0  # diagonals by which charts lie apart
-# Places of a face that choose its chart, its middle first: what is nearest to it leads the face's corners.
+# Probes of a face that choose its chart, its middle first: the nearest point to the middle leads the corners.
 PROBES = np.array(
     [
         [4, 4, 4], [8, 2, 2], [2, 8, 2], [2, 2, 8],
@@ -74,7 +74,7 @@ class SurfacePoints:
 
 
 class SourceCharts:
-    """A surface with its layout, asked for closest points on any chart, or on one chart near a place of it."""
+    """A surface with its layout; closest points on any chart, or on one chart near a known place."""
 
     def __init__(self, atlas: Atlas) -> None:
         surface = atlas.surface
@@ -167,7 +167,7 @@ def _nearest(tree: cKDTree, places: FloatArray) -> IntArray:
 
 
 def _in_blocks(find: Callable[..., SurfacePoints], *arrays: FloatArray | IntArray) -> SurfacePoints:
-    """What is found for rows of arrays, some at once: bounds the memory."""
+    """The rows of a search in blocks, which bounds the memory."""
     return _concatenated(
         *(find(*(a[k] for a in arrays)) for k in slices(len(arrays[0]), PLACES_AT_ONCE))
     )
@@ -206,7 +206,7 @@ def samples_of(areas: FloatArray) -> tuple[IntArray, FloatArray]:
 @dataclass(frozen=True, eq=False)
 class CarriedLayout:
     """A layout on the target. drift: (m, 3) distance in uv of every corner from the closest point of its chart.
-    inside: (m,) the same in the middle of every face, where the target cuts through what is curved."""
+    inside: (m,) the same in the middle of every face, where the target cuts through curved parts."""
 
     atlas: Atlas
     drift: FloatArray
@@ -296,7 +296,7 @@ def _relabel(
 ) -> bool:
     """Let other probes or neighbours lead turned faces, so that they are turned less; whether any did.
 
-    points: those of the probes, those that lead, those of the corners.
+    points: of the probes, the leading ones, those of the corners.
     """
     probed, led, corners = points
     now_height = _heights(source.uv(corners).reshape(-1, 3, 2), mirrored[source.chart[led.face]])
@@ -325,7 +325,7 @@ def _relabel(
 
 
 def _around(target: Surface, faces: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of the faces and those that share a vertex with them."""
+    """Pairs of the faces and all faces that share a vertex with them."""
     m = len(target.faces)
     corner = np.arange(3 * m)
     shape = (m, int(target.corner_vertex.max()) + 1)
@@ -361,9 +361,8 @@ def _means(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
 def lifted(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """A layout (nv, 2) with its turned faces upright by the least that sets them so, where that can be done.
 
-    Every turned or hair-thin face moves its corners along the gradients of its area, as far as it lacks of a
-    height of LEAST_HEIGHT, in the mean of all that pull at a vertex (projection onto constraints, Müller et
-    al. 2007).
+    Every turned or hair-thin face moves its corners along the gradients of its area, towards a height of
+    LEAST_HEIGHT. A vertex takes the mean of all pulls (projection onto constraints, Müller et al. 2007).
     """
     uv, faces = uv.copy(), cut_mesh.faces
     for _ in range(LIFT_STEPS):

@@ -1,8 +1,8 @@
 """Corresponding charts: the seams of two uv layouts as the same graph on two surfaces.
 
-Nodes are the vertices where three seams meet, or one ends, or a landmark lies; arcs are the seams between
-them. The order of the arcs round the nodes makes it a map of the surface, so one pair of arcs tells all
-others: every pair is tried.
+Nodes are the vertices where three seams meet, or one ends, or a landmark lies; arcs are the seams between them.
+The order of the arcs round the nodes is a map of the surface, so one pair of arcs determines all others. Every
+pair is tried.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ Label = tuple[int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class ChartGraph:
-    """The seams and boundaries of one side. paths[d]: the vertices of arc d, which leaves the node it
-    begins with; d ^ 1 is the same backwards. after[d]: the arc that follows round the chart (or hole) on
-    the left. chart (2e,): that on the left of each arc, −1 for what closes a boundary; of_face (m,): of
-    each face. mark: node → landmark."""
+    """The seams and boundaries of one side. paths[d]: the vertices of arc d, which leaves the node it begins
+    with; d ^ 1 is the same backwards. after[d]: the arc that follows round the chart (or hole) on the left.
+    chart (2e,): chart on the left of each arc, −1 for a face that closes a boundary; of_face (m,): of each
+    face. mark: node → landmark."""
 
     side: MapInput
     paths: list[IntArray]
@@ -41,8 +41,7 @@ class ChartGraph:
 
     @cached_property
     def labels(self) -> list[Label]:
-        """What tells arcs apart: whether the surface lies on the left, arcs round it, the landmark that it
-        leaves."""
+        """Labels that tell arcs apart: surface on the left or not, arcs round it, the first landmark."""
         cycle, _, size = cycles(np.array(self.after))
         return [
             (int(self.chart[d] >= 0), int(size[cycle[d]]), self.mark.get(int(p[0]), -1))
@@ -50,7 +49,7 @@ class ChartGraph:
         ]
 
     def line(self) -> str:
-        """How many of what."""
+        """Counts with their nouns."""
         charts = len(np.unique(self.chart[self.chart >= 0]))
         nodes = len({int(p[0]) for p in self.paths})
         return (

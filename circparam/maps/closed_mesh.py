@@ -16,10 +16,10 @@ from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 class ClosedMesh:
     """points (n, 3); faces (m, 3), closed, wound counter-clockwise seen from outside.
 
-    parent (m,): the face of the surface that each face is a part of, −1 where it closes a boundary.
-    corners (m, 3, 3): barycentric coordinates of its corners in that face. The vertices of the surface come
-    first, then the tips of the cones over its boundaries, then those that split edges. origin (m,): the face of
-    the mesh before its edges were split.
+    parent (m,): the face of the surface that each face is a part of, −1 where it closes a boundary. corners (m,
+    3, 3): barycentric coordinates of its corners in that face. The vertices of the surface come first, then the
+    tips of the cones over its boundaries, then the vertices that split edges. origin (m,): the face of the mesh
+    before its edges were split.
     """
 
     points: FloatArray

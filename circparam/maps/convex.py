@@ -15,7 +15,7 @@ from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
 
 
 def row_weights(mesh: ClosedMesh, weights: str) -> FloatArray:
-    """(3m,) weights of all half-edges of a row of WEIGHTS, those that leave a vertex of sum 1."""
+    """(3m,) weights of all half-edges by a row of WEIGHTS, normalised to sum 1 at each vertex."""
     w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function)
     start = mesh.faces.ravel()
     result: FloatArray = w / group_sum(w, start, mesh.n)[start]
@@ -47,7 +47,7 @@ def laid_in_polygons(
     """(m, 3, d) places of the corners of faces in flat convex polygons with corners (c, d).
 
     polygon (m,): that of each face, −1 where it lies in none and has no places. arcs: those round each polygon,
-    laid along its sides by arc length; no polygon has a landmark twice. What lies inside is one linear system.
+    laid along its sides by arc length; no polygon has a landmark twice. Inner vertices are one linear system.
     """
     mesh = tracer.mesh
     flat, ends = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()

@@ -65,8 +65,8 @@ class Development:
     ) -> tuple[IntArray, FloatArray]:
         """Faces are laid beside each other from root faces (r,) on, across ``passable`` half-edges (3m,).
 
-        Returns (the root of each face (m,), −1 where it is not reached; the matrix (m, 3, 3) from the frame of
-        each face into that of its root).
+        Returns (the root of each face (m,), −1 for unreached faces; the matrix (m, 3, 3) from the frame of each
+        face into that of its root).
         """
         m, twin = len(self.mesh.faces), self.mesh.twin
         root, way = np.full(m, -1), np.broadcast_to(np.eye(3), (m, 3, 3)).copy()
@@ -86,8 +86,8 @@ class Development:
 def own_development(
     mesh: ClosedMesh, index: IntArray, matrices: FloatArray
 ) -> tuple[Development, IntArray]:
-    """(the development of a mesh whose half-edges have matrices, (n,) the half-edge of each vertex in whose
-    face's frame it lies: of the surface where it has one)."""
+    """(the development of a mesh whose half-edges have matrices; (n,) a half-edge of each vertex, on the
+    surface if possible, whose face gives the frame of the vertex)."""
     flat, twin = mesh.faces.ravel(), mesh.twin
     order = np.argsort(np.repeat(mesh.parent < 0, 3), kind="stable")[::-1]
     first = np.full(mesh.n, -1)
@@ -111,8 +111,8 @@ def own_development(
 
 
 def whole_development(split: Development, mesh: ClosedMesh) -> Development:
-    """The development of the mesh that another one was before its edges were split, every face in the frame of
-    the part that has kept its number."""
+    """The development of a mesh before its edges were split; a face has the frame of the part that kept its
+    number."""
     parts, m = split.mesh, len(mesh.faces)
     if not len(split.special):
         return Development(
@@ -140,8 +140,8 @@ def whole_development(split: Development, mesh: ClosedMesh) -> Development:
 
 @dataclass(frozen=True, eq=False)
 class CoverPoints:
-    """Places over a cover: face (k,), weights (k, 3), and turn (k, 3, 3) from the frame of the face to that in
-    which the place is asked for: of a vertex of the other mesh."""
+    """Places over a cover: face (k,), weights (k, 3), and turn (k, 3, 3) from the frame of the face to the
+    frame of the place, that of a vertex of the other mesh."""
 
     face: IntArray
     weights: FloatArray
@@ -232,8 +232,7 @@ class Cover:
         return CoverPoints(face, out / out.sum(1, keepdims=True), turn)
 
     def found_again(self, q: FloatArray, near: CoverPoints) -> CoverPoints:
-        """Places q (k, 3) in the frames in which ``near`` are asked for, looked for from there; what has not
-        moved keeps its place."""
+        """Places q (k, 3) in the frames of ``near``, searched from there; unmoved places stay."""
         moved = np.flatnonzero((q != self.vectors_of(near)).any(1))
         local = np.linalg.solve(near.turn[moved], q[moved][..., None])[..., 0]
         found = self.find(np.asarray(local, np.float64), near.face[moved])

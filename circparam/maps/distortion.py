@@ -16,7 +16,7 @@ MOST_ENERGY = 1e12  # of a face: one that becomes a line has none
 class Distortion:
     """Symmetric Dirichlet energy / 4 of every face, both surfaces at the scale that is best: 1 for an isometry.
 
-    mean: by area. p95, p99: what so much of the area does not exceed. largest.
+    mean: by area. p95, p99: upper bounds for these shares of the area. largest.
     """
 
     mean: float

@@ -32,9 +32,9 @@ MOST_NODES = 8
 
 @dataclass(frozen=True, eq=False)
 class PatchedMesh:
-    """One mesh of the domain. patch (m,) of each face, places (m, 3, 3): its corners in barycentric
-    coordinates of the patch; cover; first (n,): the
-    half-edge in whose face's frame each vertex lies; whole: the development before edges were split."""
+    """One mesh of the domain. patch (m,) of each face, places (m, 3, 3): its corners in barycentric coordinates
+    of the patch; cover; first (n,): the half-edge whose face gives the frame of each vertex; whole: the
+    development before edges were split."""
 
     patch: IntArray
     places: FloatArray
@@ -125,9 +125,9 @@ def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, meth
     """Add a helper to every patch that is large (to all where there are three landmarks only); whether one
     was added.
 
-    What lies far from every arc is crushed by a convex map. The vertex of a patch that is farthest from all
-    landmarks goes with the one on the other surface that is farthest among those in about the same place of
-    the patch. Helpers shape the layout only: relaxation moves them like any other vertex.
+    A convex map crushes parts far from every arc. The vertex of a patch farthest from all landmarks gets a
+    partner on the other surface: the farthest of the vertices at about the same place of the patch. Helpers
+    shape the layout only: relaxation moves them like any other vertex.
     """
     if layout.k >= MOST_NODES:
         return False
@@ -159,7 +159,7 @@ def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, meth
 
 
 def _inside(tracer: Tracer, faces: IntArray, n: int) -> IntArray:
-    """Vertices of the surface inside a patch without what closes a boundary."""
+    """Vertices of the surface inside a patch, without the tips that close boundaries."""
     mesh = tracer.mesh
     if (mesh.parent[faces] < 0).any():
         return np.zeros(0, np.int64)

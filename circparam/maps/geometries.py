@@ -1,9 +1,9 @@
-"""Geometries that carry a map's domain, and triangulations of them: a convex polyhedron on the sphere, circles
-that touch in the plane (one handle) and in the hyperbolic plane (more).
+"""Geometries of a map's domain, and their triangulations: a convex polyhedron on the sphere, touching circles
+in the plane (one handle) and in the hyperbolic plane (more).
 
-A place is a vector of three numbers, up to a positive factor: a direction, (x, y, 1), or a time-like vector
-of Minkowski's space. In all three a geodesic is a plane through the origin, the weights of a place are its
-coordinates in three corners, and the sign of a determinant tells which way a face looks.
+A place is a vector of three numbers, up to a positive factor: a direction, (x, y, 1), or a time-like vector of
+Minkowski's space. In all three a geodesic is a plane through the origin. The weights of a place are its
+coordinates in three corners, and the sign of a determinant gives the orientation of a face.
 """
 
 from __future__ import annotations
@@ -148,8 +148,8 @@ class Geometry:
         return np.stack([far * np.cos(angle), far * np.sin(angle), up], -1)
 
     def frames(self, p: FloatArray, q: FloatArray) -> FloatArray:
-        """(k, 3, 3) for places p, q (k, 3) off the sphere: columns are the way from p to q, the way to its
-        left, and p."""
+        """(k, 3, 3) for places p, q (k, 3) off the sphere: columns are the direction from p to q, the direction
+        to its left, and p."""
         curved = self.curvature < 0
         way = q - (-(p * q * self.metric).sum(1)[:, None] * p if curved else p)
         way = way / np.sqrt((way * way * self.metric).sum(1))[:, None]
@@ -172,8 +172,8 @@ def tangents(normal: FloatArray) -> FloatArray:
 class Base:
     """A triangulation of a geometry by the arcs of a layout.
 
-    corners (r, 3, 3): of each triangle, in its own frame. across (2e, 3, 3): for every arc the matrix from
-    the frame of the triangle on its left to the frame of the one on its right. area: of them all.
+    corners (r, 3, 3): of each triangle, in its own frame. across (2e, 3, 3): for every arc the matrix from the
+    frame of the triangle on its left to that on its right. area: of them all.
     """
 
     geometry: Geometry
@@ -279,8 +279,8 @@ def polyhedron(faces: IntArray) -> FloatArray:
     """(k, 3) unit vectors of the vertices of a simple triangulation of the sphere, faces (2k − 4, 3), k ≥ 4.
 
     Tutte's drawing of a 3-connected plane graph is in equilibrium, so it is the shadow of a convex surface
-    (Maxwell 1864, Cremona; the lifting as in Richter-Gebert 1996): across an edge the slope changes by the
-    stress of the edge times its length, at a right angle to it. Every face is counter-clockwise seen from a
+    (Maxwell 1864, Cremona; lifting as in Richter-Gebert 1996). Across an edge the slope changes by the stress
+    of the edge times its length, at a right angle to the edge. Every face is counter-clockwise seen from a
     point inside, by exact signs. Raises NoResultError where double precision cannot tell the faces apart
     (hundreds of vertices).
     """

@@ -29,7 +29,7 @@ class Landmarks:
 
     corners[l]: the landmarks on boundary l, in order along it. tips (b,): the landmark over each boundary.
     known: arcs that both surfaces have (two landmarks, the vertices between them on each); paths: landmarks
-    whose shortest paths are arcs. notes: what was assumed.
+    whose shortest paths are arcs. notes: assumptions.
     """
 
     a: list[int] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Landmarks:
 
     @property
     def arcs(self) -> int:
-        """How many arcs stay where they are: boundaries, what closes them, those that both surfaces have."""
+        """Number of fixed arcs: boundaries, arcs that close boundaries, arcs that both surfaces have."""
         return sum(2 * len(corners) for corners in self.corners) + len(self.known)
 
     def add(self, a: int, b: int, exact: bool) -> int:
@@ -262,8 +262,8 @@ def _best_start(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> i
 
 
 def guess(a: MapInput, b: MapInput) -> Landmarks:
-    """Landmarks for two surfaces that lie alike: far-apart vertices of a and what is nearest to them on b,
-    more for every handle, none on boundaries.
+    """Landmarks for two surfaces in similar poses: far-apart vertices of a and the nearest ones of b, more for
+    every handle, none on boundaries.
 
     The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
     fit well enough for that to be trusted.

@@ -2,13 +2,12 @@
 each.
 
 Arcs are laid on both surfaces together, short ones first (Praun, Sweldens and Schröder 2001, "Consistent mesh
-parameterizations"): at first those that join what hangs not yet together, so that no arc closes in
-a landmark on one surface alone, then those that cut the regions between the arcs down to triangles. Every arc
-leaves and enters its landmarks between the same two arcs on both surfaces, so the two layouts are the
-same, whatever the shapes.
+parameterizations"). The first arcs join separate parts, so no arc closes in a landmark on one surface alone.
+The next arcs cut the regions down to triangles. Every arc leaves and enters its landmarks between the same two
+arcs on both surfaces, so the two layouts are the same, whatever the shapes.
 
 On a sphere every region between connected arcs is a disk. With handles an arc may cut a region apart on one
-surface and open a handle on the other: arcs are kept only where they do the same to both.
+surface and open a handle on the other. Arcs are kept only if they do the same to both.
 """
 
 from __future__ import annotations
@@ -168,7 +167,7 @@ class Layout:
             )
 
     def _greedy(self, pairs: list[tuple[int, int]], joining: bool) -> None:
-        """Lay what costs least of the pairs, until none is left; costs only grow as arcs are laid."""
+        """Lay the cheapest pair until none is left; costs only grow as arcs are laid."""
         a, b = self.tracers
         most = 3 * self.k - 6 + 6 * self.genus  # arcs of a triangulation
         queue = [
@@ -238,8 +237,8 @@ class Layout:
         )
 
     def _fill(self) -> None:
-        """Cut all disks between the arcs to triangles without a landmark twice: diagonals, cheapest first; what
-        has none gets a landmark inside (a helper) with an arc to every corner."""
+        """Cut all disks between the arcs to triangles without a repeated landmark: diagonals, cheapest first. A
+        disk without a diagonal gets a landmark inside (a helper) with an arc to every corner."""
         while True:
             regions = [r for r in self.regions() if len(r) > 3]
             if not regions:
@@ -293,7 +292,7 @@ class Layout:
 
 
 def shape_of(tracer: Tracer, walks: list[list[int]]) -> list[tuple[int, list[int]]]:
-    """What the arcs leave of a mesh: of every piece its Euler characteristic and the walks round it."""
+    """The pieces of a mesh between its arcs: the Euler characteristic of each, and the walks round it."""
     label, euler = tracer.mesh.pieces(tracer.on_arcs(), tracer.on)
     out: dict[int, list[int]] = {}
     for n, face in enumerate(tracer.left_faces(walks)):
@@ -327,7 +326,8 @@ def laid_out(a: MapInput, b: MapInput, marks: Landmarks) -> Layout:
 
 
 def begun(a: MapInput, b: MapInput, marks: Landmarks) -> Layout:
-    """A layout with its first arcs: boundaries and what closes them, arcs that both surfaces have, paths."""
+    """A layout with its first arcs: boundaries, arcs that close boundaries, arcs that both surfaces have,
+    paths."""
     tracers = Tracer(a.closed, np.array(marks.a)), Tracer(b.closed, np.array(marks.b))
     layout = Layout(tracers, (float(np.sqrt(a.area)), float(np.sqrt(b.area))), a.genus)
     for corners, tip in zip(marks.corners, marks.tips, strict=True):

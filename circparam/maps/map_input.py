@@ -1,4 +1,4 @@
-"""A mesh as one side of a map: what it must be, and the closed mesh that stands for it."""
+"""A mesh as one side of a map: its checks, and the closed mesh that replaces it."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from circparam.mesh.surface import Surface
 class MapInput:
     """A connected surface, with or without boundaries.
 
-    name: what messages call it. surface: in the winding of the solve. closed: the surface with closed
-    boundaries, the vertices of the surface first. tips (b,): the vertex that closes each boundary. loops:
-    the vertices of each boundary, in order with the surface on the left. vertex (n,): of each vertex of the
-    mesh, −1 where no face uses it. winding (m, 3): the corner of the file that each corner of a face is.
-    notes: what was repaired.
+    name: for messages. surface: in the winding of the solve. closed: the surface with closed boundaries, the
+    vertices of the surface first. tips (b,): the vertex that closes each boundary. loops: the vertices of each
+    boundary, in order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face
+    uses it. winding (m, 3): the corner of the file that each corner of a face is. notes: repairs.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Maps between two surfaces: what ``circparam.map_surfaces`` and ``circparam map`` call."""
+"""Maps between two surfaces: ``circparam.map_surfaces``, also called by ``circparam map``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.solvers.tutte.weights import WEIGHTS
 
 POOR_DISTORTION = 1.5  # mean above which more landmarks are advised
-POSITIVE = "positive"  # what a row of WEIGHTS must be for its maps to be one to one
+POSITIVE = "positive"  # tag that a row of WEIGHTS needs for maps that are one to one
 
 Surface: TypeAlias = (
     "Mesh | Document | str | os.PathLike[str] | tuple[npt.ArrayLike, npt.ArrayLike]"
@@ -41,12 +41,12 @@ Surface: TypeAlias = (
 
 @dataclass(frozen=True, eq=False)
 class MapResult:
-    """A map and what it is worth.
+    """A map and its quality.
 
     map: places both ways. a_to_b, b_to_a: its distortion. inversions: faces turned over in the common domain,
     by exact signs, of A and of B. landmarks: pairs that were given; landmark_error: how far the worst is off,
-    in sizes of B. start: the distortion of A → B before relaxation. seconds: of the stages. notes: what was
-    assumed or had to be mended.
+    in sizes of B. start: the distortion of A → B before relaxation. seconds: of the stages. notes: assumptions
+    and repairs.
     """
 
     map: SurfaceMap
@@ -77,7 +77,7 @@ class MapResult:
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What is given with two surfaces.
+    """Inputs beside two surfaces.
 
     pairs: (k, 2) vertices of a and b that correspond, counted from 0; None: guessed where the surfaces lie
     alike. paths: sequences of vertices of a among the pairs; shortest paths between them are the first arcs
@@ -201,7 +201,7 @@ def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -
 
 
 def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
-    """What to do about a map that is far from an isometry; there (n, 3): the images of the vertices of A."""
+    """Advice on a map far from an isometry; there (n, 3): the images of the vertices of A."""
     if worst <= POOR_DISTORTION:
         return []
     energy, _ = face_energies(a.surface.vertex_points, a.surface.corner_vertex, there)
@@ -225,20 +225,20 @@ def map_surfaces(
 ) -> MapResult:
     """A one-to-one map between two connected surfaces with as many handles and boundaries.
 
-    a, b: a file, a Document, a Mesh, or (points, faces). landmarks: (k, 2) pairs of vertices of a and b that
-    the map takes to each other exactly, counted from 0, or a file with a pair on each line; None: surfaces that
-    lie alike get some from their alignment. paths: sequences of vertices of a that are landmarks; the shortest
-    paths between them are the first cuts on both (a file of landmarks may hold lines ``path 1 2 3 1``); handles
-    are cut by shortest paths between landmarks where none are given. charts: both files have uv whose charts
-    correspond, which are mapped chart on chart. method: the weights of the convex maps, any that are positive
-    (circle, mean-value, floater, uniform). mirrored: b is the mirror image of what is meant. relax: False keeps
+    a, b: a file, a Document, a Mesh, or (points, faces). landmarks: (k, 2) pairs of vertices of a and b,
+    counted from 0, which the map takes to each other exactly, or a file with a pair on each line. None:
+    alignment gives some to surfaces in similar poses. paths: sequences of vertices of a that are landmarks. The
+    shortest paths between them are the first cuts on both surfaces (a file of landmarks may hold lines ``path 1
+    2 3 1``). Without paths, shortest paths between landmarks cut handles. charts: both files have uv whose
+    charts correspond, which are mapped chart on chart. method: the weights of the convex maps, any that are
+    positive (circle, mean-value, floater, uniform). mirrored: map to the mirror image of b. relax: False keeps
     the composition of the convex maps. overlay: True adds the common refinement of both (``map.overlay``), of
     closed surfaces.
 
     Returns a MapResult: ``map`` (a SurfaceMap; ``circparam.save_map`` writes it), distortion both ways,
-    inversions. Raises InputError for landmarks that name no vertex or the same one twice, TopologyError where
-    the surfaces differ, look mirrored, or the landmarks have no common layout, OptionError for a method whose
-    weights can be negative, NoResultError where double precision cannot hold the map.
+    inversions. Raises InputError for landmarks that name no vertex or the same one twice; TopologyError if the
+    surfaces differ, look mirrored, or the landmarks have no common layout; OptionError for a method with
+    negative weights; NoResultError if double precision cannot hold the map.
     """
     pairs, routes = None, [[int(v) for v in path] for path in paths or []]
     if isinstance(landmarks, (str, os.PathLike)):

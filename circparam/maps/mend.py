@@ -18,7 +18,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.untangle import untangle
 
 FILLED_RINGS = (0, 1, 2, 3, 5, 8, 12)  # round turned faces that are filled, tried in turn,
-TRIES = 2  # each so many times: what is mended leaves others to mend
+TRIES = 2  # rounds of each, because one repair may spoil other faces
 UNTANGLED_RINGS = (4, 8, 2, 12)  # rings of a patch that is untangled after that, tried in turn
 
 
@@ -155,7 +155,7 @@ class Mender:
 def untangled_patch(
     part: CutMesh, uv: FloatArray, fixed: BoolArray
 ) -> tuple[FloatArray, BoolArray]:
-    """(uv (k, 2) of a patch by the foldover-free energy; what rests: its boundary and ``fixed``)."""
+    """(uv (k, 2) of a patch by the foldover-free energy; the fixed vertices: its boundary and ``fixed``)."""
     corners = uv[part.faces]
     area = np.abs(cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum() / 2
     unit = np.sqrt(float(part.areas.sum()) / max(float(area), 1e-300))

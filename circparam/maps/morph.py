@@ -44,9 +44,9 @@ def morph(
     """A GLB of A with B as its morph target, and an animation from A to B and back.
 
     mapped: between A and B, either way round. frames: key frames from A to B, 2 to 10,000. uv, materials and
-    textures of A stay. overlay: the common refinement of both, which ends as B itself. Raises OptionError
-    for frames out of range, InputError where the map was made for other meshes or turns the surface over,
-    or where A has morph targets of its own.
+    textures of A stay. overlay: the common refinement of both, which ends as B itself. Raises OptionError for
+    frames out of range. Raises InputError if the map belongs to other meshes or turns the surface over, or if A
+    has morph targets of its own.
     """
     if not 2 <= frames <= MOST_FRAMES:
         raise OptionError(f"--frames {frames}: give 2 to {MOST_FRAMES} key frames")

@@ -1,9 +1,9 @@
 """The common refinement of two surfaces: their vertices, and where their edges cross in the domain.
 
-All faces of both are straight triangles of the domain, each counter-clockwise, so every face of A and every
-face of B share a convex polygon or nothing. Edges of A walk over the faces of B by exact signs; no vertex
-may lie on an edge then, so the vertices of A are first moved by a billionth of their edges, which moves
-nothing visible.
+All faces of both are straight triangles of the domain, each counter-clockwise. Every face of A and every face
+of B therefore share a convex polygon or nothing. Edges of A walk over the faces of B by exact signs, and no
+vertex may lie on an edge. The vertices of A are therefore first moved by a billionth of their edges, which is
+invisible.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ EDGE_NOISES = (1e-9, 1e-7, 1e-6, 1e-5)  # of an edge, that vertices move by, tri
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """In order along the edges of A: the half-edge of A (its lower one), the half-edge of B that it leaves
-    a face by, and how far along both."""
+    """In order along the edges of A: the half-edge of A (its lower one), the half-edge of B through which it
+    leaves a face, and the position along both."""
 
     edge_a: IntArray
     share_a: FloatArray
@@ -45,7 +45,7 @@ class Crossings:
 @dataclass(frozen=True, eq=False)
 class Overlay:
     """faces (m, 3) of the refinement; the faces of both meshes that each is a part of, a (m,) and b (m,). Its
-    vertices are those of A, those of B, and the crossings."""
+    vertices are the vertices of A, the vertices of B, and the crossings."""
 
     faces: IntArray
     a: IntArray
@@ -148,9 +148,8 @@ def _assembled(m_a: ClosedMesh, m_b: ClosedMesh, x: Crossings) -> Overlay | None
 
 
 class _Chains:
-    """The parts of the edges of one mesh: part s of an edge is the half-edges 2s along its lower half-edge
-    and 2s + 1 back. of (2p,): the half-edge of the mesh that each lies on; start (2p,): the vertex it
-    leaves."""
+    """The parts of the edges of one mesh: part s of an edge has the half-edges 2s along its lower half-edge and
+    2s + 1 back. of (2p,): the half-edge of the mesh that each lies on; start (2p,): the vertex it leaves."""
 
     def __init__(
         self, faces: IntArray, twin: IntArray, shift: int, edge: IntArray, crossing: IntArray
@@ -183,8 +182,8 @@ class _Chains:
 
 
 def _followers(a: _Chains, b: _Chains, x: Crossings) -> IntArray:
-    """(2p,) what follows each half-edge round the face on its left; those of B count from where those of A
-    end."""
+    """(2p,) the next half-edge round the face on the left of each; half-edges of B are numbered behind those of
+    A."""
     shift = 2 * a.total
     out = np.empty(shift + 2 * b.total, np.int64)
     for chains, move in ((a, 0), (b, shift)):
@@ -218,7 +217,7 @@ def _triangles(
     half = (np.arange(shift), np.arange(shift, len(label)))
     for k in (0, 1):
         own, across = half[k], half[1 - k]
-        # what hangs together across the edges of the other mesh lies in one face of this one
+        # parts connected across the edges of the other mesh lie in one face of this mesh
         count, group = components(len(size), label[across], label[across ^ 1])
         face = np.full(count, -1)
         face[group[label[own]]] = chains[k].of // 3

@@ -31,7 +31,7 @@ def oriented(mapped: SurfaceMap, target: Document, source: Document) -> SurfaceM
 
 
 def moved(mapped: SurfaceMap, target: Mesh, source: Mesh) -> FloatArray:
-    """(n, 3) the points of the target at their places on the source; those that no face uses stay."""
+    """(n, 3) the points of the target at their places on the source; unused points stay."""
     out = target.points.copy()
     used = np.unique(target.faces)
     places = mapped.to_b

@@ -38,7 +38,7 @@ LONGEST_STEP = 0.5  # radii of curvature that a vertex moves in one step at most
 @dataclass(frozen=True, eq=False)
 class TargetPoint:
     """Where vertices are. vectors (n, 3): in their frames over the domain; points (n, 3) on the target; frame
-    (n, 3, 2): two tangents there, orthonormal; on: the places on a mesh, None on a geometry."""
+    (n, 3, 2): two orthonormal tangents there; on: the places on a mesh, None on a geometry."""
 
     vectors: FloatArray
     points: FloatArray
@@ -57,13 +57,13 @@ class Target(Protocol):
     """A surface over the domain."""
 
     def moved(self, at: TargetPoint, d: FloatArray) -> TargetPoint:
-        """Where steps d (n, 2) in the frames lead; what does not move keeps its place, bit for bit."""
+        """Ends of steps d (n, 2) in the frames; unmoved vertices keep their places, bit for bit."""
 
     def triangles(
         self, at: TargetPoint, corners: IntArray, faces: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """(3, m, d) corners of some flat faces, and (3, m, d, 2) how they move with the steps of the vertices;
-        corners (3, m): the vertices of faces (m,)."""
+        """(3, m, d) corners of some flat faces, and (3, m, d, 2) their derivatives by the steps of the
+        vertices; corners (3, m): the vertices of faces (m,)."""
 
 
 class GeometryTarget:
@@ -93,11 +93,11 @@ class GeometryTarget:
 
 
 class MeshTarget:
-    """Another mesh over the domain. scale: by what its points are multiplied."""
+    """Another mesh over the domain. scale: factor of its points."""
 
     def __init__(self, cover: Cover, scale: float) -> None:
         self.cover, self.mesh = cover, cover.mesh
-        self.wall = self.mesh.parent < 0  # what closes a boundary: nothing moves onto it
+        self.wall = self.mesh.parent < 0  # faces that close a boundary: nothing moves onto them
         self.corners = p = self.mesh.points[self.mesh.faces] * scale
         d, e = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
         normal = np.cross(d, e)
@@ -308,7 +308,7 @@ class Relaxation:
         return Moved(at, energy, done)
 
     def step(self, at: TargetPoint, energy: float) -> tuple[TargetPoint, float, float] | None:
-        """One step: (where it leads, energy there, what Newton's model promised to gain), None where none is
+        """One step: (its end, the energy there, the gain that Newton's model promised), None if no step is
         better.
 
         Where faces turn over whatever the length of the step, their vertices stay, and the others are asked

@@ -19,7 +19,7 @@ from circparam.maps.mend import Mender
 from circparam.maps.places import along_boundaries
 from circparam.maps.relax import GeometryTarget, MeshTarget, Relaxation
 
-CAP_WEIGHT = 1e-3  # of what closes boundaries, beside 1 for the surface, in the domain's energy
+CAP_WEIGHT = 1e-3  # weight in the domain's energy of faces that close boundaries; the surface has 1
 DOMAIN_STEPS, DOMAIN_TOLERANCE = 4, 1e-4  # Newton's steps, and the gain that ends them
 DOMAIN_ROUNDS = 4  # of such steps at most, each followed by a count of the turned faces
 MAP_STEPS, MAP_TOLERANCE = 15, 1e-4  # of the map, on the surface of B alone
@@ -76,11 +76,11 @@ def solve_map(
 def relaxed(
     a: MapInput, b: MapInput, marks: Landmarks, domain: Domain, start: CoverPoints, monitor: Monitor
 ) -> tuple[Cover, Cover, CoverPoints] | None:
-    """(covers of A as it was read and of B, places of A on B) of low distortion; None where that leaves faces
-    turned over in the domain, or costs more than it gains.
+    """(covers of A as read and of B, places of A on B) of low distortion; None if faces stay turned over in the
+    domain, or if the repair costs more than the gain.
 
-    A moves over the surface of B, unguarded; the domain of B is relaxed until A is unflipped in it; what is
-    left is mended, and A moves on, guarded.
+    A moves over the surface of B without a guard. The domain of B is relaxed until A is unflipped in it. The
+    remaining flips are mended, and A moves on with the guard.
     """
     one, two = domain.meshes
     geometry, whole = domain.base.geometry, one.whole

@@ -84,7 +84,8 @@ def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str
         own = order[of_face[h[order] // 3] == number]
         i, j = tracer.marks[list(layout.ends[arc])]
         path = np.concatenate([[i], middle[own], [j]])
-        if (new.half_edges(path[:-1], path[1:]) < 0).any():  # the old path, with what splits it
+        # the old path, with the vertices that split it
+        if (new.half_edges(path[:-1], path[1:]) < 0).any():
             old = tracer.arcs[arc]
             between = split_by[mesh.half_edges(old[:-1], old[1:])]
             path = np.stack([old, np.r_[between, -1]], 1).ravel()

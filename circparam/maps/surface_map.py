@@ -42,7 +42,7 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """The overlay of both meshes: what the map takes straight from one to the other.
+    """The overlay of both meshes, which takes places straight from one mesh to the other.
 
     faces (m, 3): triangles of k vertices. parents (m, 2): the face of A and the face of B that each is a part
     of. on_a, on_b: (k) places of the vertices on both.
@@ -95,7 +95,7 @@ class SurfaceMap:
 
 
 def fingerprint(mesh: Mesh) -> str:
-    """What tells a mesh from others: a hash of its triangles' vertex numbers and the number of vertices.
+    """Identity of a mesh: a hash of its triangles' vertex numbers and the number of vertices.
 
     Positions are left out: a pose or another unit keeps the map.
     """
@@ -127,7 +127,7 @@ def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = 
 
 
 def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
-    """Read what ``save_map`` wrote. Raises InputError where the file holds something else."""
+    """Read a file of ``save_map``. Raises InputError where the file holds something else."""
     try:
         with open(path, "rb") as file:
             if not zipfile.is_zipfile(file):
