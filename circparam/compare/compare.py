@@ -1,8 +1,8 @@
 """Methods side by side: every one on the identical cut, each in a process of its own.
 
-One cut is made; each method gets the same cut mesh, packs with the same settings, and is judged by the same
-code that judges a written file. Rows that have seams of their own (the file's own uv, ``input``, and the
-BASELINES of ``circparam.compare.baselines``) are judged as they are.
+One cut is made. Each method gets the same cut mesh and packs with the same settings, and the verifier of
+written files measures all. Rows that have seams of their own (the file's own uv, ``input``, and the BASELINES
+of ``circparam.compare.baselines``) are judged as they are.
 """
 
 from __future__ import annotations
@@ -55,11 +55,10 @@ def compare(
 ) -> Comparison:
     """Run methods on the identical cut of one mesh.
 
-    source: what ``circparam.unwrap`` takes. methods: see ``method_names``. cut: a row of SEAMS, or ``auto``:
-    a mesh whose components are disks already (holes allowed) stays whole (the cut ``disk`` makes no seam
-    there), any other is cut into charts.
-    timeout: seconds for each method. isolate: False runs the methods in this process: quicker for small
-    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of methods go to
+    source: as for ``circparam.unwrap``. methods: see ``method_names``. cut: a row of SEAMS, or ``auto``. A mesh
+    of disks (holes allowed) then stays whole, because the cut ``disk`` makes no seam there. Any other mesh is
+    cut into charts. timeout: seconds for each method. isolate: False runs the methods in this process: quicker
+    for small meshes, but no peak memory is known. keywords: other fields of ``Options``; those of methods go to
     the methods that accept them. Row ``input`` is the uv that the file has, where it has one.
 
     Returns a Comparison; a method that fails is a row with status ``failed``. Raises OptionError for an
@@ -97,7 +96,7 @@ def compare(
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What all rows share."""
+    """Data that all rows share."""
 
     job: Job
     cut_mesh: CutMesh
@@ -150,7 +149,7 @@ def _input_row(scene: _Scene) -> list[Entry]:
 
 
 def _row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
-    """Run one method in its own process, and judge what it made."""
+    """Run one method in its own process, and verify its layout."""
     try:
         if name in BASELINES:
             return _baseline_row(scene, name)
@@ -178,8 +177,8 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
 def _placed(
     cut_mesh: CutMesh, uv: FloatArray, options: Options, monitor: Monitor
 ) -> tuple[Placed, int | None]:
-    """uv packed on a coarse page, and the resolution to read it at; side by side and None where packing
-    refuses: charts that overlap themselves may be more than it can take."""
+    """uv packed on a coarse page, and the resolution to read it at. Side by side and None if packing refuses,
+    as for charts that overlap themselves."""
     uv = at_best_scales(cut_mesh, uv)
     padding = options.padding_texels if options.padding else 1
     coarse = replace(options, resolution=options.resolution or RASTER, padding=padding)

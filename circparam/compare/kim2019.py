@@ -1,4 +1,4 @@
-"""Table 1 of the source, measured again: what the circle weights save over Floater's.
+"""Table 1 of the source, measured again: savings of the circle weights over Floater's.
 
 The source (Kim 2019) times its weights against Floater's shape preserving ones (1997) on six meshes, from
 60 to 600 vertices, and gives no unit. Times on another machine say nothing side by side; their ratio does.

@@ -1,7 +1,7 @@
-"""Run one function in a process of its own, to know what it alone takes: seconds and peak memory.
+"""Run one function in a process of its own, to measure its seconds and peak memory.
 
-The child reads its arrays, notes how much memory it has, runs, and notes the peak; the difference is what
-the function took. Started as ``python -m circparam.compare.process FOLDER``; nothing else uses that door.
+The child reads its arrays, notes its memory, runs, and notes the peak. The difference is the memory of the
+function. Started as ``python -m circparam.compare.process FOLDER``; nothing else uses that door.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Arrays = dict[str, np.ndarray[Any, Any]]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What came back. arrays and info: as the function returned them. peak_bytes: peak memory minus what
-    the process held after reading its input; None where the system does not tell. error: one line, or None.
+    """The answer of a child. arrays and info: as the function returned them. peak_bytes: peak memory minus the
+    memory after reading the input; None if the system does not report it. error: one line, or None.
     """
 
     arrays: Arrays = field(default_factory=dict)
@@ -89,7 +89,7 @@ def here(function: str, arrays: Arrays, settings: dict[str, Any]) -> Outcome:
 def peak_memory() -> int | None:
     """Largest resident size of this process so far, in bytes; None where the system does not tell.
 
-    Linux keeps it with the address space; getrusage would also count what the parent held when it forked.
+    Linux keeps the value with the address space; getrusage would also count the parent's memory at the fork.
     """
     with contextlib.suppress(OSError):
         for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
@@ -104,7 +104,7 @@ def peak_memory() -> int | None:
 
 
 def forget_peak() -> None:
-    """Let the peak start again from what is held now, where the system can (Linux)."""
+    """Reset the peak to the current memory, where the system can (Linux)."""
     with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
 

@@ -1,4 +1,4 @@
-"""What a comparison found, as plain values: one row a method."""
+"""A comparison as plain values: one row a method."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ FIGURES = (
 class Entry:
     """One row. status: ok, invalid (flips, overlaps, missing or mirrored faces) or failed, with ``error``.
 
-    stages: seconds of each stage; seconds: of the whole method, from the cut mesh to uv (for a baseline, of
-    all it does); medians over ``runs``. peak_bytes: see ``circparam.compare.process``. figures: by the names of
+    stages: seconds of each stage; seconds: of the whole method, from the cut mesh to uv (for a baseline, of all
+    its work); medians over ``runs``. peak_bytes: see ``circparam.compare.process``. figures: by the names of
     FIGURES. iterations: the most that a chart took. notes: of the method.
     """
 

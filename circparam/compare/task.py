@@ -1,4 +1,4 @@
-"""One method in a process of its own: what goes in as plain arrays and values, what comes back."""
+"""One method in a process of its own: input and output are plain arrays and values."""
 
 from __future__ import annotations
 

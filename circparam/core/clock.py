@@ -1,8 +1,8 @@
 """Deadlines for work without a partial result: it is broken off.
 
-Loops with a valid result ask ``Monitor.expired`` and stop. Other work has nothing to return; its building
-blocks (factorisations, shortest paths, steps of a minimisation) call ``tick``, and a caller that can do without
-the result sets the moment with ``bounded``.
+Loops with a valid result ask ``Monitor.expired`` and stop. Other work has nothing to return. Its building
+blocks (factorisations, shortest paths, steps of a minimisation) call ``tick``. A caller that can do without the
+result sets the moment with ``bounded``.
 """
 
 from __future__ import annotations

@@ -96,8 +96,8 @@ def flag(name: str, spec: Spec) -> str:
 def check(options: Any) -> None:
     """Check every option of an instance, None meaning "not given".
 
-    Raises OptionError, in one line, for a value out of its range or none of its choices, and for one that
-    was given although it has no effect beside the others.
+    Raises OptionError, in one line, for a value out of its range or none of its choices, and for an option
+    without an effect beside the others.
     """
     for name, spec in specs(options).items():
         value = getattr(options, name)
@@ -125,7 +125,7 @@ def check(options: Any) -> None:
 
 
 def _no_word(name: str, value: str, spec: Spec) -> str:
-    """The message for a word that stands for no number; the shortest word is what most mean by a wrong one."""
+    """The message for a word that stands for no number; without a near word it suggests the shortest."""
     near = difflib.get_close_matches(value, spec.words, n=1, cutoff=0.5) or list(spec.words)[:1]
     meaning = "" if spec.bounds is None else f"give {spec.bounds.meaning}; "
     return f"{name} {value!r}: {meaning}did you mean {near[0]}?"

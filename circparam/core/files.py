@@ -12,7 +12,7 @@ from typing import IO
 
 from circparam.errors import OptionError, OutputError
 
-# Files that exist only while a write is under way: what an abrupt end has to remove.
+# Files that exist only during a write; an abrupt end has to remove them.
 TEMPORARIES: list[Path] = []
 
 
@@ -25,10 +25,10 @@ def write_files(
 ) -> list[Path]:
     """Write several files, all or none, the last one last (it may refer to those before it).
 
-    inside: a folder below which missing folders are made. durable: flushed to the disk, so that a power cut
-    loses none; not needed for what is written again every moment. Raises OptionError where one exists and may
-    not be replaced, or where two names are one file; OutputError where the disk refuses. Nothing is left behind
-    by an error or an interrupt.
+    inside: a folder below which missing folders are made. durable: flushed to the disk, so a power cut loses no
+    file; unnecessary for files written every moment. Raises OptionError where one exists and may not be
+    replaced, or where two names are one file; OutputError where the disk refuses. Nothing is left behind by an
+    error or an interrupt.
     """
     places: dict[str, Path] = {}
     for path in contents:
@@ -58,7 +58,7 @@ def write_files(
 
 @contextlib.contextmanager
 def _folders(paths: Iterable[Path], inside: Path | None) -> Iterator[None]:
-    """Make the missing folders of files below ``inside``; an error takes away those that were made."""
+    """Make the missing folders of files below ``inside``; an error removes the new ones."""
     made: list[Path] = []
     try:
         for path in paths if inside is not None else ():
@@ -123,7 +123,7 @@ def lock(file: IO[bytes] | int) -> bool:
 
 
 def _clear_left(folder: Path, name: str) -> None:
-    """Remove what a writer of that file has left that was killed before its rename: nobody holds its lock."""
+    """Remove temporary files of killed writers of that file: nobody holds their locks."""
     for left in folder.glob(f".{glob.escape(name)}.*.tmp"):
         number = left.name.split(".")[-2]
         with contextlib.suppress(OSError):
@@ -145,7 +145,7 @@ def _runs(pid: int) -> bool:
 
 
 def _scratch() -> Path:
-    """A folder for what goes into a pipe or a device: nothing may be made beside those."""
+    """A folder for the content of a pipe or a device, because no file may be made beside those."""
     import tempfile
 
     return Path(tempfile.gettempdir())

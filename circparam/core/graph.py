@@ -208,7 +208,7 @@ def spanning_forest(n: int, a: IntArray, b: IntArray, order: FloatArray) -> IntA
 
 
 def matching(score: FloatArray, left: IntArray, right: IntArray, n: int) -> IntArray:
-    """The greedy matching: the best pair, then the best among what is left, and so on, in array rounds.
+    """The greedy matching: the best pair, then the best of the remaining ones, and so on, in array rounds.
 
     score: (a,) higher is better; ties go to the lower index. Returns the indices of the chosen pairs,
     ascending. A pair may join a node with itself.

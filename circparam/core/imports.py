@@ -7,7 +7,7 @@ from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
 from typing import Any
 
-# for building and for testing extensions: a tenth of what an unwrap imports
+# for building and testing extensions: a tenth of the imports of an unwrap
 UNUSED = ("numpy.f2py", "numpy.testing", "numpy.polynomial")
 
 
@@ -15,7 +15,7 @@ def put_off() -> None:
     """Let those modules of NumPy load at their first use, where nobody has loaded them yet.
 
     SciPy takes every public name of NumPy (``from numpy import *``), and NumPy loads these when their names are
-    asked for. For processes of our own only: what a caller of the library imports is his affair.
+    asked for. For processes of our own only: the imports of a caller are the caller's choice.
     """
     for name in UNUSED:
         spec = None if name in sys.modules else find_spec(name)
@@ -32,7 +32,7 @@ def put_off() -> None:
 class OnDemand:
     """A module that is imported when the first of its names is asked for.
 
-    Unlike those that ``put_off`` leaves waiting, of which a plain ``import`` asks for names already.
+    Modules that ``put_off`` defers are different: a plain ``import`` already asks for their names.
     """
 
     def __init__(self, module: str) -> None:

@@ -28,10 +28,10 @@ def mip_level(padding: int) -> int | None:
     """The last mip level at which no texel of a neighbour bleeds into a chart; None if one bleeds at level 0.
 
     Every level halves the page by averages of 2 · 2 texels, and a sample blends the four texels round it
-    (bilinear). Gutters are filled with the nearest colour, as ``bake`` does, so what lies further than half the
-    distance of the charts' covered centres, (padding + 1) / 2, may be the neighbour's. A sample in a texel of
-    a chart is at most √½ from its centre, and at level k takes in centres up to 1.5 · 2^k − 0.5 away along
-    each axis: √2 (1.5 · 2^k − 0.5) + √½ ≤ (padding + 1) / 2, which is 2^k ≤ (padding + 1) / √18.
+    (bilinear). Gutters have the nearest colour, as ``bake`` fills them. Texels further than half the distance
+    of the charts' covered centres, (padding + 1) / 2, may therefore be the neighbour's. A sample in a texel of
+    a chart is at most √½ from its centre. At level k it uses centres up to 1.5 · 2^k − 0.5 away along each
+    axis: √2 (1.5 · 2^k − 0.5) + √½ ≤ (padding + 1) / 2, which is 2^k ≤ (padding + 1) / √18.
     """
     reach = (padding + 1) / math.sqrt(18)
     return None if reach < 1 else int(math.log2(reach))

@@ -26,10 +26,10 @@ class Factor:
     """A sparse LU factorisation with a symmetric fill-reducing order and diagonal pivots.
 
     matrix: square, structurally symmetric, with a dominant or positive definite diagonal (M-matrices of convex
-    maps, Laplacians, projected Hessians): for these diagonal pivots are stable, and minimum degree on
-    A + Aᵀ needs far less fill than the column order that SciPy takes by default.
-    ordered: the rows are in an order that fills little already.
-    Raises NoResultError where the matrix is singular, OutOfTimeError past the last moment (``core.clock``).
+    maps, Laplacians, projected Hessians). Diagonal pivots are stable for these. Minimum degree on A + Aᵀ needs
+    far less fill than SciPy's default column order. ordered: the rows are in an order that fills little
+    already. Raises NoResultError where the matrix is singular, OutOfTimeError past the last moment
+    (``core.clock``).
     """
 
     def __init__(self, matrix: SparseMatrix, ordered: bool = False) -> None:

@@ -11,21 +11,21 @@ from typing import Any
 from circparam.errors import NoResultError
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h has them
-KEPT = 1 << 30  # bytes of a freed array, and of what is free at the end of the heap, that are kept
-# bytes of address space that NumPy and SciPy take with the work space of their two OpenBLAS, and what each of
-# its threads takes: below, OpenBLAS tries without end, or ends the process
+KEPT = 1 << 30  # bytes of freed arrays, and of free space at the end of the heap, that are kept
+# bytes of address space for NumPy and SciPy with the work space of their two OpenBLAS, and for each of its
+# threads: with less, OpenBLAS tries without end, or ends the process
 LIBRARIES, THREAD = 250_000_000, 100_000_000
 SQUARE = 300  # rows of matrices whose product takes all work space, in all threads
-USUAL = 32 << 20  # what glibc comes to by itself for arrays; twice as much for the heap
+USUAL = 32 << 20  # the value that glibc reaches by itself for arrays; twice as much for the heap
 
 
 @contextlib.contextmanager
 def keeping_freed(worth_it: bool = True) -> Iterator[None]:
     """Inside, memory that arrays leave serves the next ones; afterwards it goes back to the system.
 
-    glibc maps every array above 32 MB anew, and the system fills each page with zeros when it is first touched:
-    half of what an operation on 5 million numbers takes, and a fourth of an unwrap of as many faces.
-    worth_it: False changes nothing, as do systems without glibc.
+    glibc maps every array above 32 MB anew, and the system fills each page with zeros at its first use. That is
+    half of the time of an operation on 5 million numbers, and a fourth of an unwrap of as many faces. worth_it:
+    False changes nothing, as do systems without glibc.
     """
     libc = _glibc() if worth_it else None
     if libc is None:
@@ -44,7 +44,7 @@ def keeping_freed(worth_it: bool = True) -> Iterator[None]:
 def room_for_libraries(threads: int) -> None:
     """Refuse a bound on the address space under which the libraries cannot work with so many threads.
 
-    Raises NoResultError with what would do.
+    Raises NoResultError with a sufficient bound.
     """
     try:
         import resource

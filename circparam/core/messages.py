@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import IO
 
-LENGTH = 8  # bytes that say how long what follows is
+LENGTH = 8  # bytes that hold the length of a message
 
 
 def send(stream: IO[bytes], data: bytes) -> None:

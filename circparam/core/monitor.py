@@ -1,7 +1,7 @@
 """Stages, their times, progress and the deadline: one object handed down through the library.
 
-The library itself never prints. A command line gives a listener; a deadline turns into ``expired`` that
-long loops ask, so that the best valid result so far can be returned.
+The library itself never prints. A command line gives a listener. A deadline turns into ``expired``, which long
+loops ask in order to return the best valid result so far.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Monitor:
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.timeout = timeout
         self.held = 0.0  # seconds before the deadline reserved for later stages
-        self.late = False  # whether any stage was told that time is up
+        self.late = False  # whether any stage had to end because time was up
         self.seconds: dict[str, float] = {}
         self._keepers: list[Callable[[Any, bool], None]] = []
 

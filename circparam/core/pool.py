@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 MOST = 4  # processes, the caller included: work is done in no more parts than that
 IDLE = 20.0  # seconds without work after which a worker ends
-LEAST_MEMORY = 1 << 29  # bytes of address space that a worker must have: 300 MB of it are libraries
+LEAST_MEMORY = 1 << 29  # bytes of address space that a worker needs: 300 MB of them are libraries
 WORKER_SHARE = 4  # of a bound on the address space one such part goes to all workers together
 INSIDE = "CIRCPARAM_WORKER"  # set in the environment of a worker, which starts no further ones
 # one thread each: the processes are as many as the cores. A growing worker is no leaking one.
@@ -106,7 +106,7 @@ class _Opening:
         return self._pool
 
 
-_opening: _Opening | None = None  # what ``start`` has begun
+_opening: _Opening | None = None  # processes of ``start``
 _asked = 0  # the number of jobs it was asked for
 _lock = threading.Lock()
 
@@ -170,7 +170,7 @@ def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
 
         from loky import ProcessPoolExecutor
 
-        # what loky says of a worker that ended is of no use to a reader: the work is done here then
+        # loky's report on an ended worker does not help a reader: the work is done here then
         warnings.filterwarnings("ignore", category=UserWarning, module=r"loky\.")
         theirs, lifeline = multiprocessing.Pipe(duplex=False)
         executor = ProcessPoolExecutor(
@@ -195,7 +195,7 @@ def _end(opening: _Opening | None) -> bool:
         with contextlib.suppress(OSError):
             os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
     with contextlib.suppress(Exception):
-        # what a killed process has sent by halves would be waited for, at the end of the program at the latest
+        # half-sent data of a killed process would block the end of the program
         pool.executor._result_queue._writer.close()
     with contextlib.suppress(Exception):
         pool.executor.shutdown(wait=False)
@@ -206,7 +206,7 @@ def _end(opening: _Opening | None) -> bool:
 
 @contextlib.contextmanager
 def quiet_start() -> Iterator[None]:
-    """What is started inside hears no Ctrl-C, and imports nothing from the folder that it is started in."""
+    """Processes started inside hear no Ctrl-C, and import nothing from their start folder."""
     before = os.environ.get("PYTHONSAFEPATH")
     os.environ["PYTHONSAFEPATH"] = "1"
     mask = getattr(signal, "pthread_sigmask", None)
@@ -223,7 +223,7 @@ def quiet_start() -> Iterator[None]:
 
 
 def _memory(count: int) -> tuple[tuple[int, int] | None, int | None]:
-    """The bound on the address space of this process, and what of it each of so many workers may have."""
+    """The bound on the address space of this process, and the share of each of so many workers."""
     try:
         import resource
     except ImportError:
@@ -242,7 +242,7 @@ def _bound_memory(limit: tuple[int, int]) -> None:
 
 
 def _begin(lifeline: Any, memory: int | None, modules: tuple[str, ...]) -> None:
-    """In a worker, before anything else: listen for the end of the caller, and import what work needs.
+    """First action of a worker: listen for the end of the caller, and import the modules of its work.
 
     Its output goes nowhere, since that of the caller may be the mesh.
     """

@@ -1,7 +1,7 @@
 """A family of interchangeable functions is one table: name → function, summary, citation, guarantees.
 
-The choices of the command line, ``circparam methods``, the contract tests and the did-you-mean errors all
-read the same rows, so nothing is kept in sync by hand.
+The choices of the command line, ``circparam methods``, the contract tests and the did-you-mean errors all read
+the same rows. Nothing is kept in sync by hand.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Table(Generic[F]):
 
 
 def unknown_name(kind: str, name: str, names: list[str]) -> str:
-    """The message for a name that is in no table: did-you-mean, or the list of what there is."""
+    """The message for an unknown name: did-you-mean, or the list of names."""
     near = difflib.get_close_matches(name, names, n=2, cutoff=0.5)
     if near:
         return f"unknown {kind} {name!r}: did you mean {' or '.join(near)}?"

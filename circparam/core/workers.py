@@ -1,10 +1,10 @@
 """Worker processes for independent parts of work, such as several starts of a search.
 
-The processes are those of loky, which does not run the caller's main module again and notices workers that
-die. ``start`` opens them in the background while the caller still reads and prepares. They stay for the next
-mesh, and end after a while without work or when the caller ends. The caller works too, so N jobs are N − 1
-processes. Workers change seconds, never results: the division of work does not depend on them, and the caller
-does the part of a worker that does not answer.
+The processes are those of loky, which does not run the caller's main module again and notices workers that die.
+``start`` opens them in the background while the caller still reads and prepares. They stay for the next mesh,
+and end after a while without work or when the caller ends. The caller works too, so N jobs are N − 1 processes.
+Workers change seconds, never results. The division of work does not depend on them, and the caller does the
+part of a worker that does not answer.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ class DeferredTask:
         return self._future is not None
 
     def result(self) -> Any:
-        """What the function gives, found there or here; it is found once."""
+        """The value of the function, computed there or here, once."""
         with self._lock:
             self._packed = None  # who still waits for a process waits no more
         if self._result is None:
@@ -205,7 +205,7 @@ def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
 
 
 def _answered(pool: Pool, future: Future[bytes] | None, m: Monitor) -> tuple[Any] | None:
-    """What a process has found; None where it has not, and if it failed, no more is asked of any."""
+    """The result of a process. None without one; after a failure no process is asked again."""
     if not pool.ready.done():  # they are not even up
         if future is not None:
             future.cancel()
@@ -213,7 +213,7 @@ def _answered(pool: Pool, future: Future[bytes] | None, m: Monitor) -> tuple[Any
     with contextlib.suppress(Exception):
         if future is not None:
             answer = (pickle.loads(_waited(pool, future)),)
-            m.late |= m.expired  # the process may have been told that time is up
+            m.late |= m.expired  # the process may have stopped because time was up
             return answer
     stop()
     return None
@@ -241,7 +241,7 @@ class _Shared:
     ) -> None:
         self._pool, self._function, self._monitor = pool, function, monitor
         keep = isinstance(tasks, Sequence)
-        # here and now: later the caller works on what tasks have in common. It takes the first itself.
+        # here and now: later the caller works on the common part of tasks. It takes the first itself.
         self._tasks: list[tuple[Any, ...] | None] = []
         self._packed: list[bytes] = []
         for k, task in enumerate(tasks):
@@ -300,7 +300,7 @@ class _Shared:
             self._pool.release()
 
     def _answer(self, k: int, future: Future[bytes] | None) -> Any:
-        """What a process answered; else the same done here."""
+        """The answer of a process, else the same computed here."""
         answer = _answered(self._pool, future, self._monitor)
         if answer is None:
             return self._here(k)

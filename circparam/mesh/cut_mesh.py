@@ -88,8 +88,8 @@ class CutMesh:
 
     @cached_property
     def gradients(self) -> FloatArray:
-        """(m, 2, 3): column k is the gradient of the hat function of corner k, so that J = (gradients @ u).T
-        for corner values u (3, 2)."""
+        """(m, 2, 3): column k is the gradient of the hat function of corner k. J = (gradients @ u).T for corner
+        values u (3, 2)."""
         x, y = self.rest_triangles.T
         before, ahead = [2, 0, 1], [1, 2, 0]
         # in memory (2, 3, m), for operations over whole arrays
@@ -145,8 +145,8 @@ class CutMesh:
         self.__dict__["_elimination"] = order
 
     def in_units_of(self, unit: float) -> CutMesh:
-        """The same charts, lengths in that unit, with what is known of their topology; that of the last call is
-        kept."""
+        """The same charts with lengths in that unit and with the cached topology; the result of the last call
+        is kept."""
         kept: tuple[float, CutMesh] | None = self.__dict__.get("_in_units")
         if kept is not None and kept[0] == unit:
             out = kept[1]
@@ -236,9 +236,9 @@ def boundary_loops(cut_mesh: CutMesh) -> Loops:
 def close_holes(cut_mesh: CutMesh) -> tuple[CutMesh, IntArray]:
     """Close every inner hole with a fan of virtual faces round one virtual vertex, for the solve only.
 
-    The virtual triangles are isosceles with the legs of a cone that would lie flat round the hole
-    (perimeter / 2π), so the closing is intrinsic. Returns (cut mesh with the virtual faces behind the real
-    ones, (holes,) vertex number of each virtual vertex).
+    The virtual triangles are isosceles, with the legs of a cone that would lie flat round the hole (perimeter /
+    2π). The closing is therefore intrinsic. Returns (cut mesh with the virtual faces behind the real ones,
+    (holes,) vertex number of each virtual vertex).
     """
     loops = cut_mesh.loops
     entries = np.flatnonzero(~loops.outer[loops.loop_of])

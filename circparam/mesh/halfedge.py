@@ -26,7 +26,7 @@ REPAIRINGS = 3  # other pairs tried at edges that coincide, before such pairs ar
 
 class Pairs(NamedTuple):
     """Pairs of half-edges: (e, 2), whether each pair lies inside a polygon, whether its faces are
-    inconsistently oriented; and the first half-edge of every edge with more than two faces."""
+    inconsistently oriented. Also the first half-edge of every edge with more than two faces."""
 
     edges: IntArray
     locked: BoolArray
@@ -35,8 +35,8 @@ class Pairs(NamedTuple):
 
 
 class EdgeRuns(NamedTuple):
-    """Half-edges sorted by the edge they lie on: order (h,) half-edges, ascending on each edge; head (edges,)
-    where in ``order`` an edge begins, edges in ascending order of their two points; size (edges,)."""
+    """Half-edges sorted by their edge. order (h,): half-edges, ascending on each edge; head (edges,): first
+    place of an edge in ``order``, edges in ascending order of their two points; size (edges,)."""
 
     order: IntArray
     head: IntArray
@@ -83,8 +83,8 @@ def pair_half_edges(
 ) -> Pairs:
     """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
 
-    At an edge of more than two faces those inside one polygon pair first, then those that a layout shows side
-    by side, then the straightest pairs, consistently oriented rather than not; an odd face keeps a boundary
+    At an edge of more than two faces, half-edges inside one polygon pair first. Next come faces side by side in
+    a layout, then the straightest pairs, consistently oriented before others. An odd face keeps a boundary
     there. Two faces with the same three points never pair: joined along two edges they could not lie in the
     plane. uv: (m, 3, 2) of a layout to be judged, NaN at corners without.
     """
@@ -190,9 +190,9 @@ def _same_uv(faces: IntArray, uv: FloatArray, i: IntArray, j: IntArray) -> BoolA
 def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
     """Pairs of half-edges (p, 2) at the crowded edges, such that no two edges have the same two ends.
 
-    Where two pairs at an edge have the same vertices at both ends, what hangs between them has no room in any
-    map with straight edges. There, pairs are chosen by straightness alone, then otherwise; in the end such
-    pairs are let go. others: the pairs at all other edges.
+    If two pairs at an edge have the same vertices at both ends, the part between them has no room in any map
+    with straight edges. There, pairs are chosen by straightness alone, then otherwise; in the end such pairs
+    are let go. others: the pairs at all other edges.
     """
     extra = np.where(fans.against, TURN_COST, 0.0)
     chosen = fans.pairs(extra)

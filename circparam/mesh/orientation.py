@@ -16,9 +16,8 @@ FLAT = np.cos(np.radians(0.5))  # of the angle between faces of one flat
 
 
 class Orientation(NamedTuple):
-    """Windings of faces: reversed_faces (m,) where the winding is to be reversed, keep (e,) pairs whose faces
-    then agree, component (m,) label, and the number of components with one side only (cut where keep is
-    False)."""
+    """Windings of faces: reversed_faces (m,) to reverse, keep (e,) pairs whose faces then agree, component (m,)
+    label, and the number of one-sided components (cut where keep is False)."""
 
     reversed_faces: BoolArray
     keep: BoolArray
@@ -29,10 +28,10 @@ class Orientation(NamedTuple):
 def orient(normals: FloatArray, pairs: Pairs) -> Orientation:
     """Wind faces consistently across the pairs; components keep the winding of the larger part of their area.
 
-    normals: (m, 3) of the faces as they are wound, as long as the faces are large.
-    Components come from the double cover (every face twice, once for each side): where both copies of a face
-    hang together the component has one side only. It is then wound along a breadth-first tree over whole
-    polygons and flats, and the pairs that still disagree are let go: no such cut crosses a flat in vain.
+    normals: (m, 3) of the faces as they are wound, as long as the faces are large. Components come from the
+    double cover (every face twice, once for each side). A component has one side only if both copies of a face
+    are connected. A one-sided component is wound along a breadth-first tree over whole polygons and flats.
+    Pairs that still disagree are dropped, so no such cut crosses a flat in vain.
     """
     n_faces, areas = len(normals), np.linalg.norm(normals, axis=1)
     i, j = pairs.edges[:, 0] // 3, pairs.edges[:, 1] // 3
@@ -85,7 +84,7 @@ def _along_tree(
     """Signs along a breadth-first tree whose nodes are whole polygons (faces joined by locked pairs) and flats
     (joined by ``whole`` ones).
 
-    Inside what is itself one-sided, first a flat, then a polygon, edges are like all others.
+    Inside one-sided parts, first a flat, then a polygon, edges are like all others.
     """
     for fixed in (locked, np.zeros_like(locked)):
         node, inside, two_sided = double_cover(n, i[whole], j[whole], flip[whole])

@@ -32,8 +32,8 @@ class RepairOptions:
 
     weld_eps: distance in units of the mesh up to which vertices count as one (0: exactly the same position
     only). allow: False raises TopologyError where anything would have to be repaired. by_position: faces and
-    their corners enter in an order that depends on positions alone (ties by their number), so that what comes
-    of a search does not depend on the order of the file.
+    their corners enter in an order by positions alone (ties by number). The result of a search then does not
+    depend on the order of the file.
     """
 
     weld_eps: float = 0.0
@@ -43,17 +43,16 @@ class RepairOptions:
 
 @dataclass(frozen=True, eq=False)
 class RepairReport:
-    """What was done, as counts, face lists and one-line messages. Face and vertex numbers are the file's.
+    """Repairs as counts, face lists and one-line messages. Face and vertex numbers are the file's.
 
-    weld: (n,) int64, vertex → the vertex it counts as. scale: the power of two by which the points of the
-    surface are those of the mesh; 1 unless the mesh is so large or small that squares would leave the range
-    of float64. kept: (k,) faces solved on (``Surface.source``). degenerate: (d,) faces set aside because
-    they have no area. duplicates: (t,) faces set aside because an earlier one, duplicate_of (t,), has the
-    same three points, and the same uv where a layout is judged. n_reversed: faces solved on with reversed
-    winding. near_vertices: vertices welded only because of the tolerance. nonmanifold_edges: edges with more
-    than two faces (of the kept ones). nonmanifold_vertices: vertices whose faces make several fans, without
-    the ends of edges that were split.
-    non_orientable: components that were cut open to have two sides, along mobius_edges edges.
+    weld: (n,) int64, vertex → the vertex it counts as. scale: power of two between the points of the mesh and
+    of the surface. It is 1 unless squares of a very large or small mesh would leave the range of float64. kept:
+    (k,) faces solved on (``Surface.source``). degenerate: (d,) faces set aside because they have no area.
+    duplicates: (t,) faces set aside because an earlier one, duplicate_of (t,), has the same three points, and
+    the same uv where a layout is judged. n_reversed: faces solved on with reversed winding. near_vertices:
+    vertices welded only because of the tolerance. nonmanifold_edges: edges with more than two faces (of the
+    kept ones). nonmanifold_vertices: vertices whose faces make several fans, without the ends of edges that
+    were split. non_orientable: components that were cut open to have two sides, along mobius_edges edges.
     unreferenced: vertices that no face uses; never touched.
     """
 
@@ -99,12 +98,11 @@ def repair(
 ) -> tuple[Surface, RepairReport]:
     """The oriented manifold of a mesh, and the repairs that make it.
 
-    uvmap: a layout to be judged or packed. Faces at an edge of more than two hang together as it shows them,
-    so that its charts are counted as whoever made it counted them. Of the faces with the same three points,
-    only those are duplicates whose uv are the same at all three; the others have a place of their own.
-    Raises InputError where no face has an area, TopologyError where something would have to be repaired and
-    ``options.allow`` is False or a polygon is closed in itself, OptionError where the weld tolerance is no
-    distance or larger than the mesh.
+    uvmap: a layout to be judged or packed. Faces at an edge of more than two connect as in the layout, so
+    charts are counted as their maker counted them. Of the faces with the same three points, only those with the
+    same uv at all three are duplicates. The others have a place of their own. Raises InputError if no face has
+    an area. Raises TopologyError if a repair is needed and ``options.allow`` is False, or if a polygon is
+    closed in itself. Raises OptionError if the weld tolerance is no distance or larger than the mesh.
     """
     scale = mesh_scale(mesh)
     points = mesh.points if scale == 1.0 else mesh.points * scale

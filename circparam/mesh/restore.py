@@ -22,12 +22,12 @@ def complete(
 ) -> UVMap:
     """The layout of the surface's faces, on every face of the file.
 
-    uv: (k, 2); uv_faces: (s, 3) into uv, for the faces of the surface. Corners of reversed faces go back to
-    the order of the file, so such a uv triangle is as clockwise as the face itself is wound backwards. A
-    duplicate takes, corner by corner, the uv of the face that was kept. A degenerate face takes the uv of its
-    points from one chart, that of its own polygon first; where that would cover an area which is not a gap of
-    the chart, its middle corner moves to the nearer of the other two (all three lie on a line in space, so
-    nothing of it shows). A degenerate face with no point on the surface takes one uv of the nearest face.
+    uv: (k, 2); uv_faces: (s, 3) into uv, for the faces of the surface. Corners of reversed faces go back to the
+    order of the file, so the uv triangle of a face wound backwards is clockwise. A duplicate takes, corner by
+    corner, the uv of the face that was kept. A degenerate face takes the uv of its points from one chart, first
+    the chart of its own polygon. If this uv would cover an area which is not a gap of the chart, its middle
+    corner moves to the nearer of the other two. All three lie on a line in space, so the change is invisible. A
+    degenerate face with no point on the surface takes one uv of the nearest face.
     """
     out = np.full(mesh.faces.shape, -1, np.int64)
     out[surface.source] = surface.to_file(uv_faces)

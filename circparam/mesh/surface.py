@@ -208,7 +208,7 @@ class Surface:
         return self if self.price is None or self.weighted else replace(self, price=None)
 
     def compact(self) -> Surface:
-        """The same with the points alone that faces have, in their order: what another process needs of it."""
+        """The same with used points alone, in their order, for another process."""
         used = np.zeros(len(self.points), bool)
         used[self.faces] = True
         number = np.cumsum(used) - 1

@@ -1,12 +1,12 @@
 """Angle based flattening: ABF++ (Sheffer et al. 2005) and its one-solve form, Linear ABF (Zayer et al. 2007).
 
-The angles of all charts are the unknowns of one Newton system; the first step from the rescaled angles is
-Linear ABF, since the wheel condition is taken in its logarithmic form. The plane map is the conformal map of
-the triangles with the new angles, which is exact where the angles fit together. Flips are possible.
+The angles of all charts are the unknowns of one Newton system. Its wheel condition has the logarithmic form, so
+the first step from the rescaled angles is Linear ABF. The plane map is the conformal map of the triangles with
+the new angles, which is exact where the angles fit together. Flips are possible.
 
-A hole stays a hole: its boundary counts as one inner vertex, whose corners add up to the turn of a closed
-boundary and whose wheel closes, and the walk along it must come back to its start. These four conditions a
-hole are all that a layout asks; on a plane the angles of the surface meet them as they are.
+A hole stays a hole. Its boundary counts as one inner vertex: its corners add up to the turn of a closed
+boundary, its wheel closes, and the walk along it must come back to its start. These four conditions a hole are
+all that a layout asks; on a plane the angles of the surface meet them as they are.
 """
 
 from __future__ import annotations
@@ -266,8 +266,8 @@ def solve_angles(
 
 
 class _StepSolver:
-    """Solves the systems of successive steps: they change little, so the factor of an earlier one is a good
-    preconditioner for conjugate gradients, and a new one is made only where those take long."""
+    """Solver for the systems of successive steps. They change little, so the factor of an earlier one
+    preconditions conjugate gradients well. A new factor is made only if the iterations become slow."""
 
     def __init__(self) -> None:
         self.factor: Factor | None = None
@@ -297,9 +297,9 @@ class _StepSolver:
 def _newton_step(system: _AngleSystem, alpha: FloatArray, solver: _StepSolver) -> FloatArray:
     """δα (m, 3) of one step.
 
-    With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values, so the step solves
-    min ½ δᵀΛδ + gᵀδ under the linearised conditions. The face conditions are eliminated first: their Schur
-    complement is diagonal, three corners a face.
+    With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values. The step therefore
+    solves min ½ δᵀΛδ + gᵀδ under the linearised conditions. The face conditions are eliminated first: their
+    Schur complement is diagonal, three corners a face.
     """
     w = 1 / system.weight  # Λ⁻¹
     gradient = system.weight * (alpha - system.target)

@@ -1,8 +1,8 @@
 """As-rigid-as-possible maps (Liu et al. 2008): every face near a rotation of itself. Flips are possible.
 
-The energy Σ A ‖J − R‖², R the rotation nearest to J, is lowered by local and global steps; the global steps
-share one factorisation, and the memory of L-BFGS with that factor as its start matrix takes their place, which
-needs far fewer of them (Liu, Bouaziz, Kavan 2017).
+Local and global steps lower the energy Σ A ‖J − R‖², R the rotation nearest to J; the global steps share one
+factorisation. L-BFGS with that factor as its start matrix then takes over, because it needs far fewer steps
+(Liu, Bouaziz, Kavan 2017).
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class MethodOptions:
 
     @property
     def tutte(self) -> TutteOptions:
-        """Those that the convex map takes."""
+        """Options of the convex map."""
         return TutteOptions(self.boundary, self.spacing, self.polygon, self.clamp, self.repair)
 
 

@@ -1,9 +1,9 @@
 """Boundary first flattening (Sawhney, Crane 2017): conformal maps through the curvature of their boundary.
 
-A hole stays a hole: the scale is one number round it, the one with which its boundary turns by −2π, and cuts
-from hole to hole open the chart to a disk, whose one boundary is walked as that of any disk. Both sides of a
-cut get the same lengths and opposite turns, so the Jacobians fit together across it up to what the holes do not
-close; the layout is then that of the uncut chart. Flips are possible where the mesh is far from Delaunay or a
+A hole stays a hole: the scale round it is one number, chosen so that its boundary turns by −2π. Cuts from hole
+to hole open the chart to a disk, whose one boundary is walked as that of any disk. Both sides of a cut get the
+same lengths and opposite turns. The Jacobians therefore fit together across it up to the error of closing the
+holes, and the layout is that of the uncut chart. Flips are possible where the mesh is far from Delaunay or a
 boundary crosses itself.
 """
 
@@ -218,8 +218,8 @@ class _HoledFlattening(_Flattening):
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
         """The flattening whose log scale factor on the outer boundary is u (n_vertices,).
 
-        Where the holes of a curved chart do not quite close, the Poisson layout shares that out; its conjugate,
-        taken back and forth, then has the angles of a conformal map of the whole chart.
+        If the holes of a curved chart do not quite close, the Poisson layout distributes the error. Its
+        conjugate, taken back and forth, then has the angles of a conformal map of the whole chart.
         """
         cut_mesh, opened = self.cut_mesh, open_holes(self.cut_mesh)
         scale = self._scale(u)[opened.origin]

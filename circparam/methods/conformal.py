@@ -54,9 +54,9 @@ def conformal_spectral(
 ) -> tuple[ComplexArray, IntArray]:
     """The smallest pair of L_C z = λ B z of every chart, translations taken out; B marks the boundary vertices.
 
-    Subspace iteration on (L_C + shift B)⁻¹ B with a Rayleigh-Ritz step, all charts in one factorisation; on
-    developable charts λ = 0 is the answer, so nothing may skip it: only constants are projected out.
-    modes: (n, k) start vectors. Returns (z (n,), steps (n_charts,)).
+    Subspace iteration on (L_C + shift B)⁻¹ B with a Rayleigh-Ritz step, all charts in one factorisation. On
+    developable charts λ = 0 is the answer, so only constants are projected out. modes: (n, k) start vectors.
+    Returns (z (n,), steps (n_charts,)).
     """
     matrix = conformal_matrix(cut_mesh)
     chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts

@@ -1,8 +1,8 @@
 """Least squares conformal maps with a free boundary (Lévy et al. 2002), spectral (Mullen et al. 2008) or
 pinned.
 
-The plane is the complex numbers: the conformal energy ½ z* L_C z, Dirichlet energy minus area, has a Hermitian
-matrix of one row a vertex, block diagonal over the charts. Nothing guarantees that no face flips.
+The plane is the complex numbers. The conformal energy ½ z* L_C z, Dirichlet energy minus area, has a Hermitian
+matrix with one row a vertex, block diagonal over the charts. Nothing guarantees that no face flips.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ VARIANTS = ("spectral", "pinned")
 def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """The conformal map with a free boundary; charts are at_surface_area to their area on the surface.
 
-    Spectral without pins, by the option ``lscm`` or where points are pinned the pinned form: a chart without
-    pins of the user's then holds two opposite points of its boundary. Raises OptionError for bad pins.
+    Spectral without pins. With pins, or the option ``lscm``, the pinned form: a chart without pins of the user
+    then holds two opposite points of its boundary. Raises OptionError for bad pins.
     """
     if options.lscm not in VARIANTS:
         raise OptionError(f"unknown form of lscm {options.lscm!r}: {' or '.join(VARIANTS)}")
@@ -83,7 +83,7 @@ def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray
 
 
 def _opposite_points(cut_mesh: CutMesh, charts: BoolArray) -> tuple[IntArray, ComplexArray]:
-    """Two boundary vertices of each of these charts, half of it apart, placed a disk's width apart."""
+    """Two boundary vertices of each of these charts, half a boundary apart, placed a disk's width apart."""
     outer = outer_boundary(cut_mesh)
     first = outer.start[charts]
     distance = np.abs(outer.place - 0.5)

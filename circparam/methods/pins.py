@@ -55,9 +55,9 @@ def check_pins(cut_mesh: CutMesh, pins: Pins, fewest: int) -> None:
 def fit_pins(cut_mesh: CutMesh, uv: FloatArray, pins: Pins) -> tuple[FloatArray, FloatArray]:
     """Move every pinned chart so that its pins fit best, at its own size, then set the pins to their places.
 
-    Pins tell how large their chart is to be, which is taken off them: an energy of lengths would otherwise
-    draw the rest of the chart to its size on the mesh. Returns the uv and the size of each chart (n_charts,),
-    1 where one pin or none tells none; see ``at_pins``.
+    Pins give the size of their chart, which is divided out. Otherwise an energy of lengths would draw the rest
+    of the chart to its size on the mesh. Returns the uv and the size of each chart (n_charts,), 1 where one pin
+    or none tells none; see ``at_pins``.
     """
     chart, n = cut_mesh.vertex_chart[pins.vertices], cut_mesh.n_charts
     here = uv[pins.vertices]

@@ -1,4 +1,4 @@
-"""The bundled sample meshes: small files that show what a mesh can be, each with a known topology.
+"""The bundled sample meshes: small files of different kinds, each with a known topology.
 
 >>> from circparam import samples
 >>> samples.names()[0]

@@ -54,12 +54,12 @@ def manifest() -> tuple[Sample, ...]:
 
 
 def names(pairs: bool = True) -> list[str]:
-    """Names of the samples; pairs: with those that belong to another one."""
+    """Names of the samples; pairs: with the second mesh of each pair."""
     return [s.name for s in manifest() if pairs or s.pair == "-"]
 
 
 def info(name: str) -> Sample:
-    """What the manifest says about one sample; raises OptionError with the nearest names otherwise."""
+    """The manifest's entry for one sample; raises OptionError with the nearest names otherwise."""
     for sample in manifest():
         if name in (sample.name, sample.file):
             return sample

@@ -1,7 +1,8 @@
 """The layout with given Jacobians, from a start that is right except near a few cells of a coarse surface.
 
-Conjugate gradients, preconditioned by the diagonal and by the system of one number for each cell, of which
-there are a twelfth as many as vertices: linear in the faces, and no factor of the mesh has to be held.
+Conjugate gradients with two preconditioners: the diagonal, and a system with one number for each cell. There
+are a twelfth as many cells as vertices, so the cost is linear in the faces, and no factor of the mesh is
+stored.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.poisson import clamp_stretch, divergence, laplacian
 
-NEAR = 1e-3  # what the residual falls to, in the norm of the preconditioner
+NEAR = 1e-3  # residual at which the iteration ends, in the norm of the preconditioner
 LIMIT = 80  # iterations at most; from the layout of a level it takes 20 to 60
 RIDGE = 1e-9  # of the diagonal of the cells, since no system sees a chart move as a whole
 ROUNDS = 3  # of clamping: of the flips of a rough mesh they leave a twentieth
@@ -64,8 +65,7 @@ class CellPoisson:
     def unfolded(self, uv: FloatArray) -> FloatArray:
         """The layout (nv, 2) with few of the flips it had, by rounds of clamping the stretch of its faces.
 
-        What is not stretched by more than 1 / ``LOW`` asks for what it has (local and global steps: Liu and
-        others 2008).
+        Parts stretched by at most 1 / ``LOW`` keep their shape (local and global steps: Liu and others 2008).
         """
         for _ in range(ROUNDS):
             targets, flipped = self._clamped(uv)

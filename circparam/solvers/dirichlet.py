@@ -2,9 +2,9 @@
 
 E(J) = (σ1² + σ2² + σ1⁻² + σ2⁻²) / 4 for the Jacobian J of a face, so that an isometry has 1. All arrays hold
 the face index last (components first): every line below runs over all faces at once in contiguous memory.
-Eigensystem after Smith, Goes and Kim (2019), "Analytic eigensystems for isotropic distortion energies";
-proxy weights after Rabinovich, Poranne, Panozzo and Sorkine-Hornung (2017), "Scalable locally injective
-mappings" (SLIM).
+Eigensystem after Smith, Goes and Kim (2019), "Analytic eigensystems for isotropic distortion energies". Proxy
+weights after Rabinovich, Poranne, Panozzo and Sorkine-Hornung (2017), "Scalable locally injective mappings"
+(SLIM).
 """
 
 from __future__ import annotations
@@ -166,8 +166,8 @@ def edge_blocks(values: FloatArray, modes: FloatArray, gradients: FloatArray) ->
 def largest_step(corners: FloatArray, direction: FloatArray) -> FloatArray:
     """(m,) the first positive t at which corners + t · direction collapses a face (infinite where none).
 
-    corners, direction: (2, 3, m). The signed area is the quadratic c + b t + a t²; the roots are taken in the
-    form that does not cancel (Smith and Schaefer 2015).
+    corners, direction: (2, 3, m). The signed area is the quadratic c + b t + a t². Its roots are computed in
+    the form without cancellation (Smith and Schaefer 2015).
     """
     u1, u2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p1, p2 = direction[:, 1] - direction[:, 0], direction[:, 2] - direction[:, 0]

@@ -1,7 +1,7 @@
 """The foldover-free energy (Garanzha et al. 2021, "Foldover-free maps in 50 lines of code") and its descent.
 
-The energy is finite on flipped faces too; its parameter ε falls with the worst determinant, which turns the
-energy into a barrier once every face is upright.
+The energy is finite on flipped faces too. Its parameter ε falls with the worst determinant, and the energy
+becomes a barrier once every face is upright.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ POSITIVE = 1e-9  # determinant above which a face counts as upright
 
 
 class FoldoverEnergy:
-    """The energy of the groups of a region, Σ A (tr JᵀJ + λ (D² + 1)) / χ(D) over Σ A, with D = det J and
-    χ(D) = (D + √(ε² + D²)) / 2. epsilon: (n_groups,) the ε of each.
+    """The energy of the groups of a region, Σ A (tr JᵀJ + λ (D² + 1)) / χ(D) over Σ A. Here D = det J and χ(D)
+    = (D + √(ε² + D²)) / 2. epsilon: (n_groups,) the ε of each.
 
     Arrays have their components first, (2, 2, m), so that every operation runs over contiguous faces.
     """

@@ -36,9 +36,9 @@ class Opened:
 def open_holes(cut_mesh: CutMesh) -> Opened:
     """Cut every chart along short edge paths that join all its boundary loops to one, a tree over the loops.
 
-    The paths are those of the shortest tree whose edges each run from loop to loop along shortest paths
-    (Mehlhorn 1988: found among the edges between the regions nearest to each loop). Cuts never split a chart;
-    half-edges keep their numbers. A cut mesh without holes is returned unchanged.
+    The paths form the shortest tree with edges from loop to loop along shortest paths. Mehlhorn (1988) finds
+    the tree among the edges between the regions nearest to each loop. Cuts never split a chart; half-edges keep
+    their numbers. A cut mesh without holes is returned unchanged.
     """
     cut = _joining_paths(cut_mesh)
     if not cut.any():

@@ -1,8 +1,8 @@
 """Relax layouts by projected Newton on the symmetric Dirichlet energy, all charts in one system.
 
-Every chart has its own step length, energy and stopping test; the Hessian is one block matrix. A step never
-reaches the first collapse of a face (Smith and Schaefer 2015), so a layout that starts without a flipped face
-ends without one.
+Every chart has its own step length, energy and stopping test; the Hessian is one block matrix. A step stays
+below the first collapse of a face (Smith and Schaefer 2015). A layout that starts without a flipped face
+therefore ends without one.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.objective import Objective, in_units_of_faces
 
-ARMIJO = 1e-4  # least decrease, as a share of what the slope predicts (Nocedal, Wright 2006, 3.4)
-HALVINGS = 40  # of a step: to 1e-12 of it
+# least decrease, as a share of the decrease that the slope predicts (Nocedal, Wright 2006, 3.4)
+ARMIJO = 1e-4
+HALVINGS = 40  # of a step: tolerance 1e-12
 SHORTEST_STEP = 1e-10  # share of the Newton step below which a chart has no descent
 SAFETY = 0.9  # share of the way to the first collapse that a step may go
 BAD_START = 20.0  # energy above which the SLIM proxy converges better than the Hessian
@@ -30,16 +31,15 @@ SMALLER = 0.8  # the system is rebuilt when the charts that still move have less
 
 @dataclass(frozen=True)
 class RelaxOptions:
-    """When to stop, and what may move.
+    """Stopping tests, and the vertices that may move.
 
     tolerance: a chart has converged when the decrease that Newton's model predicts is below this share of its
     energy. max_iterations: bound on the steps. bound: charts whose energy falls to it stop there (None: none
-    do). give_up: charts that the model predicts to stay above this energy stop (None: none do), from the
-    second step on; early: from the first step on.
-    fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy. weight: (m,)
-    positive factor of the area of each face in the energy (None: 1); energies are those with the weights then.
-    local: the start has only local errors; a step is this many iterations of conjugate gradients without a
-    coarse space (None: charts move as a whole).
+    do). give_up: charts stop if the model predicts that they stay above this energy (None: none do), from the
+    second step on; early: from the first step on. fixed: (nv,) bool, vertices that stay where they are. blend:
+    share of the conformal energy. weight: (m,) positive factor of the area of each face in the energy (None:
+    1); energies are those with the weights then. local: the start has only local errors. A step then takes this
+    many iterations of conjugate gradients without a coarse space (None: charts move as a whole).
     """
 
     tolerance: float = 1e-6
@@ -78,8 +78,8 @@ class Iterate:
 
 @dataclass(frozen=True, eq=False)
 class NewtonStep:
-    """to: the layout after the step. predicted (n_charts,): what the energy falls by in Newton's model.
-    length (n_charts,): the step as a multiple of Newton's, 0 where none lowers the energy."""
+    """to: the layout after the step. predicted (n_charts,): decrease of the energy in Newton's model. length
+    (n_charts,): the step as a multiple of Newton's, 0 where none lowers the energy."""
 
     to: Iterate
     predicted: FloatArray
@@ -118,7 +118,7 @@ def relax(
 class _Relaxation:
     """The charts during relaxation: layout, energy, floor and reason to stop of each.
 
-    objective, jacobian: of those that still move; charts, vertices: their numbers in the whole.
+    objective, jacobian: of the moving charts; charts, vertices: their numbers in the whole.
     """
 
     def __init__(self, cut_mesh: CutMesh, uv: FloatArray, options: RelaxOptions) -> None:
@@ -237,8 +237,8 @@ def _stride(
 ) -> NewtonStep:
     """Longer steps for charts whose full step gains more than the model predicts.
 
-    A nearly collapsed face of width x has the energy 1/x². A Newton step reduces it by 7/16, where the model
-    predicts 1/3, and widens the face by a third only: such a start would need dozens of full steps.
+    A nearly collapsed face of width x has the energy 1/x². A Newton step reduces the energy by 7/16, where the
+    model predicts 1/3, and widens the face by a third only. Such a start would need dozens of full steps.
     """
     part = objective.cut_mesh
     uv, energy, jacobian, t = step.to.uv, step.to.energy, step.to.jacobian, step.length

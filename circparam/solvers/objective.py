@@ -28,8 +28,8 @@ from circparam.solvers.preconditioner import (
     solve_direct,
 )
 
-# The direction of large charts need not be exact, since a line search follows: conjugate gradients end when the
-# residual has fallen to this share (in the norm of the preconditioner), or after so many steps.
+# A line search follows, so the direction of large charts need not be exact. Conjugate gradients end when the
+# residual has fallen to this share (in the norm of the preconditioner), or after this many steps.
 CG_TOLERANCE = 2e-2
 CG_LIMIT = 60
 
@@ -120,7 +120,7 @@ class Objective:
         else:
             step = self._by_size(self._hessian(blocks, uv), g, uv)
         if self.fixed is not None:
-            # the coarse space of the iterative solver moves whole aggregates, and with them what is fixed
+            # the coarse space of the iterative solver moves whole aggregates, including their fixed vertices
             return np.where(self.fixed[:, None], 0.0, -step)
         # no energy sees a chart move as a whole; rounding would let it drift until its faces lose their digits
         chart, n = self.cut_mesh.vertex_chart, self.cut_mesh.n_charts

@@ -1,8 +1,7 @@
 """Symmetric matrices over the vertices of a cut mesh for factorisations: a pattern made once, filled in place.
 
-A pattern may have its vertices in an order in which elimination fills little: that of one factorisation
-serves all later ones over the same edges, whatever stands in the matrix, one number or a block for each pair
-of vertices.
+A pattern may order its vertices so that elimination fills little. The order of one factorisation serves all
+later ones over the same edges, with one number or a block for each pair of vertices.
 """
 
 from __future__ import annotations

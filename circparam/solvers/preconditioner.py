@@ -18,7 +18,7 @@ from circparam.core.graph import components
 from circparam.core.linalg import Factor, SparseMatrix
 from circparam.mesh.cut_mesh import CutMesh
 
-# From this many vertices on, conjugate gradients with the two-level preconditioner are faster than a
+# Number of vertices from which conjugate gradients with the two-level preconditioner are faster than a
 # factorisation of the Hessian (measured on disks of 5k to 400k faces).
 DIRECT_LIMIT = 3000
 SMALL_CHART = 1000  # vertices up to which charts of larger systems are solved by factorisation

@@ -101,7 +101,7 @@ def moving_region(cut_mesh: CutMesh, faces: BoolArray, hold: BoolArray, uv: Floa
     area = signed_areas(part.faces, uv[source])
     signed = group_sum(area, part.chart, part.n_charts)
     size = group_sum(np.abs(area), part.chart, part.n_charts)
-    # what the boundary encloses is what the faces will share, unless the boundary itself is folded
+    # the faces share the area inside the boundary, unless the boundary itself is folded
     enclosed = np.where(signed > UPRIGHT * size, signed, size)
     scale = np.sqrt(np.maximum(enclosed, 1e-300) / part.chart_areas)
     scaled = replace(part, rest_triangles=part.rest_triangles * scale[part.chart][:, None, None])

@@ -1,9 +1,9 @@
 """Push parts of one chart's boundary apart where they overlap or nearly touch, at the least cost in distortion.
 
-Each round finds the boundary vertices that lie beyond (or too near to) a part of the boundary that faces them
-and adds one-sided springs, w (1 − s / d)² while the signed distance s is below the distance d asked for, to the
-symmetric Dirichlet energy; the weights rise until nothing overlaps. A penalty rather than the barrier of Smith
-and Schaefer (2015), because the layouts that come here overlap already.
+Each round finds the boundary vertices that lie beyond a facing part of the boundary, or too near to one.
+One-sided springs w (1 − s / d)² join the symmetric Dirichlet energy there, while the signed distance s is below
+the wanted distance d. Their weights rise until nothing overlaps. A penalty rather than the barrier of Smith and
+Schaefer (2015), because the layouts that come here overlap already.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ LEAST_PULL = 1e-3  # share of the root of a chart's area: the same where there i
 class _Springs:
     """(k,) springs: vertex against the point (1 − t) tail + t head, along the outward normal (k, 2) there.
 
-    A spring pulls while the signed distance s between the two along the normal is below ``distance``; its
-    strain is 1 − s / distance then, its energy weight · strain². chart: of the vertex.
+    A spring pulls while the signed distance s between the two along the normal is below ``distance``. Its
+    strain is then 1 − s / distance, its energy weight · strain². chart: of the vertex.
     """
 
     vertex: IntArray
@@ -248,8 +248,8 @@ def _find(
 ) -> tuple[_Springs, BoolArray]:
     """Springs for vertices that lie beyond a part of the boundary that faces them, or too near to it.
 
-    near: pairs of segments. Returns the springs, the nearest of each vertex, and the charts ((n,) bool) where
-    a vertex lies so deep in another part that no segment within reach faces it.
+    near: pairs of segments. Returns the springs, the nearest of each vertex, and the charts ((n,) bool) with a
+    vertex so deep in another part that no segment within reach faces it.
     """
     # a vertex is named by the segment that begins there
     live = np.flatnonzero(todo[boundary.chart])
@@ -299,7 +299,8 @@ def _find(
 
 
 def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of a boundary vertex and a segment of the same chart whose middle is about within reach of it."""
+    """Pairs of a boundary vertex and a segment of the same chart with its middle about within reach of the
+    vertex."""
     none = np.zeros(0, np.int64)
     if len(vertex) == 0:
         return none, none

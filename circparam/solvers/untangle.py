@@ -22,7 +22,7 @@ RINGS = (8, 3, 20, WHOLE)
 NARROW_RINGS = (2, 5, 12, 30, WHOLE)
 NEAR_RINGS = (3, 8, 20, WHOLE)  # if only a few faces are wrong
 HARDLY = 1.05  # times the faces of the region tried before, up to which a region is the same one
-POLISH = 10  # Newton steps on what was untangled, for its shape
+POLISH = 10  # Newton steps on untangled charts, for their shape
 
 
 @dataclass(frozen=True, eq=False)

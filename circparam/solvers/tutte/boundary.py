@@ -1,8 +1,8 @@
 """BOUNDARIES: positions of the outer boundary of every chart, before the inside is solved.
 
-A boundary is one function of the cut mesh and the options. It returns the cut mesh to solve, the vertices it
-fixes and their places, all charts at once; every chart's boundary is centred on the origin (charts overlap:
-packing is a later stage) and encloses the area of the chart. Only ``virtual`` adds faces to the cut mesh.
+A boundary is one function of the cut mesh and the options. It returns the cut mesh to solve, the fixed vertices
+and their places, all charts at once. Every chart's boundary is centred on the origin and encloses the area of
+the chart; charts overlap, because packing is a later stage. Only ``virtual`` adds faces to the cut mesh.
 """
 
 from __future__ import annotations

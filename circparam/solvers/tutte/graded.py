@@ -1,10 +1,10 @@
 """A convex map that also survives long thin protrusions, in double precision.
 
-A tube of length L and circumference C shrinks under a convex map by exp(−2πL/C) towards its tip, below the
-resolution of numbers near 1; faces then flip although Tutte's theorem holds. The theorem admits any positive
-weights, so such charts are solved again with weights that bind each vertex more to its neighbours nearer to the
-boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the boundary.
-The tube then shrinks by about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
+A convex map shrinks a tube of length L and circumference C by exp(−2πL/C) towards its tip, below the resolution
+of numbers near 1. Faces then flip in spite of Tutte's theorem. The theorem admits any positive weights. Such
+charts are therefore solved again with weights that bind each vertex more to its neighbours nearer to the
+boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the boundary. The tube then shrinks by about
+exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.untangle import flipped, untangle
 
 GRADES = (0.5, 1.0, 2.0, 3.0)  # strengths b, tried in turn
-# Symmetric Dirichlet energy / 4 above which a convex map makes a poor start. A full Newton step leaves 9/16 of
-# the energy of a nearly collapsed face: from here that takes about 20 steps, from the 10¹⁵ of a long tube 60.
+# Symmetric Dirichlet energy / 4 above which a convex map makes a poor start. Energy of a poor start. A full
+# Newton step leaves 9/16 of the energy of a nearly collapsed face: about 20 steps from here, 60 from the 10¹⁵
+# of a long tube.
 POOR_START = 1e5
 
 

@@ -12,8 +12,8 @@ from circparam.mesh.cut_mesh import CutMesh
 
 SPACINGS = ("arc-length", "uniform")
 
-# Boundary edges shorter than this share of their mean are spaced as if they were so long: on a circle the
-# triangle of an arc δ has area δ³/16, which must stay far above the rounding of the coordinates.
+# Least length in the spacing of boundary edges, as a share of their mean. On a circle the triangle of an arc
+# δ has area δ³/16, which must stay far above the rounding of the coordinates.
 SHORTEST = 1e-3
 
 
@@ -23,7 +23,8 @@ class TutteOptions:
 
     boundary: row of BOUNDARIES. spacing: ``arc-length`` (as far apart as on the surface) or ``uniform``.
     polygon: (k, 2) corners of a convex polygon, in either orientation, for the boundary ``polygon``. clamp:
-    raise negative weights to small positive ones. repair: untangle what double precision flips (see ``embed``).
+    raise negative weights to small positive ones. repair: untangle faces that double precision flips (see
+    ``embed``).
     """
 
     boundary: str = "circle"
@@ -35,8 +36,8 @@ class TutteOptions:
 
 @dataclass(frozen=True, eq=False)
 class OuterBoundary:
-    """Outer boundaries of all charts, in order: vertices (b,), their chart (b,), the half-edge (b,) that leaves
-    each, and place (b,): its parameter along the boundary, from 0 at the start of the loop to below 1.
+    """Outer boundaries of all charts, in order: vertices (b,), their chart (b,), the half-edge (b,) from each.
+    place (b,): its parameter along the boundary, from 0 at the start of the loop to below 1.
 
     size: (n,) number of vertices of each boundary.
     """

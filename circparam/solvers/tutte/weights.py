@@ -1,7 +1,7 @@
 """Convex-combination weights of every inner vertex and its neighbours.
 
-A scheme is one function of the cut mesh. It returns a pair (forward, backward) of (m, 3) arrays: what the face
-adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. The function
+A scheme is one function of the cut mesh. It returns a pair (forward, backward) of (m, 3) arrays: the terms of
+the face in the weight w_ij of its half-edge i → j, and in w_ji of the same edge read backwards. The function
 ``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the rest
 triangles only) and work on all charts at once; none needs a loop over vertices.
 """
@@ -58,8 +58,8 @@ def authalic(cut_mesh: CutMesh) -> WeightPair:
 
 
 def floater(cut_mesh: CutMesh) -> WeightPair:
-    """Mean over l of the barycentric coordinates of i in the ring triangle hit by the ray opposite to
-    neighbour l, the ring flattened by eq. 3 (Floater 1997, shape preserving). Zero on boundary vertices.
+    """Mean over l of the barycentric coordinates of i in the ring triangle that the ray opposite to neighbour l
+    hits. The ring is flattened by eq. 3 (Floater 1997, shape preserving). Zero on boundary vertices.
     """
     ring, h, angle = flat_rings(cut_mesh)
     r = cut_mesh.edge_lengths.ravel()[h]
@@ -160,8 +160,8 @@ def half_edge_weights(cut_mesh: CutMesh, scheme: WeightFunction) -> FloatArray:
 def clamp_negative(cut_mesh: CutMesh, weights: FloatArray) -> FloatArray:
     """Weights, each raised to at least a thousandth of the mean size of its row, so all are positive.
 
-    weights: (3m,) as from ``half_edge_weights``. A zero would be enough for the sign, but could cut a vertex
-    off from one side of its ring, which Tutte's theorem does not allow.
+    weights: (3m,) as from ``half_edge_weights``. Zero would be enough for the sign. Zero could also cut a
+    vertex off from one side of its ring, which Tutte's theorem does not allow.
     """
     source = cut_mesh.faces.ravel()
     n = cut_mesh.n_vertices
