@@ -14,7 +14,8 @@ from circparam.core.arrays import (
     norms2,
 )
 from circparam.core.records import dataclass
-from circparam.geometry.straight import axis_parallel, straight_edges
+from circparam.geometry.coverage import pages_of
+from circparam.geometry.straight import axis_parallel, on_multiples, straight_edges
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
@@ -28,6 +29,7 @@ class PageFigures:
     """thin: charts narrower than THIN texels. seam_texels: length of seams on the page, the mean of both sides.
     density_min, density_max: texels per unit of the mesh, of the charts with the fewest and the most.
     axis_parallel: share of the straight borders that lies along the axes, None where no chart has one.
+    texel_aligned: share of them that lies on whole texels, or on whole blocks of a compressed texture.
     """
 
     thin: int
@@ -35,14 +37,21 @@ class PageFigures:
     density_min: float
     density_max: float
     axis_parallel: float | None = None
+    texel_aligned: float | None = None
 
 
 def page_figures(
-    surface: Surface, cut_mesh: CutMesh, uv: FloatArray, used: BoolArray, resolution: int
+    surface: Surface,
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    used: BoolArray,
+    resolution: int,
+    block: int = 1,
 ) -> PageFigures:
     """The figures of a layout uv (nv, 2) on pages of ``resolution`` texels.
 
     cut_mesh: the surface cut open where uv differ. used: (n_charts,) bool, charts that have uv; at least one.
+    block: texels that borders are to lie on multiples of.
     """
     width = chart_widths(cut_mesh, uv)[used] * resolution
     density = chart_densities(surface, cut_mesh, uv)[used] * resolution
@@ -52,7 +61,7 @@ def page_figures(
         _seam_length(surface, cut_mesh, uv, used) * resolution,
         float(density.min(initial=np.inf)) if len(density) else 0.0,
         float(density.max(initial=0.0)),
-        _axis_parallel(cut_mesh, uv, used),
+        *_straight_shares(cut_mesh, uv, used, resolution, block),
     )
 
 
@@ -70,17 +79,24 @@ def chart_widths(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     return result
 
 
-def _axis_parallel(cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> float | None:
-    """Share of the length of straight borders of charts that lies along the axes."""
+def _straight_shares(
+    cut_mesh: CutMesh, uv: FloatArray, used: BoolArray, resolution: int, block: int
+) -> tuple[float | None, float | None]:
+    """Shares of the straight borders that lie along the axes, and on whole blocks of texels."""
     flat = cut_mesh.faces.ravel()
     h = cut_mesh.boundary
     h = h[used[cut_mesh.chart[h // 3]]]
-    along = uv[flat[next_half_edge(h)]] - uv[flat[h]]
-    straight = straight_edges(along, cut_mesh.chart[h // 3], _uv_areas(cut_mesh, uv))
-    along = along[straight]
-    length = norms2(along)
+    tail, head, chart = uv[flat[h]], uv[flat[next_half_edge(h)]], cut_mesh.chart[h // 3]
+    straight = straight_edges(head - tail, chart, _uv_areas(cut_mesh, uv))
+    tail, head, chart = tail[straight], head[straight], chart[straight]
+    length = norms2(head - tail)
     whole = float(length.sum())
-    return float(length[axis_parallel(along)].sum()) / whole if whole > 0 else None
+    if not whole > 0:
+        return None, None
+    page = np.stack([pages_of(cut_mesh, uv)[chart], np.zeros(len(chart))], 1)
+    aligned = on_multiples((tail - page) * resolution, (head - page) * resolution, block)
+    along = axis_parallel(head - tail)
+    return float(length[along].sum()) / whole, float(length[aligned].sum()) / whole
 
 
 def chart_densities(surface: Surface, cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:

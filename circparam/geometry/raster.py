@@ -263,9 +263,28 @@ def row_crossings(
 def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] | None]:
     """Smallest distance between texels of two labels (≥ 0), looked for up to ``search``; and the two labels.
 
-    grid: (h, w), −1 where empty. (infinity, None) where there is none within the search. Nearest texels of two
-    labels lie where a label ends, so only those look round.
+    grid: (h, w), −1 where empty. (infinity, None) where there is none within the search.
     """
+    if search > NEAR:
+        at, own = _ends(grid)
+        return _gap_by_trees(np.stack(np.divmod(at, grid.shape[1]), 1), own, search)
+    for distance, own, other in _neighbours(grid, search):
+        pair = sorted((int(own[0]), int(other[0])))
+        return distance, (pair[0], pair[1])
+    return np.inf, None
+
+
+def crowded_labels(grid: LabelGrid, gap: int) -> IntArray:
+    """Labels with a texel nearer than ``gap`` to one of another label; of a wide gap only the nearest two."""
+    if gap > NEAR:
+        distance, pair = smallest_gap(grid, gap)
+        return np.array(pair if pair is not None and distance < gap else (), np.int64)
+    found = [np.r_[own, other] for far, own, other in _neighbours(grid, gap) if far < gap]
+    return np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
+
+
+def _ends(grid: LabelGrid) -> tuple[IntArray, LabelGrid]:
+    """((k,) texels where a label ends, (k,) their labels): texels nearest to another label are such."""
     wide = grid.shape[1]
     flat = grid.ravel()
     # as beside it and below it, so as before it and above it; no texel of the border has four neighbours
@@ -275,10 +294,14 @@ def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] |
     inner[1:-1] &= beside[1:] & beside[:-1]
     inner.reshape(grid.shape)[:, [0, -1]] = False
     at = np.flatnonzero((flat >= 0) & ~inner)
-    own = flat[at]
+    return at, flat[at]
+
+
+def _neighbours(grid: LabelGrid, search: int) -> Iterator[tuple[float, LabelGrid, LabelGrid]]:
+    """(distance, labels, other labels at that distance), by rising distance up to ``search``."""
+    wide, flat = grid.shape[1], grid.ravel()
+    at, own = _ends(grid)
     y, x = np.divmod(at, wide)
-    if search > NEAR:
-        return _gap_by_trees(np.stack([y, x], 1), own, search)
     if len(at) and 2 * min(y[0], x.min(), len(grid) - 1 - y[-1], wide - 1 - x.max()) < search:
         # otherwise texels beyond one border would match empty texels along another
         grid = np.pad(grid, search, constant_values=-1)
@@ -293,10 +316,7 @@ def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] |
         other = flat[np.minimum(at + offset, len(flat) - 1)]
         hit = (other >= 0) & (other != own)
         if hit.any():
-            k = int(hit.argmax())
-            pair = sorted((int(own[k]), int(other[k])))
-            return float(np.sqrt(distance)), (pair[0], pair[1])
-    return np.inf, None
+            yield float(np.sqrt(distance)), own[hit], other[hit]
 
 
 def _gap_by_trees(

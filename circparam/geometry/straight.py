@@ -12,6 +12,9 @@ BINS = 180  # of a quarter turn: half a degree each
 # one. A square has 4, a regular polygon of 16 sides 0.9 along two perpendicular directions.
 LONG = 1.0
 PARALLEL = np.pi / 2 / BINS  # radians from an axis: resolution of directions
+ON_TEXEL = (
+    0.01  # texels: rounding of uv to single precision on the largest page, and of what packing adds
+)
 _QUARTER = np.pi / 2
 
 
@@ -47,15 +50,13 @@ def directions(edges: FloatArray, owner: IntArray, n: int) -> Directions:
     return Directions(middle + mean, whole, share, along)
 
 
-def straight_edges(
-    edges: FloatArray, owner: IntArray, area: FloatArray, least: float = LONG
-) -> BoolArray:
+def straight_edges(edges: FloatArray, owner: IntArray, area: FloatArray) -> BoolArray:
     """(b,) bool: border edges along the directions of their chart, where these have a long part of its border.
 
-    edges: (b, 2). owner: (b,) their charts. area: (n,) of the charts. least: such a part, over √area.
+    edges: (b, 2). owner: (b,) their charts. area: (n,) of the charts.
     """
     found = directions(edges, owner, len(area))
-    long = (found.length >= least * np.sqrt(np.maximum(area, 0.0))) & (found.length > 0)
+    long = (found.length >= LONG * np.sqrt(np.maximum(area, 0.0))) & (found.length > 0)
     result: BoolArray = found.along & long[owner]
     return result
 
@@ -64,4 +65,12 @@ def axis_parallel(edges: FloatArray) -> BoolArray:
     """(b,) bool: edges (b, 2) that lie along an axis, up to half a degree."""
     turn = np.mod(np.arctan2(edges[:, 1], edges[:, 0]), _QUARTER)
     result: BoolArray = np.minimum(turn, _QUARTER - turn) <= PARALLEL
+    return result
+
+
+def on_multiples(tail: FloatArray, head: FloatArray, block: float) -> BoolArray:
+    """(b,) bool: edges tail (b, 2) to head (b, 2), in texels, on a multiple of ``block`` in u or in v."""
+    whole = block * np.rint(tail / block)
+    off = np.maximum(np.abs(tail - whole), np.abs(head - whole))
+    result: BoolArray = off.min(1) <= ON_TEXEL
     return result

@@ -6,7 +6,13 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
-from circparam.geometry.raster import LabelGrid, free_border, shared_texels, smallest_gap
+from circparam.geometry.raster import (
+    LabelGrid,
+    crowded_labels,
+    free_border,
+    shared_texels,
+    smallest_gap,
+)
 from circparam.packing.coverage import Runs, face_runs, outline_runs, painted
 from circparam.packing.options import PackOptions
 
@@ -68,6 +74,14 @@ def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, Floa
             wrong = f"{border} texels are free at the border where {options.padding} are needed"
             return wrong, share
     return None, share
+
+
+def crowded(placed: PlacedCharts, options: PackOptions) -> BoolArray:
+    """(n,) bool: charts with a covered texel nearer to one of another chart than ``padding`` + 1."""
+    out = np.zeros(len(placed.page), bool)
+    for tile in range(options.pages):
+        out[crowded_labels(placed.raster(tile, options.resolution)[0], options.padding + 1)] = True
+    return out
 
 
 def _single(values: FloatArray) -> FloatArray:

@@ -101,6 +101,20 @@ def with_free_turns(o: Any, name: str) -> str | None:
     return with_packing(o, name)
 
 
+def with_blocks(o: Any, name: str) -> str | None:
+    """Only where borders lie along the axes, on pages of whole blocks that are packed anew."""
+    if o.straighten == "off":
+        return "--straighten off leaves borders at any angle"
+    if o.scale is False:
+        return "--no-scale keeps the sizes that the charts have"
+    if o.only is not None or o.lock is not None:
+        return "charts that stay on a page that is in use are not moved"
+    size, side = o.align_texels, o.resolution_texels
+    if side % size:
+        return f"a page of {side} texels is not a multiple of {size}"
+    return with_packing(o, name)
+
+
 def with_stacks(o: Any, name: str) -> str | None:
     """Only where parts are laid out by packing, and one of each kind says where all are cut."""
     if o.stack == "off":

@@ -180,7 +180,9 @@ def method_options(o: Options) -> MethodOptions:
 def pack_options(o: Options) -> PackOptions:
     """Options of packing."""
     given = _given(o, [f.name for f in dataclasses.fields(PackOptions)])
-    known = {"padding": o.padding_texels, "effort": o.packing_effort, "rotate": o.turns or "free"}
+    # borders on whole texels move by up to half a texel on either side of a gap
+    padding = o.padding_texels + (o.align_texels is not None)
+    known = {"padding": padding, "effort": o.packing_effort, "rotate": o.turns or "free"}
     return PackOptions(**given | known)
 
 

@@ -28,7 +28,7 @@ LAYOUT = (
     *("stretch_l2", "stretch_linf", "stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
     *("angle", "area", "seam_length", "seam_visible", "seam_texels", "seam_vertices"),
     *("pack", "packed", "pages", "gap_texels", "border_texels", "outside"),
-    *("thin", "density_min", "density_max", "axis_parallel"),
+    *("thin", "density_min", "density_max", "axis_parallel", "texel_aligned"),
 )
 # further figures of unwrap and pack
 RUN = (

@@ -18,7 +18,7 @@ from circparam.mesh.surface import Surface
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, shapes_of
 from circparam.packing.room import Room, find_room, free_share
-from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
+from circparam.pipeline.options import Options
 from circparam.pipeline.selection import selected_faces
 from circparam.pipeline.verify import Verification, corners_of, uv_seams
 
@@ -166,7 +166,7 @@ def kept_figures(kept: Kept, found: Verification, options: Options) -> dict[str,
     faces: laid out anew; kept_faces: unchanged. charts: new ones. texel_density, kept_density: of the new and
     of the kept charts, in texels per unit of the mesh.
     """
-    side = options.resolution or DEFAULT_RESOLUTION
+    side = options.resolution_texels
     flat = found.uv[found.cut_mesh.faces]
     return {
         "faces": int(kept.fresh.sum()),

@@ -46,6 +46,7 @@ class Keywords(TypedDict, total=False):
     rotate: Literal["free", "90", "none"] | None
     effort: float | str | None
     straighten: Literal["off", "auto", "all"] | None
+    align_texels: int | None
     stack: Literal["off", "identical", "mirrored"] | None
     stack_offset: bool | None
     keep_page: bool | None

@@ -225,6 +225,11 @@ class Options:
         "packing", "Straight chart borders along the axes: not, where nearly free, always.",
         choices=("off", "auto", "all"), shown="auto", applies=applies.with_free_turns,
     )
+    align_texels: int | None = option(
+        "packing", "Straight borders on whole texels (1), or on blocks of N texels (4: BC, ETC).",
+        metavar="N", bounds=Range(1, 16, "a whole number of texels, 1 to 16"),
+        applies=applies.with_blocks,
+    )
     stack: str | None = option(
         "packing", "Put copies of a part on the same texels; mirrored: mirror images too.",
         choices=("off", "identical", "mirrored"), shown="off", applies=applies.with_stacks,
@@ -320,7 +325,7 @@ class Options:
     def __post_init__(self) -> None:
         check(self)
         check_density(self.density)
-        limits.check_page(self.resolution or DEFAULT_RESOLUTION, self.padding_texels)
+        limits.check_page(self.resolution_texels, self.padding_texels)
         if self.boundary == "polygon" and self.polygon is None:
             raise OptionError(
                 "--boundary polygon needs a file with its corners: --boundary polygon FILE"
@@ -408,16 +413,20 @@ class Options:
         return self.normalize is not False and self.pins is None
 
     @property
+    def resolution_texels(self) -> int:
+        """The side of a page in texels."""
+        return self.resolution or DEFAULT_RESOLUTION
+
+    @property
     def padding_uv(self) -> float:
         """The padding in uv units; 0 where the layout is not packed."""
-        side = self.resolution or DEFAULT_RESOLUTION
-        return self.padding_texels / side if self.packed else 0.0
+        return self.padding_texels / self.resolution_texels if self.packed else 0.0
 
     @property
     def padding_texels(self) -> int:
         """The padding in texels."""
         if self.padding == AUTO:
-            return limits.auto_padding(self.resolution or DEFAULT_RESOLUTION)
+            return limits.auto_padding(self.resolution_texels)
         return DEFAULT_PADDING if self.padding is None else int(self.padding)
 
     def given(self) -> dict[str, Any]:

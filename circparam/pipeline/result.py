@@ -23,7 +23,7 @@ from circparam.pipeline.density import Density
 from circparam.pipeline.floaters import Floaters
 from circparam.pipeline.groups import Groups
 from circparam.pipeline.kept import Kept
-from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
+from circparam.pipeline.options import Options
 from circparam.pipeline.stacks import Stacks
 from circparam.pipeline.verify import Declared, Promise, Staying, Verification, reasons, verify
 
@@ -175,14 +175,15 @@ def verify_layout(
     declared: Declared | Staying | None = None if stacks is None else stacks.declared
     if kept is not None:
         declared = Staying(~kept.fresh)
-    return verify(
+    found = verify(
         surface,
         uvmap,
-        resolution=(options.resolution or DEFAULT_RESOLUTION) if options.packed else None,
+        resolution=options.resolution_texels if options.packed else None,
         padding=options.padding_texels,
         tiles=tiles,
         declared=declared,
     )
+    return replace(found, block=options.align_texels or 1)
 
 
 @dataclass(frozen=True)

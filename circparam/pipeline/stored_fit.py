@@ -17,6 +17,7 @@ from circparam.geometry.overlap import signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import fallback
+from circparam.pipeline.align import align
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.job import Job
@@ -121,8 +122,9 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
                 at_size = sized(cut_mesh, uv, keep)
                 placed = pack_sorted(cut_mesh, at_size, options, monitor, sorting)
     with monitor.stage("check"):
+        uv = align(cut_mesh, placed.uv, options, group)
         turn = options.packed and options.turns != "none" and job.kept is None
-        held = hold(job, cut_mesh, placed.uv, sign < 0, turn)
+        held = hold(job, cut_mesh, uv, sign < 0, turn)
     uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, uv, keep))
     return _Trial(

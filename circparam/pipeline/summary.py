@@ -14,7 +14,6 @@ from circparam.packing.options import PackOptions
 from circparam.pipeline.density import density_rows
 from circparam.pipeline.groups import group_rows
 from circparam.pipeline.kept import kept_figures
-from circparam.pipeline.options import DEFAULT_RESOLUTION
 from circparam.pipeline.stacks import stacked_figures
 
 if TYPE_CHECKING:
@@ -87,7 +86,7 @@ def _densities(result: Result) -> list[dict[str, Any]] | None:
     """Densities asked for and reached by each part of --density; None without it."""
     if result.density is None or not result.options.packed:
         return None
-    side = result.options.resolution or DEFAULT_RESOLUTION
+    side = result.options.resolution_texels
     return list(density_rows(result.density, result.verification, side))
 
 
@@ -139,7 +138,7 @@ def _gaps(result: Result) -> float:
     A strip along the outline and a disk for each chart (J. Steiner 1840, "Über parallele Flächen").
     """
     found = result.verification
-    side = result.options.resolution or DEFAULT_RESOLUTION
+    side = result.options.resolution_texels
     half = PackOptions(resolution=side, padding=result.options.padding_texels).gap / 2 / side
     outline = boundary_in(found.cut_mesh, found.uv)
     strip = float(norms2(outline.end - outline.start).sum()) * half

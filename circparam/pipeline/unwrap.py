@@ -23,6 +23,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import applies, checkpoint, floaters, groups
+from circparam.pipeline.align import align
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options, padding_note
 from circparam.pipeline.density import at_densities, check_whole
@@ -206,7 +207,8 @@ def repack_document(
             packed = pack_sorted(cut_mesh, uv, options, monitor, sorting)
         else:
             packed = pack_groups(cut_mesh, uv, options, monitor, group)
-    fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, packed.uv)
+        placed = align(cut_mesh, packed.uv, options, group)
+    fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, placed)
     return finish(job, fitted, output, monitor, "pack")
 
 

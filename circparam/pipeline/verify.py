@@ -82,7 +82,7 @@ class Verification:
     seam_length: that of all seams / √(surface area). pages: how many hold a chart, None where there are no
     pages. coverage: None where the layout was not rasterised. seen: source of ``seam_visible`` other than a
     direct computation: another process, or a lack of time. resolution: texels a side of a page, None where
-    there are no pages.
+    there are no pages. block: texels that straight borders are to lie on multiples of.
     """
 
     surface: Surface
@@ -106,6 +106,7 @@ class Verification:
     seen: Callable[[], float | None] | None = None
     stacked: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     resolution: int | None = None
+    block: int = 1
 
     @cached_property
     def seam_visible(self) -> float | None:
@@ -120,7 +121,9 @@ class Verification:
         """Costs of the layout in texels; None without pages."""
         if self.resolution is None:
             return None
-        return page_figures(self.surface, self.cut_mesh, self.uv, self.used, self.resolution)
+        return page_figures(
+            self.surface, self.cut_mesh, self.uv, self.used, self.resolution, self.block
+        )
 
     @cached_property
     def charts(self) -> int:
@@ -166,6 +169,7 @@ class Verification:
             "density_min": None if p is None else p.density_min,
             "density_max": None if p is None else p.density_max,
             "axis_parallel": None if p is None else p.axis_parallel,
+            "texel_aligned": None if p is None else p.texel_aligned,
             "pages": self.pages,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,

@@ -110,6 +110,7 @@ NAMES = {
     "density_min": "least texels a unit",
     "density_max": "most texels a unit",
     "axis_parallel": "straight borders along the axes",
+    "texel_aligned": "straight borders on whole texels",
 }
 
 

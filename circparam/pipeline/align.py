@@ -1,0 +1,225 @@
+"""Straight borders on whole texels, or on whole blocks of a compressed texture (``--align-texels``).
+
+A line is a run of straight border edges along one axis, up to half a degree. It becomes exactly straight at
+the nearest multiple of the block, and what lies between lines moves along by a harmonic function. Lines at the
+sides of a chart move inwards, so that a rectangle stays inside the place that it has. Where that distorts a
+chart too much, only its sides are moved; where that does too, the whole chart is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    first_of_runs,
+    group_max,
+    group_min,
+    group_sum,
+    next_half_edge,
+)
+from circparam.core.graph import components
+from circparam.core.linalg import Factor
+from circparam.core.records import dataclass
+from circparam.geometry.coverage import chart_boxes, pages_of
+from circparam.geometry.distortion import best_chart_scales, face_stretch
+from circparam.geometry.straight import ON_TEXEL, axis_parallel, straight_edges
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.packing.check import PlacedCharts, crowded, faults
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import shapes_of
+from circparam.pipeline.configure import pack_options
+from circparam.pipeline.options import DEFAULT_BOUND, Options
+from circparam.seams.segmentation.weigh import share_over
+from circparam.seams.stretch import STRETCH
+from circparam.solvers.objective import chart_energies
+from circparam.solvers.poisson import laplacian
+
+WHOLE = 1e-6  # of the area of its box that a rectangle may lack: rounding
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Lines of charts along one axis. vertex (k,) of a cut mesh lies on line (k,). chart (l,), at (l,) place in
+    texels, length (l,), to (l,) where it goes, side (l,) bool: it is the lowest or the highest of its chart."""
+
+    vertex: IntArray
+    line: IntArray
+    chart: IntArray
+    at: FloatArray
+    length: FloatArray
+    to: FloatArray
+    side: BoolArray
+
+    def part(self, which: BoolArray) -> _Lines:
+        """Some of the lines ((l,) bool)."""
+        number, kept = np.cumsum(which) - 1, which[self.line]
+        return _Lines(
+            self.vertex[kept],
+            number[self.line[kept]],
+            self.chart[which],
+            self.at[which],
+            self.length[which],
+            self.to[which],
+            self.side[which],
+        )
+
+
+def align(
+    cut_mesh: CutMesh, uv: FloatArray, options: Options, group: IntArray | None = None
+) -> FloatArray:
+    """A packed layout (nv, 2) with straight borders along the axes on multiples of ``align_texels``.
+
+    group: (n_charts,) charts of different groups have atlases of their own. Charts that would come too near to
+    others stay where they are.
+    """
+    if options.align_texels is None:
+        return uv
+    side = options.resolution_texels
+    page = pages_of(cut_mesh, uv)
+    origin = np.stack([page, np.zeros_like(page)], 1)[cut_mesh.vertex_chart]
+    texels = (uv - origin) * side
+    moved = _moved(cut_mesh, texels, options)
+    tile = page if group is None else page + (int(page.max()) + 1) * group
+    tile = np.unique(tile, return_inverse=True)[1].reshape(-1)
+    asked = replace(pack_options(options), pages=1, padding=options.padding_texels)
+    for k in range(int(tile.max()) + 1):
+        part, vertices, _ = cut_mesh.subset(tile == k)
+        moved[vertices] = _with_room(part, texels[vertices], moved[vertices], asked)
+    result: FloatArray = moved / side + origin
+    return result
+
+
+def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArray:
+    """(nv, 2) every chart with the lines on whole blocks that the bounds allow, whatever lies beside it."""
+    block = float(options.align_texels or 1)
+    lines = [_lines(cut_mesh, texels, axis, block) for axis in (0, 1)]
+    bound = DEFAULT_BOUND if options.bound is None else options.bound
+    sign = np.sign(_signed_areas(cut_mesh, texels))[cut_mesh.vertex_chart]
+    scale = best_chart_scales(cut_mesh, texels)[cut_mesh.vertex_chart][:, None]
+
+    def seen(layout: FloatArray) -> FloatArray:
+        """A layout in units of the mesh, mirrored charts turned over; sizes count as they are now."""
+        scaled: FloatArray = layout * scale * np.stack([sign, np.ones_like(sign)], 1)
+        return scaled
+
+    limit = options.max_stretch or STRETCH
+    stretched = share_over(cut_mesh, face_stretch(cut_mesh, seen(texels)), limit)
+    out, matrix = texels + _shift(cut_mesh, lines, block), laplacian(cut_mesh)
+    for tried in ([one.part(one.side) for one in lines], lines):
+        layout = _bent(cut_mesh, texels, tried, matrix)
+        good = chart_energies(cut_mesh, seen(layout)) <= bound
+        good &= share_over(cut_mesh, face_stretch(cut_mesh, seen(layout)), limit) <= stretched
+        out = np.where(good[cut_mesh.vertex_chart][:, None], layout, out)
+    return out
+
+
+def _lines(cut_mesh: CutMesh, texels: FloatArray, axis: int, block: float) -> _Lines:
+    """The lines of all charts across one axis, each with the multiple of ``block`` that it goes to.
+
+    A chart thinner than a block keeps the lines at its low side alone.
+    """
+    n, flat, h = cut_mesh.n_charts, cut_mesh.faces.ravel(), cut_mesh.boundary
+    a, b, chart = flat[h], flat[next_half_edge(h)], cut_mesh.chart[h // 3]
+    along = texels[b] - texels[a]
+    use = straight_edges(along, chart, np.abs(_signed_areas(cut_mesh, texels)))
+    use &= axis_parallel(along) & (np.abs(along[:, axis]) < np.abs(along[:, 1 - axis]))
+    a, b, length = a[use], b[use], np.abs(along[use, 1 - axis])
+    run = components(len(texels), a, b)[1]
+    vertex = np.unique(np.r_[a, b])
+    line = np.unique(run[vertex], return_inverse=True)[1].reshape(-1)
+    count = int(line.max(initial=-1)) + 1
+    number = np.zeros(len(texels), np.int64)
+    number[vertex] = line
+    whole = group_sum(length, number[a], count)
+    at = group_sum(length * (texels[a, axis] + texels[b, axis]) / 2, number[a], count) / whole
+    own = np.zeros(count, np.int64)
+    own[line] = cut_mesh.vertex_chart[vertex]
+    low, high = (box[:, axis] for box in chart_boxes(cut_mesh, texels))
+    x = texels[vertex, axis]
+    first = group_min(x, line, count) <= low[own] + ON_TEXEL
+    last = group_max(x, line, count) >= high[own] - ON_TEXEL
+    least, most = np.full(n, -np.inf), np.full(n, np.inf)
+    least[own[first]] = block * np.ceil((low[own[first]] - ON_TEXEL) / block)
+    most[own[last]] = block * np.floor((high[own[last]] + ON_TEXEL) / block)
+    fits = (least < most)[own]
+    near = block * np.rint(at / block)
+    to = np.where(fits, np.clip(near, least[own], most[own]), near)
+    return _Lines(vertex, line, own, at, whole, to, first | last).part(fits | first)
+
+
+def _shift(cut_mesh: CutMesh, lines: list[_Lines], block: float) -> FloatArray:
+    """(nv, 2) the least move of each chart that takes its longest lines to multiples of ``block``."""
+    move = np.zeros((cut_mesh.n_charts, 2))
+    for axis, some in enumerate(lines):
+        order = np.lexsort((-some.length, some.chart))
+        longest = order[first_of_runs(some.chart[order])]
+        at = some.at[longest]
+        move[some.chart[longest], axis] = block * np.rint(at / block) - at
+    return move[cut_mesh.vertex_chart]
+
+
+def _bent(
+    cut_mesh: CutMesh, texels: FloatArray, lines: list[_Lines], matrix: sps.csr_matrix
+) -> FloatArray:
+    """(nv, 2) lines where they go, all else moved harmonically: matrix is the Laplacian (nv, nv)."""
+    out = texels.copy()
+    for axis, some in enumerate(lines):
+        move, held = np.zeros(len(texels)), np.zeros(len(texels), bool)
+        move[some.vertex] = some.to[some.line] - texels[some.vertex, axis]
+        held[some.vertex] = True
+        has = np.zeros(cut_mesh.n_charts, bool)
+        has[some.chart] = True
+        free = np.flatnonzero(~held & has[cut_mesh.vertex_chart])
+        rows = matrix[free]
+        move[free] = Factor(rows[:, free].tocsc()).solve(-(rows @ move))
+        out[:, axis] += move
+        out[some.vertex, axis] = some.to[some.line]
+    return out
+
+
+def _signed_areas(cut_mesh: CutMesh, texels: FloatArray) -> FloatArray:
+    """(n_charts,) area of each chart, negative where it is mirrored."""
+    a, b, c = (texels[cut_mesh.faces[:, k]] for k in range(3))
+    return group_sum(cross2(b - a, c - a), cut_mesh.chart, cut_mesh.n_charts) / 2
+
+
+def _with_room(
+    cut_mesh: CutMesh, before: FloatArray, after: FloatArray, asked: PackOptions
+) -> FloatArray:
+    """(nv, 2) ``after``, of the charts of one page; those that came too near to others as they were ``before``.
+
+    A rectangle that stays inside its old place comes near to none.
+    """
+    own = cut_mesh.vertex_chart
+    (low, high), (new_low, new_high) = (chart_boxes(cut_mesh, p) for p in (before, after))
+    inside = (new_low >= low - WHOLE).all(1) & (new_high <= high + WHOLE).all(1)
+    area = np.abs(_signed_areas(cut_mesh, before))
+    safe = inside & (area >= (1 - WHOLE) * (high - low).prod(1))
+    least, most = asked.border, asked.resolution - asked.border
+    beyond = (new_low < np.minimum(low, least)) | (new_high > np.maximum(high, most))
+    changed = np.asarray(~beyond.any(1))
+    shapes = shapes_of(cut_mesh.faces, after, cut_mesh.chart)
+    while True:
+        layout = np.where(changed[own][:, None], after, before)
+        local = layout / asked.resolution
+        placed = PlacedCharts(
+            local[shapes.faces[shapes.scanned]],
+            shapes.chart[shapes.scanned],
+            local[shapes.start],
+            local[shapes.end],
+            shapes.owner[shapes.start],
+            np.zeros(shapes.n, np.int64),
+            shapes.simple,
+        )
+        risky = changed & ~safe
+        if not risky.any() or faults(placed, asked)[0] is None:
+            return layout
+        near = crowded(placed, asked) & risky
+        changed &= ~(near if near.any() else risky)
