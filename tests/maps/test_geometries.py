@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.maps.geometries import Base, base_of, determinants
+from circparam.maps.geometries import Base, Geometry, base_of, determinants
 from tests.support import shapes
 
 
@@ -94,3 +94,21 @@ def test_steps_in_the_tangents_are_what_the_flat_triangles_say() -> None:
     for b in range(2):
         after = geometry.normal(corners + step * frames[..., b])
         np.testing.assert_allclose((seen(after) - place) / step, move[..., b], atol=1e-4)
+
+
+@pytest.mark.parametrize("curvature", [-1, 0, 1])
+def test_tangents_are_orthonormal_and_touch_the_surface(curvature: int) -> None:
+    geometry = Geometry(curvature)
+    places = np.random.default_rng(0).normal(size=(50, 3))
+    places[:, 2] = np.abs(places[:, 2]) + np.hypot(places[:, 0], places[:, 1]) + 0.1
+    places = geometry.normal(places)
+    assert geometry.contains(places).all()
+    metric = np.diag(geometry.metric)
+    tangents = geometry.tangents(places)
+    products = np.einsum("nia,ij,njb->nab", tangents, metric, tangents)
+    np.testing.assert_allclose(products, np.broadcast_to(np.eye(2), (50, 2, 2)), atol=1e-12)
+    if curvature:
+        np.testing.assert_allclose(
+            np.einsum("ni,ij,nja->na", places, metric, tangents), 0, atol=1e-12
+        )
+    assert (determinants(places, tangents[..., 0], tangents[..., 1]) > 0).all()

@@ -24,6 +24,7 @@ RIM = int(boundary(OTHER_DISK)[0])
 PAIRS = {
     "boundaries": (BALL, DISK, {}, TopologyError, "A has 0 boundaries and B 1"),
     "handles": (BALL, TORUS, {}, TopologyError, "A has genus 0 and B 1"),
+    "fewer handles": (TORUS, BALL, {}, TopologyError, "A has genus 1 and B 0"),
     "parts": (TWO, BALL, {}, TopologyError, "A: it has 2 connected parts"),
     "unlike": (BALL, STICK, {}, InputError, "too unlike to guess landmarks"),
     "harmonic": (BALL, BALL, {"method": "harmonic"}, OptionError, "circle"),

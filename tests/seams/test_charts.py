@@ -11,10 +11,7 @@ import pytest
 from circparam import samples
 from circparam.core.monitor import Monitor
 from circparam.formats.io import read
-from circparam.geometry.distortion import best_chart_scales, measure
-from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
@@ -23,7 +20,7 @@ from circparam.seams.segmentation.decide import nearly_flat_components
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import relaxed, surface_of, uncut
+from tests.support.atlases import assert_promises, relaxed, surface_of, uncut
 from tests.support.formats_tools import corpus_files
 
 
@@ -33,18 +30,7 @@ def atlas_of(shape, **options) -> tuple[Surface, Atlas]:
     wanted = SeamOptions(**options)
     seams = SEAMS["charts"].function(surface, wanted, Monitor())
     atlas = Atlas(surface, seams.cut, seams.uv)
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
-    # one uv a vertex of the cut mesh: the corners agree wherever there is no seam
-    assert np.array_equal(uv[cut_mesh.faces], seams.uv)
-    assert not not_disks(cut_mesh).any()
-    assert len(cut_mesh.chart) == len(surface.faces)
-    assert (signs(uv, cut_mesh.faces) > 0).all()
-    found = overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges)
-    assert not found.self_overlapping.any()
-    if wanted.max_charts is None:
-        scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-        assert measure(cut_mesh, scaled).sd_max_chart <= wanted.max_distortion
+    assert_promises(atlas, wanted.max_distortion if wanted.max_charts is None else np.inf)
     return surface, atlas
 
 

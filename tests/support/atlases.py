@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from circparam.core.graph import nearest, undirected
+from circparam.geometry.distortion import chart_distortion
+from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
+from circparam.seams.segmentation.grow import dual_graph, make_disks
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions, relax
 
@@ -48,6 +53,30 @@ def as_it_lies(atlas: Atlas) -> Atlas:
     """The atlas of a flat surface, its layout the plane it lies in."""
     atlas.corners = np.ascontiguousarray(atlas.surface.points[atlas.surface.faces][:, :, :2])
     return atlas
+
+
+def voronoi(shape: tuple[np.ndarray, np.ndarray], seeds: int, seed: int = 0) -> Atlas:
+    """A shape cut into disks, about one for each of so many random faces, and laid out."""
+    surface = surface_of(*shape)
+    graph = dual_graph(surface)
+    start = np.unique(np.random.default_rng(seed).integers(0, len(surface.faces), seeds))
+    ones = np.ones(len(graph.tail))
+    _, _, source = nearest(undirected(graph.n, graph.tail, graph.head, ones), start)
+    atlas = cut_between(surface, source)
+    make_disks(atlas, graph)
+    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-3, max_iterations=25))
+    return atlas
+
+
+def assert_promises(atlas: Atlas, bound: float) -> None:
+    """What is promised of every atlas: disks, one uv a vertex, no flip, no chart on itself, below the bound."""
+    cut_mesh, uv = atlas.open()
+    assert len(cut_mesh.chart) == len(atlas.surface.faces)
+    assert not not_disks(cut_mesh).any()
+    np.testing.assert_allclose(uv[cut_mesh.faces], atlas.corners, rtol=0, atol=1e-9 * np.ptp(uv))
+    assert (signs(uv, cut_mesh.faces) > 0).all()
+    assert not overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges).self_overlapping.any()
+    assert chart_distortion(cut_mesh, uv).max() <= bound
 
 
 def energies(cut_mesh, uv) -> np.ndarray:

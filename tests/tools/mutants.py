@@ -44,8 +44,8 @@ LEFT_OUT = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "*.egg-in
 def tests_of(module: str) -> tuple[str, ...]:
     """The tests of a module, from the root of the tree: tests/ mirrors the package.
 
-    circparam/ROOM/[SUB/]MODULE.py has tests/ROOM/[SUB/]test_MODULE.py and what else in tests/ROOM imports it;
-    a module that no test of its room names has all of them.
+    circparam/ROOM/[SUB/]MODULE.py has tests/ROOM/[SUB/]test_MODULE.py, or else the tests of its room that
+    import it, or else all of tests/ROOM.
     """
     path = Path(module).relative_to(PACKAGE)
     room = ROOT / "tests" / path.parts[0]
@@ -54,11 +54,10 @@ def tests_of(module: str) -> tuple[str, ...]:
     called = re.compile(
         rf"{re.escape(name)}\b|from {re.escape(name.rpartition('.')[0])} import .*\b{path.stem}\b"
     )
-    found = {own} if own.is_file() else set()
-    for file in room.rglob("test_*.py"):
-        if called.search(file.read_text(encoding="utf-8")):
-            found.add(file)
-    return tuple(sorted(f.relative_to(ROOT).as_posix() for f in found or {room}))
+    found = [own] if own.is_file() else sorted(room.rglob("test_*.py"))
+    if not own.is_file():
+        found = [f for f in found if called.search(f.read_text(encoding="utf-8"))] or [room]
+    return tuple(f.relative_to(ROOT).as_posix() for f in found)
 
 
 def modules(only: str) -> list[str]:

@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
-from circparam.geometry.distortion import best_chart_scales, measure
-from circparam.geometry.overlap import overlaps, self_overlapping, signs
+from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, ways
 from circparam.seams import charts as module
@@ -32,7 +30,7 @@ from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.layout import judge
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
-from tests.support.atlases import coil, energies, surface_of
+from tests.support.atlases import assert_promises, coil, energies, surface_of
 from tests.support.machined import MACHINED
 from tests.support.parts import PARTS, Part, circle, extrude, lathe, rectangle, rounded_box, shaken
 
@@ -42,15 +40,7 @@ def atlas_of(part: Part, bound: float = 1.05) -> tuple[Surface, Atlas]:
     surface = surface_of(part.points, part.faces)
     seams = SEAMS["charts"].function(surface, SeamOptions(max_distortion=bound), Monitor())
     atlas = Atlas(surface, seams.cut, seams.uv)
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
-    assert np.array_equal(uv[cut_mesh.faces], seams.uv)
-    assert not not_disks(cut_mesh).any()
-    assert (signs(uv, cut_mesh.faces) > 0).all()
-    found = overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges)
-    assert not found.self_overlapping.any()
-    scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-    assert measure(cut_mesh, scaled).sd_max_chart <= bound
+    assert_promises(atlas, bound)
     return surface, atlas
 
 

@@ -8,14 +8,12 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import not_disks
 from circparam.seams import SEAMS
 from circparam.seams.hard.exact import polyhedra
 from circparam.seams.hard.regions import seam_prices
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.layout import judge
 from tests.support import shapes
-from tests.support.atlases import surface_of
+from tests.support.atlases import assert_promises, surface_of
 from tests.support.parts import Part, extrude, lathe, rectangle
 
 
@@ -23,9 +21,7 @@ def charts_of(part: Part) -> Atlas:
     surface = surface_of(part.points, part.faces)
     seams = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
     atlas = Atlas(surface, seams.cut, seams.uv)
-    cut_mesh, uv = atlas.open()
-    assert not not_disks(cut_mesh).any()
-    assert not judge(cut_mesh, uv).bad(1.05).any()
+    assert_promises(atlas, 1.05)
     return atlas
 
 
