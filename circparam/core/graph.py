@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import (
     FloatArray,
@@ -24,6 +23,7 @@ from circparam.core.arrays import (
     stable_order,
 )
 from circparam.core.clock import tick
+from circparam.core.compiled import connected_components, dijkstra, minimum_spanning_tree
 
 SMALL = 30_000  # edges up to which graphs are assembled without SciPy's conversion
 
@@ -38,7 +38,7 @@ def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
         np.cumsum(np.bincount(i, minlength=n), out=start[1:])
         column = j[stable_order(i)].astype(np.int32)
         graph = sps.csr_matrix((np.ones(len(i)), column, start), shape=(n, n))
-    count, labels = csgraph.connected_components(graph, directed=False)
+    count, labels = connected_components(graph, directed=False)
     return int(count), labels.astype(np.int64)
 
 
@@ -51,7 +51,7 @@ def follower_components(follower: IntArray) -> tuple[int, IntArray]:
     np.cumsum(joined, out=start[1:])
     column = follower[joined].astype(np.int32)
     graph = sps.csr_matrix((np.ones(len(column)), column, start), shape=(n, n))
-    count, labels = csgraph.connected_components(graph, directed=False)
+    count, labels = connected_components(graph, directed=False)
     return int(count), labels.astype(np.int64)
 
 
@@ -120,7 +120,7 @@ def nearest(
     source (n,), both −1 or less where there is none).
     """
     tick()
-    found: Any = csgraph.dijkstra(
+    found: Any = dijkstra(
         graph,
         indices=sources,
         min_only=True,
@@ -137,9 +137,7 @@ def distances(
 ) -> FloatArray:
     """(n,) distance from the nearest of several sources, infinite where none reaches. As in ``nearest``."""
     tick()
-    found: Any = csgraph.dijkstra(
-        graph, indices=sources, min_only=True, limit=limit, directed=symmetric
-    )
+    found: Any = dijkstra(graph, indices=sources, min_only=True, limit=limit, directed=symmetric)
     result: FloatArray = found
     return result
 
@@ -203,7 +201,7 @@ def spanning_forest(n: int, a: IntArray, b: IntArray, order: FloatArray) -> IntA
     first = first[first_of_runs(key[first])]
     first = first[low[first] != high[first]]
     matrix = sps.coo_matrix((rank[first] + 1.0, (low[first], high[first])), shape=(n, n))
-    tree = csgraph.minimum_spanning_tree(matrix.tocsr())
+    tree = minimum_spanning_tree(matrix.tocsr())
     return np.sort(by_rank[np.asarray(tree.data, np.int64) - 1])
 
 

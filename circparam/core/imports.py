@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
 from typing import Any
 
-# for building and testing extensions: a tenth of the imports of an unwrap
-UNUSED = ("numpy.f2py", "numpy.testing", "numpy.polynomial")
+# what an unwrap has no use for: a sixth of what it would import
+UNUSED = (
+    *("numpy.f2py", "numpy.testing", "numpy.polynomial", "numpy.ma"),
+    *("numpy.ctypeslib", "numpy.rec", "numpy.char"),
+)
+_own = False  # whether this process is one of ours
 
 
 def put_off() -> None:
@@ -17,6 +23,8 @@ def put_off() -> None:
     SciPy takes every public name of NumPy (``from numpy import *``), and NumPy loads these when their names are
     asked for. For processes of our own only: the imports of a caller are the caller's choice.
     """
+    global _own
+    _own = True
     for name in UNUSED:
         spec = None if name in sys.modules else find_spec(name)
         if spec is None or spec.loader is None:
@@ -27,6 +35,25 @@ def put_off() -> None:
         spec.loader.exec_module(module)
         package, _, tail = name.rpartition(".")
         setattr(sys.modules[package], tail, module)
+
+
+@contextmanager
+def alone(*packages: str) -> Iterator[None]:
+    """Inside, modules of these packages are imported without running the code of the packages themselves.
+
+    packages: in the order in which they contain each other; afterwards they are as before, and load whole when
+    somebody imports them. For processes of our own only, as ``put_off``.
+    """
+    missing = [name for name in packages if _own and name not in sys.modules]
+    for name in missing:
+        spec = find_spec(name)
+        if spec is not None:
+            sys.modules[name] = module_from_spec(spec)
+    try:
+        yield
+    finally:
+        for name in missing:
+            sys.modules.pop(name, None)
 
 
 class OnDemand:

@@ -8,10 +8,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.linalg as sla
 
 from circparam.core.arrays import ComplexArray, FloatArray, IntArray, dot
 from circparam.core.clock import tick
+from circparam.core.compiled import SuperLU, gstrf
 from circparam.errors import NoResultError
 
 SparseMatrix: TypeAlias = (
@@ -36,14 +36,7 @@ class Factor:
         tick()
         columns = matrix if isinstance(matrix, sps.csc_matrix) else sps.csc_matrix(matrix)
         try:
-            self._lu = sla.splu(
-                columns,
-                permc_spec="NATURAL" if ordered else "MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                # panels pay on large matrices only
-                panel_size=1 if columns.shape[0] <= SMALL else None,
-                options={"SymmetricMode": True},
-            )
+            self._lu = _superlu(columns, "NATURAL" if ordered else "MMD_AT_PLUS_A")
         except (RuntimeError, MemoryError) as error:
             raise NoResultError(
                 f"a linear system of {matrix.shape[0]} unknowns has no factorisation ({error})"
@@ -61,6 +54,31 @@ class Factor:
             return b.copy()
         result: FloatArray = self._lu.solve(np.asfortranarray(b))
         return result
+
+
+def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
+    """As ``scipy.sparse.linalg.splu`` with diagonal pivots, which would import 80 modules."""
+    matrix.sum_duplicates()
+    n = matrix.shape[0]
+    options = {
+        "ColPerm": order,
+        "DiagPivotThresh": 0.0,
+        "PanelSize": 1 if n <= SMALL else None,  # panels pay on large matrices only
+        "Relax": None,
+        "SymmetricMode": True,
+    }
+    rows, start = matrix.indices.astype(np.intc), matrix.indptr.astype(np.intc)
+    factor: SuperLU = gstrf(
+        n,
+        matrix.nnz,
+        matrix.data,
+        rows,
+        start,
+        csc_construct_func=sps.csc_matrix,
+        ilu=False,
+        options=options,
+    )
+    return factor
 
 
 class ComplexFactor(Factor):

@@ -25,6 +25,7 @@ from circparam.core.arrays import (
     group_sum,
     ranges,
 )
+from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.geometry.congruent_flats import Flats, find_flats, same_flats
 
@@ -212,8 +213,6 @@ def _copies_of(
     parts: _Parts, leader: IntArray, asked: BoolArray, mirror: bool, flats: bool
 ) -> _Found:
     """Which of the components ``asked`` ((n,) bool) are copies of their leaders (n,)."""
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
     n = len(leader)
     leads = np.zeros(n, bool)
     leads[leader[asked]] = True
@@ -221,7 +220,7 @@ def _copies_of(
     mine = np.flatnonzero(leads[parts.owner])
     scale = np.maximum(parts.radius, 1e-300)
     # leaders lie one after the other along a fourth axis, too far apart to be neighbours
-    tree = cKDTree(_apart(parts.points[mine] / scale[parts.owner[mine], None], parts.owner[mine]))
+    tree = kd_tree(_apart(parts.points[mine] / scale[parts.owner[mine], None], parts.owner[mine]))
     reach = 2 * float((parts.slack / scale)[asked].max(initial=0.0)) + 1e-9
     order = np.lexsort((*np.sort(parts.vertex, 1).T[::-1], parts.component))
     begin = np.searchsorted(parts.component[order], np.arange(n + 1))

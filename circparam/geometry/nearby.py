@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.compiled import kd_tree
 
 PAIRS = 4_000_000  # of points and places up to which all are compared: a tree takes 0.1 s to import, too
 
@@ -49,12 +50,10 @@ def _by_tree(
     at: FloatArray, group: IntArray, places: tuple[FloatArray, IntArray], reach: FloatArray
 ) -> BoolArray:
     """``within`` of many points and places; groups are layers of space that lie far apart."""
-    from scipy.spatial import cKDTree
-
     to, of = places
     apart = 4.0 * float(np.ptp(np.concatenate([at, to]), axis=0).max())
     apart += float(reach[np.isfinite(reach)].max(initial=1.0))
-    tree = cKDTree(np.c_[to, of * apart])
+    tree = kd_tree(np.c_[to, of * apart])
     most = float(reach[np.unique(of)].max())
     far, _ = tree.query(np.c_[at, group * apart], distance_upper_bound=most)
     result: BoolArray = far < reach[group]

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, ranges, sorted_distinct
+from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 
 LabelGrid: TypeAlias = npt.NDArray[np.int32]
@@ -327,15 +328,13 @@ def _gap_by_trees(
     Two labels differ in a bit. The nearest texels of two labels are found by searching, for each bit, from the
     texels with the bit to those without.
     """
-    from scipy.spatial import cKDTree
-
     names, index = np.unique(label, return_inverse=True)
     best = search * search + 1
     pair: tuple[int, int] | None = None
     for bit in range(int(len(names) - 1).bit_length()):
         with_bit = (index >> bit) & 1 == 1
         a, b = np.flatnonzero(with_bit), np.flatnonzero(~with_bit)
-        distance, nearest = cKDTree(texels[b]).query(
+        distance, nearest = kd_tree(texels[b]).query(
             texels[a], distance_upper_bound=np.sqrt(best) + 0.5
         )
         found = np.flatnonzero(np.isfinite(distance))

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys
+from circparam.core.compiled import breadth_first_order
 from circparam.core.graph import components
 from circparam.mesh.halfedge import Pairs
 
@@ -108,7 +108,7 @@ def _along_tree(
         ),
         shape=(count + 1, count + 1),
     )
-    _, parent = csgraph.breadth_first_order(graph.tocsr(), count, directed=False)
+    _, parent = breadth_first_order(graph.tocsr(), count, directed=False)
     child = np.flatnonzero((parent[:count] >= 0) & (parent[:count] < count))
     key = edge_keys(a, b, count)
     order = np.argsort(key, kind="stable")

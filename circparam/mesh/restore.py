@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     ranges,
     sorted_distinct,
 )
+from circparam.core.compiled import kd_tree
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
@@ -83,9 +84,7 @@ def _degenerate_uv(
     if homeless.any():
         centre = surface.points[surface.faces].mean(1)
         place = surface.points[points[homeless]].mean(1)
-        from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
-        out[homeless] = uv_faces[cKDTree(centre).query(place)[1], 0][:, None]
+        out[homeless] = uv_faces[kd_tree(centre).query(place)[1], 0][:, None]
     some = np.take_along_axis(out, (out >= 0).argmax(1)[:, None], 1)
     out = np.where(out < 0, some, out)
     return _flattened(surface, points, uv, uv_faces, out)

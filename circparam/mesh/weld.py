@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, sorted_distinct
+from circparam.core.compiled import kd_tree
 from circparam.core.graph import components
 from circparam.errors import OptionError
 from circparam.mesh.mesh import Mesh
@@ -29,9 +30,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
     used[mesh.faces] = True
     points = sorted_distinct(weld[used])
     scale = mesh_scale(mesh)
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
-    tree = cKDTree(mesh.points[points] * scale)
+    tree = kd_tree(mesh.points[points] * scale)
     radius = eps * scale
     if tree.count_neighbors(tree, radius) > (2 * POINT_PAIRS + 1) * len(points):
         raise OptionError(

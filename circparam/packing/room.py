@@ -17,7 +17,7 @@ from circparam.core.records import dataclass
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 
-sf = OnDemand("scipy.fft")
+sf = OnDemand("circparam.core.fourier")
 
 SIDE, MANY_SIDE = 1024, 512  # cells along a page, at most: 2 and 4 texels of a page of 2048
 MANY = 32  # charts; more are placed on the coarser grid

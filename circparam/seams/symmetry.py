@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
+from circparam.core.compiled import kd_tree
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
@@ -103,11 +104,9 @@ def find_mirror(surface: Surface, asked: str) -> Mirror:
 
 def _likeness(surface: Surface, axis: str, at: float, used: IntArray) -> float:
     """Share of the points whose image lies within the length of an edge of another point."""
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
     p = surface.points[used]
     reach = float(np.median(surface.edge_lengths)) if len(surface.edges) else 0.0
-    near, _ = cKDTree(p).query(_reflected(p, axis, at), distance_upper_bound=reach)
+    near, _ = kd_tree(p).query(_reflected(p, axis, at), distance_upper_bound=reach)
     return float(np.isfinite(near).mean())
 
 
@@ -120,11 +119,9 @@ def _reflected(points: FloatArray, axis: str, at: float) -> FloatArray:
 
 def _images(surface: Surface, axis: str, at: float, used: IntArray) -> Images | None:
     """The images of all polygons; None where some have none."""
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
     p = surface.points[used]
     size = float(np.linalg.norm(np.ptp(p, axis=0)))
-    near, to = cKDTree(p).query(_reflected(p, axis, at), distance_upper_bound=TOLERANCE * size)
+    near, to = kd_tree(p).query(_reflected(p, axis, at), distance_upper_bound=TOLERANCE * size)
     found = np.isfinite(near)
     to = np.where(found, to, 0)
     found &= to[to] == np.arange(len(used))
@@ -212,8 +209,6 @@ def image_of(surface: Surface, mirror: Mirror, images: Images, half: Atlas) -> A
 
 def about_image_of(mirror: Mirror, half: Atlas, rest: Surface) -> tuple[Atlas, Proxy]:
     """Seams and layout of one half as those of a proxy of the other half, ``rest``, whose image it is about."""
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
     s = half.surface
     points = _reflected(s.points, mirror.axis, mirror.at)
     back = np.sort(3 * (s.edges // 3) + 2 - s.edges % 3, axis=1)
@@ -226,8 +221,8 @@ def about_image_of(mirror: Mirror, half: Atlas, rest: Surface) -> tuple[Atlas, P
     used = np.unique(s.faces)
     # a vertex and the point nearest to it, where that is mutual; the others follow along the edges
     p = rest.vertex_points
-    near = np.asarray(cKDTree(points[used]).query(p)[1])
-    back_to = np.asarray(cKDTree(p).query(points[used])[1])
+    near = np.asarray(kd_tree(points[used]).query(p)[1])
+    back_to = np.asarray(kd_tree(p).query(points[used])[1])
     seed = np.flatnonzero(back_to[near] == np.arange(len(p)))
     flat = rest.corner_vertex
     a, b = flat.ravel(), flat[:, [1, 2, 0]].ravel()

@@ -22,6 +22,7 @@ from circparam.core.arrays import (
     group_sum,
     next_half_edge,
 )
+from circparam.core.compiled import kd_tree
 from circparam.core.linalg import SparseMatrix
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -310,9 +311,7 @@ def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArra
     middle = (boundary.start[segment] + boundary.end[segment]) / 2
     half = np.linalg.norm(boundary.end[segment] - boundary.start[segment], axis=1) / 2
     radius = REACH * boundary.size[boundary.chart[vertex]] + np.median(half)
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
-    found = cKDTree(middle).query_ball_point(boundary.start[vertex], radius, return_sorted=True)
+    found = kd_tree(middle).query_ball_point(boundary.start[vertex], radius, return_sorted=True)
     count = np.fromiter(map(len, found), np.int64, len(found))
     a, b = np.repeat(vertex, count), segment[np.concatenate(found).astype(np.int64)]
     same = boundary.chart[a] == boundary.chart[b]

@@ -38,6 +38,41 @@ def test_what_nobody_uses_is_not_loaded_and_works_when_it_is() -> None:
     assert done.returncode == 0, done.stderr
 
 
+HELD_BACK = """
+import sys
+from circparam.core.imports import put_off
+put_off()
+import numpy as np
+from circparam.core import compiled, fourier, linalg
+from circparam.core.linear_program import SIMPLEX, least
+from circparam.core.graph import components
+import scipy.sparse as sps
+matrix = sps.csc_matrix(np.diag([2.0, 4.0]))
+print(linalg.solve(matrix, np.array([2.0, 4.0])), compiled.kd_tree(np.eye(2)).query([[1, 0.1]])[1])
+print(components(3, np.array([0]), np.array([2])), fourier.rfft2(np.ones((2, 2)))[0, 0])
+print(least(-np.ones(2), matrix, np.ones(2), 1.0, SIMPLEX, 100).x)
+late = ("scipy.linalg", "scipy.special", "scipy.sparse.linalg._isolve", "scipy.spatial._kdtree")
+late += ("scipy.fft._basic", "scipy.sparse.csgraph._laplacian", "numpy.ma.core")
+print([name for name in late if name in sys.modules])
+from scipy.sparse.linalg import eigsh, splu
+from scipy.sparse.csgraph import laplacian
+import scipy.spatial, scipy.fft, scipy.optimize, scipy.interpolate, scipy.ndimage
+assert (splu(matrix).solve(np.ones(2)) == linalg.Factor(matrix).solve(np.ones(2))).all()
+assert len(scipy.spatial.ConvexHull(np.random.rand(9, 2)).simplices) >= 3
+assert scipy.fft.rfft2(np.ones((2, 2)))[0, 0] == 4 and np.ma.masked is not None
+assert scipy.optimize.linprog([1.0], bounds=(0, 1)).x[0] == 0
+assert isinstance(compiled.kd_tree(np.eye(2)), scipy.spatial.cKDTree)
+"""
+
+
+def test_compiled_functions_load_alone_and_their_packages_work_afterwards() -> None:
+    done = subprocess.run([sys.executable, "-c", HELD_BACK], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["[1. 1.] [0]", "(2, array([0, 1, 0])) (4+0j)"]
+    assert lines[2:] == ["[0.5  0.25]", "[]"]
+
+
 UNWRAP = """
 import sys
 from circparam.cli import main

@@ -36,7 +36,7 @@ def filled(
     inner = options.resolution - 2 * options.border + options.gap
     frame = _Frame(inner / SIDE, options.border - options.gap / 2)
     grow = options.gap / 2 / frame.texels
-    size = int(sf.next_fast_len(int(SIDE * SIDES[-1]) + 1, real=True))
+    size = int(sf.good_size(int(SIDE * SIDES[-1]) + 1, True))
     used: Single = np.zeros((size, size), np.float32)
     world = shapes.place(start.angle, frame.cells(start.offset), start.scale / frame.texels)
     for c in np.flatnonzero(there).tolist():

@@ -9,12 +9,12 @@ turns and growth. A few steps in a shrinking trust region reach the lock.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray, dot2, norms2
+from circparam.core.linear_program import INTERIOR, SIMPLEX, least
 from circparam.core.records import dataclass
 from circparam.packing.nest.contacts import Contacts, to_world
 from circparam.packing.nest.growth import REACH, SLACK, Growth
@@ -24,10 +24,8 @@ from circparam.packing.placement import Placement
 # Rows of one linear program; layouts of real charts have some ten thousand at most.
 MOST_ROWS = 60_000
 
-# Pivots for each chart, after which the simplex counts as stalled (others take a tenth); and the status of
-# the solver then.
+# Pivots for each chart, after which the simplex counts as stalled: others take a tenth.
 PIVOTS = 60
-STALLED = 1
 
 # Samples lie at most this share of a trust region apart along the edges.
 STEP = 0.7
@@ -128,24 +126,18 @@ def compaction_step(
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
-    from scipy.optimize import linprog  # takes 0.05 s, and a chart alone on its page never needs it
-
     # unknowns in units of the trust region, so that the solver sees numbers near 1
     matrix.data *= most[matrix.indices] / trust
     right = bound / trust
     # Presolving takes longer than it saves. The simplex stalls on a few programs; interior points solve them,
     # and take longer on all others.
-    attempts: list[tuple[Any, int]] = [("highs-ds", PIVOTS * (n + 10)), ("highs-ipm", PIVOTS)]
-    for method, most_rounds in attempts:
-        options: Any = {"presolve": method == "highs-ipm", "maxiter": most_rounds}
-        answer: Any = linprog(  # type: ignore[call-overload]
-            cost, A_ub=matrix, b_ub=right, bounds=(-1, 1), method=method, options=options
-        )
-        if answer.status != STALLED:
-            break
-    if answer.x is None:
+    columns = matrix.tocsc()
+    solved = least(cost, columns, right, 1.0, SIMPLEX, PIVOTS * (n + 10))
+    if solved.stalled:
+        solved = least(cost, columns, right, 1.0, INTERIOR, PIVOTS)
+    if solved.x is None:
         return None
-    z = answer.x * most
+    z = solved.x * most
     return replace(
         placement,
         scale=placement.scale * (1 + z[-1]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, dot2, first_of_runs, norms2, ranges
+from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.geometry.intersect import properly_cross
 from circparam.packing.outlines import Shapes
@@ -87,9 +88,7 @@ def find_contacts(
     world = to_world(placement, outlines.chart, outlines.points)
     tiled = _pages_apart(placement, outlines.chart, world, reach)
     some = _near_others(tiled, outlines.chart, reach)
-    from scipy.spatial import cKDTree  # takes 0.1 s, and a chart alone on its page never needs it
-
-    tree = cKDTree(tiled[some], balanced_tree=False, compact_nodes=False)
+    tree = kd_tree(tiled[some], balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(reach, output_type="ndarray")
     # a < b in every pair, and samples are sorted by chart: i < j
     chart = outlines.chart[some]

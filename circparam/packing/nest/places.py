@@ -14,7 +14,7 @@ from circparam.core.records import dataclass
 from circparam.packing.nest.masks import Masks
 
 # brings scipy.special along, and a chart alone on its page needs neither
-sf = OnDemand("scipy.fft")
+sf = OnDemand("circparam.core.fourier")
 
 Spectrum = npt.NDArray[np.complex64]
 Single = npt.NDArray[np.float32]
@@ -29,7 +29,7 @@ NOISE = 2e-6
 @lru_cache(maxsize=64)
 def blur_transfer(side: int, sigma: float) -> FloatArray:
     """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
-    f0, f1 = sf.fftfreq(side)[:, None], sf.rfftfreq(side)[None]
+    f0, f1 = np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None]
     gauss: FloatArray = np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
     return gauss
 

@@ -102,9 +102,9 @@ def make_board(
         a, b = shapes.outline(c)
         masks.append(chart_masks(a / cell, b / cell, angles[c], grow))
         largest = max(largest, int(masks[-1].size.min(0).max()))
-    side = sf.next_fast_len(max(int(cells * SLACK), largest + 2), real=True)
+    side = sf.good_size(max(int(cells * SLACK), largest + 2), True)
     while side % 2:
-        side = sf.next_fast_len(side + 1, real=True)
+        side = sf.good_size(side + 1, True)
     return board_of(masks, cell, side)
 
 

@@ -188,7 +188,7 @@ def least_page(
     side = below - 1
     if side < least:
         return None
-    board = _Board(sketches, cache or SketchCache(), int(sf.next_fast_len(side, real=True)))
+    board = _Board(sketches, cache or SketchCache(), int(sf.good_size(side, True)))
     rng = np.random.default_rng(SEED)
     found: SketchedPage | None = None
     failures = tried = 0

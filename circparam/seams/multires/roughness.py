@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
+from circparam.core.compiled import kd_tree
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import TRIAL
@@ -52,14 +53,12 @@ def _patches(surface: Surface, size: float) -> IntArray:
 
     They lie where equal steps of area in the order of the file end.
     """
-    from scipy.spatial import cKDTree  # takes 0.1 s to import
-
     sums = np.cumsum(surface.areas)
     at = np.searchsorted(sums, (np.arange(PATCHES) + 0.5) / PATCHES * sums[-1])
     a, b, c = surface.points[surface.faces.T]
     centre = (a + b + c) / 3
     reach = np.sqrt(size * np.median(surface.areas) / np.pi)
-    apart, which = cKDTree(centre[at]).query(centre, distance_upper_bound=reach)
+    apart, which = kd_tree(centre[at]).query(centre, distance_upper_bound=reach)
     return _hanging_together(surface, np.where(np.isfinite(apart), which, -1))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import (
     BoolArray,
@@ -17,6 +16,7 @@ from circparam.core.arrays import (
     group_sum,
     ranges,
 )
+from circparam.core.compiled import breadth_first_order, maximum_flow
 from circparam.core.graph import components, distances, matching, nearest, undirected
 from circparam.geometry.boundary import boundary_of
 from circparam.geometry.layers import own_layers
@@ -266,11 +266,11 @@ def minimum_cut(
     columns = np.concatenate([b, a, number[source]])
     w = np.concatenate([w, w, np.full(len(source), 16 * WALL)]).astype(np.int32)
     capacity = sps.csr_array(sps.coo_array((w, (rows, columns)), shape=(count + 2, count + 2)))
-    flow = csgraph.maximum_flow(capacity, count + 1, count).flow
+    flow = maximum_flow(capacity, count + 1, count).flow
     residual = sps.csr_array(capacity - flow)
     residual.data = np.maximum(residual.data, 0)
     residual.eliminate_zeros()
-    reached = csgraph.breadth_first_order(residual, count + 1, return_predecessors=False)
+    reached = breadth_first_order(residual, count + 1, return_predecessors=False)
     out = np.zeros(count + 2, bool)
     out[reached] = True
     result: BoolArray = near & out[number]

@@ -1,0 +1,30 @@
+"""Fourier transforms of SciPy without its choice of backends, which imports all special functions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from circparam.core.imports import alone
+
+with alone("scipy.fft"):
+    from scipy.fft._pocketfft import (  # type: ignore[import-not-found]
+        ifft,
+        irfft,
+        irfftn,
+        rfft,
+        rfftn,
+    )
+    from scipy.fft._pocketfft.helper import good_size  # type: ignore[import-not-found]
+
+
+def rfft2(a: Any) -> Any:
+    """The transform of real arrays (..., h, w) over the last two axes."""
+    return rfftn(a, axes=(-2, -1))
+
+
+def irfft2(a: Any, s: tuple[int, int]) -> Any:
+    """The inverse of ``rfft2`` for arrays of size s."""
+    return irfftn(a, s, axes=(-2, -1))
+
+
+__all__ = ["good_size", "ifft", "irfft", "irfft2", "rfft", "rfft2"]
