@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel
+from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
@@ -16,7 +17,7 @@ from circparam.geometry.coverage import pages_of
 from circparam.pipeline.selection import KINDS
 from circparam.pipeline.verify import Verification
 
-ROW = 10  # UDIM tiles of a row: 1001 to 1010
+ROW = 10  # UDIM tiles of a row: 1001 to 1010; later pages go on in the same row
 FIRST = 1001
 NAMELESS = "(no name)"
 
@@ -59,9 +60,10 @@ def find_groups(document: Document, kind: str, pages: bool) -> Groups:
         raise OptionError(
             f"{flag} has no effect: all faces are of {kind} {words[of_face[0]]!r}; leave it out"
         )
-    if pages and count > ROW:
+    if pages and count not in PAGES:
         raise OptionError(
-            f"{flag}: {count} {kind}s, and a row of UDIM tiles has {ROW} pages: join some, or leave it out"
+            f"{flag}: {count} {kind}s, and there are at most {PAGES.high:g} pages: join some, or give "
+            "--group-by"
         )
     return Groups(groups, tuple(words[of_face[f]] for f in first), kind, pages)
 
@@ -89,4 +91,7 @@ def group_rows(groups: Groups, found: Verification) -> Iterator[dict[str, Any]]:
 def note(groups: Groups) -> str:
     """One line on the groups."""
     count = counted(len(groups.names), groups.kind)
-    return f"{count} with pages of their own" if groups.pages else f"charts of {count} lie together"
+    if not groups.pages:
+        return f"charts of {count} lie together"
+    row = f"; UDIM has {ROW} in a row, and here u goes on" if len(groups.names) > ROW else ""
+    return f"{count} with pages of their own{row}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -100,18 +101,34 @@ def test_what_makes_no_sense_is_refused(words: dict[str, Any], why: str) -> None
         circparam.unwrap(BRACKET, **words, **QUICK)
 
 
-def test_names_are_needed_and_fit_a_row_of_tiles(tmp_path: Any) -> None:
+def sheets(path: Path, count: int) -> Path:
+    """Squares beside each other, each of a material of its own."""
+    lines = [f"v {2 * k + i} {j} 0" for k in range(count) for i in (0, 1) for j in (0, 1)]
+    for k in range(count):
+        a = 4 * k + 1
+        lines += [f"usemtl m{k}", f"f {a} {a + 2} {a + 3}", f"f {a} {a + 3} {a + 1}"]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_names_are_needed_and_fit_the_pages(tmp_path: Path) -> None:
     points, faces = shapes.grid(3, 3)
     with pytest.raises(OptionError, match="no names of materials"):
         find_groups(from_arrays(points, faces), "material", False)
-    path = tmp_path / "many.obj"
-    lines = [f"v {k} {j} 0" for k in range(12) for j in (0, 1)]
-    for k in range(11):
-        lines += [f"usemtl m{k}", f"f {2 * k + 1} {2 * k + 3} {2 * k + 4}"]
-    path.write_text("\n".join(lines) + "\n")
-    with pytest.raises(OptionError, match="11 materials"):
-        find_groups(read(path), "material", True)
-    assert find_groups(read(path), "material", False).names == tuple(f"m{k}" for k in range(11))
+    many = read(sheets(tmp_path / "many.obj", 101))
+    with pytest.raises(OptionError, match="101 materials, and there are at most 100 pages"):
+        find_groups(many, "material", True)
+    assert find_groups(many, "material", False).names == tuple(f"m{k}" for k in range(101))
+
+
+def test_more_than_ten_groups_get_pages_in_one_row(tmp_path: Path) -> None:
+    source, out = sheets(tmp_path / "sheets.obj", 23), tmp_path / "sheets.glb"
+    result = circparam.unwrap(source, out, pages_by="material", **QUICK)
+    assert result.status == "ok"
+    assert [row["pages"] for row in boxes(result)] == [[1001 + k] for k in range(23)]
+    assert int(result.verification.uv_max[0]) == 22
+    assert any("UDIM has 10 in a row" in note for note in result.notes)
+    assert circparam.repack(out, pages_by="material", resolution=512).status == "ok"
 
 
 def rise(result: Result, axis: int = 1) -> np.ndarray:
