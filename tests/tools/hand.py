@@ -25,8 +25,11 @@ ROWS: dict[str, tuple[str, dict[str, dict[str, Any]]]] = {
         {
             "no groups": {},
             "--group-by material": {"group_by": "material"},
-            "--pages-by material": {"pages_by": "material"},
         },
+    ),
+    "pages": (
+        PARTS,
+        {"one page": {}, "--pages-by material": {"pages_by": "material"}},
     ),
     "orient": (
         BRACKET,
