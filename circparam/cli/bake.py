@@ -34,24 +34,20 @@ Examples:
     type=click.Choice(["texture", "vertex-colors", "colours", "normals", "height"]),
     help="What to bake; colours means vertex-colors, normals are in tangent space.",
 )
-@click.option(
-    "--all",
-    "whole",
-    is_flag=True,
-    help="Carry all textures of all materials, face to face, into a mesh file.",
+@common.switch(
+    "--all", "Carry all textures of all materials, face to face, into a mesh file.", "whole"
 )
-@click.option(
+@common.path_option(
     "--source",
-    type=common.MESH,
+    "Source of the bake: the mesh before unwrapping, or another mesh.",
     metavar="OTHER",
-    help="Source of the bake: the mesh before unwrapping, or another mesh.",
+    type=common.MESH,
 )
-@click.option(
+@common.path_option(
     "--map",
+    "How MESH corresponds to OTHER: a file of circparam map (.npz), or nearest (along smooth normals).",
     "by",
-    type=common.FILE,
     metavar="MAP",
-    help="How MESH corresponds to OTHER: a file of circparam map (.npz), or nearest (along smooth normals).",
 )
 @click.option(
     "--cage",

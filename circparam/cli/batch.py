@@ -69,12 +69,7 @@ def _unwrap_options() -> list[click.Parameter]:
     help="Meshes unwrapped at the same time on this machine.  [default: cores]",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster of this scheduler.")
-@click.option(
-    "--scheduler-file",
-    type=common.FILE,
-    metavar="FILE",
-    help="Use the Dask cluster that this file names.",
-)
+@common.path_option("--scheduler-file", "Use the Dask cluster that this file names.")
 @click.option(
     "--retry",
     multiple=True,
@@ -88,9 +83,7 @@ def _unwrap_options() -> list[click.Parameter]:
     default=0.0,
     help="Exit 6 if more than this share failed or missed a gate.  [default: 0]",
 )
-@click.option(
-    "--status", "status_of", type=common.FILE, metavar="DIR", help="Show the progress of a batch."
-)
+@common.path_option("--status", "Show the progress of a batch.", "status_of", metavar="DIR")
 def command(sources: tuple[str, ...], **given: Any) -> int:
     """Unwrap many files, each in a process of its own, with one line each in DIR/manifest.jsonl.
 

@@ -23,7 +23,7 @@ Examples:
 @click.command(epilog=_EPILOG)
 @click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=common.MESH)
 @common.apply(
-    click.option("--uv", is_flag=True, help="Evaluate the uv of the file."),
+    common.switch("--uv", "Evaluate the uv of the file."),
     common.library_option("uv_set"),
     common.atlas_groups,
     common.library_option("resolution"),

@@ -52,6 +52,19 @@ def option(section: str, *words: str, **known: Any) -> Decorator:
     return click.option(*words, cls=Option, section=section, **known)
 
 
+def switch(flag: str, text: str, *names: str, section: str = INFORMATION) -> Decorator:
+    """A flag without a value."""
+    return option(section, flag, *names, is_flag=True, help=text)
+
+
+def path_option(
+    flag: str, text: str, *names: str, section: str = INFORMATION, **known: Any
+) -> Decorator:
+    """A flag whose value is a file, or with ``type=MESH`` a mesh."""
+    known = {"type": FILE, "metavar": "FILE"} | known
+    return option(section, flag, *names, help=text, **known)
+
+
 def section_of(stage: str) -> str:
     """The section in which the options of a stage stand."""
     return next((name for name, stages in SECTIONS.items() if stage in stages), INFORMATION)
@@ -249,7 +262,7 @@ def echo_json(document: Any, indent: int | None = None) -> None:
 
 
 # options of the command line alone ----------------------------------------------------------------------
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
+json_option = switch("--json", "Print JSON on stdout.", "as_json")
 
 overwrite = library_option("overwrite")
 
@@ -259,27 +272,22 @@ atlas_groups = click.option(
     help="What shares an atlas.  [default: as the file says]",
 )
 
-quiet = click.option(
-    "--quiet", "-q", is_flag=True, help="Print no progress, no table, no warnings."
-)
+quiet = switch("--quiet", "Print no progress, no table, no warnings.", "-q")
 
 verbose = click.option("--verbose", "-v", count=True, help="Show more: -v stages, -vv notes.")
 
-output = option(INPUT, "--output", "-o", type=FILE, metavar="FILE", help="File to write.")
+output = path_option("--output", "File to write.", "-o", section=INPUT)
 
 
 def required_output(text: str) -> Decorator:
     """Where to write, for commands that have no name of their own to give."""
-    return click.option("--output", "-o", type=FILE, metavar="FILE", required=True, help=text)
+    return path_option("--output", text, "-o", required=True)
 
 
-out_dir = option(
-    INPUT,
-    "--out-dir",
-    type=FILE,
-    metavar="DIR",
-    help="Folder for the outputs, named as the inputs; created if missing.",
-)
+out_dir = path_option(
+    "--out-dir", "Folder for the outputs, named as the inputs; created if missing.", metavar="DIR",
+    section=INPUT,
+)  # fmt: skip
 
 format_option = library_option("format", type=Name("format", _formats, listed=True))
 

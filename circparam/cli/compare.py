@@ -71,17 +71,10 @@ _LIBRARY = (
     type=click.IntRange(1, 1000),
     help="Runs for each size of Table 1.  [default: 31]",
 )
-@click.option(
-    "--report",
-    type=common.FILE,
-    metavar="FILE.html",
-    help="Write a page: pictures, tables, plots.",
-)
-@click.option(
-    "--plot", type=common.FILE, metavar="FILE.png", help="Write the layouts side by side."
-)
+@common.path_option("--report", "Write a page: pictures, tables, plots.", metavar="FILE.html")
+@common.path_option("--plot", "Write the layouts side by side.", metavar="FILE.png")
 @common.json_option
-@click.option("--csv", "csv_file", type=common.FILE, metavar="FILE", help="Write the rows as CSV.")
+@common.path_option("--csv", "Write the rows as CSV.", "csv_file")
 @common.overwrite
 @common.quiet
 def command(meshes: tuple[str, ...], **given: Any) -> int:

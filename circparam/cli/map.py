@@ -34,12 +34,7 @@ def _methods() -> list[str]:
 @click.argument("a", metavar="A", type=common.MESH)
 @click.argument("b", metavar="B", type=common.MESH)
 @common.apply(
-    click.option(
-        "--landmarks",
-        type=common.FILE,
-        metavar="FILE",
-        help="Vertices that correspond: one of A and one of B per line.",
-    ),
+    common.path_option("--landmarks", "Vertices that correspond: one of A and one of B per line."),
     common.required_output("Map to write (.npz)."),
     click.option(
         "--method",
@@ -48,17 +43,11 @@ def _methods() -> list[str]:
         show_default=True,
         help="Weights of the convex maps: circle, mean-value, floater or uniform.",
     ),
-    click.option(
-        "--charts", is_flag=True, help="Map chart to chart; the charts of both files correspond."
-    ),
-    click.option("--mirrored", is_flag=True, help="Map to the mirror image of B."),
-    click.option(
-        "--no-relax", is_flag=True, help="Return the composed convex maps without relaxation."
-    ),
-    click.option(
-        "--overlay",
-        is_flag=True,
-        help="Add the common refinement of both meshes, for circparam morph --overlay.",
+    common.switch("--charts", "Map chart to chart; the charts of both files correspond."),
+    common.switch("--mirrored", "Map to the mirror image of B."),
+    common.switch("--no-relax", "Return the composed convex maps without relaxation."),
+    common.switch(
+        "--overlay", "Add the common refinement of both meshes, for circparam morph --overlay."
     ),
     common.library_option("reader"),
     common.overwrite,

@@ -23,13 +23,12 @@ Examples:
 @click.command(epilog=_EPILOG)
 @click.argument("first", type=common.MESH, metavar="A")
 @click.argument("second", type=common.MESH, metavar="B")
-@click.option(
+@common.path_option(
     "--map",
+    "Map between A and B, in either direction, from circparam map (.npz).",
     "mapped",
-    type=common.FILE,
     metavar="MAP",
     required=True,
-    help="Map between A and B, in either direction, from circparam map (.npz).",
 )
 @common.required_output("File to write (.glb).")
 @click.option(
@@ -40,11 +39,7 @@ Examples:
     metavar="N",
     help="Key frames from A to B; the animation returns the same way.",
 )
-@click.option(
-    "--overlay",
-    is_flag=True,
-    help="Morph the common refinement of both meshes; needs map --overlay.",
-)
+@common.switch("--overlay", "Morph the common refinement of both meshes; needs map --overlay.")
 @common.library_option("reader")
 @common.overwrite
 @common.json_option

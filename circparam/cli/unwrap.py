@@ -73,35 +73,24 @@ class UnwrapCommand(common.SectionedCommand):
     common.library_option("method"),
     common.library_options("flattening"),
     common.library_options("seams"),
-    common.option(
-        common.SEAMS,
-        "--export-seams",
-        type=common.FILE,
-        metavar="FILE",
-        help="Write the seams as vertex pairs, counted from 0.",
+    common.path_option(
+        "--export-seams", "Write the seams as vertex pairs, counted from 0.", section=common.SEAMS
     ),
     common.library_options("packing"),
-    common.option(
-        common.PACKING,
+    common.switch(
         "--one-atlas",
-        is_flag=True,
-        help="Put all meshes on shared pages, with --rebake on shared images; needs --out-dir.",
+        "Put all meshes on shared pages, with --rebake on shared images; needs --out-dir.",
+        section=common.PACKING,
     ),
-    common.option(
-        common.TEXTURES,
+    common.switch(
         "--rebake",
-        is_flag=True,
-        help="Carry every texture of every material into the new uv.",
+        "Carry every texture of every material into the new uv.",
+        section=common.TEXTURES,
     ),
     common.library_options("look", LookOptions),
     common.library_options("writing"),
-    common.option(
-        common.INPUT,
-        "--map",
-        "index_map",
-        type=common.FILE,
-        metavar="FILE.npz",
-        help="Write the index map.",
+    common.path_option(
+        "--map", "Write the index map.", "index_map", metavar="FILE.npz", section=common.INPUT
     ),
     common.library_options("repair"),
     common.gates,
@@ -111,13 +100,7 @@ class UnwrapCommand(common.SectionedCommand):
     common.option(
         common.CHECKS, "--max-memory", metavar="SIZE", help="Upper bound on memory, such as 4G."
     ),
-    common.option(
-        common.INPUT,
-        "--preview",
-        type=common.FILE,
-        metavar="FILE",
-        help="Draw the result: .png, .svg or .html.",
-    ),
+    common.path_option("--preview", "Draw the result: .png, .svg or .html.", section=common.INPUT),
     common.json_option,
     common.quiet,
     common.verbose,

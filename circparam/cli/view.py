@@ -23,12 +23,8 @@ Examples:
 
 @click.command(epilog=_EPILOG)
 @click.argument("mesh", type=common.MESH)
-@click.option(
-    "--output",
-    "-o",
-    type=common.FILE,
-    metavar="FILE",
-    help="File to write: .png, .svg or .html.  [default: MESH_view.png]",
+@common.path_option(
+    "--output", "File to write: .png, .svg or .html.  [default: MESH_view.png]", "-o"
 )
 @click.option(
     "--uv-set",
@@ -38,11 +34,11 @@ Examples:
     metavar="N",
     help="Number of the uv set, from 0.",
 )
-@click.option(
+@common.path_option(
     "--before",
-    type=common.MESH,
+    "Show the layout of this mesh beside MESH, on a page (.html).",
     metavar="OLD",
-    help="Show the layout of this mesh beside MESH, on a page (.html).",
+    type=common.MESH,
 )
 @click.option(
     "--padding",

@@ -14,7 +14,7 @@ from circparam.core.records import dataclass
 Energy: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Precondition: TypeAlias = Callable[[FloatArray], FloatArray]
 ARMIJO = 1e-4  # least decrease, as a share of the decrease that the slope predicts
-HALVINGS = 40  # of a step: tolerance 1e-12
+HALVINGS = 40  # of a step, down to 1e-12 of its length
 MEMORY = 8  # pairs in memory; Nocedal and Wright (2006, section 7.2) advise 3 to 20
 CURVED = 1e-12  # sᵀy / ‖s‖‖y‖ from which the curvature of a pair exceeds rounding
 IDLE = 2  # consecutive steps below the tolerance after which a group stops

@@ -18,7 +18,7 @@ from circparam.solvers.objective import Objective, in_units_of_faces
 
 # least decrease, as a share of the decrease that the slope predicts (Nocedal, Wright 2006, 3.4)
 ARMIJO = 1e-4
-HALVINGS = 40  # of a step: tolerance 1e-12
+HALVINGS = 40  # of a step, down to 1e-12 of its length
 SHORTEST_STEP = 1e-10  # share of the Newton step below which a chart has no descent
 SAFETY = 0.9  # share of the way to the first collapse that a step may go
 BAD_START = 20.0  # energy above which the SLIM proxy converges better than the Hessian
