@@ -94,7 +94,7 @@ def _clustered(
                 return None
             scale *= SMALLER
             continue
-        more = placed.scale * options.resolution  # times as large as they are packed
+        more = placed.scale * options.resolution  # factor over the packed size
         if more >= 1 - 1e-9 and (best is None or scale * more > best.scale * options.resolution):
             best = _moved(charts, boxes, placed, scale * more / options.resolution)
         # strips fill the width of a page at any scale, so the height left is the measure

@@ -1,9 +1,9 @@
 """Texels covered by charts, from their outlines: much less work than from many faces.
 
 A chart without reversed faces covers a point as often as its outline winds about the point. The degree of the
-map counts the faces over the point, none negatively. So where the winding number is not 0 there is the chart.
-Charts with reversed faces, or with edges at which three faces or faces of opposite orientation meet, are
-scanned face by face.
+map counts the faces over the point, none negatively. The chart lies where the winding number is not 0. Charts
+with reversed faces, or with edges at which three faces or faces of opposite orientation meet, are scanned face
+by face.
 """
 
 from __future__ import annotations

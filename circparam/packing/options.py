@@ -89,7 +89,7 @@ class PackOptions:
 
 
 def pages_needed(area: float, options: PackOptions) -> int:
-    """The pages that charts of an area in square texels need at least, whatever their shapes."""
+    """Least number of pages for charts of an area in square texels, whatever their shapes."""
     room = options.resolution - 2 * options.border
     return math.ceil(area / room**2 - 1e-9)
 

@@ -105,7 +105,7 @@ def _candidates(task: PackTask) -> list[Placement]:
 
 
 def _with(found: dict[str, Placement], row: Row[Packer], task: PackTask) -> dict[str, Placement]:
-    """The placements found, with that of one more row where it finds one before it is broken off."""
+    """The placements found, and the placement of one more row, unless the row fails or ends early."""
     try:
         with clock.bounded(None if row.function.instant else task.monitor.last):
             placement = row.function(replace(task, found=found))

@@ -1,8 +1,8 @@
 """Room on pages that are in use: charts of fixed sizes go where no other chart lies.
 
-All is drawn on a grid of cells, too large rather than too small: a cell counts as used where a triangle touches
-it. A chart fits where the correlation of its cells with those in use is zero, which one Fourier transform tells
-for all places. Small charts among many are placed by their boxes, with a table of sums.
+All is drawn on a grid of cells, rather too large than too small: a cell that a triangle touches is used. A
+chart fits where the correlation of its cells with those in use is zero, which one Fourier transform tells for
+all places. Small charts among many are placed by their boxes, with a table of sums.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def find_room(
 ) -> Room | None:
     """Places for charts, whose units are pages, on pages in use; None if there are none.
 
-    pages: (t, 3, 2) triangles on each page, in the unit square. exact: at the sizes that the charts have; else
-    smaller where that is needed, all alike.
+    pages: (t, 3, 2) triangles on each page, in the unit square. exact: at the sizes of the charts; otherwise
+    all shrink alike if needed.
     """
     side = min(options.resolution, SIDE if shapes.n <= MANY else MANY_SIDE)
     grid = _Grid(side, options.resolution / side, options)
@@ -76,7 +76,7 @@ class _Grid:
     options: PackOptions
 
     def reach(self) -> BoolArray:
-        """Cells round one in the middle, of which a point is nearer than the gap to a point of that one."""
+        """Cells round a middle cell with a point nearer than the gap to a point of the middle cell."""
         gap = self.options.gap / self.texels
         k = int(np.ceil(gap))
         apart = np.maximum(np.abs(np.arange(-k, k + 1)) - 1, 0)

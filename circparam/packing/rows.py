@@ -1,7 +1,7 @@
-"""Rows by size, dropped: very many charts, row by row, each row let down on the one below.
+"""Rows by size, dropped: very many charts, row by row, each row put on the one below.
 
 A row is an array operation. Its charts lie side by side, and each comes to rest on the columns of the skyline
-below, upright or turned by half, whichever wastes less. It takes seconds where a skyline takes minutes.
+below, upright or turned by half, whichever wastes less. Rows take seconds, a skyline minutes.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _rows(width: FloatArray, options: PackOptions) -> tuple[IntArray, FloatArray
 def _row(
     shape: Profiles, sky: Bounds, row: IntArray, column: IntArray, turns: int
 ) -> tuple[IntArray, FloatArray, Bounds]:
-    """Charts (k,) let down: (turn of each, height of its centre, the skyline afterwards).
+    """Charts (k,) put down: (turn of each, height of its centre, the skyline afterwards).
 
     column: (n · turns,) where the columns of each chart begin at each turn.
     """

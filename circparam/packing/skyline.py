@@ -27,8 +27,8 @@ COLUMNS = 24
 # Scales that are tried: the height used at one tells the next.
 PASSES = 5
 
-# Share of the pages that grown charts cover in the end, about: it sets the first scale. Less where there are
-# many, which are mostly single faces.
+# Share of the pages that grown charts cover in the end, about: it sets the first scale. The weight is less
+# for many charts, which are mostly single faces.
 _SHARE, _SHARE_OF_MANY = 0.72, 0.58
 
 # Charts from which a page filled so far is full: a pass takes a second there.

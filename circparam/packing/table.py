@@ -50,7 +50,7 @@ def _shelf(task: PackTask) -> Placement | None:
 
 def _skyline(task: PackTask) -> Placement | None:
     if task.start is not None and _few_enough_to_nest(task.shapes, task.options):
-        return None  # nesting goes on from there, and asks for it where that leads nowhere
+        return None  # nesting continues from there, or asks for the skyline if that fails
     return _on_skyline(task)
 
 

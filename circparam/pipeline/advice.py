@@ -20,8 +20,8 @@ LEAST = 500  # faces: a smaller surface is unwrapped in less time than cuts take
 def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """The layout ``filled`` that ``fill_page`` made of ``start``, with advice where its page is half empty.
 
-    The advice names the share that further cuts cover. The cuts were made and packed. There is none where the
-    user has said how many there may be.
+    The advice names the share that further cuts cover. The cuts were made and packed. There is no advice if the
+    user has set the number.
     """
     small = len(start.atlas.surface.faces) < LEAST
     if options.cuts_asked is not None or options.max_charts is not None or small or monitor.expired:

@@ -30,7 +30,7 @@ _NO_MATTER = ("jobs", "timeout", "overwrite", "format", "checkpoint")
 
 
 def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) -> Seams:
-    """The seams of an earlier run if they were kept, else new ones, which are kept.
+    """The seams of an earlier run, else new ones, which are kept.
 
     Seams that were found in a hurry are not kept: they depend on the clock. Raises OutputError where the folder
     cannot be written to.

@@ -31,7 +31,7 @@ from circparam.seams.options import SeamOptions, Search
 
 
 def open_source(source: Any, options: Options) -> Document:
-    """A document from whatever ``unwrap`` takes."""
+    """A document from any source of ``unwrap``."""
     if isinstance(source, Document):
         return source
     if isinstance(source, (str, os.PathLike)):

@@ -14,11 +14,11 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.solvers.newton import RelaxOptions, relax
 
-BAND = 0.2  # of a chord's length: how far from it the way along edges may run
-EDGES = 4.0  # and so many edges besides
-ENDS = (0.35, 0.1, 0.0)  # of a chord's length: how far from its ends the way may begin and end
+BAND = 0.2  # of a chord's length: largest distance of the path along edges from the chord
+EDGES = 4.0  # and this many edges more
+ENDS = (0.35, 0.1, 0.0)  # of a chord's length: largest distance of the path's ends from its ends
 ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
-# Newton steps for a part above the bound: the first steps show the room that a cut makes A part is given up
+# Newton steps for a part above the bound: the first steps show the room that a cut makes. A part is given up
 # if its first step leaves more than this share of the excess. Parts that came below the bound ended the step
 # at 0.93 at most; four fifths of the others were above (150 parts, 11 meshes).
 STEPS = 6
@@ -48,7 +48,7 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """An atlas with the cut mesh that it is, and the uv (nv, 2) of that: whoever looks at it does so often."""
+    """An opened atlas: its cut mesh and the uv (nv, 2) of that mesh, for repeated use."""
 
     atlas: Atlas
     cut_mesh: CutMesh
@@ -61,10 +61,9 @@ class Opened:
 
 
 def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) -> Opened | None:
-    """The atlas of one chart cut along edges near a chord; None where that does not leave two disks as they
-    should be.
+    """The atlas of one chart cut along edges near a chord; None unless both parts are valid disks.
 
-    costs: (e,) of a seam along each edge, infinite where there may be none. The way begins and ends on a
+    costs: (e,) of a seam along each edge, infinite where seams are forbidden. The way begins and ends on a
     boundary near the ends of the chord, wherever it is shortest. Layouts stay, except for parts above the
     bound. These are relaxed, because the cut often makes room.
     """
@@ -130,7 +129,7 @@ def cheapest_way(
 ) -> IntArray | None:
     """The edges of the cheapest way from one of some vertices to one of others; None where there is none.
 
-    edge: (e,) usable edges, with their ends and costs. It keeps off the boundary in between.
+    edge: (e,) usable edges, with their ends and costs. The path avoids the boundary in between.
     """
     a, b = ends
     rim = np.zeros(cut_mesh.n_vertices, bool)
@@ -177,7 +176,7 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 
 
 def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:
-    """An atlas cut along a path (edges) if its two charts are as they should be, else None.
+    """An atlas cut along a path (edges) if both charts are valid, else None.
 
     Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound as it is or
     after relaxation. The smaller part has about the planned area.

@@ -24,7 +24,7 @@ from circparam.pipeline.pieces import AtlasCutter, Piece
 RATE = 0.4  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 LARGE, LEAST = 14, 0.01  # charts that are sketched, those of more than this share of the area
-ALL = 12  # charts up to which all are sketched, so that packing may go on from where they lie
+ALL = 12  # charts up to which all are sketched, so packing can continue from their places
 SKETCHED_SHARE = (
     0.85  # of the area: with less, charts without a sketch decide how full the page gets
 )

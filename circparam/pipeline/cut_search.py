@@ -1,7 +1,7 @@
 """The search for plans of cuts: level by level, each in tasks that processes share.
 
-How a level is divided, and the budget with it, does not depend on how many there are. A look at a chord needs
-no more than sketches; a cut that is made needs its chart.
+The division of a level, and its budget, do not depend on the number of processes. A look at a chord needs only
+sketches; a real cut needs its chart.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class Planner:
     """State that all plans for one layout share.
 
     cutter: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
-    budget: of cells that sketches transform; making a cut counts as well. monitor: tells how many processes
-    share the work. spared: area of faces that may be stretched too much besides.
+    budget: of cells that sketches transform; real cuts spend from it too. monitor: gives the number of
+    processes. spared: further area of faces that may be stretched too much.
     """
 
     cutter: AtlasCutter
@@ -205,7 +205,7 @@ class _Trial:
 
     @property
     def length(self) -> float:
-        """Of the chord."""
+        """Length of the chord."""
         return float(self.chords.length[self.k])
 
 
@@ -250,7 +250,7 @@ def looked_at(
 
 @dataclass(frozen=True, eq=False)
 class Making:
-    """A cut that is to be made along edges.
+    """A cut along edges that is planned.
 
     task: arguments of ``ChartCutter.cut``; None where ``known`` is the outcome. rest: sketches of the pieces
     that stay. room: length of the seam, and area of faces that it may stretch too much. below, tries: as for

@@ -28,8 +28,8 @@ _COLOUR = re.compile(r"#[0-9a-fA-F]{6}$")
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """How dense texels are to be. value: (f,) of each face of the mesh, positive, 1 where nothing is said.
-    part: (f,) which row of ``names`` each face belongs to.
+    """The texel density of faces. value: (f,) of each face of the mesh, positive, 1 by default. part: (f,)
+    which row of ``names`` each face belongs to.
     """
 
     value: FloatArray

@@ -23,7 +23,7 @@ LARGEST = 200_000  # faces of such charts together: beyond, factors take seconds
 
 
 def unrolled(atlas: Atlas) -> Atlas:
-    """The atlas with all charts unrolled that are nearly isometric and become exactly so; else as they are."""
+    """The atlas with all nearly isometric charts unrolled that become exact; the others unchanged."""
     cut_mesh, uv = atlas.open()
     if not np.isfinite(uv).all():
         return atlas

@@ -1,9 +1,9 @@
 """From a layout to one without a flip or an overlap: a fallback cascade that always ends.
 
 A faulty chart takes the next step: an isometric map, the chart split in two (several times), a convex map with
-positive weights, and single faces laid in the plane. Charts that are sound stay as they are; all faulty ones of
-a round are solved together. With seams allowed, a chart above its bound is faulty too. A collapsed chart would
-shrink all others at packing. Where time is up, charts are projected along the axes instead.
+positive weights, and single faces laid in the plane. Sound charts stay; all faulty ones of a round are solved
+together. With seams allowed, a chart above its bound is faulty too. A collapsed chart would shrink all others
+at packing. Where time is up, charts are projected along the axes instead.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
 STEPS = 100  # Newton steps for a piece: sound pieces need about 30, slower ones are split
-PROJECTED = 100  # steps that count for having been projected, where there is no time for a map
+PROJECTED = 100  # steps counted for a projection, if there is no time for a map
 LATE_BOUND = 3.0  # distortion from which on a projection, in more charts, is the better of the two
 LATE_SPLITS = 6  # times that such a chart may be halved
 LATE_SINGLE_BELOW = 100  # as SINGLE_BELOW, where every round counts
@@ -86,8 +86,7 @@ def sent_on(
 def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
     """(n_charts,) as ``faults``; also DISTORTED where seams may be added.
 
-    new: (m,) bool, faces of the charts to look at; others are known to be sound. Faces laid down one by one are
-    as they have to be.
+    new: (m,) bool, faces of the charts to look at; others are known to be sound. Single faces are always sound.
     """
     whole, of_whole = cascade.open()
     looked = np.zeros(whole.n_charts, bool)

@@ -55,7 +55,7 @@ def _worth_beginning(monitor: Monitor) -> None:
 
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
-    """The layout of the method, or the one that the seams come with where that is the same thing."""
+    """The layout of the method, or the layout of the seams if both agree."""
     options, surface = job.options, job.surface.at_density()
     blank = Cascade(Atlas(surface, seams.cut), rules(options), notes=tuple(seams.notes))
     plain = options.method == "isometric" and not (options.blend or options.pins is not None)

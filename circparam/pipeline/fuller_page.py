@@ -5,9 +5,10 @@ and boundaries of length L, in roots of the area, border L √s R texels, where 
 **A cut pays if texels grow by at least 0.4 of the percentage by which seams grow** (``RATE`` in ``cut_plan``),
 measured on sketches of the page. Sketches resolve 4 % of the covered share, one cell. The plans that rank
 highest are therefore packed, beside the page without cuts where that page may be as good. The best page is
-kept. The search has a budget of work (``WORK``), which is counted and not timed. Of more charts than a sketch
-shows well arms are cut off as their boxes tell (``sprawl``), and that one page is packed. A mesh that needs no
-seam gets none, and all cuts together make the seams no longer than ``LIMIT`` allows.
+kept. The search has a budget of work (``WORK``), which is counted and not timed. Many charts are more than a
+sketch can show. Their arms are then cut off by the estimate of their boxes (``sprawl``), and that one page is
+packed. A mesh that needs no seam gets none, and all cuts together make the seams no longer than ``LIMIT``
+allows.
 """
 
 from __future__ import annotations
@@ -141,7 +142,7 @@ class _Uncut:
 
     @cached_property
     def packing(self) -> KnownPacking | None:
-        """The charts as they are, packed; None where they cannot be."""
+        """The charts, packed; None if packing fails."""
         found: KnownPacking | None = self._later.result()
         return found
 
@@ -248,7 +249,7 @@ class _Contest:
         best = int(np.argmax(values)) if values else -1
         if best < 0 or not np.isfinite(values[best]):
             return None
-        # the page without cuts is packed where it may be better than its sketch tells
+        # the page without cuts is packed if it may be better than its sketch
         if values[best] < first.value + SURE and values[best] <= _value(
             uncut.packing, first.length
         ):
@@ -272,7 +273,7 @@ def _note(cuts: int, before: Atlas, after: Atlas) -> str:
 def stretch_kept(
     atlas: Atlas, before: Atlas, options: Options, bound: float, monitor: Monitor
 ) -> bool:
-    """Whether no more of an atlas with cuts is stretched too much than may be, or was; by weights if need be.
+    """Whether the cuts keep the stretched area within its limit, or below its old value; weights may help.
 
     Each part of a chart has its own scale, and relaxed parts have lost their weights.
     """
@@ -324,7 +325,7 @@ def _packing(
 def packing(
     cascade: Cascade, options: Options, monitor: Monitor, start: Placement | None = None
 ) -> KnownPacking | None:
-    """The charts packed as they will be; None where they cannot be. start: where they may lie to begin with."""
+    """The charts packed as they will be; None where they cannot be. start: first places of the charts."""
     cut_mesh, uv = cascade.open()
     uv[:, 0] *= chart_signs(cascade.atlas.surface, cut_mesh, options)[cut_mesh.vertex_chart]
     uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh))

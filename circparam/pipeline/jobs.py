@@ -1,4 +1,4 @@
-"""Worker processes for an unwrap: started as soon as it is clear that the work is worth it."""
+"""Worker processes for an unwrap: started as soon as the work is known to be worth the start."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def start_for_file(options: Options, path: str) -> None:
 
 
 def start_for(options: Options, faces: int) -> None:
-    """Start workers for a mesh of so many faces, where that is worth it and they are not there already."""
+    """Start workers for a mesh of so many faces, if the work is worth it and no workers exist."""
     if options.cut == "charts" and faces >= FACES:
         _start(options)
 
 
 def _start(options: Options) -> None:
-    """As many as were asked for, but no more than there are cores: they would only be in each other's way."""
+    """As many as asked for, at most the number of cores."""
     workers.start(min(options.processes, max(workers.free_cores(), 2)), *MODULES)

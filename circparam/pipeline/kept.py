@@ -144,7 +144,7 @@ def put_into_room(
 
 
 def _missing(shapes: Shapes, pages: list[FloatArray], asked: PackOptions, density: float) -> str:
-    """The line that says how much room is missing for charts in units of a page."""
+    """The message on the missing room for charts, in units of a page."""
     need, free = float(shapes.area.sum()), free_share(pages, asked)
     fits: Room | None = find_room(shapes, pages, asked, exact=False)
     what = (

@@ -47,7 +47,8 @@ SMALLER = (
 )
 RELAXED = 1.1  # times the excess of the bound over 1 from which relaxing a part brings it below, as a rule
 LOOKED = 48  # chords of a chart whose sides are measured
-APART = 0.06  # of the side of the square that all charts cover: chords nearer to one that failed fail as well
+# of the side of the square that all charts cover: chords nearer to a failed chord fail too
+APART = 0.06
 
 Values = TypeVar("Values", float, FloatArray)
 
@@ -84,8 +85,8 @@ class Divider(Trimmer):
     def stops(self, careful: bool, monitor: Monitor) -> list[Stop]:
         """The charts as they are, and after each cut.
 
-        careful: chords whose sides are known to be above the bound are not tried first. It leads elsewhere:
-        to fewer cuts that cannot be made, along longer chords.
+        careful: chords whose sides are known to be above the bound are not tried first. Retries lead to other
+        cuts, along longer chords.
         """
         found = [self._stop(0, None)]
         while found[-1].cuts < self._cuts and not monitor.expired:
@@ -193,14 +194,14 @@ def _fitted(
     cascade: Cascade, cutter: AtlasCutter, options: Options, monitor: Monitor,
     room: tuple[float, float, int],
 ) -> Cascade:  # fmt: skip
-    """The layout with as few cuts as it takes to be packed at a fixed size; as it is where none are enough.
+    """The layout with the fewest cuts that can be packed at a fixed size; unchanged if none are enough.
 
     room: side of a page in uv, area of faces that may be stretched too much, cuts at most.
     """
     side, spared, cuts = room
     limits = replace(
         cutter.chart_cutter.limits, flats=1.0
-    )  # else there is no layout: through flats as well
+    )  # there is no layout otherwise: cut through flats too
     cutter = replace(cutter, chart_cutter=replace(cutter.chart_cutter, limits=limits))
     for share in SHARES:
         divider = Divider(cutter, np.inf, spared, cuts, options.pages or 1, share * side)

@@ -17,7 +17,7 @@ def named_numbers(given: Any) -> dict[str, float] | None:
     """Names with densities from ``face=2,sole=0.5`` or a mapping; None for other values.
 
     A string without ``=``, and the name of a file that exists, are no list. Raises OptionError for a number
-    that is not above 0 and finite, or a name that is said twice.
+    that is not above 0 and finite, or a repeated name.
     """
     if isinstance(given, Mapping):
         pairs = [(str(name), value) for name, value in given.items()]
@@ -36,7 +36,7 @@ def named_numbers(given: Any) -> dict[str, float] | None:
 
 
 def check_density(given: Any) -> None:
-    """Raise OptionError where a density makes no sense whatever the file is."""
+    """Raise OptionError for a density that no file can have."""
     if given is None or named_numbers(given) is not None:
         return
     if isinstance(given, str) and not given:

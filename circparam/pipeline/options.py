@@ -344,14 +344,14 @@ class Options:
 
     @property
     def packing_effort(self) -> float:
-        """Times the usual work of packing; where there are several searches, each packs as usual."""
+        """Times the usual work of packing; each of several searches packs as usual."""
         if not applies.searches(self):
             return self.work
         return min(max(self.work, DRAFT_PACKING), 1.0)
 
     @property
     def searches(self) -> int:
-        """How many searches for charts are made at most, of which the best layout is kept."""
+        """Largest number of searches for charts, of which the best layout is kept."""
         if not applies.searches(self):
             return 1
         if self.effort is None and self.timeout is not None:
@@ -377,7 +377,7 @@ class Options:
 
     @property
     def fills_one_page(self) -> bool:
-        """The same where there is one page, and packing chooses the size of the charts."""
+        """The same for one page with free chart sizes."""
         return self.fills_page and self.texel_density is None and self.pages in (None, 1)
 
     @property
@@ -435,7 +435,7 @@ class Options:
         values = {name: getattr(self, name) for name in defaults}
         plain = {k: v for k, v in values.items() if isinstance(v, (str, int, float, bool))}
         out = {k: v for k, v in plain.items() if v is not None and v != defaults[k]}
-        # readers of older reports find their names as well
+        # readers of older reports find their names too
         return out | {old: out[name] for old, name in ALIASES.items() if name in out}
 
 

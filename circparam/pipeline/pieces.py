@@ -24,7 +24,7 @@ from circparam.seams.hard.regions import HARD, hardness, seam_prices
 from circparam.seams.segmentation.weigh import share_over
 
 LONGEST = 512  # cells of a sketch: a longer chart is a sliver and gets no sketch
-UNSEEN = 0.003  # of all seams, so little of which a cut may lead through flats whatever its length
+UNSEEN = 0.003  # of all seams: length of a cut that may always lead through flats
 STEP = 0.35  # cells of a sketch between the corners of an outline
 
 # both parts of a piece, length of the seam between them, area of the faces that are stretched too much then and
@@ -114,7 +114,7 @@ class ChartCutter:
     stretch: float = np.inf
 
     def sketch(self, outline: Outline) -> Sketch:
-        """An outline as it is packed: mirrored where its chart is."""
+        """An outline as packed, mirrored with its chart."""
         start, end = outline.edges
         if self.sign[outline.chart] < 0:
             start, end = end * [-1, 1], start * [-1, 1]
@@ -181,7 +181,7 @@ class AtlasCutter:
 
     @property
     def grid(self) -> SketchGrid:
-        """That of all sketches."""
+        """The grid of all sketches."""
         return self.chart_cutter.grid
 
     def pieces(self, charts: IntArray) -> list[Piece]:

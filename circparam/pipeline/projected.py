@@ -1,4 +1,4 @@
-"""Charts for want of time: pieces of the surface that face one way, projected along that axis."""
+"""Charts without time for a map: pieces of the surface that face one way, projected along that axis."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ OWN = 0.5  # weight of the own axis in a vote, in boundary lengths
 def project_charts(cascade: Cascade, faces: BoolArray) -> Cascade:
     """Cut charts with those faces ((m,) bool) where the axis that faces look along most changes.
 
-    Every face lies as it is seen along that axis, from outside, so that none is flipped. Costs no solve; but
-    parts of a chart may lie behind each other.
+    Every face lies as seen along that axis from outside, so no face is flipped. Costs no solve; but parts of a
+    chart may lie behind each other.
     """
     surface = cascade.atlas.surface
     look = _axes(surface)
@@ -44,7 +44,7 @@ def project_charts(cascade: Cascade, faces: BoolArray) -> Cascade:
 def _axes(surface: Surface) -> IntArray:
     """(m,) the axis that each face is seen along: x, y, z, then the other way; alike in a polygon.
 
-    It is the one that looks most like the normal, until most neighbours have another that will do as well.
+    The axis nearest to the normal comes first. Neighbours then vote among axes that are nearly as good.
     """
     p = surface.points[surface.faces]
     area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])

@@ -143,7 +143,8 @@ def rays(
 
 
 def independent(faces: IntArray, active: BoolArray, turn: int) -> IntArray:
-    """Active vertices ((n,) bool) no two of which share a face: those with the highest number round them.
+    """Active vertices ((n,) bool), no two of which share a face: those with the highest number among their
+    neighbours.
 
     turn: the numbers are others in every turn.
     """
@@ -166,7 +167,7 @@ class Mended:
 def mend_faces(
     faces: IntArray, exact: FloatArray, on_boundary: BoolArray, rounding: Rounding
 ) -> Mended:
-    """Round a layout, and move vertices among storable numbers until every face is upright, where that can be.
+    """Round a layout, and move vertices among storable numbers until every face is upright, if possible.
 
     faces: (m, 3), counter-clockwise as they should lie. exact: (nv, 2) before rounding. on_boundary: (nv,)
     bool. Layouts with over ``MOST`` spoilt faces are given up. So are faces that all ``SEARCHES`` leave, with
@@ -205,8 +206,8 @@ def _spread(
 ) -> tuple[IntArray, FloatArray]:
     """(vertices, storable places) of crowds among the vertices that are ``inner``, scaled round their middles.
 
-    Scaling keeps the signs of a crowd's own faces, and those of faces that join it to vertices further away
-    than it gets wide.
+    Scaling keeps the signs of a crowd's own faces, and of faces that join the crowd to vertices outside its new
+    width.
     """
     step = np.zeros(len(exact))
     step[inner] = (following(patch.start[inner], patch.rounding, 1) - patch.start[inner]).max(1)
@@ -275,7 +276,7 @@ class _Patch:
     def cost(
         self, x: FloatArray, chosen: IntArray, grid: FloatArray, step: FloatArray
     ) -> FloatArray:
-        """(k, w) how far the faces round each chosen vertex are from upright with it at each of its places."""
+        """(k, w) violation of the faces round each chosen vertex at each of its places."""
         slot = np.full(len(x), -1)
         slot[chosen] = np.arange(len(chosen))
         corner = np.flatnonzero(slot[self.faces.ravel()] >= 0)

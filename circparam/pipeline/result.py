@@ -235,7 +235,7 @@ def status_of(
 def as_stored(result: Result, uvmap: UVMap, verification: Verification, expired: bool) -> Result:
     """A result with the layout that was read back: its charts and the judgement on them.
 
-    Its warnings are those of ``status_of``, of which ``expired`` and the errors are as well.
+    Its warnings and errors are those of ``status_of``; ``expired`` as there.
     """
     judged = status_of(verification, result.options, result.repairs, expired, result.kept)
     charts = result.charts.copy()

@@ -50,7 +50,7 @@ class SeamVisibility:
     def completed(self, found: Verification) -> Verification:
         """A verification of that layout which knows the figure, where another process looked or time is up.
 
-        Else it is found when it is asked for: a caller of the library may never ask.
+        Otherwise the figure is computed on demand, because a caller of the library may never ask.
         """
         if self._deferred is not None and self._deferred.begun:
             # here meanwhile, all in the order of ``visible_share``: so the sum is the same to the last digit

@@ -103,7 +103,7 @@ def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Ef
 def searched(
     surface: Surface, asked: SeamOptions, options: Options, number: int, monitor: Monitor
 ) -> _SearchResult | None:
-    """One more search, to its page; None where it leads nowhere, or is broken off."""
+    """One more search, to its page; None if the search fails or ends early."""
     own = Monitor(
         None, monitor.left, monitor.jobs
     )  # a late search here does not make the first search late

@@ -18,8 +18,8 @@ GROW = 16.0  # by which such a side grows where even that is not held
 def take_to_pieces(cascade: Cascade, faces: BoolArray) -> Cascade:
     """Cut round every polygon among some faces, and project each onto its own plane.
 
-    A triangle comes out as it is. The triangles of a polygon all agree with its normal (that is how
-    polygons are triangulated), so none of them is flipped.
+    A triangle stays. The triangles of a polygon all agree with its normal (that is how polygons are
+    triangulated), so none of them is flipped.
     """
     again = faces & (cascade.singles > 0)
     if again.any():

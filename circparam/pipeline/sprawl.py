@@ -33,7 +33,7 @@ CORNERS = 300  # of an outline, along the side of the square that all charts cov
 # number of charts
 SAVED, COUNT = 4e-3, 0.1
 TRIES = 4  # chords of a chart along which no cut could be made before it is left
-APART = 0.01  # of the same side: chords nearer to one that failed fail as well
+APART = 0.01  # of the same side: chords nearer to a failed chord fail too
 
 
 @dataclass(frozen=True, eq=False)

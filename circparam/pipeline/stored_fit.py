@@ -39,7 +39,7 @@ from circparam.pipeline.stored_repair import Stored, store
 # share of the packing's work that is done again for a layout that stored numbers spoilt
 RETRIED = 0.1
 FILLED = 0.4  # share of a page that charts in rows cover
-COARSER = 4.0  # times that numbers are taken coarser than they are, where there is no time for a second packing
+COARSER = 4.0  # factor by which numbers are taken coarser if there is no time for a second packing
 ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
 
 
@@ -163,7 +163,7 @@ def hold(
 def _placements(
     cut_mesh: CutMesh, uv: FloatArray, number: Rounding, mirrored: BoolArray, turn: bool
 ) -> Iterator[FloatArray]:
-    """The layout as it is; where that was not taken, by the turn that leaves rounding the least to spoil."""
+    """The layout itself, then the turn for which rounding spoils the fewest faces."""
     yield uv
     if turn:
         side = np.where(mirrored, -1, 1)[cut_mesh.chart]

@@ -18,7 +18,7 @@ WIDEST = 1 << 20  # units of u that an atlas may take beside others: beyond it f
 @dataclass(frozen=True, eq=False)
 class Judged:
     """A uv set of a file, verified. tiles: (m,) how far to the right each face's atlas is laid out; None where
-    there is one atlas. note: why there are several, '' where there is one.
+    there is one atlas. note: the reason for several, '' for one.
     """
 
     verification: Verification

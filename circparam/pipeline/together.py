@@ -39,7 +39,7 @@ from circparam.pipeline.save import check_loadable, in_input_order, same_corners
 from circparam.pipeline.summary import SCHEMA, summarise
 from circparam.pipeline.unwrap import unwrap_document
 
-SMALL = 1e-3  # of the pages: 65 texels a side of 2048, which hold no more than an icon
+SMALL = 1e-3  # of the pages: 65 texels a side of 2048, the size of an icon
 # options of a single file, by the name of the field, with the cure
 OF_ONE_FILE = {
     "pins": "vertices of one file: unwrap it alone",
@@ -113,7 +113,7 @@ def unwrap_together(
     sources: each as for ``circparam.unwrap``. folder: where the outputs go; it must be there. names: of the
     outputs; None takes those of the inputs. listener, options, keywords: as for ``circparam.unwrap``.
 
-    Every file keeps all else that it has. Raises the errors of ``unwrap`` for any of the files, and then writes
+    Every file keeps all its other data. Raises the errors of ``unwrap`` for any of the files, and then writes
     none; OptionError for options of a single file.
     """
     options = from_keywords(keywords, options)

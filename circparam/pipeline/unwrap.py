@@ -48,7 +48,7 @@ from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 # machine: for projected charts with all later stages; for packing in rows, writing and verifying; for all but
 # packing.
 LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
-KEPT = 0.05  # seconds that are kept besides
+KEPT = 0.05  # seconds added to the reserve
 KEEPING = 100_000  # faces from which on freed memory is kept for the next arrays
 
 
@@ -299,7 +299,7 @@ def finish(
     verified = replace(_verified(job, fitted, monitor), work=work)
     result = verified if output is None else save(verified, output, monitor)
     found = result.verification
-    if found is verified.verification:  # else the file has another layout
+    if found is verified.verification:  # otherwise the file has another layout
         found = visibility.completed(found)
     return replace(result, verification=found, seconds=dict(monitor.seconds))
 

@@ -112,8 +112,8 @@ def compaction_step(
     """One linear program: the largest growth within the trust region; None where it fails.
 
     found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. strict: keep the
-    full gap in all directions. It fails too where the program would be too large: a bundle of needles touches
-    itself in every direction.
+    full gap in all directions. A program that would be too large fails too: a bundle of needles touches itself
+    in every direction.
     """
     n = growth.shapes.n
     trust = trust * growth.unit
@@ -160,7 +160,7 @@ def compact(
     on a coarse raster is not made. A step is taken back if a tip may be through a neighbour, or if no further
     step keeps all distances. strict: keep the full gap in all directions, where the width of straight strips
     would do; for layouts that the check refuses. The budget counts the rows of the programs. The result keeps
-    the distances but for the error of the last step: the caller checks.
+    the distances up to the error of the last step: the caller checks.
     """
     ascent = Ascent(placement, trust, strict)
     ascent.climb(growth, steps)
@@ -170,8 +170,8 @@ def compact(
 
 
 def roughly(growth: Growth, placement: Placement, steps: int, reached: float) -> Placement:
-    """As ``compact``, without the last small steps, and not to the end where that can't lead above a scale that
-    another layout has ``reached``."""
+    """As ``compact``, without the last small steps. The run ends early if it cannot exceed a scale that another
+    layout has ``reached``."""
     ascent = Ascent(placement, FIRST_TRUST, reached=reached)
     ascent.climb(growth, steps)
     return ascent.placement
@@ -181,8 +181,8 @@ def roughly(growth: Growth, placement: Placement, steps: int, reached: float) ->
 class Ascent:
     """A layout on its way up.
 
-    placement: as far as it has come; earlier: one step before, None where there is none or it was taken back.
-    trust: the trust region now. strict, as in ``compact``; reached: scale that others have.
+    placement: the current one; earlier: one step before, None at first or after a step was taken back. trust:
+    the trust region now. strict, as in ``compact``; reached: scale that others have.
     """
 
     placement: Placement

@@ -139,7 +139,7 @@ def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
     """Which points (k, 2) may have one of another chart in reach: charts (k,) ascending.
 
     Points fall into squares of at least the reach; those stay in whose square or the eight round it there is
-    another chart. It spares the tree most points of large charts.
+    another chart. Most points of large charts need no look-up in the tree.
     """
     axes = points[:, 0], points[:, 1]
     side = max(reach, *(float(np.ptp(axis)) / FILTER_CELLS for axis in axes))

@@ -46,7 +46,7 @@ def best_place(
     """Mask, row, column of the free place with the highest contact score; None where nothing is free.
 
     Only places are looked at where some mask lies on the page. One transform tells which are free, and nearly
-    how much they touch; where several may be the best, their masks are looked at again.
+    their contact. If several may be the best, their masks are examined again.
     """
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
     # weight of a taken cell: more than the contact of any mask
@@ -127,7 +127,7 @@ def _at_places(product: Spectrum, tall: int, wide: int) -> Single:
     """(k, tall, wide) the first rows and columns of the inverse transforms of products of spectra (k, n, n // 2
     + 1).
 
-    As ``irfft2`` gives them, to the last bit: it transforms the rows that are not asked for as well.
+    Equal to ``irfft2`` to the last bit, which also transforms the other rows.
     """
     size = product.shape[1]
     half = sf.ifft(product, axis=1, norm="forward", overwrite_x=True, workers=THREADS)[:, :tall]

@@ -7,7 +7,7 @@ from circparam.core.records import dataclass
 
 @dataclass(frozen=True)
 class Schedule:
-    """How much nesting does for how many charts: set by trial, so that a search takes seconds at effort 1.
+    """Effort of nesting by the number of charts: set by trial, so that a search takes seconds at effort 1.
 
     hoped_share: share of the page that is hoped for; it sets the cell. Where no layout fits, the next try hopes
         for ``less_hope`` times as much, ``tries`` times in all.

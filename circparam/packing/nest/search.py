@@ -1,4 +1,4 @@
-"""Nesting: charts put one by one where they touch most, at every angle, holes used.
+"""Nesting: charts are placed one by one at the place of most contact, at every angle, holes included.
 
 FFT correlates a grid of the page with the mask of a chart: once with the taken cells, where any common cell
 forbids the place, and once with those cells blurred, which measures contact. Masks and their spectra are made
@@ -21,7 +21,7 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
 
-# A chart of which a tip moves by less than this between two angles is tried at no more of them (cells).
+# A chart gets so many angles that its tips move by at least this between two of them (cells).
 _TIP = 3.0
 
 # The grid of the transforms is this much larger than the page at the density that is hoped for.

@@ -62,7 +62,7 @@ class SketchedPage:
 
 @dataclass(eq=False)
 class _Step:
-    """A chart on a page, after those before it. place: mask, row and column; None where it finds no place.
+    """A chart on a page, after those before it. place: mask, row and column; None if no place is free.
 
     sketch: kept, so that no other one gets its number. after: next steps, by sketch and masks to choose from.
     """
@@ -165,7 +165,7 @@ class _Board:
     spectra: dict[int, Spectrum] = field(default_factory=dict)
 
     def spectrum(self, c: int) -> Spectrum:
-        """Those of the masks of sketch c."""
+        """Spectra of the masks of sketch c."""
         if c not in self.spectra:
             self.spectra[c] = self.cache.spectrum(self.sketches[c], self.side)
         return self.spectra[c]
@@ -180,8 +180,8 @@ def least_page(
 ) -> SketchedPage | None:
     """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
-    tries: orders that are tried without success before the search ends; it goes on with every success.
-    budget: of cells that are transformed. cache: of other pages.
+    tries: orders without success after which the search ends; every success restarts the count. budget: of
+    cells that are transformed. cache: of other pages.
     """
     least = max((s.least for s in sketches), default=1)
     least = max(least, int(np.sqrt(sum(s.area for s in sketches) / FULLEST)))
@@ -234,8 +234,8 @@ def _laid_out(
     choice: list[IntArray],
     budget: Budget,
 ) -> SketchedPage | None:
-    """Sketches put one by one where they touch most, on a page of ``side`` cells; None where one finds no place
-    that is free."""
+    """Sketches placed one by one at the place of most contact, on a page of ``side`` cells; None if one finds
+    no free place."""
     size = board.side
     at = np.zeros((3, len(order)), np.int64)
     grid = GridPages.empty(1, size, side, sigma)

@@ -40,10 +40,10 @@ def nested(
 ) -> Placement | None:
     """The best placement by nesting; None where the search found none.
 
-    skyline: tells of charts on a skyline, compacted instead of the layout found, or beside it, where there are
-    few charts. shelf: rows of boxes, compacted too where that leads nowhere: for charts like boxes they can be
-    the best start. A long first step may push a thin tip through a neighbour, and no later step undoes it. The
-    check on the raster (``task.sound``) sees this, and the next layout is taken.
+    skyline: layout of charts on a skyline, compacted in place of the search's layout, or beside it for few
+    charts. shelf: rows of boxes, compacted too if the others fail: for charts like boxes they can be the best
+    start. A long first step may push a thin tip through a neighbour, and no later step undoes it. The check on
+    the raster (``task.sound``) sees this, and the next layout is taken.
     """
     shapes, options = task.shapes, task.options
     if options.fixed_scale is not None:
@@ -66,8 +66,8 @@ def nested(
 
 
 def _large_first(task: PackTask) -> Placement | None:
-    """Of many charts, most of them crumbs: a layout of the large ones, which alone are few and so are laid out
-    better. The others, on page −1, find a place between them. None for other charts."""
+    """If most of many charts are tiny: a layout of the large charts, which are few and so are laid out better.
+    The others, on page −1, find a place between them. None for other charts."""
     shapes, options = task.shapes, task.options
     if shapes.n <= SCHEDULE.few or options.pages > 1 or options.rotate != "free":
         return None
@@ -86,7 +86,7 @@ def _large_first(task: PackTask) -> Placement | None:
 
 
 def _begun(task: PackTask) -> PackTask:
-    """The task with all charts in the layout that is known already, where that holds only the large ones."""
+    """The task with all charts placed in the given layout, if that holds only the large ones."""
     shapes, options, start = task.shapes, task.options, task.start
     if start is None or lying(start).all():
         return task
@@ -140,8 +140,8 @@ def _grown(task: PackTask, growth: Growth, start: Placement) -> Placement:
 def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
     """Layouts of the search, and the charts that lie along the axes in them.
 
-    Straight charts do where that costs little. A layout without straight charts along the axes must be this
-    much better, so the search asks for no less.
+    Straight charts lie along the axes if that costs little. A layout without straight charts along the axes
+    must be this much better, so the search asks for no less.
     """
     shapes, options = task.shapes, task.options
     straight = None
