@@ -76,11 +76,10 @@ class Full:
 def test_a_full_disk_tears_no_line(tmp_path: Path) -> None:
     manifest = Manifest(Folder(str(tmp_path)))
     manifest.append({"name": "a"})
-    real = manifest._stream
-    manifest._stream = Full(real, 5)  # type: ignore[assignment]
-    with pytest.raises(OSError, match="No space"):
-        manifest.append({"name": "b"})
-    manifest._stream = real
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(manifest, "_stream", Full(manifest._stream, 5))
+        with pytest.raises(OSError, match="No space"):
+            manifest.append({"name": "b"})
     assert [line["name"] for line in lines(manifest.path)] == ["a"]
     manifest.append({"name": "c"})
     manifest.close()

@@ -185,13 +185,13 @@ def test_a_server_whose_worker_has_gone_cleans_up(tmp_path: Path) -> None:
         "settings": pickle.dumps(given), "source": str(write_disk(tmp_path / "hang.obj")),
         "target": str(scratch / "hang.obj"), "name": "hang.obj", "scratch": str(scratch),
     }  # fmt: skip
-    server = WarmServer(True)
-    assert server._process.stdin is not None
-    send(server._process.stdin, pickle.dumps(asked))
+    process, pause = WarmServer(True)._process, threading.Event()
+    assert process.stdin is not None
+    send(process.stdin, pickle.dumps(asked))
     while not (scratch / "hang.obj").exists():
-        server._answers.empty()
-    server._process.stdin.close()
-    assert server._process.wait(20) == 1
+        pause.wait(0.01)
+    process.stdin.close()
+    assert process.wait(20) == 1
     assert not scratch.exists()
 
 

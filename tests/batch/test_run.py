@@ -482,7 +482,7 @@ def test_no_scheduler_and_another_version(
         batch(source, out, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: cannot be read"):
         batch(source, out, scheduler_file=str(tmp_path / "nowhere"))
-    monkeypatch.setattr("circparam.batch.cluster.ANSWER", 10.0)
+    monkeypatch.undo()
     where = str(scheduler[1])
     assert batch(source, out, scheduler_file=where).counts == {"ok": 1}
     monkeypatch.setattr("circparam.batch.cluster.__version__", "9.9")

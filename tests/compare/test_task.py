@@ -15,15 +15,14 @@ from tests.support import shapes
 from tests.support.charts import patches_of
 
 
-def test_the_stages_of_one_run_are_parts_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("circparam.compare.task.REPEATS", 1)
+def test_the_stages_of_one_run_are_parts_of_it() -> None:
     cut_mesh, _ = patches_of(shapes.bumped_disk(300))
     arrays = {
         name: getattr(cut_mesh, name) for name in ("faces", "rest_triangles", "chart", "edges")
     }
     settings = {"method": "circle", "options": {}, "timeout": None}
     _, info = flatten_task(arrays, settings)
-    assert info["runs"] == 1
+    assert info["runs"] >= 1
     assert 0 < sum(info["stages"].values()) <= info["seconds"]
 
 

@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
 from circparam.core import pool as pool_module
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.pool import Pool, current
 from circparam.core.workers import DeferredTask, Worker
+from tests.support.processes import pids
 
 HERE = "tests.core.test_workers"
 ROOT = Path(__file__).parents[2]
@@ -72,7 +72,7 @@ def test_tasks_are_done_here_and_beside_in_order() -> None:
     found = {pid for _, pid in got}
     assert os.getpid() in found
     assert len(found) > 1
-    assert found - {os.getpid()} <= set(pool.executor._processes)
+    assert found - {os.getpid()} <= set(pids(pool))
 
 
 def outer(k: int, monitor: Monitor) -> list[tuple[int, int]]:
@@ -103,7 +103,7 @@ def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> 
     second.begin()  # none is idle: nothing happens
     assert (first.begun, second.begun) == (True, False)
     assert first.result()[0] == 9
-    assert first.result()[1] in pool.executor._processes
+    assert first.result()[1] in pids(pool)
     assert first.begun
     assert first.result() is first.result()
     assert second.result() == (16, os.getpid())
@@ -177,7 +177,7 @@ def test_tasks_wait_for_a_process_that_does_something_else() -> None:
     DeferredTask(2, square, (3, ""), Monitor()).begin()
     got = Worker(2).map(patient, [(k,) for k in range(3)], Monitor())
     assert got[0] == os.getpid()
-    assert got[1] in pool.executor._processes
+    assert got[1] in pids(pool)
 
 
 def patient(k: int, monitor: Monitor) -> int:
@@ -207,7 +207,7 @@ def test_what_a_dead_worker_leaves_is_done_here() -> None:
 
 def test_a_worker_killed_while_it_waits_for_work() -> None:
     pool = opened()
-    for pid in pool.executor._processes:
+    for pid in pids(pool):
         os.kill(pid, signal.SIGKILL)
     got = Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
     assert got == [(k * k, os.getpid()) for k in range(3)]
@@ -276,9 +276,10 @@ def test_workers_are_kept_and_more_of_them_are_new() -> None:
     pool = opened()
     workers.start(2, HERE)
     assert current() is pool
-    assert opened(3) is not pool
+    more = opened(3)
+    assert more is not pool
     workers.start(2, HERE)
-    assert pool_module._asked == 3, "more than enough stay"
+    assert current() is more, "more than enough stay"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="bounds on the address space")
@@ -327,12 +328,17 @@ def test_cores_are_bounded_by_the_number_of_threads(monkeypatch: pytest.MonkeyPa
     assert workers.cores() >= 1
 
 
-@given(arrays.arrays(np.int64, st.integers(1, 400), elements=st.integers(0, 30)))
-def test_parts_hold_whole_charts_each_once(label: np.ndarray) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(workers, "PARTED", 50)
-        patch.setattr(workers, "PART_FACES", 25)
-        parts = workers.in_parts(label)
+@settings(max_examples=40)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([1, 400, 7_999, 8_000, 20_000, 70_000]),
+    st.integers(1, 60),
+    st.sampled_from([0.0, 1.0, 4.0]),
+)
+def test_parts_hold_whole_charts_each_once(seed: int, m: int, charts: int, uneven: float) -> None:
+    share = np.arange(1, charts + 1.0) ** -uneven
+    label = np.random.default_rng(seed).choice(charts, m, p=share / share.sum())
+    parts = workers.in_parts(label)
     assert 1 <= len(parts) <= workers.PARTS
     assert [part.sum() for part in parts] == sorted((part.sum() for part in parts), reverse=True)
     assert (np.sum(parts, axis=0) == 1).all()
@@ -340,17 +346,19 @@ def test_parts_hold_whole_charts_each_once(label: np.ndarray) -> None:
         assert part.any()
         assert not np.isin(label[part], label[~part]).any()
     if len(parts) > 1:
+        assert m >= workers.PARTED
         assert max(part.mean() for part in parts) <= workers.MOST_SHARE
     sizes = np.bincount(label)
-    if len(label) >= 200 and sizes.max() <= len(label) / 16:
+    if m >= workers.PARTS * workers.PART_FACES and sizes.max() <= m / 16:
         assert len(parts) == workers.PARTS
-        assert max(part.sum() for part in parts) <= len(label) / workers.PARTS + sizes.max()
+        assert max(part.sum() for part in parts) <= m / workers.PARTS + sizes.max()
 
 
 CALLER = """
 import sys
 from circparam.core import workers
 from circparam.core.monitor import Monitor
+from tests.support.processes import pids
 from tests.core.test_workers import opened, wait
 pool = opened()
 print(*pool.executor._processes, flush=True)

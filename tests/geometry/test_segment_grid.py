@@ -133,7 +133,7 @@ def test_what_is_left_out_of_a_crowd_is_told(monkeypatch, few):
     assert (3 in candidates.crowded.tolist()) == (few == 0)
     expected = {(i, j) for i in range(n) for j in range(i + 1, min(i + 1 + few, n))}
     assert {p for p in pairs if p[1] < n} == expected
-    monkeypatch.setattr(segment_grid, "LIMIT", 10_000)
+    monkeypatch.undo()
     candidates, pairs = found_pairs(start, end, group)
     assert not candidates.cut_short
     assert len(set(pairs)) == n * (n - 1) / 2 + 1

@@ -25,6 +25,7 @@ from circparam.pipeline.configure import open_source
 from circparam.pipeline.options import Options
 from circparam.pipeline.unwrap import unwrap_document
 from tests.support import shapes
+from tests.support.processes import pids
 
 QUICK: dict[str, Any] = {"effort": 1}
 ROOT = Path(__file__).parents[2]
@@ -124,12 +125,11 @@ def test_the_same_bytes_when_workers_are_killed(tmp_path: Path) -> None:
     ready(2)
     pool = current()
     assert pool is not None
-    pids = list(pool.executor._processes)
-    before = {pid: cpu_seconds(pid) for pid in pids}
+    before = {pid: cpu_seconds(pid) for pid in pids(pool)}
 
     def murder() -> None:
         while not over.is_set():
-            for pid in pids:
+            for pid in before:
                 if cpu_seconds(pid) > before[pid] + 0.05:
                     os.kill(pid, signal.SIGKILL)
                     killed.set()

@@ -28,21 +28,11 @@ BOUND = 1.05
 
 
 @pytest.fixture
-def small_levels(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Surfaces above 6000 faces go through a level of 4000; the sizes of all that were decided on one."""
-    monkeypatch.setattr(module, "LEVEL_FACES", 6_000)
-    for one in (grown, ahead, finish):
+def small_levels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Surfaces above 6000 faces go through a level of 4000."""
+    for one in (module, grown, ahead, finish):
         monkeypatch.setattr(one, "LEVEL_FACES", 6_000)
     monkeypatch.setattr(grown, "LEAST_LEVEL", 4_000)
-    sizes: list[int] = []
-    level_atlas = grown._level_atlas
-
-    def noted(surface: Surface, *rest: object) -> object:
-        sizes.append(len(surface.faces))
-        return level_atlas(surface, *rest)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(grown, "_level_atlas", noted)
-    return sizes
 
 
 def rough(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -53,20 +43,17 @@ def rough(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return shapes.join(body, *balls)
 
 
-def test_charts_of_a_level_are_good_charts_of_the_surface(small_levels: list[int]) -> None:
+@pytest.mark.usefixtures("small_levels")
+def test_charts_of_a_level_are_good_charts_of_the_surface() -> None:
     surface = surface_of(*rough())
     seams = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
-    assert small_levels
-    assert max(small_levels) < 6_000
     assert_promises(Atlas(surface, seams.cut, seams.uv), BOUND)
 
 
-def test_a_level_leads_to_seams_as_short_as_without_one(
-    small_levels: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("small_levels")
+def test_a_level_leads_to_seams_as_short_as_without_one(monkeypatch: pytest.MonkeyPatch) -> None:
     surface = surface_of(*rough(1))
     by_level = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
-    assert small_levels
     monkeypatch.undo()
     direct = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
     a, b = (Atlas(surface, s.cut, s.uv) for s in (by_level, direct))

@@ -8,7 +8,6 @@ import scipy.sparse as sps
 
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers import separate
 from circparam.solvers.objective import Objective, chart_energies
 from circparam.solvers.separate import _SpringObjective, _Springs, push_apart
 from tests.support import shapes
@@ -62,14 +61,6 @@ def test_what_has_no_room_under_the_bound_or_lies_deep_is_not_said_to_be_separat
     assert not push_apart(cut_mesh, uv, MARGIN, 1 + 1e-9)[1].any()
     cut_mesh, uv = ring_of(2 * np.pi + 1.5)
     assert not push_apart(cut_mesh, uv, MARGIN, 1.05)[1].any()
-
-
-def test_what_has_too_many_faces_to_move_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    cut_mesh, uv = ring_of(2 * np.pi + 0.004)
-    monkeypatch.setattr(separate, "WIDE", 20)
-    pushed, fine = push_apart(cut_mesh, uv, MARGIN, 1.05)
-    assert not fine.any()
-    np.testing.assert_allclose(pushed, uv, atol=1e-12)
 
 
 def test_a_chart_that_is_separate_stays_where_it_is() -> None:

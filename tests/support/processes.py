@@ -6,6 +6,8 @@ import subprocess
 
 import pytest
 
+from circparam.core.pool import Pool
+
 
 def noted_processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
     """A list to which every process is added that is started from now on."""
@@ -18,3 +20,8 @@ def noted_processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[by
 
     monkeypatch.setattr(subprocess, "Popen", noted)
     return started
+
+
+def pids(pool: Pool) -> list[int]:
+    """The processes of a pool."""
+    return list(pool.executor._processes)

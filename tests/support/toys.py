@@ -13,8 +13,9 @@ from circparam.core.registry import Row, Table
 def added(table: Table[Any], row: Row[Any]) -> Iterator[Row[Any]]:
     """The table with one row more, inside the block."""
     assert row.name not in table
-    table._rows[row.name] = row
+    rows = table._rows
+    rows[row.name] = row
     try:
         yield row
     finally:
-        del table._rows[row.name]
+        del rows[row.name]
