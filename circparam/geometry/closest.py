@@ -14,11 +14,10 @@ def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray
     g11, g12, g22 = (ab * ab).sum(-1), (ab * ac).sum(-1), (ac * ac).sum(-1)
     r1, r2 = (ap * ab).sum(-1), (ap * ac).sum(-1)
     det = g11 * g22 - g12 * g12
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area
         v, w = (g22 * r1 - g12 * r2) / det, (g11 * r2 - g12 * r1) / det
-    inside = (det > 0) & (v >= 0) & (w >= 0) & (v + w <= 1)
-    best = np.where(inside[..., None], np.stack([1 - v - w, v, w], -1), np.array([1.0, 0.0, 0.0]))
-    best = np.where(inside[..., None], best, 0.0)
+        inside = (det > 0) & (v >= 0) & (w >= 0) & (v + w <= 1)
+        best = np.where(inside[..., None], np.stack([1 - v - w, v, w], -1), 0.0)
     d2 = np.where(inside, _gap(p, corners, best), np.inf)
     for i, j in ((0, 1), (1, 2), (2, 0)):
         start, along = corners[..., i, :], corners[..., j, :] - corners[..., i, :]

@@ -82,16 +82,6 @@ def test_the_scale_that_the_user_fixes():
     assert PackOptions(resolution=64, scale=False).fixed_scale == 64.0
 
 
-def test_what_is_asked_of_packing_unless_something_is_said():
-    """One page of 2048 texels, filled, any angle."""
-    plain = PackOptions()
-    assert (plain.resolution, plain.padding, plain.pages, plain.rotate) == (2048, 4, 1, "free")
-    assert plain.fixed_scale is None
-    assert plain.effort == 1.0
-    assert PackOptions(texel_density=3.0).fixed_scale == 3.0
-    assert PackOptions(scale=False, resolution=512).fixed_scale == 512.0
-
-
 def test_borders_and_boxes_keep_the_padding():
     for padding, border, box in ((0, 0.0, 1), (1, 0.5, 1), (2, 1.5, 2), (4, 3.5, 4)):
         options = PackOptions(padding=padding)

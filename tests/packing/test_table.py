@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import pytest
 
 from circparam.packing.options import PackOptions
-from circparam.packing.placement import Packer, always
 from circparam.packing.table import PACKERS
 
 
@@ -29,13 +28,3 @@ from circparam.packing.table import PACKERS
 def test_who_applies(charts: int, effort: float, asked: list[str]) -> None:
     shapes, options = SimpleNamespace(n=charts), PackOptions(effort=effort)
     assert [row.name for row in PACKERS if row.function.applies(shapes, options)] == asked
-
-
-def test_only_the_shelf_is_instant_and_only_the_skyline_a_fallback() -> None:
-    assert [row.name for row in PACKERS if row.function.instant] == ["shelf"]
-    assert [row.name for row in PACKERS if row.function.fallback] == ["skyline"]
-    plain = Packer(lambda task: None)
-    assert not plain.instant
-    assert not plain.fallback
-    assert plain.applies is always
-    assert plain(None) is None  # type: ignore[arg-type]
