@@ -82,7 +82,7 @@ def bake(
 
     layout: the uv of the faces that ``paint`` knows. size: texels a side of every tile. channels: of paint,
     whose texels with NaN stay empty and are grown over. bits: of a channel, 8 or 16.
-    Raises OptionError for a size outside 1..16384, InputError where the layout has no uv, NaN uv, or a chart
+    Raises OptionError for a size outside 1..16384, InputError if the layout has no uv, NaN uv, or a chart
     that leaves its unit tile.
     """
     if not 1 <= size <= MAX_SIZE:

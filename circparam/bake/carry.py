@@ -62,9 +62,9 @@ def carry(
     options: CarryOptions,
     monitor: Monitor | None = None,
 ) -> tuple[Carried, Texels]:
-    """The images of a source in a layout of one page, and the texels that it has there.
+    """The images of a source in a layout of one page, and the texels of the layout.
 
-    layout: over the faces of the source. uv_set: its number in the file. Raises InputError where no texel lies
+    layout: over the faces of the source. uv_set: its number in the file. Raises InputError if no texel lies
     in a face.
     """
     monitor = monitor or Monitor()
@@ -123,8 +123,8 @@ class Part:
 def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part]:
     """The texels in parts of one material each.
 
-    Parts that old images magnify are separate, because one sample is enough there. So are those of far denser
-    images, which take twice as many along each side.
+    Parts that old images magnify are separate, because one sample is enough there. So are parts of far denser
+    images, which take twice as many samples along each side.
     """
     looks, of = work.source.looks, work.texels.face
     group_of = {member: group for group in groups for member in group.members}
@@ -146,7 +146,7 @@ def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part
 
 
 def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> int:
-    """Write the texels of a part into the pages, in place; returns how many they are."""
+    """Write the texels of a part into the pages, in place; returns their number."""
     texels, material = work.texels, part.material
     pixel, face = texels.pixel[part.at], texels.face[part.at]
     looked: dict[Slot, FloatArray] = {}
@@ -206,8 +206,7 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
     """(p, 4) the mean colour of each image at the samples of texels; transparent colours are weighted by their
     opacity.
 
-    wanted: uses that lie alike (``layout_of``), and their slots: they share the texels that they are looked up
-    at.
+    wanted: uses with a common layout (``layout_of``) and their slots, looked up at the same texels.
     """
     texels, use = work.texels, wanted[0][0]
     pixel, face = texels.pixel[part.at], texels.face[part.at]
@@ -240,7 +239,7 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
 
 
 def _weight(alpha: Floats, material: Material) -> Floats:
-    """How much of a colour is seen where it has some alpha."""
+    """Opacity of a colour with alpha."""
     return alpha if material.alpha == "BLEND" else (alpha >= material.cutoff).astype(np.float32)
 
 

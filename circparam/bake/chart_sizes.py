@@ -30,7 +30,7 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
 
     layout: of charts with one density, as ``unwrap`` makes them. side: texels of the page. even: whether charts
     with images keep one density; else images that repeat count up to PATTERN times the density of the others.
-    None where all charts stay as they are.
+    None if all charts stay as they are.
     """
     chart = layout.charts
     mapped = chart >= 0
@@ -65,7 +65,7 @@ def _areas(source: Source) -> FloatArray:
 
 
 def _texels_a_length(source: Source) -> FloatArray:
-    """(m,) texels of the densest image of each face along a unit of space; 0 where it shows none."""
+    """(m,) texels of the densest image of each face along a unit of space; 0 if it shows none."""
     area = _areas(source)
     plain, tiled = np.zeros(len(area)), np.zeros(len(area))
     for k in np.unique(source.looks.face).tolist():

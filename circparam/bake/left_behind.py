@@ -19,7 +19,7 @@ def check_left_behind(
 ) -> list[str]:
     """Notes on textures of the source that one image does not hold.
 
-    Raises InputError where a GLB would show textures of the document in uv that they were not drawn for.
+    Raises InputError if a GLB would show textures of the document in uv that they were not drawn for.
     """
     if kind != "texture":
         return []

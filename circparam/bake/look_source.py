@@ -39,7 +39,7 @@ class Source:
     def of(cls, document: Document, keep_tiled: bool = False) -> Source:
         """The look of a document; keep_tiled: without the materials whose images repeat.
 
-        Raises InputError where images or uv are missing, broken or not finite.
+        Raises InputError if images or uv are missing, broken or not finite.
         """
         looks = document.looks()
         if looks is None or not looks.textured:
@@ -70,7 +70,7 @@ class Source:
         return bool(np.abs(cross2(sides[:, 0], sides[:, 1])).sum() / 2 > TILES)
 
     def check(self, use: Use, faces: npt.NDArray[np.bool_]) -> None:
-        """Raise InputError where faces have uv for a texture that are not finite."""
+        """Raise InputError if faces have uv for a texture that are not finite."""
         corners, has = self.places(use)
         bad = int(np.count_nonzero(has & faces & ~(np.abs(corners) <= FARTHEST).all((1, 2))))
         if bad:

@@ -47,7 +47,7 @@ class Landed:
 
 @dataclass
 class Tally:
-    """How many texels were sought, and of those how many rays met nothing and how many stayed empty."""
+    """Number of texels sought, of rays without a hit, and of texels left empty."""
 
     sought: int = 0
     missed: int = 0
@@ -59,7 +59,7 @@ class Tally:
 
 
 def require_shape(document: Document) -> None:
-    """Raise InputError where rays and closest points have nothing to meet: no area, or sizes whose squares of
+    """Raise InputError if rays and closest points have nothing to meet: no area, or sizes whose squares of
     areas no double holds."""
     mesh = document.mesh
     with np.errstate(over="ignore", invalid="ignore"):
@@ -78,7 +78,7 @@ def require_shape(document: Document) -> None:
 class Projection:
     """Places of a target's texels on a source.
 
-    corners: (m, 3, 3) of the target as it is projected: with a map, on the source. reach: (m,) of the cage.
+    corners: (m, 3, 3) of the projected target: with a map, on the source. reach: (m,) of the cage.
     """
 
     def __init__(

@@ -63,9 +63,9 @@ HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf"), "obj": ("obj",), "ply"
 class Look:
     """The materials and images of a file after a bake.
 
-    size: texels a side of every new image. pages: their names. materials: how many faces showed, before and
-    after. sharp: share of the density that is left of every old image. covered: share of the page in charts.
-    draw_calls: before and after, as ``Document`` has them; None where that is open.
+    size: texels a side of every new image. pages: their names. materials: numbers in use, before and after.
+    sharp: share of the density that is left of every old image. covered: share of the page in charts.
+    draw_calls: before and after, as ``Document`` has them; None if that is open.
     """
 
     size: int
@@ -193,7 +193,7 @@ def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
     """A result whose distortion is that of charts at the sizes that were chosen for them.
 
     factor: (m,) size of each face's chart beside that of a page of one density. asked: options of the unwrap,
-    which the result has again but for the page.
+    which the result keeps except the page.
     """
     o = result.options
     options = replace(asked, resolution=o.resolution, padding=o.padding_texels)
@@ -271,8 +271,8 @@ def bake_all(
 ) -> tuple[Written, Look]:
     """Write a source with the uv of a document over the same triangles, and all its images carried there.
 
-    source: None for the document itself, whose images refer to another set. Raises OptionError where the
-    output can't hold the materials, InputError where the two are not the same triangles or images cannot be
+    source: None for the document itself, whose images refer to another set. Raises OptionError if the
+    output can't hold the materials, InputError if the two are not the same triangles or images cannot be
     carried.
     """
     layout = document.require_uv(uv_set)
@@ -304,7 +304,7 @@ def bake_all(
 
 
 def check_page(options: Options, look: LookOptions) -> None:
-    """Raise OptionError where the layout would not be one packed page."""
+    """Raise OptionError if the layout would not be one packed page."""
     if not options.packed:
         raise OptionError("--rebake needs a packed page: leave --no-normalize out")
     if options.grouped or options.pages not in (None, 1) or options.scale is False:
@@ -322,7 +322,7 @@ def check_page(options: Options, look: LookOptions) -> None:
 
 
 def check_home(document: Document, target: str, look: LookOptions) -> None:
-    """Raise OptionError where a format can't hold the materials of a file."""
+    """Raise OptionError if a format can't hold the materials of a file."""
     homes = HOMES.get(document.format, ())
     if target not in homes:
         known = ", ".join(f"{a.upper()} as {' or '.join(b)}" for a, b in HOMES.items())

@@ -26,12 +26,11 @@ CANDIDATES = 6
 FACING = 24  # nearest samples that must look the same way: half of a thin part are on its back
 MOST_STEPS = 8
 
-# Samples of a surface: some for every face, so many that small meshes are sampled finely, and no more than
-# memory has room for.
+# Samples of a surface: some for every face, enough for a fine sampling of small meshes, within the memory.
 SAMPLES_A_FACE = 4
 FEWEST_SAMPLES, MOST_SAMPLES = 200_000, 2_000_000
 
-LOOKS = 300  # faces in whose middle it is asked how far away the source lies
+LOOKS = 300  # faces whose middle is used to measure the distance of the source
 BLOCK = 200_000  # places looked up at once: some hundred bytes each
 
 
@@ -164,7 +163,7 @@ class Closest:
     def _best(
         self, places: FloatArray, candidates: IntArray, normals: FloatArray | None
     ) -> tuple[IntArray, FloatArray, FloatArray]:
-        """The closest of candidate faces (p, k) of each place, where on it, and how far."""
+        """The closest of candidate faces (p, k) of each place, the point on it, and its distance."""
         bary, d2 = closest_on_triangles(places[:, None], self.corners[candidates])
         if normals is not None:
             same = np.einsum("pkc,pc->pk", self.normals[candidates], normals) > 0

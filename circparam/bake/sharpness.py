@@ -15,7 +15,7 @@ from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
-KEPT = 0.9  # of the old density along a side, which no more than TAIL of the surface may fall below
+KEPT = 0.9  # of the old density along a side: lower limit on all but TAIL of the surface
 TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
 FILLED = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
@@ -36,8 +36,8 @@ class Sharpness:
 def needed_size(source: Source, layout: UVMap | None) -> int:
     """The smallest power of two, SMALLEST to LARGEST, that keeps KEPT of the density of every image.
 
-    layout: None before there is one; then the page is taken for FILLED by charts without distortion. Images
-    that repeat ask for no more than PATTERN, others for GROWN times the side of a page with all their texels.
+    layout: None before there is one; then the page is taken for FILLED by charts without distortion. Repeated
+    images need at most PATTERN, others at most GROWN times the side of a page with all their texels.
     """
     whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
     side = float(SMALLEST)
@@ -105,7 +105,7 @@ def _flat(area: FloatArray, shows: BoolArray) -> FloatArray:
 
 
 def _quantile(values: FloatArray, weight: FloatArray) -> float:
-    """The value that all but TAIL of the weight keeps below; 0 where there are none."""
+    """The value that all but TAIL of the weight keeps below; 0 if there are none."""
     some = np.isfinite(values)
     if not some.any():
         return 0.0

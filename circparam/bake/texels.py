@@ -1,4 +1,4 @@
-"""Which surface point each texel of a layout shows, and how far apart neighbouring texels lie in an old layout.
+"""The surface point of each texel of a layout, and the distance of neighbouring texels in an old layout.
 
 A texel whose centre a face covers shows the point under its centre. The ring of texels round a chart shows the
 nearest point of the chart. A bilinear sample at the very edge therefore has the colour of that edge.
@@ -28,8 +28,8 @@ class Texels:
     """The texels of a page.
 
     pixel: (p,) those with a surface point, row · size + column from the top. face: (p,) the face of each.
-    nearest: (size²,) for every texel the one whose colour it takes: itself where it has a point. twice: how
-    many texels several faces cover. covered: how many have their centre in a face.
+    nearest: (size²,) the texel that gives the colour of every texel: the texel itself if it has a point. twice:
+    number of texels under several faces. covered: number with their centre in a face.
     """
 
     size: int
@@ -49,7 +49,7 @@ def corners_in_texels(layout: UVMap, size: int) -> FloatArray:
 
 
 def find_texels(layout: UVMap, size: int) -> Texels:
-    """The texels of a layout on one page. Raises InputError where no texel lies in a face."""
+    """The texels of a layout on one page. Raises InputError if no texel lies in a face."""
     xy = corners_in_texels(layout, size)
     owner = np.full(size * size, -1, np.int32)
     tried = 0
@@ -103,9 +103,9 @@ def places_in(xy: FloatArray, face: IntArray, pixel: IntArray, size: int, sample
 
 
 def density(old: FloatArray, new: FloatArray) -> FloatArray:
-    """(m,) how many texels of an old image lie along one texel of a new one: √ of the ratio of areas.
+    """(m,) number of texels of an old image along one texel of a new one: √ of the ratio of areas.
 
-    old, new: (m, 3, 2) corners in texels. NaN where a face has no area in either.
+    old, new: (m, 3, 2) corners in texels. NaN if a face has no area in either.
     """
     before, after = (np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])) for c in (old, new))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -86,7 +86,7 @@ def rebake_documents(
 
 
 def _check_images(source: Source, folder: Path, look: LookOptions, overwrite: bool) -> None:
-    """Raise OptionError where a shared image would replace a file that it may not replace."""
+    """Raise OptionError if a shared image would replace a file that it may not replace."""
     groups = groups_of(source.looks, look.merge, source.kept)
     for page in sorted({slot.page for group in groups for slot in group.shown}):
         path = folder / image_name(STEM, page)

@@ -29,7 +29,7 @@ GLOSS = "KHR_materials_pbrSpecularGlossiness"
 
 
 def check_target(path: Path, kind: str = "texture") -> None:
-    """Raise OptionError where an output ends in neither .png nor .glb, or a GLB can't show the kind."""
+    """Raise OptionError if an output ends in neither .png nor .glb, or a GLB can't show the kind."""
     if path.suffix.lower() not in (".png", ".glb"):
         raise OptionError(f"{path}: bake into an image (.png) or a mesh with its image (.glb)")
     if kind == "height" and path.suffix.lower() == ".glb":
@@ -148,7 +148,7 @@ def embed(
 ) -> bytes:
     """A GLB with a PNG in a slot of every material and of every face without one.
 
-    source: the file named in errors. uv_set: the set that the image refers to. Raises InputError where the
+    source: the file named in errors. uv_set: the set that the image refers to. Raises InputError if the
     bytes are no sound glTF.
     """
     found = Tree(glb, source)
@@ -219,7 +219,7 @@ def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
 
 
 def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
-    """A specular-glossiness material by the words of glTF 2.0: no metal, as rough as it is not glossy."""
+    """A specular-glossiness material in the words of glTF 2.0: no metal, roughness for missing gloss."""
     pbr = material.setdefault("pbrMetallicRoughness", {})
     if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
         factor_alone = (

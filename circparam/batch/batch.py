@@ -49,8 +49,9 @@ class Plan:
 
 @dataclass(frozen=True)
 class Hooks:
-    """Callbacks of the caller. listener: how far it is. on_line: each final line. note: called for sources left
-    out. started: gets the function that asks the batch to stop; a context, within which it works."""
+    """Callbacks of the caller. listener: called with the progress. on_line: each final line. note: called for
+    sources left out. started: gets the function that asks the batch to stop; a context, within which it works.
+    """
 
     listener: Callable[[Progress], None] | None = None
     on_line: Callable[[dict[str, Any]], None] | None = None
@@ -64,7 +65,7 @@ class Hooks:
 class Summary:
     """How a batch ended. total: files of the sources; counts: files by status in the manifest at the end;
     missed: with a gate missed; done: in this run; finished: whether nothing is left to do. codes: exit code →
-    files. report: address of the page, None where none was written."""
+    files. report: address of the page, None if none was written."""
 
     total: int
     counts: dict[str, int]
@@ -244,7 +245,7 @@ def _summary(
 def status(out: str) -> dict[str, Any]:
     """The state of a folder from its manifest, and the progress of a running batch, if there is one.
 
-    Raises OptionError where there is no manifest.
+    Raises OptionError if there is no manifest.
     """
     from circparam.batch.manifest import manifest_file
 

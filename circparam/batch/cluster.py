@@ -45,7 +45,7 @@ def cores() -> int:
 class Cluster:
     """A context with a ``client``. workers: of a cluster on this machine; else the scheduler's address or file.
 
-    Raises OptionError where Dask is missing, the scheduler does not answer, or a worker has another version.
+    Raises OptionError if Dask is missing, the scheduler does not answer, or a worker has another version.
     """
 
     def __init__(
@@ -216,7 +216,7 @@ def remove_folder(folder: str) -> None:
 def clear_folders() -> None:
     """Remove the folders of clusters that were killed with whoever had started them: nobody holds their locks.
 
-    Those of the last seconds are left alone: the lock comes a moment after the folder.
+    Folders of the last seconds stay, because the lock comes a moment after the folder.
     """
     for left in glob.glob(os.path.join(glob.escape(tempfile.gettempdir()), FOLDER + "*")):
         with contextlib.suppress(OSError):
@@ -229,7 +229,7 @@ def clear_folders() -> None:
 
 
 def address_in(path: str) -> str:
-    """The address in a scheduler's file. Raises OptionError where there is none."""
+    """The address in a scheduler's file. Raises OptionError if there is none."""
     try:
         return str(json.loads(Path(path).read_bytes())["address"])
     except OSError as error:
@@ -241,7 +241,7 @@ def address_in(path: str) -> str:
 
 
 def refuse(worker: str, found: str) -> None:
-    """Raise OptionError where a worker has another version of circparam, or none."""
+    """Raise OptionError if a worker has another version of circparam, or none."""
     if found != __version__:
         has = f"has circparam {found}" if found else "has no circparam"
         raise OptionError(

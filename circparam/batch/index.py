@@ -71,9 +71,9 @@ class Index:
         self.data.commit()
 
     def add_sources(self, found: Iterable[Source], folder: Folder) -> int:
-        """All files of the sources; returns how many. A file that is named twice counts once.
+        """Add all files of the sources; returns their number. A file that is named twice counts once.
 
-        Raises OptionError where a result would overwrite another one, or a source.
+        Raises OptionError if a result would overwrite another one, or a source.
         """
         out = None if folder.remote else os.path.realpath(folder.address)
         for block in _blocks(found):
@@ -140,7 +140,7 @@ class Index:
         return int(n)
 
     def existing(self, exists: Callable[[str, int], bool]) -> str | None:
-        """The first result that is there already; None where there is none."""
+        """The first result that is there already; None if there is none."""
         for (target,) in self.data.execute("SELECT target FROM file ORDER BY id"):
             if exists(_text(target), -1):
                 return _text(target)
@@ -184,7 +184,7 @@ def _row(line: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def _cause(line: dict[str, Any]) -> str:
-    """Why a file is not as it should be, in one line; '' where it is."""
+    """Why a file failed or was degraded, in one line; '' for the others."""
     reasons = line.get("reasons") or []
     return str(line.get("error") or (reasons[0] if reasons else ""))
 
@@ -224,7 +224,7 @@ def settings_hash(values: dict[str, Any]) -> str:
 
 
 def size_of(path: str | os.PathLike[str]) -> int:
-    """Bytes of a file, −1 where there is none."""
+    """Bytes of a file, −1 if there is none."""
     try:
         return Path(path).stat().st_size
     except OSError:

@@ -1,8 +1,8 @@
 """A Dask cluster on this machine, in a session of its own: ``python -m circparam.batch.local WORKERS FOLDER``.
 
 A terminal's Ctrl-C does not reach it, and it ends, with everything it has started, when whoever started it is
-gone. It says one line on standard output: the address of its scheduler. All its files are in FOLDER, which it
-removes where whoever started it no longer can.
+gone. The cluster prints one line on standard output: the address of its scheduler. All its files are in FOLDER,
+which it removes where whoever started it no longer can.
 """
 
 from __future__ import annotations

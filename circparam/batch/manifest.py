@@ -44,7 +44,7 @@ def lines(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def mend(path: Path) -> int:
-    """Cut off a torn last line; returns how many bytes it had. Raises OSError."""
+    """Cut off a torn last line; returns its number of bytes. Raises OSError."""
     if not path.exists():
         return 0
     with path.open("rb+") as stream:
@@ -67,7 +67,7 @@ class Manifest:
     """The manifest of a folder, open for appending; one process at a time has it.
 
     ``path``: where its lines are on this machine. ``fresh``: whether there was none before. Raises OptionError
-    where another batch has it, OutputError where it cannot be written.
+    where another batch has it, OutputError if it cannot be written.
     """
 
     def __init__(self, folder: Folder) -> None:
@@ -114,7 +114,7 @@ class Manifest:
             ) from None
 
     def append(self, line: dict[str, Any]) -> None:
-        """One more line, whole or not at all. Raises OSError where the disk refuses; nothing is torn then."""
+        """One more line, whole or not at all. Raises OSError if the disk refuses; nothing is torn then."""
         data = encode(line)
         written = 0
         try:
@@ -135,7 +135,7 @@ class Manifest:
                 self.upload()
 
     def upload(self) -> None:
-        """Put the journal into the remote folder. Raises OutputError where the store refuses."""
+        """Put the journal into the remote folder. Raises OutputError if the store refuses."""
         start = time.monotonic()
         try:
             self.folder.put(NAME, str(self.path))
@@ -171,7 +171,7 @@ def journal(folder: Folder) -> Path:
 
 
 def manifest_file(folder: Folder) -> Path:
-    """A local file with the lines of a folder's manifest. Raises OptionError where there is none."""
+    """A local file with the lines of a folder's manifest. Raises OptionError if there is none."""
     if not folder.remote:
         path = Path(folder.of(NAME))
     else:

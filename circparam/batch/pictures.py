@@ -17,7 +17,7 @@ LARGEST = 64_000_000  # bytes of a result that is read for a picture
 
 
 def thumbnails(folder: Folder, name: str) -> list[str]:
-    """Surface and layout of a result as data addresses; none where it cannot be drawn."""
+    """Surface and layout of a result as data addresses; none if it cannot be drawn."""
     with contextlib.suppress(Exception), _local(folder, name) as path:
         if os.path.getsize(path) > LARGEST:
             return []

@@ -112,7 +112,7 @@ class WarmServer:
         self._answers.put(None)
 
     def close(self) -> None:
-        """End it, and the mesh that it is at with it."""
+        """End the server, and its current mesh."""
         with contextlib.suppress(OSError):
             if self._process.stdin is not None:
                 self._process.stdin.close()  # a server with a child ends that first

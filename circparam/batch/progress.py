@@ -19,7 +19,7 @@ KINDS = ("ok", "repaired", "degraded", "failed")
 class Progress:
     """total: files of the sources. skipped: done before. done: in this run, by status in ``counts``. missed: of
     them, those with a gate missed. running: (name, seconds) of the running items, the oldest first. rate: files
-    a second, lately. left: seconds, None where nobody can say. workers: tasks that can be at work. note: the
+    a second, lately. left: seconds, None if nobody can say. workers: tasks that can be at work. note: the
     reason of a wait.
     """
 

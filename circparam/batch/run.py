@@ -78,7 +78,7 @@ class Batch:
     def run(self) -> bool:
         """Until all is done (True), or it was asked to stop.
 
-        Raises LostError where the scheduler is gone, OutputError where the manifest cannot be written,
+        Raises LostError if the scheduler is gone, OutputError if the manifest cannot be written,
         OptionError for a worker of another version.
         """
         end = math.inf
@@ -166,7 +166,7 @@ class Batch:
         self._final(line)
 
     def _try_again(self, item: Item) -> bool:
-        """Put a file back for a later attempt; False where it had all of them."""
+        """Put a file back for a later attempt; False if it had all of them."""
         if item.attempt >= ATTEMPTS or self.stopping:
             return self.stopping  # no line now: the next run does it
         ready = time.monotonic() + PAUSE * 2 ** (item.attempt - 1)

@@ -156,7 +156,8 @@ def _work(settings: Settings, task: dict[str, Any]) -> dict[str, Any]:
 
 
 def _become_child(log: int, max_memory: int | None) -> None:
-    """A session of its own that ends with the server; bounded memory, and the first to go where it is short."""
+    """A session of its own that ends with the server; bounded memory, and the first victim when memory is
+    short."""
     os.setsid()
     os.dup2(os.open(os.devnull, os.O_RDWR), 0)
     os.dup2(log, 1)

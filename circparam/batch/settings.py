@@ -16,7 +16,7 @@ from circparam.pipeline.gates import Gates
 from circparam.pipeline.options import Options
 
 PLACE = "{}"  # in the name of a further file: the name of the result without its suffix
-# how long, how much and whether at all: they change no byte of a result that is there
+# limits and repetitions: they change no byte of an existing result
 _NO_BYTES = ("timeout", "overwrite", "format", "jobs")
 
 
@@ -25,7 +25,7 @@ class Settings:
     """options, gates: of each unwrap. out: folder of the results. extras: further outputs of each file, by
     ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. exit_of: the exit code and
     line of an exception, a function of a module. run: a name of this run. fork: whether a warm server forks for
-    each mesh, else it is used again; None where the system decides.
+    each mesh, else it is used again; None if the system decides.
     """
 
     options: Options

@@ -29,7 +29,7 @@ class Source:
     """One file to unwrap.
 
     address: absolute path or remote address. name: of the file relative to its source, with ``/``. size: bytes,
-    0 where nobody says. mark: changes when the file does (time of change, etag).
+    0 if nobody says. mark: changes when the file does (time of change, etag).
     """
 
     address: str
@@ -42,7 +42,7 @@ class Listing:
     """An iterator over the files of sources; own results that were left out are counted in ``own``.
 
     sources: as the command line has them. out: local folder of the results, which is no source where it lies in
-    one. Raises InputError where a source is missing, unreadable or has no file that it names.
+    one. Raises InputError if a source is missing, unreadable or has no file that it names.
     """
 
     def __init__(self, sources: Sequence[str], out: str | None = None) -> None:
@@ -121,7 +121,7 @@ class Listing:
 def list_lines(path: str) -> Iterator[str]:
     """The addresses of a list, one a line, or between NUL bytes where there are any; ``#`` begins a comment.
 
-    Raises InputError where it cannot be read.
+    Raises InputError if it cannot be read.
     """
     try:
         with open(path, "rb") as stream:
@@ -210,7 +210,7 @@ def _named(
 
 
 def _walk(store: Any, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Folder by folder, so that no more than one of them is held."""
+    """Folder by folder, so only one of them is in memory."""
     waiting = [path]
     while waiting:
         folder = waiting.pop()
@@ -235,7 +235,7 @@ def suffixes() -> frozenset[str]:
 def output_name(name: str) -> str:
     """The name of the result of a file: its own; with another suffix where its format has no place for uv.
 
-    Raises OptionError where the suffix is none of a mesh format.
+    Raises OptionError if the suffix is none of a mesh format.
     """
     from circparam.formats.table import output_suffix
 

@@ -57,7 +57,7 @@ def archive_of(address: str) -> str:
 
 
 def open_store(address: str) -> tuple[Any, str]:
-    """(file system of fsspec, path in it). Raises OptionError where fsspec or a driver is missing."""
+    """(file system of fsspec, path in it). Raises OptionError if fsspec or a driver is missing."""
     try:
         from fsspec.core import url_to_fs
     except ImportError:
@@ -143,7 +143,7 @@ class Folder:
         write_files({Path(self.of(name)): data}, overwrite=True, durable=durable)
 
     def get_bytes(self, name: str) -> bytes | None:
-        """The content of a file in it; None where there is none."""
+        """The content of a file in it; None if there is none."""
         try:
             if not self.remote:
                 return Path(self.of(name)).read_bytes()

@@ -129,7 +129,7 @@ def worker_name() -> str:
 
 
 def _scratch(settings: Settings, item: Item) -> str:
-    """A new folder for one file, on the disk of the results where that is local, so that a rename is enough."""
+    """A new folder for one file, on the disk of local results, so that a rename is enough."""
     if is_remote(settings.out):
         return tempfile.mkdtemp(prefix=f"circparam-batch-{settings.run}-")
     folder = os.path.join(settings.out, WORK, settings.run)

@@ -105,7 +105,7 @@ def command(mesh: str, **given: Any) -> None:
 
 
 def _check_words(given: dict[str, Any], look: LookOptions) -> None:
-    """Raise OptionError where --all and --from are both there or both missing, or another word fits but one."""
+    """Raise OptionError if --all and --from are both there or both missing, or another word fits but one."""
     if given["whole"] == (given["kind"] is not None):
         raise OptionError("nothing to bake: give --from WHAT, or --all for every texture")
     if given["whole"]:

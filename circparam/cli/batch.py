@@ -45,7 +45,7 @@ _HELP = {
 
 
 def _unwrap_options() -> list[click.Parameter]:
-    """The options of ``unwrap``, with the help that they have here."""
+    """The options of ``unwrap``, with the help text of batch."""
     out = []
     for param in unwrap_command.params:
         if param.name in _NOT_HERE or param.name == "debug":
@@ -145,7 +145,7 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
 
 
 def _end(summary: Summary, given: dict[str, Any]) -> int:
-    """Tell how it ended; the exit code. Raises GateError where too many failed."""
+    """Tell how it ended; the exit code. Raises GateError if too many failed."""
     from circparam.cli.batch_progress import print_summary
 
     if given["as_json"]:

@@ -57,7 +57,7 @@ class Screen:
             click.echo(f"circparam: {headline(progress)}", err=True)
 
     def line(self, line: dict[str, Any]) -> None:
-        """One file is done: its error, or with -v that it is."""
+        """One file is done: its error, or with -v the fact."""
         text = line.get("error")
         if text is not None and not self.quiet:
             self._errors += 1

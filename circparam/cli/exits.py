@@ -53,7 +53,7 @@ def _out_of_memory(error: BaseException) -> bool:
 
 
 def code_of(error: BaseException) -> int:
-    """The exit code of an exception: its class or the nearest base decides, 1 where none is listed."""
+    """The exit code of an exception: its class or the nearest base decides, 1 if none is listed."""
     for cls in type(error).__mro__:
         if cls in CODES:
             return CODES[cls]

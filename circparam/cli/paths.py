@@ -123,7 +123,7 @@ def check_place(path: str, overwrite: bool, made: str | None = None) -> None:
 def made_folder(folder: str | None) -> Iterator[None]:
     """Make a folder for outputs where it is missing; it goes again where nothing was written into it.
 
-    Raises OutputError where it cannot be made.
+    Raises OutputError if it cannot be made.
     """
     made: list[Path] = []
     try:
@@ -136,7 +136,7 @@ def made_folder(folder: str | None) -> Iterator[None]:
 
 
 def _make(folder: str | None, made: list[Path]) -> None:
-    """Make a folder and those above it, noting each as soon as it is there."""
+    """Make a folder and its parents, noting each as soon as it exists."""
     if folder is None:
         return
     missing = [p for p in (Path(folder), *Path(folder).parents) if not p.exists()]

@@ -70,7 +70,7 @@ def note(line: str, quiet: bool = False) -> None:
 
 @contextlib.contextmanager
 def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterator[Listener]:
-    """A listener that draws a bar where somebody sees it, and knows how far it is. place: of how many."""
+    """A listener that draws a bar for a visible stream and keeps the progress. place: number of all items."""
     if place[1] > 1:
         label = f"{label} ({place[0]} of {place[1]})"
     bar = None if quiet or not sys.stderr.isatty() else _Bar(label)
@@ -122,12 +122,12 @@ class Status:
         self.start = time.monotonic()
 
     def __call__(self, stage: str, fraction: float, note: str) -> None:
-        """Remember the stage and how far the run is."""
+        """Remember the stage and the progress of the run."""
         self.stage = stage or self.stage
         self.forward(stage, fraction)
 
     def line(self) -> str:
-        """Stage, share of the run, seconds so far and about how many are left, memory."""
+        """Stage, share of the run, seconds so far, an estimate of the rest, memory."""
         gone, share = time.monotonic() - self.start, self.forward.fraction
         left = f"about {gone * (1 - share) / share:.0f} s left, " if share >= SURE else ""
         done = f"{self.label}: {self.stage}, {100 * share:.0f} % done"
@@ -169,7 +169,7 @@ class _Bar:
         self.task: Any = None
 
     def __call__(self, stage: str, fraction: float, note: str) -> None:
-        """Show how far the run is, and in which stage."""
+        """Show the progress of the run, and its stage."""
         self.status(stage, fraction, note)
         fraction = self.status.forward.fraction
         if self.bar is None:

@@ -3,8 +3,7 @@
 Python delivers a signal between bytecodes, and a sparse factorisation of a large mesh is a single one that may
 take many seconds. The interpreter therefore also writes each signal to a pipe, which a watching thread reads.
 If the main thread has not ended shortly after, the watcher removes the temporary files and ends the process.
-SIGUSR1 (where there is one) is answered by the same thread at once, with a line on stderr that tells how far
-the work is.
+The same thread answers SIGUSR1 (where it exists) at once, with a line of progress on stderr.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _LONGER: list[float] = []
 # replacement for the first Ctrl-C, once: one list for the main thread, one for the watcher
 _ASKED: list[Callable[[], None]] = []
 _SPARED: list[int] = []
-# tells how far the work is, in one line
+# the progress of the work, in one line
 _STATUS: list[Callable[[], str]] = []
 ASK: signal.Signals | None = getattr(signal, "SIGUSR1", None)
 

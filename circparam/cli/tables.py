@@ -150,7 +150,7 @@ def atlas_table(report: dict[str, Any]) -> Table:
 
 
 def _short(path: str, width: int = 26) -> str:
-    """The name of a file without its folder, its middle left out where it is long."""
+    """The name of a file without its folder; a long name loses its middle."""
     name = os.path.basename(path) or path
     return name if len(name) <= width else f"{name[: width - 13]}…{name[-12:]}"
 
@@ -275,7 +275,7 @@ def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
 
 
 def _seams(report: dict[str, Any]) -> str:
-    """How long the seams are, and how much of that is seen."""
+    """Length of the seams, and its visible share."""
     length = f"{_number(report['seam_length'])} x sqrt(area)"
     seen, added = report.get("seam_visible"), report.get("seam_vertices")
     if seen is not None:

@@ -151,7 +151,7 @@ class _Run:
     def __init__(self, given: dict[str, Any], gates: Any) -> None:
         self.given, self.gates = given, gates
         self.started: float | None = time.monotonic()  # the first mesh pays for the imports
-        self.place = (1, 1)  # of the mesh, and of how many
+        self.place = (1, 1)  # number of the mesh, and of all
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
         put_off()  # before options that need the table of methods
@@ -307,7 +307,7 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
 
 
 def look_options_of(given: dict[str, Any]) -> LookOptions | None:
-    """How textures are carried, None without --rebake. Raises OptionError where only --rebake gives a sense."""
+    """How textures are carried, None without --rebake. Raises OptionError if only --rebake gives a sense."""
     known = common.library_keywords(given, LookOptions)
     if given["rebake"]:
         return LookOptions(**known)

@@ -27,7 +27,7 @@ _Made: TypeAlias = tuple[Any, Any, Any]
 
 
 def require(name: str) -> None:
-    """Raise OptionError where the package of a baseline is not installed."""
+    """Raise OptionError if the package of a baseline is not installed."""
     package = BASELINES[name]
     if importlib.util.find_spec(package) is None:
         raise OptionError(f"{package} is not installed: pip install 'circparam[baseline]'")
@@ -38,7 +38,7 @@ def atlas(points: FloatArray, faces: IntArray, name: str) -> tuple[UVMap, dict[s
 
     points: (n, 3), faces: (m, 3). The packages work in float32 and normalise uv for each axis of their page.
     The layout here lies undistorted in the unit square, and further pages lie to the right. Faces without a
-    chart have uv_faces −1. Raises OptionError where the package is not installed.
+    chart have uv_faces −1. Raises OptionError if the package is not installed.
     """
     require(name)
     mesh = points.astype(np.float32), faces.astype(np.uint32)

@@ -62,7 +62,7 @@ def compare(
     the methods that accept them. Row ``input`` is the uv that the file has, where it has one.
 
     Returns a Comparison; a method that fails is a row with status ``failed``. Raises OptionError for an
-    unknown name, InputError where the source cannot be read, TopologyError where the cut does not suit it.
+    unknown name, InputError if the source cannot be read, TopologyError if the cut does not suit it.
     """
     names = method_names(methods)
     if cut not in CUTS:
@@ -113,7 +113,7 @@ class _Scene:
 
 
 def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, Options]:
-    """Options of each method: those of methods go to the rows that accept them; OptionError where none does."""
+    """Options of each method: those of methods go to the rows that accept them; OptionError if none does."""
     given = {k: v for k, v in keywords.items() if v is not None}
     if "pins" in given:
         raise OptionError("--pin has no effect here: methods are compared freely; leave it out")
@@ -140,7 +140,7 @@ def _disks(surface: Surface) -> bool:
 
 
 def _input_row(scene: _Scene) -> list[Entry]:
-    """The row of the uv that the file has; none where it has none."""
+    """The row of the uv that the file has; none if it has none."""
     uvmap = scene.job.document.uv() if scene.job.document.uv_sets else None
     if uvmap is None or not (uvmap.uv_faces >= 0).any():
         return []

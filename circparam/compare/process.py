@@ -44,7 +44,7 @@ def run(
 
     function: "module:name" of a function (arrays, settings) → (arrays, info), both of plain content.
     arrays: handed over as they are. settings: anything JSON can hold. seconds: the child is ended after it.
-    Raises OutOfTimeError then, NoResultError where the child died without a word. An exception inside the
+    Raises OutOfTimeError then, NoResultError if the child died without a word. An exception inside the
     function is no exception here: it is the ``error`` of the outcome.
     """
     with tempfile.TemporaryDirectory(prefix="circparam-") as name:
@@ -87,7 +87,7 @@ def here(function: str, arrays: Arrays, settings: dict[str, Any]) -> Outcome:
 
 
 def peak_memory() -> int | None:
-    """Largest resident size of this process so far, in bytes; None where the system does not tell.
+    """Largest resident size of this process so far, in bytes; None if the system does not tell.
 
     Linux keeps the value with the address space; getrusage would also count the parent's memory at the fork.
     """

@@ -28,13 +28,13 @@ def bounded(last: float | None) -> Iterator[None]:
 
 
 def tick() -> None:
-    """Raise OutOfTimeError where the last moment has passed."""
+    """Raise OutOfTimeError if the last moment has passed."""
     last = _last.get()
     if last is not None and time.monotonic() >= last:
         raise OutOfTimeError("out of time before anything valid was found: give a longer --timeout")
 
 
 def left() -> float | None:
-    """Seconds that are left; None where nothing bounds them."""
+    """Seconds that are left; None if nothing bounds them."""
     last = _last.get()
     return None if last is None else last - time.monotonic()

@@ -19,7 +19,7 @@ from circparam.errors import OptionError
 
 KEY = "option"  # under which the metadata of a field hold its Spec
 
-# (all options, name of the field) → why it has no effect beside the others; None where it has one
+# (all options, name of the field) → why it has no effect beside the others; None if it has one
 Condition: TypeAlias = Callable[[Any, str], str | None]
 
 
@@ -37,7 +37,7 @@ class Range:
         return self.low <= float(value) <= self.high
 
     def check(self, name: str, value: object) -> None:
-        """Raise OptionError where a value is not a number of the range; ``name`` as the user wrote it."""
+        """Raise OptionError if a value is not a number of the range; ``name`` as the user wrote it."""
         if value not in self:
             raise OptionError(f"{name} {value!r}: give {self.meaning}")
 

@@ -26,8 +26,8 @@ def write_files(
     """Write several files, all or none, the last one last (it may refer to those before it).
 
     inside: a folder below which missing folders are made. durable: flushed to the disk, so a power cut loses no
-    file; unnecessary for files written every moment. Raises OptionError where one exists and may not be
-    replaced, or where two names are one file; OutputError where the disk refuses. Nothing is left behind by an
+    file; unnecessary for files written every moment. Raises OptionError if one exists and may not be
+    replaced, or where two names are one file; OutputError if the disk refuses. Nothing is left behind by an
     error or an interrupt.
     """
     places: dict[str, Path] = {}

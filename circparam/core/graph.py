@@ -115,8 +115,8 @@ def nearest(
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """Shortest paths from the nearest of several sources.
 
-    graph: (n, n) weights of the edges. symmetric: False where it holds each edge once, either way round; then
-    both ways count. Returns (distance (n,), infinite where none reaches; the node before on the path, and the
+    graph: (n, n) weights of the edges. symmetric: False if it holds each edge once, either way round; then
+    both ways count. Returns (distance (n,), infinite if none reaches; the node before on the path, and the
     source (n,), both −1 or less where there is none).
     """
     tick()
@@ -135,7 +135,7 @@ def nearest(
 def distances(
     graph: sps.csr_matrix, sources: IntArray, limit: float = np.inf, symmetric: bool = True
 ) -> FloatArray:
-    """(n,) distance from the nearest of several sources, infinite where none reaches. As in ``nearest``."""
+    """(n,) distance from the nearest of several sources, infinite if none reaches. As in ``nearest``."""
     tick()
     found: Any = dijkstra(graph, indices=sources, min_only=True, limit=limit, directed=symmetric)
     result: FloatArray = found
@@ -167,7 +167,7 @@ class Graph:
         self.matrix = matrix + matrix.T
 
     def paths(self, sources: IntArray, limit: float = np.inf) -> tuple[FloatArray, IntArray]:
-        """Distance (n,) from the nearest source, infinite where none is, and the node before each, else −1."""
+        """Distance (n,) from the nearest source, infinite if none is, and the node before each, else −1."""
         distance, parent, _ = nearest(self.matrix, sources, limit)
         return distance, np.maximum(parent, -1)
 

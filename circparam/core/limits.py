@@ -38,7 +38,7 @@ def mip_level(padding: int) -> int | None:
 
 
 def check_page(resolution: int, padding: int) -> None:
-    """Raise OptionError where the padding at both sides leaves no texel of a page."""
+    """Raise OptionError if the padding at both sides leaves no texel of a page."""
     if 2 * padding >= resolution:
         raise OptionError(
             f"--padding {padding} leaves no room on a page of {resolution} texels: "

@@ -28,7 +28,7 @@ class Factor:
     matrix: square, structurally symmetric, with a dominant or positive definite diagonal (M-matrices of convex
     maps, Laplacians, projected Hessians). Diagonal pivots are stable for these. Minimum degree on A + Aᵀ needs
     far less fill than SciPy's default column order. ordered: the rows are in an order that fills little
-    already. Raises NoResultError where the matrix is singular, OutOfTimeError past the last moment
+    already. Raises NoResultError if the matrix is singular, OutOfTimeError past the last moment
     (``core.clock``).
     """
 

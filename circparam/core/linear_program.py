@@ -20,7 +20,7 @@ SIMPLEX, INTERIOR = "simplex", "ipm"
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """x: (n,), None where nothing optimal was found. stalled: all iterations were used up."""
+    """x: (n,), None if nothing optimal was found. stalled: all iterations were used up."""
 
     x: FloatArray | None
     stalled: bool

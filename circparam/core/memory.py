@@ -82,12 +82,12 @@ def _glibc() -> Any:
 
 
 def resident(pid: int | str = "self") -> int:
-    """Bytes of memory that a process holds; 0 where the system does not tell."""
+    """Bytes of memory that a process holds; 0 if the system does not tell."""
     return _statm(pid, 1)
 
 
 def address_space(pid: int | str = "self") -> int:
-    """Bytes of address space that a process has; 0 where the system does not tell."""
+    """Bytes of address space that a process has; 0 if the system does not tell."""
     return _statm(pid, 0)
 
 

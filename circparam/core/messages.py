@@ -14,7 +14,7 @@ def send(stream: IO[bytes], data: bytes) -> None:
 
 
 def message(stream: IO[bytes]) -> bytes:
-    """The next message of a stream; raises EOFError where it has ended."""
+    """The next message of a stream; raises EOFError if it has ended."""
     return _exactly(stream, int.from_bytes(_exactly(stream, LENGTH), "little"))
 
 

@@ -136,7 +136,7 @@ class Monitor:
                 keeper(reached, sound)
 
     def check(self, seconds: float = 0.0) -> None:
-        """Raise OutOfTimeError where the deadline has passed with no valid result yet.
+        """Raise OutOfTimeError if the deadline has passed with no valid result yet.
 
         seconds: least time of the remaining work, if known; a little lateness is accepted then.
         """

@@ -99,7 +99,7 @@ class _Opening:
         return self._owner == os.getpid()
 
     def pool(self) -> Pool | None:
-        """Wait for the pool; None where there is none."""
+        """Wait for the pool; None if there is none."""
         if not self.own:
             return None
         self.done.wait()

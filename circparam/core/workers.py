@@ -195,7 +195,7 @@ Later = DeferredTask  # the older name
 
 
 def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
-    """A task on its way to a process; None where the pool is broken, or at the end of the interpreter."""
+    """A task on its way to a process; None if the pool is broken, or at the end of the interpreter."""
     soft = None if m.deadline is None else m.deadline - m.held - time.monotonic()
     try:
         future: Future[bytes] = pool.executor.submit(_work, packed, soft, clock.left())
@@ -220,7 +220,7 @@ def _answered(pool: Pool, future: Future[bytes] | None, m: Monitor) -> tuple[Any
 
 
 def _waited(pool: Pool, future: Future[bytes]) -> bytes:
-    """The result of a process. Raises TimeoutError where one was killed, which loky overlooks at times."""
+    """The result of a process. Raises TimeoutError if one was killed, which loky overlooks at times."""
     while True:
         try:
             return future.result(OVERLOOKED)

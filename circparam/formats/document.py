@@ -107,25 +107,25 @@ class Document:
 
     @property
     def up(self) -> str:
-        """The axis that the file itself says to point up, y or z; '' where it does not."""
+        """The axis that the file itself says to point up, y or z; '' if it does not."""
         return ""
 
     @property
     def instances(self) -> int:
-        """How often a mesh of the file is shown again by a further node (0 where none is shared)."""
+        """How often a mesh of the file is shown again by a further node (0 if none is shared)."""
         return 0
 
     @property
     def draw_calls(self) -> int | None:
-        """How often a viewer draws for the file: once for a primitive of a node; None where that is open."""
+        """Number of draw calls of a viewer for the file, one for a primitive of a node; None if unknown."""
         return None
 
     def instance_transforms(self) -> list[tuple[IntArray, FloatArray]]:
-        """Parts that the file shows again: faces (k,), and the (4, 4) transform from where they are read."""
+        """Further instances of parts in the file: faces (k,), and the (4, 4) transform of each."""
         return []
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
-        """The layout of one uv set of the file, origin bottom-left; None where the file has no such set."""
+        """The layout of one uv set of the file, origin bottom-left; None if the file has no such set."""
         return None
 
     def require_uv(self, uv_set: int = 0) -> UVMap:
@@ -173,14 +173,14 @@ class Document:
         )
 
     def colours(self) -> FloatArray | None:
-        """(m, 3, 3) sRGB colour of every corner, of vertices or faces, 0..1; None where there are none.
+        """(m, 3, 3) sRGB colour of every corner, of vertices or faces, 0..1; None if there are none.
 
-        Raises InputError where the file's colours are malformed.
+        Raises InputError if the file's colours are malformed.
         """
         return None
 
     def normals(self) -> FloatArray | None:
-        """(m, 3, 3) unit normals of every corner as viewers shade the file; None where it leaves them open."""
+        """(m, 3, 3) unit normals of every corner as viewers shade the file; None if it leaves them open."""
         return None
 
     def tangents(self) -> FloatArray | None:
@@ -189,11 +189,11 @@ class Document:
         return None
 
     def targets(self) -> list[tuple[str, FloatArray]]:
-        """Morph targets: the name of each, and (n, 3) where it moves the points to, in the world."""
+        """Morph targets: the name of each, and (n, 3) the places of the points, in the world."""
         return []
 
     def textures(self) -> Textures | None:
-        """The textures of the file; None where no material names one.
+        """The textures of the file; None if no material names one.
 
         Raises InputError for a malformed material.
         """
@@ -229,7 +229,7 @@ class Document:
         return []
 
     def texture_layout(self, textures: Textures) -> UVMap:
-        """Where in their images the textures lie. Raises InputError where the file lacks that uv set."""
+        """Where in their images the textures lie. Raises InputError if the file lacks that uv set."""
         uvmap = self.uv(textures.uv_set)
         if uvmap is None:
             raise InputError(
@@ -241,19 +241,19 @@ class Document:
     def check_target(self, options: WriteOptions, format: str) -> bool:
         """Whether the document writes ``format`` itself; asked before the work.
 
-        Raises OptionError where ``rewrite`` would.
+        Raises OptionError if ``rewrite`` would.
         """
         return False
 
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
-        """The file again with uv, in ``format``; None where this document can't write that format itself."""
+        """The file again with uv, in ``format``; None if this document can't write that format itself."""
         return None
 
 
 def check_layout(document: Document, uvmap: UVMap) -> UVMap:
-    """The layout with clean types; raises NoResultError where it does not fit the faces or is not finite."""
+    """The layout with clean types; raises NoResultError if it does not fit the faces or is not finite."""
     uv = np.ascontiguousarray(uvmap.uv, np.float64).reshape(-1, 2)
     faces = np.ascontiguousarray(uvmap.uv_faces, np.int64)
     m = len(document.mesh.faces)
@@ -279,7 +279,7 @@ class Replaced:
 def free_set(document: Document, options: WriteOptions, *, only_first: bool) -> int:
     """The number of the uv set to write.
 
-    Raises OptionError where the format has one set only, or the set exists and may not be replaced.
+    Raises OptionError if the format has one set only, or the set exists and may not be replaced.
     """
     number = 0 if options.uv_set is None else options.uv_set
     if number < 0:

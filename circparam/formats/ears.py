@@ -118,13 +118,13 @@ class Ears:
         return (np.inf if self._area(k) <= SLIVER * length**2 else length), k
 
     def _area(self, k: int) -> float:
-        """Twice the area of the triangle of a corner and its neighbours, above 0 where it turns left."""
+        """Twice the area of the triangle of a corner and its neighbours, above 0 if it turns left."""
         i, m, x, y = self.before[k], self.after[k], self.x, self.y
         twice: float = (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
         return twice
 
     def _remove(self, k: int) -> None:
-        """Take a corner out; its neighbours are in nobody's way where they turn left now."""
+        """Take a corner out; neighbours that turn left now are no obstacles."""
         a, b = self.before[k], self.after[k]
         self.after[a], self.before[b] = b, a
         self.there[k] = False

@@ -25,7 +25,7 @@ class LineLimit:
         self._read = self._begin = self._newlines = self._returns = 0
 
     def follow(self, block: bytes) -> None:
-        """Take the next block, of at most ``BLOCK`` bytes. Raises InputError where its first line began too
+        """Take the next block, of at most ``BLOCK`` bytes. Raises InputError if its first line began too
         far before."""
         ends = block.find(b"\n"), block.find(b"\r")
         first = min((k for k in ends if k >= 0), default=len(block))

@@ -85,7 +85,7 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
 
 
 def _lost_of_gltf(data: bytes, source: Source) -> tuple[str, ...]:
-    """Parts of a glTF file that trimesh loses. Raises InputError where it needs a package to decode it."""
+    """Parts of a glTF file that trimesh loses. Raises InputError if it needs a package to decode it."""
     features = features_of(data, source)
     if DRACO.encode() in data and importlib.util.find_spec("DracoPy") is None:
         raise source.error(f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}")

@@ -97,7 +97,7 @@ def output_format(path: str | os.PathLike[str]) -> str:
 
 
 def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
-    """The format by name: as given, else by the suffix. Raises OptionError where neither tells."""
+    """The format by name: as given, else by the suffix. Raises OptionError if neither tells."""
     if format is not None:
         FORMATS[format.lower()]
         return format.lower()
@@ -119,7 +119,7 @@ def read(
     format: a name of ``FORMATS``; else the content tells, and where it does not, the suffix. unshare: meshes
     that several nodes use (glTF) become copies, one for each node; other formats are read as ever. reader:
     'trimesh' reads geometry and uv through trimesh, whatever there is of an own reader.
-    Raises InputError where the file is missing, unreadable, malformed, without faces, or holds NaN, or where
+    Raises InputError if the file is missing, unreadable, malformed, without faces, or holds NaN, or where
     its name says another format than its content.
     """
     if os.fspath(path) != "-":
@@ -193,7 +193,7 @@ def read_data(
 
 
 def _format_of_content(data: bytes, source: Source) -> str:
-    """The format by content, or else by suffix. Raises InputError where they differ or neither tells."""
+    """The format by content, or else by suffix. Raises InputError if they differ or neither tells."""
     name = sniff(data)
     by_suffix = None
     try:
@@ -220,9 +220,9 @@ def _format_of_content(data: bytes, source: Source) -> str:
 
 
 def stored(uvmap: UVMap, format: str, document: Document | None = None) -> UVMap:
-    """The layout as it is after being written to a format and read back, as the row of the format rounds uv.
+    """The layout after writing and reading in a format, as its row rounds uv.
 
-    Flips and overlaps are to be checked on these numbers. Raises OptionError for a format without uv.
+    Checks of flips and overlaps need these numbers. Raises OptionError for a format without uv.
     """
     return UVMap(rounding(format, document)(uvmap.uv), uvmap.uv_faces)
 
@@ -249,7 +249,7 @@ def _rounded(round_uv: RoundUV, document: Document | None, uv: FloatArray) -> Fl
 
 
 def has_doubles(format: str) -> bool:
-    """Whether a format can store uv as doubles where it would otherwise not."""
+    """Whether a format can store uv as doubles on request."""
     return FORMATS[format].function.round_double is not None
 
 
@@ -282,8 +282,8 @@ def write(
     """Write the document with uv; ``-`` is standard output. All files appear whole or not at all.
 
     format: a name of ``FORMATS``; else the suffix tells, and for ``-`` the input's own format.
-    Raises OptionError where the file exists or an option does not apply, NoResultError where the layout does
-    not fit, OutputError where the disk refuses.
+    Raises OptionError if the file exists or an option does not apply, NoResultError if the layout does
+    not fit, OutputError if the disk refuses.
     """
     options = options or WriteOptions()
     if os.fspath(path) == "-":
@@ -375,7 +375,7 @@ def check_target(document: Document, format: str, options: WriteOptions) -> None
 def check_place(
     path: str | os.PathLike[str], document: Document, format: str, overwrite: bool
 ) -> None:
-    """Refuse an output before the work for it, where it would replace a file that it may not replace.
+    """Refuse an output before its work if an existing file may not be replaced.
 
     Raises OptionError.
     """

@@ -56,7 +56,7 @@ class JoinedDocument(Document):
 
     @property
     def draw_calls(self) -> int | None:
-        """Those of all files; None where those of one are open."""
+        """Draw calls of all files; None if those of one are unknown."""
         calls = [part.draw_calls for part in self.parts]
         return None if None in calls else sum(call for call in calls if call is not None)
 
@@ -78,7 +78,7 @@ class JoinedDocument(Document):
         return Named(label, tuple(names)) if names else None
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
-        """The layouts of a set of all files, which may lie on each other; −1 where a file has no such set."""
+        """The layouts of a set of all files, which may lie on each other; −1 if a file has no such set."""
         found = [part.uv(uv_set) for part in self.parts]
         if all(layout is None for layout in found):
             return None
@@ -256,8 +256,8 @@ def join(parts: Sequence[Document]) -> JoinedDocument:
 def apart(points: Sequence[FloatArray], faces: Sequence[IntArray]) -> Iterator[FloatArray]:
     """Points (n, 3) of several meshes, each moved into a cell of its own in a lattice.
 
-    The lattice has steps of a power of two, which keeps float32 coordinates exact. One mesh alone stays where
-    it is.
+    The lattice has steps of a power of two, which keeps float32 coordinates exact. A single mesh stays in
+    place.
     """
     if len(points) == 1:
         yield points[0]
@@ -275,7 +275,7 @@ def apart(points: Sequence[FloatArray], faces: Sequence[IntArray]) -> Iterator[F
 def _labels(
     given: Sequence[IntArray | None], meshes: Sequence[Mesh], one_each: bool = False
 ) -> IntArray | None:
-    """(m,) labels of all faces, those of two meshes apart; None where no mesh has any.
+    """(m,) labels of all faces, those of two meshes apart; None if no mesh has any.
 
     one_each: a mesh without labels has one, in place of one for each face.
     """

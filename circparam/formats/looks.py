@@ -31,8 +31,8 @@ class Slot:
     """One thing that a material takes from an image.
 
     name: as the format calls it. channels: of the image, 0 to 3 for red to alpha. page: images of slots with
-    one page and different channels may be stored as one. srgb: red,
-    green and blue are coded so, alpha never is. covers: alpha says how much is seen.
+    one page and different channels may be stored as one. srgb: red, green and blue are coded so, alpha never
+    is. covers: whether alpha is opacity.
     """
 
     name: str
@@ -104,9 +104,9 @@ class Carried:
     """Images in one layout, in place of those of ``Looks``.
 
     pages: PNG bytes by the name of the page. uv_set: the layout. tangents: (m, 3, 4) of corners with w last,
-    the frames of normals and directions; None without them. kept: materials that stay as they are, with the uv
-    that they had. files: the name of each page's file beside the output, where several outputs share it; None
-    where each output has its own.
+    the frames of normals and directions; None without them. kept: materials that stay, with their old uv.
+    files: the name of each page's file beside the output, where several outputs share it; None if each
+    output has its own.
     """
 
     pages: dict[str, bytes]

@@ -33,9 +33,9 @@ class Textures:
     images: each one's bytes as in its file. names: of the images. face: (m,) int64, image of each face, −1 for
     none. plain: (m, 3) colour of the material of a face without image, white where there is none. uv_set: the
     set that the images refer to. notes: images that are missing or unreadable, one line each. alpha: (m,) of
-    the material of each face, None where all are opaque. tints: further effects of materials on the colours,
+    the material of each face, None if all are opaque. tints: further effects of materials on the colours,
     which the images do not contain, one line each. moves: (2, 3) affine map of each image, from uv of the set
-    to places in the image; empty where uv are those.
+    to places in the image; empty if uv are those.
     """
 
     images: tuple[bytes, ...]
@@ -91,7 +91,7 @@ class ImageFiles:
         return self._known[name]
 
     def _content(self, name: str) -> bytes:
-        """The bytes of an image. Of a path on the exporter's machine the last part is looked for here. Text
+        """The bytes of an image. The last part of a path on the exporter's machine is looked for here. Text
         after # is a comment if no file has it in its name."""
         far = re.match(r"[A-Za-z]:|/", name) is not None
         places = [name, name.rpartition("/")[2]] if far else [name]
@@ -131,7 +131,7 @@ def linear(colour: FloatArray) -> FloatArray:
 
 
 def decode(data: bytes, name: str) -> Image.Image:
-    """An image as RGB or RGBA. Raises InputError where it is broken, unknown, or absurdly large."""
+    """An image as RGB or RGBA. Raises InputError if it is broken, unknown, or absurdly large."""
     from PIL import Image, UnidentifiedImageError
 
     try:

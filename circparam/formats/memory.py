@@ -48,7 +48,7 @@ def from_arrays(
     """A document from points (n, 3) and faces (m, 3).
 
     uv: (k, 2), with uv_faces (m, 3) into it, or one row for each vertex where uv_faces is left out.
-    Raises InputError where shapes or indices do not fit.
+    Raises InputError if shapes or indices do not fit.
     """
     mesh = Mesh(_numbers(points), whole_numbers(faces, "faces"), polygons, groups)
     layout = None
@@ -121,7 +121,7 @@ class TrimeshDocument(PlainDocument):
         return found
 
     def colours(self) -> FloatArray | None:
-        """(m, 3, 3) colours of vertices or faces, those beside a texture too; None where there are none."""
+        """(m, 3, 3) colours of vertices or faces, those beside a texture too; None if there are none."""
         faces, kind = self.mesh.faces, getattr(self.visual, "kind", None)
         if kind == "face":
             of_face = _colours(self.visual.face_colors, len(faces))
@@ -132,7 +132,7 @@ class TrimeshDocument(PlainDocument):
         return None if of_vertex is None else of_vertex[faces]
 
     def textures(self) -> Textures | None:
-        """The image of the base colour, as PNG; None where the material has none."""
+        """The image of the base colour, as PNG; None if the material has none."""
         image = self.image
         if image is None or self.layout is None:
             return None
@@ -143,7 +143,7 @@ class TrimeshDocument(PlainDocument):
 
 
 def _colours(given: Any, n: int) -> FloatArray | None:
-    """(n, 3) in 0..1 of colours as trimesh has them, bytes or 0..1; None where they are not one each."""
+    """(n, 3) in 0..1 of colours as trimesh has them, bytes or 0..1; None if they are not one each."""
     table = np.asarray(given if given is not None else [])
     if table.ndim != 2 or len(table) != n or table.shape[1] < 3:
         return None

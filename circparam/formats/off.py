@@ -20,7 +20,7 @@ from circparam.mesh.mesh import Mesh
 
 
 def read_off(data: bytes, source: Source) -> PlainDocument:
-    """Read OFF (also COFF, NOFF ...), polygons kept. Raises InputError where counts and content disagree.
+    """Read OFF (also COFF, NOFF ...), polygons kept. Raises InputError if counts and content disagree.
 
     Our own scanner: trimesh's reader turns polygons into triangles and forgets which belong together.
     """

@@ -34,13 +34,13 @@ class Polygons:
 
     @property
     def labels(self) -> IntArray | None:
-        """Polygon label of each triangle for ``Mesh.polygons``; None where all are triangles."""
+        """Polygon label of each triangle for ``Mesh.polygons``; None if all are triangles."""
         return None if (np.diff(self.start) <= 3).all() else self.owner
 
     def corner_uv(self, uvmap: UVMap, name: str) -> IntArray:
         """(L,) int64: the uv of every polygon corner, from the first triangle that lists it; −1 for none.
 
-        Raises NoResultError where triangles of one polygon disagree: no seam may run inside a polygon.
+        Raises NoResultError if triangles of one polygon disagree: no seam may run inside a polygon.
         """
         out = np.full(len(self.corners), -1, np.int64)
         out[self.triangles.ravel()[::-1]] = uvmap.uv_faces.ravel()[::-1]

@@ -22,19 +22,19 @@ HIGHEST = 2**53  # of a vertex; beyond it numbers with a point skip some
 
 
 def read_pins(path: str | os.PathLike[str]) -> FloatArray:
-    """(p, 3): vertex, u, v of every line. Raises InputError where a line holds something else."""
+    """(p, 3): vertex, u, v of every line. Raises InputError if a line holds something else."""
     return _numbers(path, 3, "a vertex number, u and v", vertices=1)
 
 
 def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
-    """(k, 2): a vertex of one mesh and a vertex of another on every line. Raises InputError where a line holds
+    """(k, 2): a vertex of one mesh and a vertex of another on every line. Raises InputError if a line holds
     something else. Lines ``path ...`` are left out, see ``read_paths``."""
     return _numbers(path, 2, "two vertex numbers", vertices=2, besides="path").astype(np.int64)
 
 
 def read_paths(path: str | os.PathLike[str]) -> list[list[int]]:
     """The vertices of the first mesh on every line ``path 12 77 503`` of a file of landmarks. Raises
-    InputError where such a line holds something else."""
+    InputError if such a line holds something else."""
     out = []
     for number, line in enumerate(_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
@@ -50,7 +50,7 @@ def read_paths(path: str | os.PathLike[str]) -> list[list[int]]:
 
 
 def read_faces(path: str | os.PathLike[str]) -> IntArray:
-    """(k,) face numbers, any number of them a line. Raises InputError where a line holds something else."""
+    """(k,) face numbers, any number of them a line. Raises InputError if a line holds something else."""
     out: list[int] = []
     for number, line in enumerate(_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
@@ -63,24 +63,24 @@ def read_faces(path: str | os.PathLike[str]) -> IntArray:
 
 
 def read_polygon(path: str | os.PathLike[str]) -> FloatArray:
-    """(k, 2): the corners of a polygon. Raises InputError where a line holds something else."""
+    """(k, 2): the corners of a polygon. Raises InputError if a line holds something else."""
     return _numbers(path, 2, "x and y of a corner")
 
 
 def read_lengths(path: str | os.PathLike[str]) -> FloatArray:
-    """(b,): one length a line. Raises InputError where a line holds something else."""
+    """(b,): one length a line. Raises InputError if a line holds something else."""
     return _numbers(path, 1, "a length")[:, 0]
 
 
 def read_densities(path: str | os.PathLike[str]) -> FloatArray:
-    """(f,): one density a line. Raises InputError where a line holds something else."""
+    """(f,): one density a line. Raises InputError if a line holds something else."""
     return _numbers(path, 1, "a density")[:, 0]
 
 
 def read_seams(path: str | os.PathLike[str]) -> IntArray:
     """(s, 2) vertex pairs: two numbers a line, or the ``l`` elements of an OBJ.
 
-    Raises InputError where a line holds something else.
+    Raises InputError if a line holds something else.
     """
     text = _text(path)
     lines = [line.split("#")[0].split() for line in text.splitlines()]
@@ -105,7 +105,7 @@ def read_weights(path: str | os.PathLike[str]) -> FloatArray:
     """(k, 3): the weights of seams, two vertices and a weight a line, or one vertex (−1 for the other) and a
     weight.
 
-    A weight is a number from 0 on, or ``inf`` (also ``never``). Raises InputError where a line holds something
+    A weight is a number from 0 on, or ``inf`` (also ``never``). Raises InputError if a line holds something
     else.
     """
     rows = []
@@ -164,8 +164,7 @@ def _numbers(
 ) -> FloatArray:
     """The numbers of a text file as rows of so many.
 
-    vertices: how many at the beginning of each row number vertices. besides: the first word of lines that are
-    left out.
+    vertices: number of vertex numbers at the beginning of each row. besides: the first word of skipped lines.
     """
     rows = []
     for number, line in enumerate(_text(path).splitlines(), 1):

@@ -27,7 +27,7 @@ class Source:
 
     @property
     def folder(self) -> Path | None:
-        """The folder that relative names in the file start from; None where there is none."""
+        """The folder that relative names in the file start from; None if there is none."""
         return None if self.path is None else self.path.resolve().parent
 
     def error(self, cause: object) -> InputError:
@@ -38,7 +38,7 @@ class Source:
 def read_bytes(
     path: str | os.PathLike[str], blocks: Callable[[BinaryIO], Iterator[bytes]] | None = None
 ) -> tuple[bytes, Source]:
-    """The content of a file, or of standard input for ``-``; InputError where it cannot be read or is empty.
+    """The content of a file, or of standard input for ``-``; InputError if it cannot be read or is empty.
 
     blocks: a reader of standard input piece by piece, which may refuse the input early.
     """
@@ -75,7 +75,7 @@ def _joined(blocks: Iterator[bytes]) -> bytes:
 
 
 def safe_path(folder: Path, uri: str) -> Path | None:
-    """The file that a relative URI names inside a folder; None where it leads anywhere else.
+    """The file that a relative URI names inside a folder; None if it leads anywhere else.
 
     A name that is there as it stands is taken so: OBJ files write no URIs, and names may hold a ``%``.
     """
@@ -102,7 +102,7 @@ def regular_bytes(path: Path, most: int = -1) -> bytes:
 def bytes_beside(folder: Path | None, uri: str, most: int = -1) -> bytes:
     """The content of the regular file that a relative URI names inside a folder, or its first ``most`` bytes.
 
-    Raises OSError where the name leads out of the folder, and for all that is no regular file.
+    Raises OSError if the name leads out of the folder, and for all that is no regular file.
     """
     path = None if folder is None else safe_path(folder, uri)
     if path is None:

@@ -22,7 +22,7 @@ FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute"
 def read_stl(data: bytes, source: Source) -> PlainDocument:
     """Read STL: faces in the order of the file, corners at exactly the same position as one vertex.
 
-    Vertices are numbered by their first corner. Raises InputError where the file has no faces, or cannot be
+    Vertices are numbered by their first corner. Raises InputError if the file has no faces, or cannot be
     read as STL.
     """
     if is_text_stl(data):
@@ -49,7 +49,7 @@ def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
 
 
 def _promised(head: bytes, size: int, source: Source) -> int:
-    """The number of facets of a binary file of so many bytes. Raises InputError where it holds more or fewer
+    """The number of facets of a binary file of so many bytes. Raises InputError if it holds more or fewer
     than its header promises."""
     if size < HEADER:
         raise source.error(

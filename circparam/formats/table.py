@@ -45,16 +45,16 @@ class Format:
 
     suffixes: how names end. sniff: whether content is of this format. rank: rows of lower rank are asked first;
     0 for a magic number at the beginning, more where the evidence is weaker. export: (document, layout,
-    options, stem of further files) → the file; writes any document into the format, None where it has no place
+    options, stem of further files) → the file; writes any document into the format, None if it has no place
     for uv. round_uv: (uv (k, 2), document or None) → the uv after writing and reading, each coordinate by
     itself; the document only if it has this format. round_double: the same with uv in doubles, where the format
     can hold them (``WriteOptions.uv_double``). output: the format that its meshes are written to when nothing
-    is said, '' for itself. unshare: reads with meshes that several nodes use copied for each; None where meshes
+    is said, '' for itself. unshare: reads with meshes that several nodes use copied for each; None if meshes
     of the format cannot be shared. foreign: it is read through trimesh, which keeps geometry and uv only. peek:
-    (first bytes, last bytes, size, source), raises InputError where these tell that a large file is not worth
+    (first bytes, last bytes, size, source), raises InputError if these tell that a large file is not worth
     reading. lined: whether a file of the format that begins so is text in lines, of which none may be endless.
-    up: the axis that points up in meshes of the format, '' where nothing says which. also: suffixes of other
-    rows that files of this content may have too. require: raises OptionError where a package is missing that
+    up: the axis that points up in meshes of the format, '' if nothing says which. also: suffixes of other
+    rows that files of this content may have too. require: raises OptionError if a package is missing that
     writes the format.
     """
 
@@ -226,7 +226,7 @@ def output_suffix(suffix: str) -> str:
 
 
 def up_of(format: str) -> str:
-    """The axis that points up in meshes of a format, as Blender reads them too; '' where nothing says which."""
+    """The axis that points up in meshes of a format, as Blender reads them too; '' if nothing says which."""
     return FORMATS[format].function.up if format in FORMATS else ""
 
 
@@ -241,6 +241,6 @@ def writable() -> list[str]:
 
 
 def sniff(data: bytes) -> str | None:
-    """The format that the content gives away; None where it does not."""
+    """The format that the content identifies; None if it identifies none."""
     rows = sorted(FORMATS, key=lambda row: row.function.rank)
     return next((row.name for row in rows if row.function.sniff(data)), None)

@@ -88,7 +88,7 @@ def gather(clean: ByteArray, start: IntArray, end: IntArray) -> ByteArray:
 
 
 def parse_floats(text: ByteArray, count: int) -> FloatArray:
-    """``count`` decimal numbers, correctly rounded; raises ValueError where the text holds others."""
+    """``count`` decimal numbers, correctly rounded; raises ValueError if the text holds others."""
     out = np.fromstring(text.tobytes(), dtype=np.float64, sep=" ")
     if len(out) != count:
         raise ValueError(f"{count} numbers expected, {len(out)} found")
@@ -97,7 +97,7 @@ def parse_floats(text: ByteArray, count: int) -> FloatArray:
 
 
 def parse_ints(text: ByteArray, count: int) -> IntArray:
-    """``count`` whole numbers; raises ValueError where the text holds others."""
+    """``count`` whole numbers; raises ValueError if the text holds others."""
     out = np.fromstring(text.tobytes(), dtype=np.int64, sep=" ")
     if len(out) != count:
         raise ValueError(f"{count} whole numbers expected, {len(out)} found")

@@ -14,7 +14,7 @@ class Split:
     """A vertex for every uv that a vertex has.
 
     corner: (L,) int64 output vertex of each corner. source: (k,) int64 input vertex of each output
-    vertex (the first n are 0..n−1). uv: (k, w) row of each output vertex (0 where no corner gives one).
+    vertex (the first n are 0..n−1). uv: (k, w) row of each output vertex (0 if no corner gives one).
     """
 
     corner: IntArray

@@ -97,7 +97,7 @@ def chart_boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArr
 def label_grid(
     cut_mesh: CutMesh, uv: FloatArray, resolution: int, charts: BoolArray | None = None
 ) -> LabelGrid:
-    """(resolution, resolution) int32, chart whose inside holds each texel centre, −1 where there is none.
+    """(resolution, resolution) int32, chart whose inside holds each texel centre, −1 if there is none.
 
     Row 0 is v = 0. Where charts overlap, the one that begins first in a row is seen. charts: (n_charts,)
     bool, those to draw.

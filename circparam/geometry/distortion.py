@@ -114,7 +114,7 @@ class Tail:
         return cls(stretch[order], below / max(float(below[-1]), 1e-300) if len(below) else below)
 
     def percentile(self, percent: float) -> float:
-        """The stretch that so much of the surface does not exceed; 1 where there is none."""
+        """The stretch that so much of the surface does not exceed; 1 if there is none."""
         if len(self.stretch) == 0:
             return 1.0
         at = np.searchsorted(self.share, percent / 100)
@@ -197,7 +197,7 @@ def measure(cut_mesh: CutMesh, uv: FloatArray, signs: IntArray | None = None) ->
 def chart_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale; 1 is perfect.
 
-    Infinite where the numbers are not finite or the chart is a point.
+    Infinite if the numbers are not finite or the chart is a point.
     """
     return _distortion(*_scale_terms(cut_mesh, uv))
 

@@ -28,7 +28,7 @@ THIN = (
 class PageFigures:
     """thin: charts narrower than THIN texels. seam_texels: length of seams on the page, the mean of both sides.
     density_min, density_max: texels per unit of the mesh, of the charts with the fewest and the most.
-    axis_parallel: share of the straight borders that lies along the axes, None where no chart has one.
+    axis_parallel: share of the straight borders that lies along the axes, None if no chart has one.
     texel_aligned: share of them that lies on whole texels, or on whole blocks of a compressed texture.
     """
 

@@ -108,7 +108,7 @@ def rasterise(
     """The face seen at every pixel.
 
     xy: (m, 3, 2) corners in pixels. depth: (m, 3), smaller is nearer; without it the lowest face wins.
-    Returns ((height, width) face or −1, (height, width) depth, infinite where empty,
+    Returns ((height, width) face or −1, (height, width) depth, infinite if empty,
     (height, width) number of faces that cover the pixel).
     """
     size = width * height
@@ -198,7 +198,7 @@ def _run(p: FloatArray, triangle: IntArray, row: IntArray) -> tuple[IntArray, In
 
 
 def owner_raster(corners: FloatArray, owner: IntArray, resolution: int) -> tuple[LabelGrid, int]:
-    """Owner of each texel of one page, −1 where empty; and the number of texels with two owners.
+    """Owner of each texel of one page, −1 if empty; and the number of texels with two owners.
 
     corners: (m, 3, 2) in texels, as in ``covered_runs``. owner: (m,) non-negative.
     Returns ((resolution, resolution) int32, count).
@@ -264,7 +264,7 @@ def row_crossings(
 def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] | None]:
     """Smallest distance between texels of two labels (≥ 0), looked for up to ``search``; and the two labels.
 
-    grid: (h, w), −1 where empty. (infinity, None) where there is none within the search.
+    grid: (h, w), −1 if empty. (infinity, None) where there is none within the search.
     """
     if search > NEAR:
         at, own = _ends(grid)

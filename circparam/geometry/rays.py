@@ -21,7 +21,7 @@ EDGE = 1e-9  # barycentric: rays that meet an edge meet a face beside it, whatev
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """face: (p,) int64, −1 where a ray meets nothing. bary: (p, 3). t: (p,) place along the ray's direction."""
+    """face: (p,) int64, −1 if a ray meets nothing. bary: (p, 3). t: (p,) place along the ray's direction."""
 
     face: IntArray
     bary: FloatArray

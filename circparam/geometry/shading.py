@@ -2,7 +2,7 @@
 
 Tangent space by the rule of glTF (2.0, 3.7.2.1; Mikkelsen 2008). At a corner t is the direction of growing u,
 made perpendicular to the normal n and averaged by angle over the faces that share position and uv there. The
-bitangent is w · n × t, with w = +1 where the uv are wound as the surface, −1 where they are mirrored. v points
+bitangent is w · n × t, with w = +1 if the uv are wound as the surface, −1 if they are mirrored. v points
 up, so a normal map made with these has green up, as glTF wants it.
 """
 
@@ -61,7 +61,7 @@ def unit(vectors: FloatArray) -> FloatArray:
 
 
 def corner_angles_of(corners: FloatArray) -> FloatArray:
-    """(m, 3) angles of triangles (m, 3, 3), 0 where a side has no length."""
+    """(m, 3) angles of triangles (m, 3, 3), 0 if a side has no length."""
     a = unit(corners[:, [1, 2, 0]] - corners)
     b = unit(corners[:, [2, 0, 1]] - corners)
     angle: FloatArray = np.arctan2(np.linalg.norm(np.cross(a, b), axis=2), (a * b).sum(2))

@@ -292,7 +292,7 @@ def edge_shares(
 def visible_share(surface: Surface, cut: BoolArray) -> float | None:
     """Share of the length of some edges ((e,) bool) that is seen, in the mean over JUDGED directions.
 
-    It is Σ length · share / Σ length, shares as ``edge_shares`` has them; None where the edges have no length.
+    It is Σ length · share / Σ length, shares as ``edge_shares`` has them; None if the edges have no length.
     """
     if not surface.edge_lengths[cut].sum() > 0:
         return None

@@ -1,9 +1,9 @@
 """The layout of one mesh on another mesh of the same shape: seams follow, nothing flips.
 
 The charts of the source lie as sheets in space. Every face of the target takes the chart under most of its
-probes. Every corner takes the closest point of that chart, on one side of every seam. Faces side by side whose
-corners found the same points hang together; the other edges are seams. Turned faces then go to a neighbour's
-chart, or are untangled in place.
+probes. Every corner takes the closest point of that chart, on one side of every seam. Faces side by side are
+connected if their corners found the same points; the other edges are seams. Turned faces then go to a
+neighbour's chart, or are untangled in place.
 """
 
 from __future__ import annotations
@@ -294,7 +294,7 @@ def _relabel(
     points: tuple[SurfacePoints, SurfacePoints, SurfacePoints],
     mirrored: BoolArray,
 ) -> bool:
-    """Let other probes or neighbours lead turned faces, so that they are turned less; whether any did.
+    """Let other probes or neighbours lead turned faces, so that fewer are turned; whether any changed.
 
     points: of the probes, the leading ones, those of the corners.
     """
@@ -359,7 +359,7 @@ def _means(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
 
 
 def lifted(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """A layout (nv, 2) with its turned faces upright by the least that sets them so, where that can be done.
+    """A layout (nv, 2) with its turned faces set upright by the least move, if possible.
 
     Every turned or hair-thin face moves its corners along the gradients of its area, towards a height of
     LEAST_HEIGHT. A vertex takes the mean of all pulls (projection onto constraints, Müller et al. 2007).

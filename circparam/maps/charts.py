@@ -61,7 +61,7 @@ class ChartGraph:
 def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: MapInput, b: MapInput) -> None:
     """The seams of both layouts as arcs, and their nodes as helpers, or landmarks where they are some.
 
-    Raises TopologyError where a chart is no disk or the graphs differ, InputError where they correspond in
+    Raises TopologyError if a chart is no disk or the graphs differ, InputError if they correspond in
     several ways.
     """
     first, second = (
@@ -84,7 +84,7 @@ def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: MapInput, b: M
 
 
 def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGraph:
-    """The graph of one side. Raises TopologyError where a chart is no disk."""
+    """The graph of one side. Raises TopologyError if a chart is no disk."""
     mesh, surface = side.closed, side.surface
     m = len(mesh.faces)
     cut = np.zeros(3 * m, bool)
@@ -172,7 +172,7 @@ def _matches(a: ChartGraph, b: ChartGraph) -> list[list[int]]:
 
 
 def _match(a: ChartGraph, b: ChartGraph, d: int, e: int) -> list[int] | None:
-    """The arcs of b that those of a go to if arc d goes to e; None where they are not alike."""
+    """The arcs of b that those of a go to if arc d goes to e; None if they are not alike."""
     goes = [-1] * len(a.paths)
     goes[d], front = e, [d]
     while front:

@@ -16,7 +16,7 @@ from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 class ClosedMesh:
     """points (n, 3); faces (m, 3), closed, wound counter-clockwise seen from outside.
 
-    parent (m,): the face of the surface that each face is a part of, −1 where it closes a boundary. corners (m,
+    parent (m,): the face of the surface that each face is a part of, −1 if it closes a boundary. corners (m,
     3, 3): barycentric coordinates of its corners in that face. The vertices of the surface come first, then the
     tips of the cones over its boundaries, then the vertices that split edges. origin (m,): the face of the mesh
     before its edges were split.
@@ -41,7 +41,7 @@ class ClosedMesh:
         return key[order], order
 
     def half_edges(self, start: IntArray, end: IntArray) -> IntArray:
-        """(k,) the half-edge from each start to each end; −1 where there is none."""
+        """(k,) the half-edge from each start to each end; −1 if there is none."""
         keys, order = self._sorted
         asked = np.asarray(start) * self.n + np.asarray(end)
         at = np.minimum(np.searchsorted(keys, asked), len(keys) - 1)
@@ -105,7 +105,7 @@ class ClosedMesh:
         return label, group_count(label, count) - edges + vertices
 
     def shares(self, path: IntArray) -> FloatArray:
-        """(p,) how far along a path each of its vertices lies, from 0 to 1, by length."""
+        """(p,) position of the vertices along a path, from 0 to 1, by length."""
         steps = np.linalg.norm(np.diff(self.points[path], axis=0), axis=1)
         run = np.r_[0.0, np.cumsum(np.maximum(steps, 1e-9 * steps.max()))]
         result: FloatArray = run / run[-1]
@@ -126,7 +126,7 @@ class ClosedMesh:
     ) -> tuple[ClosedMesh, IntArray]:
         """Edges split into two each: (the mesh, (k,) the vertex that splits each).
 
-        half_edges (k,): one of every edge. share (k,): how far along them, half where None.
+        half_edges (k,): one of every edge. share (k,): the place along each edge, half if None.
         """
         mesh, left = self, np.arange(len(half_edges))
         share = np.full(len(left), 0.5) if share is None else share

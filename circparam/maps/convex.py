@@ -46,7 +46,7 @@ def laid_in_polygons(
 ) -> FloatArray:
     """(m, 3, d) places of the corners of faces in flat convex polygons with corners (c, d).
 
-    polygon (m,): that of each face, −1 where it lies in none and has no places. arcs: those round each polygon,
+    polygon (m,): that of each face, −1 if it lies in none and has no places. arcs: those round each polygon,
     laid along its sides by arc length; no polygon has a landmark twice. Inner vertices are one linear system.
     """
     mesh = tracer.mesh

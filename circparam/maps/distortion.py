@@ -46,7 +46,7 @@ def distortion(points: FloatArray, faces: IntArray, images: FloatArray) -> Disto
 def face_energies(
     points: FloatArray, faces: IntArray, images: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(energy (m,) of the same map, 1 where a face has no shape; area (m,), 0 there)."""
+    """(energy (m,) of the same map, 1 if a face has no shape; area (m,), 0 there)."""
     rest, there = rest_triangles_of(points[faces]), rest_triangles_of(images[faces])
     longest = ((rest - np.roll(rest, 1, 1)) ** 2).sum(2).max(1)
     area = rest[:, 1, 0] * rest[:, 2, 1] / 2

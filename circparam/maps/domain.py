@@ -22,7 +22,7 @@ from circparam.maps.places import along_boundaries
 from circparam.maps.straighten import straighten
 from circparam.maps.tracing import Tracer
 
-PATCH_DISTANCE = 10.0  # how far patches lie from each other where faces near a place are looked for
+PATCH_DISTANCE = 10.0  # distance between patches in the search for faces near a place
 HELPER_DISTANCE = 0.35  # roots of the area from all landmarks, from which on a patch gets a helper
 SAME_PLACE = 0.15  # barycentric coordinates that differ by less are about the same place of a patch
 HELPER_ROUNDS = 3  # of layouts with more and more helpers
@@ -56,7 +56,7 @@ def common_domain(
 ) -> Domain:
     """Both meshes over one geometry by convex maps of the patches between arcs. Helpers are added to ``marks``.
 
-    Raises TopologyError where the landmarks have no common layout, NoResultError where double precision
+    Raises TopologyError if the landmarks have no common layout, NoResultError if double precision
     cannot hold the maps.
     """
     with monitor.stage("layout"):
@@ -122,8 +122,7 @@ def composed(
 
 
 def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, method: str) -> bool:
-    """Add a helper to every patch that is large (to all where there are three landmarks only); whether one
-    was added.
+    """Add a helper to every large patch (to all patches of three landmarks only); whether one was added.
 
     A convex map crushes parts far from every arc. The vertex of a patch farthest from all landmarks gets a
     partner on the other surface: the farthest of the vertices at about the same place of the patch. Helpers

@@ -129,7 +129,7 @@ class Geometry:
         return place, move / high[..., None]
 
     def projected(self, q: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        """(uv (k, 2) of vectors (k, 3) in the tangent plane of their middle, NaN where they are out of sight;
+        """(uv (k, 2) of vectors (k, 3) in the tangent plane of their middle, NaN if they are out of sight;
         the way back)."""
         middle = self.normal(q.sum(0))
         axes = self.tangents(middle[None])[0]
@@ -184,7 +184,7 @@ class Base:
 
 def base_of(regions: IntArray, ends: IntArray) -> Base:
     """The geometry of triangles of arcs. regions (r, 3): arcs round each, counter-clockwise; ends (2e, 2): of
-    each arc, arc ^ 1 the same backwards. Raises NoResultError where double precision holds none."""
+    each arc, arc ^ 1 the same backwards. Raises NoResultError if double precision holds none."""
     nodes = ends[regions, 0]
     euler = int(ends.max()) + 1 - len(ends) // 2 + len(regions)
     if euler > 0:
@@ -281,7 +281,7 @@ def polyhedron(faces: IntArray) -> FloatArray:
     Tutte's drawing of a 3-connected plane graph is in equilibrium, so it is the shadow of a convex surface
     (Maxwell 1864, Cremona; lifting as in Richter-Gebert 1996). Across an edge the slope changes by the stress
     of the edge times its length, at a right angle to the edge. Every face is counter-clockwise seen from a
-    point inside, by exact signs. Raises NoResultError where double precision cannot tell the faces apart
+    point inside, by exact signs. Raises NoResultError if double precision cannot tell the faces apart
     (hundreds of vertices).
     """
     k = int(faces.max()) + 1

@@ -57,7 +57,7 @@ class Landmarks:
 def given_landmarks(pairs: IntArray, a: MapInput, b: MapInput) -> Landmarks:
     """Landmarks from pairs (k, 2) of vertex numbers of the meshes, counted from 0.
 
-    Raises InputError where a number names no vertex of a face, or two lines name the same.
+    Raises InputError if a number names no vertex of a face, or two lines name the same.
     """
     out = Landmarks()
     seen: tuple[dict[int, int], dict[int, int]] = ({}, {})
@@ -92,7 +92,7 @@ def given_landmarks(pairs: IntArray, a: MapInput, b: MapInput) -> Landmarks:
 def add_paths(marks: Landmarks, paths: list[list[int]], a: MapInput) -> None:
     """Paths, given by vertices of the mesh of A, as sequences of landmarks.
 
-    Raises InputError where a vertex is no landmark, or two paths join the same landmarks.
+    Raises InputError if a vertex is no landmark, or two paths join the same landmarks.
     """
     number = {v: k for k, v in enumerate(marks.a)}
     seen = set()
@@ -139,7 +139,7 @@ def aligned(p: FloatArray, q: FloatArray, mirror: bool = False) -> tuple[float, 
 
 
 def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
-    """Raise TopologyError where the landmarks say that one surface is the mirror image of the other."""
+    """Raise TopologyError if the landmarks say that one surface is the mirror image of the other."""
     if sum(marks.exact) < 4:
         return
     use = [k for k, exact in enumerate(marks.exact) if exact]
@@ -158,7 +158,7 @@ def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
 def add_boundaries(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     """Match the boundaries; give each at least three corners and a landmark at its tip.
 
-    Raises InputError where it is not clear which boundary belongs to which, or their landmarks come in
+    Raises InputError if it is not clear which boundary belongs to which, or their landmarks come in
     another order.
     """
     partner = _partners(marks, a, b)
@@ -265,8 +265,8 @@ def guess(a: MapInput, b: MapInput) -> Landmarks:
     """Landmarks for two surfaces in similar poses: far-apart vertices of a and the nearest ones of b, more for
     every handle, none on boundaries.
 
-    The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
-    fit well enough for that to be trusted.
+    The surfaces are aligned by their axes of inertia and closest points. Raises InputError if the fit is too
+    poor to be trusted.
     """
     p = points_of(a, np.arange(a.n))
     q = points_of(b, np.arange(b.n))

@@ -42,7 +42,7 @@ class Both(NamedTuple):
 
 
 def paired(a: Traced | None, b: Traced | None) -> Both | None:
-    """Two paths, None where one is missing."""
+    """Two paths, None if one is missing."""
     return None if a is None or b is None else Both(a, b)
 
 
@@ -135,7 +135,7 @@ class Layout:
         self.lay(i, j, both)
 
     def lay_shortest(self, i: int, j: int) -> None:
-        """Add the shortest paths between two landmarks that touch no arc. Raises TopologyError where there
+        """Add the shortest paths between two landmarks that touch no arc. Raises TopologyError if there
         is none, or none in the same place among the others."""
         for tracer in self.tracers:
             tracer.split_chords()
@@ -148,7 +148,7 @@ class Layout:
         self.lay(i, j, both)
 
     def triangulate(self) -> None:
-        """Lay arcs until every region is a triangle. Raises TopologyError where no arc can be laid any more."""
+        """Lay arcs until every region is a triangle. Raises TopologyError if no arc can be laid any more."""
         for tracer in self.tracers:
             tracer.split_chords()
         pairs = [(i, j) for i in range(self.k) for j in range(i)]
@@ -221,7 +221,7 @@ class Layout:
         return first == second
 
     def _require_disks(self) -> None:
-        """Raise TopologyError where handles are left uncut, or the paths cut them otherwise."""
+        """Raise TopologyError if handles are left uncut, or the paths cut them otherwise."""
         if not self._same_shape():
             raise TopologyError(
                 "the paths cut one surface apart and not the other: "

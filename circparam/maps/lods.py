@@ -95,7 +95,7 @@ def transfer(
     drift that is written, in texels. keywords: the fields of ``Options`` for files: reader, overwrite, uv_set
     (the set that is read and written) ... All layouts are made before the first file is written.
 
-    Returns one ``Transferred`` a target. Raises InputError where the source has no uv, NoResultError where a
+    Returns one ``Transferred`` a target. Raises InputError if the source has no uv, NoResultError if a
     target has another shape, or where a drift is larger than max_drift.
     """
     DRIFT.check("--max-drift", max_drift)
@@ -131,7 +131,7 @@ def _options(keywords: dict[str, Any]) -> Options:
 
 
 def _source_charts(document: Document, options: Options) -> SourceCharts:
-    """The charts of a document's own uv. Raises InputError where a face has none."""
+    """The charts of a document's own uv. Raises InputError if a face has none."""
     uvmap = document.require_uv(options.uv_set or 0)
     surface, _ = repair(document.mesh, RepairOptions(0.0, True, by_position=True), uvmap)
     return SourceCharts(given_atlas(surface, uvmap, document.source.name))
@@ -156,7 +156,7 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
 
 
 def _check_drift(layout: CarriedLayout, job: Job, resolution: int, most: float) -> None:
-    """Raise NoResultError where a corner lies too far from where the first mesh has it."""
+    """Raise NoResultError if a corner lies too far from where the first mesh has it."""
     drift = resolution * float(layout.drift.max())
     if drift > most:
         raise NoResultError(
@@ -167,7 +167,7 @@ def _check_drift(layout: CarriedLayout, job: Job, resolution: int, most: float) 
 
 
 def _fitted(job: Job, layout: CarriedLayout) -> Fitted:
-    """The layout as stored. Raises NoResultError where faces stay turned over."""
+    """The layout as stored. Raises NoResultError if faces stay turned over."""
     cut_mesh, uv = layout.atlas.open()
     uvmap = job.stored(cut_mesh, uv)
     turned = int(flipped_faces(job.surface, uvmap).sum())

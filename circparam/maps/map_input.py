@@ -22,7 +22,7 @@ class MapInput:
 
     name: for messages. surface: in the winding of the solve. closed: the surface with closed boundaries, the
     vertices of the surface first. tips (b,): the vertex that closes each boundary. loops: the vertices of each
-    boundary, in order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face
+    boundary, in order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 if no face
     uses it. winding (m, 3): the corner of the file that each corner of a face is. notes: repairs.
     """
 
@@ -54,7 +54,7 @@ class MapInput:
 
     @cached_property
     def on_boundary(self) -> IntArray:
-        """(n,) which boundary a vertex of the surface is on, −1 where none."""
+        """(n,) which boundary a vertex of the surface is on, −1 if none."""
         out = np.full(self.n, -1)
         for k, loop in enumerate(self.loops):
             out[loop] = k
@@ -72,7 +72,7 @@ class MapInput:
 def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
     """Prepare one side of a map. mirrored: read every face the other way round.
 
-    Raises InputError where no face has an area, TopologyError where the mesh is no single surface whose edges
+    Raises InputError if no face has an area, TopologyError if the mesh is no single surface whose edges
     have two faces at most.
     """
     try:

@@ -44,9 +44,8 @@ class MapResult:
     """A map and its quality.
 
     map: places both ways. a_to_b, b_to_a: its distortion. inversions: faces turned over in the common domain,
-    by exact signs, of A and of B. landmarks: pairs that were given; landmark_error: how far the worst is off,
-    in sizes of B. start: the distortion of A → B before relaxation. seconds: of the stages. notes: assumptions
-    and repairs.
+    by exact signs, of A and of B. landmarks: pairs given; landmark_error: largest error, in sizes of B. start:
+    the distortion of A → B before relaxation. seconds: of the stages. notes: assumptions and repairs.
     """
 
     map: SurfaceMap
@@ -80,10 +79,9 @@ class Given:
     """Inputs beside two surfaces.
 
     pairs: (k, 2) vertices of a and b that correspond, counted from 0; None: guessed where the surfaces lie
-    alike. paths: sequences of vertices of a among the pairs; shortest paths between them are the first arcs
-    on both. layouts: of a and b, whose charts correspond. method: row of WEIGHTS that is positive.
-    mirrored: b is read as its mirror image. relax: False leaves the composed convex maps as they are.
-    overlay: the common refinement as well.
+    alike. paths: sequences of vertices of a among the pairs; shortest paths between them are the first arcs on
+    both. layouts: of a and b, whose charts correspond. method: row of WEIGHTS that is positive. mirrored: b is
+    read as its mirror image. relax: False keeps the composed convex maps. overlay: also the common refinement.
     """
 
     pairs: IntArray | None = None

@@ -31,10 +31,10 @@ class Mender:
     fixed: BoolArray
 
     def mended(self, q: FloatArray) -> tuple[FloatArray, int]:
-        """(vectors (n, 3) of the vertices with fewer faces turned over, how many are left).
+        """(vectors (n, 3) of the vertices with fewer faces turned over, the number left).
 
         The surroundings of each turned face become convex combinations, then patches are untangled. Each patch
-        is treated for itself, and a filling is kept only where it helps.
+        is treated by itself, and a filling is kept only if it helps.
         """
         mesh = self.development.mesh
         weights: FloatArray | None = None
@@ -124,7 +124,7 @@ class Mender:
     def _flat(
         self, q: FloatArray, faces: IntArray, vertices: IntArray, first: IntArray, within: BoolArray
     ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        """(uv (k, 2) of the vertices of connected faces, rolled out from the first one, NaN where they are out
+        """(uv (k, 2) of the vertices of connected faces, rolled out from the first one, NaN if they are out
         of sight; the way back). first: a corner of each vertex among those of the faces."""
         way = self.development.rolled_out(faces[:1], within)[1]
         corner = 3 * faces[first // 3] + first % 3

@@ -56,7 +56,7 @@ class Overlay:
 def overlay(a: Cover, b: Cover, on_b: CoverPoints) -> Overlay:
     """The common refinement; on_b: places of all vertices of A over B.
 
-    Raises NoResultError where double precision cannot tell edges apart.
+    Raises NoResultError if double precision cannot tell edges apart.
     """
     edge = np.linalg.norm(a.cones - np.roll(a.cones, 1, 1), axis=2).min(1)
     least = np.full((a.mesh.n, 1), np.inf)
@@ -78,7 +78,7 @@ def overlay(a: Cover, b: Cover, on_b: CoverPoints) -> Overlay:
 
 
 def _crossings(a: Cover, b: Cover, at: CoverPoints) -> Crossings | None:
-    """All edges of A walk over B at once; None where one loses its way."""
+    """All edges of A walk over B at once; None if one loses its way."""
     twin, other = a.mesh.twin, b.mesh.twin
     edges = np.flatnonzero(np.arange(len(twin)) < twin)
     f, k = edges // 3, edges % 3
@@ -128,7 +128,7 @@ def _crossings(a: Cover, b: Cover, at: CoverPoints) -> Crossings | None:
 
 
 def _assembled(m_a: ClosedMesh, m_b: ClosedMesh, x: Crossings) -> Overlay | None:
-    """The faces between the parts of all edges; None where they do not close."""
+    """The faces between the parts of all edges; None if they do not close."""
     n, count = m_a.n + m_b.n, len(x.edge_a)
     own = np.arange(count)
     lower = np.minimum(x.edge_b, m_b.twin[x.edge_b])
@@ -235,7 +235,7 @@ def _triangles(
 def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
     """The common refinement of both files.
 
-    Raises OptionError for surfaces with boundaries, NoResultError where double precision cannot tell edges
+    Raises OptionError for surfaces with boundaries, NoResultError if double precision cannot tell edges
     apart.
     """
     if a.loops:
@@ -276,7 +276,7 @@ class OverlayDocument(PlainDocument):
     paint: FloatArray | None = None
 
     def textures(self) -> Textures | None:
-        """Those of the other document, face by face."""
+        """Textures of the other document, face by face."""
         return self.wears
 
     def colours(self) -> FloatArray | None:
@@ -287,7 +287,7 @@ class OverlayDocument(PlainDocument):
 def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, FloatArray]:
     """(the overlay at the places of A, (k, 3) its vertices on B). mapped: from A to B.
 
-    Raises InputError where the map has no overlay.
+    Raises InputError if the map has no overlay.
     """
     made = mapped.overlay
     if made is None:

@@ -16,7 +16,7 @@ MIRRORED = 0.5  # share of faces turned over from which a surface looks mirrored
 def oriented(mapped: SurfaceMap, target: Document, source: Document) -> SurfaceMap:
     """The map from target to source, whichever way round it was made.
 
-    Raises InputError where it was made for other meshes, or is damaged.
+    Raises InputError if it was made for other meshes, or is damaged.
     """
     marks = fingerprint(target.mesh), fingerprint(source.mesh)
     for found in (mapped, mapped.turned()):

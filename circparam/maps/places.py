@@ -35,7 +35,7 @@ def along_boundaries(
 
 
 def _unrolled(side: MapInput, corners: list[int]) -> tuple[IntArray, FloatArray]:
-    """(a boundary from its first corner on, how far each vertex lies: corners passed, and the share to the
+    """(a boundary from its first corner on, the position of each vertex: corners passed, and the share to the
     next)."""
     loop = side.loops[int(side.on_boundary[corners[0]])]
     loop = np.roll(loop, -int(np.flatnonzero(loop == corners[0])[0]))

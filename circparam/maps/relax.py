@@ -121,7 +121,7 @@ class MeshTarget:
         return at.points[corners], at.frame[corners]
 
     def moved(self, at: TargetPoint, d: FloatArray) -> TargetPoint:
-        """Straight over the mesh: at every edge the way goes on as if the two faces were one plane."""
+        """The path is straight: at every edge it continues as if the two faces were one plane."""
         on = at.cover_points
         face, w, turn = on.face.copy(), on.weights.copy(), on.turn.copy()
         way = np.einsum("nab,nb->na", at.frame, d)
@@ -178,7 +178,7 @@ class Relaxation:
     """One mesh on its way onto a target.
 
     development: of the mesh over the domain. rest (m, 3, 2): its faces laid flat. fixed: (n,) bool. weight:
-    (m,) of each face, of sum 1; 0 where a face does not count. guard: faces stay unflipped in the domain, else
+    (m,) of each face, of sum 1; 0 if a face does not count. guard: faces stay unflipped in the domain, else
     on the target.
     """
 

@@ -51,7 +51,7 @@ def solve_map(
 ) -> MapSolution:
     """The map of two surfaces of one topology. method: the weights of the convex maps.
 
-    Raises TopologyError where the landmarks have no common layout, NoResultError where double precision cannot
+    Raises TopologyError if the landmarks have no common layout, NoResultError if double precision cannot
     hold the maps.
     """
     domain = common_domain(a, b, marks, method, monitor)

@@ -63,7 +63,7 @@ class SurfaceMap:
     """Where every vertex of A lies on B and every vertex of B on A; vertices and faces as the files have them.
 
     to_b: (n_A) places on B. to_a: (n_B) places on A. a, b: fingerprints of the meshes it was made for.
-    overlay: the common refinement, None where none was asked for.
+    overlay: the common refinement, None if none was asked for.
     """
 
     to_b: Places
@@ -73,7 +73,7 @@ class SurfaceMap:
     overlay: Refinement | None = None
 
     def check(self, a: Mesh, b: Mesh) -> None:
-        """Raises InputError where the map was made for other meshes, or holds places that they do not have."""
+        """Raises InputError if the map was made for other meshes, or holds places that they do not have."""
         for mesh, mark, name in ((a, self.a, "first"), (b, self.b, "second")):
             if fingerprint(mesh) != mark:
                 raise InputError(
@@ -105,7 +105,7 @@ def fingerprint(mesh: Mesh) -> str:
 
 
 def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = False) -> None:
-    """Write a map as .npz. Raises OptionError where the file exists, OutputError where the disk refuses."""
+    """Write a map as .npz. Raises OptionError if the file exists, OutputError if the disk refuses."""
     out = io.BytesIO()
     more: dict[str, Any] = {}
     if found.overlay is not None:
@@ -127,7 +127,7 @@ def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = 
 
 
 def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
-    """Read a file of ``save_map``. Raises InputError where the file holds something else."""
+    """Read a file of ``save_map``. Raises InputError if the file holds something else."""
     try:
         with open(path, "rb") as file:
             if not zipfile.is_zipfile(file):
@@ -148,7 +148,7 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
 
 
 def _refinement(data: Mapping[str, np.ndarray]) -> Refinement | None:
-    """The overlay as a file has it. Raises ValueError where it is none."""
+    """The overlay as a file has it. Raises ValueError if it is none."""
     if OVERLAY[0] not in data:
         return None
     faces, parents, *places = (data[name] for name in OVERLAY)
@@ -163,7 +163,7 @@ def _refinement(data: Mapping[str, np.ndarray]) -> Refinement | None:
 
 
 def _places(face: np.ndarray, weights: np.ndarray) -> Places:
-    """Places as a file has them. Raises ValueError where they cannot be any."""
+    """Places as a file has them. Raises ValueError if they cannot be any."""
     if face.dtype.kind not in "iu" or weights.dtype.kind != "f" or face.ndim != 1:
         raise ValueError("its arrays are of another kind")
     if weights.shape != (len(face), 3):

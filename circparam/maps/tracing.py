@@ -19,7 +19,7 @@ FIRST_RADIUS = 1.5  # distances between two landmarks within which a path is loo
 class Traced:
     """A path between two landmarks: vertices (in order), its length, and the sectors that it leaves and enters.
 
-    A sector of a landmark is named by the arc that it follows, counter-clockwise; −1 where there is none yet.
+    A sector of a landmark is named by the arc that it follows, counter-clockwise; −1 if there is none yet.
     """
 
     vertices: IntArray

@@ -102,7 +102,7 @@ class Atlas:
 
     @cached_property
     def costs(self) -> FloatArray:
-        """(e,) the weighted lengths at the prices of the surface, infinite where an edge is locked."""
+        """(e,) the weighted lengths at the prices of the surface, infinite if an edge is locked."""
         cost = self.lengths
         if self.surface.price is not None:
             # a hidden seam in a flat costs the same: otherwise visibility would draw seams into flats

@@ -19,10 +19,10 @@ class Mesh:
 
     points: (n, 3) float64, in the units of the file. faces: (m, 3) int64 into points.
     polygons: (m,) int64, the polygon of the file each triangle belongs to (no seam runs inside a polygon);
-    None where every polygon is a triangle. groups: (m,) int64, a label per material or group; None where
+    None if every polygon is a triangle. groups: (m,) int64, a label per material or group; None where
     there is only one. counted_from: number of the first vertex and face in the file (1 in OBJ), for messages.
 
-    Raises InputError where shapes or indices do not fit, or a used point is not finite.
+    Raises InputError if shapes or indices do not fit, or a used point is not finite.
     """
 
     points: FloatArray

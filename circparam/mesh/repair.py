@@ -31,7 +31,7 @@ class RepairOptions:
     """Permitted repairs.
 
     weld_eps: distance in units of the mesh up to which vertices count as one (0: exactly the same position
-    only). allow: False raises TopologyError where anything would have to be repaired. by_position: faces and
+    only). allow: False raises TopologyError if anything would have to be repaired. by_position: faces and
     their corners enter in an order by positions alone (ties by number). The result of a search then does not
     depend on the order of the file.
     """
@@ -148,7 +148,7 @@ def repair(
 
 
 def _corner_uv(uvmap: UVMap | None) -> FloatArray | None:
-    """uv (m, 3, 2) of the corners of all faces, NaN where a corner has none."""
+    """uv (m, 3, 2) of the corners of all faces, NaN if a corner has none."""
     if uvmap is None or len(uvmap.uv) == 0:
         return None
     index = uvmap.uv_faces

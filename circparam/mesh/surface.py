@@ -28,10 +28,10 @@ class Surface:
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
     price: (e,) cost of a seam along an edge, in lengths of the edge; None if all edges are equal.
     weighted: the prices hold weights of the user: they count wherever seams are chosen, not only moved.
-    first: (m,) int64, the corner of the file's face that corner 0 is; None where it is that face's own first.
+    first: (m,) int64, the corner of the file's face that corner 0 is; None if it is that face's own first.
     torn: (t, 2) int64, pairs of half-edges that repair let go because the component has one side only. Both run
     the same way along their edge; the cut between them is a seam like any other, though no pair.
-    density: (m,) positive, how dense the texels of each face are to be beside others; None where all are alike.
+    density: (m,) positive, how dense the texels of each face are to be beside others; None if all are alike.
     dense: shapes and areas are those at the density, as layouts are compared with them.
     """
 

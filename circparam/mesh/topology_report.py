@@ -13,7 +13,7 @@ class Component:
     """Faces that hang together through shared vertices.
 
     faces, vertices: numbers. pieces: parts that hang together across edges (more than one where parts meet
-    in single points only). euler, genus: with every non-manifold vertex split, genus None where it is not
+    in single points only). euler, genus: with every non-manifold vertex split, genus None if it is not
     defined. boundaries: number of boundary loops; lengths: of each, in units of the mesh, longest first.
     nonmanifold_edges, inconsistent_edges: edges of more than two faces; edges whose two faces are
     inconsistently oriented. orientable: whether it has two sides. first_face: the lowest face.
@@ -103,7 +103,7 @@ class TopologyReport:
 
     @cached_property
     def genus(self) -> int | None:
-        """Sum over the components; None where one has none (non-manifold or non-orientable)."""
+        """Sum over the components; None if one has none (non-manifold or non-orientable)."""
         known = [c.genus for c in self.components if c.genus is not None]
         return sum(known) if len(known) == len(self.components) else None
 

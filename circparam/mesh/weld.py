@@ -18,7 +18,7 @@ POINT_PAIRS = 64  # more pairs within the weld tolerance than this a vertex: the
 def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
     """(n,) vertex → the lowest vertex at its position, or joined to it by steps of at most ``eps``.
 
-    eps is in units of the mesh. Raises OptionError where it is negative or not finite, or so large that
+    eps is in units of the mesh. Raises OptionError if it is negative or not finite, or so large that
     whole neighbourhoods would fall together.
     """
     if not (np.isfinite(eps) and eps >= 0):
@@ -101,7 +101,7 @@ def first_in_place(welded: IntArray, first: IntArray, uv: FloatArray) -> IntArra
 
 
 def mesh_scale(mesh: Mesh) -> float:
-    """A power of two that brings the mesh to a size of about 1 where its own is outside 2^±50, else 1."""
+    """A power of two that brings the mesh to a size of about 1 if its own is outside 2^±50, else 1."""
     used = mesh.points[sorted_distinct(mesh.faces)]
     span = float((used.max(0) / 2 - used.min(0) / 2).max())
     if span == 0:

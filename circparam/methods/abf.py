@@ -283,7 +283,7 @@ class _StepSolver:
 
     @staticmethod
     def _iterate(matrix: sps.csc_matrix, b: FloatArray, factor: Factor) -> FloatArray | None:
-        """Preconditioned conjugate gradients; None where they do not get there."""
+        """Preconditioned conjugate gradients; None if they do not get there."""
         target = 1e-13 * float(np.abs(b).max(initial=0.0))
         iterates = gradient_iterates(matrix, b, factor.solve, factor.solve(b))
         for x, residual, weight in islice(iterates, CG_LIMIT):

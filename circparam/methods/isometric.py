@@ -24,7 +24,7 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
 
     Free boundary; ``options.blend`` moves the energy from areas to angles; pins hold their places. A face that
     is not flipped at the start never is: every step ends before the first collapse. Raises OptionError for bad
-    pins or a blend outside [0, 1], NoResultError where no start without flipped faces is found.
+    pins or a blend outside [0, 1], NoResultError if no start without flipped faces is found.
     """
     require_boundary(cut_mesh)
     if not 0 <= options.blend <= 1:

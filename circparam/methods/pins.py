@@ -56,7 +56,7 @@ def fit_pins(cut_mesh: CutMesh, uv: FloatArray, pins: Pins) -> tuple[FloatArray,
     """Move every pinned chart so that its pins fit best, at its own size, then set the pins to their places.
 
     Pins give the size of their chart, which is divided out. Otherwise an energy of lengths would draw the rest
-    of the chart to its size on the mesh. Returns the uv and the size of each chart (n_charts,), 1 where one pin
+    of the chart to its size on the mesh. Returns the uv and the size of each chart (n_charts,), 1 if one pin
     or none tells none; see ``at_pins``.
     """
     chart, n = cut_mesh.vertex_chart[pins.vertices], cut_mesh.n_charts

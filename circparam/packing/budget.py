@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 
 class Budget:
-    """Operations that are left to a search; none where the deadline has passed.
+    """Operations that are left to a search; none if the deadline has passed.
 
     operations: cells transformed, or rows of linear programs. expired: whether the deadline has passed.
     """

@@ -35,7 +35,7 @@ class PlacedCharts:
     simple: BoolArray | None = None
 
     def raster(self, tile: int, side: int) -> tuple[LabelGrid, int]:
-        """Owner of each texel of one page, −1 where empty; and how many texels have two owners."""
+        """Owner of each texel of one page, −1 if empty; and how many texels have two owners."""
         simple = np.zeros(len(self.page), bool) if self.simple is None else self.simple
         here = self.page == tile
         on, around = here[self.owner], (here & simple)[self.edge_owner]

@@ -46,7 +46,7 @@ def pack_clusters(
 
     faces (m, 3) into uv (nv, 2), chart (m,), group (n_charts,) labels 0..k-1. All charts have one scale. Boxes
     are nearly square, or as wide as a page, whichever leaves charts larger. Square boxes are turned by quarters
-    if charts may be turned. Raises OptionError where a fixed scale leaves no room.
+    if charts may be turned. Raises OptionError if a fixed scale leaves no room.
     """
     charts = _Charts(faces, uv, chart, group)
     options = replace(options, effort=SHARE * options.effort)
@@ -80,7 +80,7 @@ class _Charts:
 def _clustered(
     charts: _Charts, strips: bool, options: PackOptions, monitor: Monitor
 ) -> Packed | None:
-    """Charts in boxes, at the largest of the scales that are tried; None where none leaves room."""
+    """Charts in boxes, at the largest of the scales that are tried; None if none leaves room."""
     fixed = options.fixed_scale
     room = options.resolution * np.sqrt(COVERED * options.pages / charts.areas.sum())
     scale, best = float(fixed or room), None

@@ -70,7 +70,7 @@ def outline_runs(start: FloatArray, end: FloatArray, owner: IntArray, side: int)
 
 
 def painted(runs: Runs, side: int) -> tuple[LabelGrid, int]:
-    """Owner of each texel of a page of ``side`` squared, −1 where empty; and how many texels have two owners.
+    """Owner of each texel of a page of ``side`` squared, −1 if empty; and how many texels have two owners.
 
     Where there are two owners the grid holds neither of them.
     """

@@ -27,7 +27,7 @@ class Shapes:
     """Charts, each about its own centre, in the units of the uv given.
 
     faces: (m, 3) into points. points: (nv, 2), relative to the centre of their chart. chart: (m,) 0..n-1.
-    owner: (nv,) chart of each vertex, −1 where no face uses it. area: (n,) without sign.
+    owner: (nv,) chart of each vertex, −1 if no face uses it. area: (n,) without sign.
     start, end: (b,) vertices of the outline's edges, sorted by chart; edge_start: (n + 1,) offsets.
     upright: (n,) bool, charts that are turned by quarters only; None for none.
     """

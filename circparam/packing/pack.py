@@ -34,8 +34,8 @@ def pack(
     least padding + 1 apart. At the border of the page padding texels are empty. start: a layout to continue,
     with offsets of the origin of the uv in texels of the page; its gaps may be somewhat narrow.
 
-    Raises OptionError where the charts cannot fit (padding, density or sizes too large, too many charts),
-    NoResultError where no chart has any extent.
+    Raises OptionError if the charts cannot fit (padding, density or sizes too large, too many charts),
+    NoResultError if no chart has any extent.
     """
     options = options or PackOptions()
     monitor = monitor or Monitor()

@@ -56,7 +56,7 @@ def always(shapes: Shapes, options: PackOptions) -> bool:
 class Packer:
     """The function of a row of ``PACKERS``; called with a task, it places the charts.
 
-    place: PackTask → Placement, or None where it finds none; the caller checks it on the raster. applies:
+    place: PackTask → Placement, or None if it finds none; the caller checks it on the raster. applies:
     whether the packer is worth its time for these charts and options. instant: the packer takes no time, so it
     runs after the deadline too, and its result is only a start. fallback: it is tried for any charts where no
     other packer found more than a start.
@@ -68,5 +68,5 @@ class Packer:
     fallback: bool = False
 
     def __call__(self, task: PackTask) -> Placement | None:
-        """The placement of a task, None where there is none."""
+        """The placement of a task, None if there is none."""
         return self.place(task)

@@ -129,7 +129,7 @@ def _placed(
     turns: int,
     scale: float,
 ) -> Room | None:
-    """All charts at a scale, the largest first; None where one has no place."""
+    """All charts at a scale, the largest first; None if one has no place."""
     world = shapes.place(angle, np.zeros((shapes.n, 2)), scale * grid.side)
     box = shapes.boxes(angle) * scale * grid.side
     size = box[:, 2:] - box[:, :2]

@@ -33,7 +33,7 @@ STEEP = 0.5  # weight of a chart's own top beside the room that it wastes
 def row_placement(
     shapes: Shapes, options: PackOptions, monitor: Monitor, boxes: Placement | None = None
 ) -> Placement | None:
-    """Charts in dropped rows at the largest scale found, or at the fixed one; None where none fits.
+    """Charts in dropped rows at the largest scale found, or at the fixed one; None if none fits.
 
     boxes: a layout of boxes. The layout by boxes is returned if a sample of very many charts does not reach its
     scale. Gaps between boxes are narrower, and count for more than the shapes of such small charts.

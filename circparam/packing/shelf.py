@@ -13,7 +13,7 @@ from circparam.packing.placement import Placement
 def shelf_placement(
     shapes: Shapes, options: PackOptions, angle: FloatArray | None = None
 ) -> Placement | None:
-    """Rows of boxes by falling height at the largest scale at which they fit; None where they never do.
+    """Rows of boxes by falling height at the largest scale at which they fit; None if they never do.
 
     A fixed scale is the only one tried. A chart with a box longer than a page is turned to its least square.
     """
@@ -39,7 +39,7 @@ def shelf_placement(
 
 
 def _largest_scale(size: FloatArray, options: PackOptions) -> float | None:
-    """Bisection for the scale; None where not even boxes without extent fit."""
+    """Bisection for the scale; None if not even boxes without extent fit."""
     if _rows(np.zeros_like(size), options) is None:
         return None
     room = options.resolution - 2 * options.border
@@ -58,7 +58,7 @@ def _largest_scale(size: FloatArray, options: PackOptions) -> float | None:
 
 
 def _rows(size: FloatArray, options: PackOptions) -> tuple[FloatArray, IntArray] | None:
-    """Lower left corners and pages of boxes (n, 2) sorted by falling height; None where they do not fit."""
+    """Lower left corners and pages of boxes (n, 2) sorted by falling height; None if they do not fit."""
     n, gap, border = len(size), options.box_gap, options.border
     room = options.resolution - 2 * border
     if size.max(initial=0.0) > room * (1 + 1e-12):

@@ -157,7 +157,7 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
     """Charts put on the skyline by falling size, or height, at the scale that just fills the pages, or the
     fixed one.
 
-    None where they do not fit on the pages at any scale tried.
+    None if they do not fit on the pages at any scale tried.
     """
     n = shapes.n
     turns = {"free": 8 if n <= 3000 else 4, "90": 4, "none": 1}[options.rotate]

@@ -1,4 +1,4 @@
-"""Where options have an effect: why an option has none beside the others, or None where it has one.
+"""Where options have an effect: why an option has none beside the others, or None if it has one.
 
 Every rule takes the ``Options`` (as ``Any``: they are made of these rules) and the name of the option.
 """

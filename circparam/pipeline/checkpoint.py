@@ -32,7 +32,7 @@ _NO_MATTER = ("jobs", "timeout", "overwrite", "format", "checkpoint")
 def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) -> Seams:
     """The seams of an earlier run, else new ones, which are kept.
 
-    Seams that were found in a hurry are not kept: they depend on the clock. Raises OutputError where the folder
+    Seams that were found in a hurry are not kept: they depend on the clock. Raises OutputError if the folder
     cannot be written to.
     """
     path = place(job)
@@ -62,7 +62,7 @@ def forget(job: Job) -> None:
 
 
 def place(job: Job) -> Path | None:
-    """Where the seams of this mesh with these options are kept; None where nobody asked."""
+    """Where the seams of this mesh with these options are kept; None if nobody asked."""
     if job.options.checkpoint is None:
         return None
     return Path(job.options.checkpoint) / f"{_key(job)}.circparam.npz"
@@ -105,7 +105,7 @@ def _packed(seams: Seams) -> bytes:
 
 
 def _read(path: Path, job: Job) -> tuple[Seams | None, bool]:
-    """(the seams of a file, None where there are none; whether there was a file that made no sense)."""
+    """(the seams of a file, None if there are none; whether there was a file that made no sense)."""
     try:
         with np.load(path, allow_pickle=False) as file:
             cut, notes = file["cut"], [str(note) for note in file["notes"]]

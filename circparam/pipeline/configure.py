@@ -141,7 +141,7 @@ def _cut_between(document: Document, surface: Surface, o: Options) -> IntArray |
 
 
 def check_scene(document: Document, o: Options) -> None:
-    """Raise OptionError where an option for scenes does not fit the file."""
+    """Raise OptionError if an option for scenes does not fit the file."""
     if o.unshare and not takes_unshare(document.format):
         raise OptionError(
             f"--unshare has no effect: {document.format.upper()} files share no meshes"
@@ -154,7 +154,7 @@ def check_scene(document: Document, o: Options) -> None:
 
 
 def tiles_of(document: Document, group_by: str | None, o: Options) -> IntArray | None:
-    """(m,) how far to the right each face's atlas is laid out to be judged; None where there is one atlas."""
+    """(m,) how far to the right each face's atlas is laid out to be judged; None if there is one atlas."""
     if group_by is None:
         return None
     _, labels = relabel(document.labels(group_by))
@@ -162,7 +162,7 @@ def tiles_of(document: Document, group_by: str | None, o: Options) -> IntArray |
 
 
 def _vertex_pairs(pairs: Any, n: int) -> IntArray:
-    """(s, 2) vertex pairs of the mesh; raises OptionError where a vertex does not exist."""
+    """(s, 2) vertex pairs of the mesh; raises OptionError if a vertex does not exist."""
     out = np.asarray(pairs, np.int64).reshape(-1, 2)
     if len(out) and (out.min() < 0 or out.max() >= n):
         bad = int(out[(out < 0) | (out >= n)][0])
@@ -198,7 +198,7 @@ def padding_note(padding: int) -> str:
 
 
 def check_density(surface: Surface, o: Options, name: str) -> None:
-    """Raise OptionError where a surface is too large for the pages at the texel density asked for.
+    """Raise OptionError if a surface is too large for the pages at the texel density asked for.
 
     Areas decide before the work. Charts at their best scale and below a bound D cover at least the share 1 / D
     of the area of their surface, since (Σ A)² ≤ Σ A σ1σ2 · Σ A / σ1σ2 and 2 / σ1σ2 ≤ σ1⁻² + σ2⁻².

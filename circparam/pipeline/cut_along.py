@@ -63,7 +63,7 @@ class Opened:
 def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) -> Opened | None:
     """The atlas of one chart cut along edges near a chord; None unless both parts are valid disks.
 
-    costs: (e,) of a seam along each edge, infinite where seams are forbidden. The way begins and ends on a
+    costs: (e,) of a seam along each edge, infinite if seams are forbidden. The way begins and ends on a
     boundary near the ends of the chord, wherever it is shortest. Layouts stay, except for parts above the
     bound. These are relaxed, because the cut often makes room.
     """
@@ -101,7 +101,7 @@ def _cut_paths(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]
 
 
 def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:
-    """Edges of the cheapest way near a chord; None where there is none."""
+    """Edges of the cheapest way near a chord; None if there is none."""
     atlas, cut_mesh, uv = whole.atlas, whole.cut_mesh, whole.uv
     s, flat = atlas.surface, cut_mesh.faces.ravel()
     edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
@@ -127,7 +127,7 @@ def cheapest_way(
     starts: IntArray,
     goals: IntArray,
 ) -> IntArray | None:
-    """The edges of the cheapest way from one of some vertices to one of others; None where there is none.
+    """The edges of the cheapest way from one of some vertices to one of others; None if there is none.
 
     edge: (e,) usable edges, with their ends and costs. The path avoids the boundary in between.
     """

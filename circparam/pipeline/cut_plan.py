@@ -119,7 +119,7 @@ def effort_of(pieces: int, cutter: AtlasCutter) -> Effort:
 def page_sides(
     sketches: list[Sketch], grid: SketchGrid, below: int, tries: int, budget: Budget
 ) -> Sides | None:
-    """The page of some pieces whose outlines lock; None where none is below so many cells."""
+    """The page of some pieces whose outlines lock; None if none is below so many cells."""
     page = least_page(sketches, below, tries, budget, grid.cache)
     if page is None:
         return None
@@ -144,7 +144,7 @@ def sketch_grid(cut_mesh: CutMesh, options: PackOptions) -> SketchGrid:
 
 
 def first_plan(cutter: AtlasCutter, budget: Budget, share: float) -> Plan | None:
-    """The plan without a cut; None where no sketch is found, or where sketches would tell of less than the
+    """The plan without a cut; None if no sketch is found, or where sketches would tell of less than the
     share ``share`` of the area."""
     area = cutter.cut_mesh.chart_areas
     large = np.argsort(-area, kind="stable")[:LARGE]

@@ -252,7 +252,7 @@ def looked_at(
 class Making:
     """A cut along edges that is planned.
 
-    task: arguments of ``ChartCutter.cut``; None where ``known`` is the outcome. rest: sketches of the pieces
+    task: arguments of ``ChartCutter.cut``; None if ``known`` is the outcome. rest: sketches of the pieces
     that stay. room: length of the seam, and area of faces that it may stretch too much. below, tries: as for
     ``least_page``.
     """

@@ -136,7 +136,7 @@ def _by_number(document: Document, given: Any) -> Density:
 
 
 def check_whole(cut_mesh: CutMesh, surface: Surface, name: str) -> None:
-    """Raise OptionError where a chart that is not to be cut holds parts of several densities."""
+    """Raise OptionError if a chart that is not to be cut holds parts of several densities."""
     if surface.density is None:
         return
     n = cut_mesh.n_charts

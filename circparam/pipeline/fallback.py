@@ -121,7 +121,7 @@ def _faults_of(
 
 
 def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | None:
-    """Take the faulty charts ((n_charts,) codes) one step further; None where no step is left."""
+    """Take the faulty charts ((n_charts,) codes) one step further; None if no step is left."""
     atlas, rules = cascade.atlas, cascade.rules
     n, chart = atlas.charts()
     size = group_count(chart, n)

@@ -33,7 +33,7 @@ class Floaters:
 def find_floaters(document: Document, surface: Surface, least: float) -> tuple[Surface, Floaters]:
     """The surface without components below a share of its area, and these components.
 
-    Faces of one polygon belong together. Raises OptionError where no component is so large.
+    Faces of one polygon belong together. Raises OptionError if no component is so large.
     """
     m = len(surface.faces)
     e = surface.edges // 3

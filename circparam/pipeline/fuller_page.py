@@ -100,7 +100,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
 
 
 def _cut(uncut: _Uncut, cutter: AtlasCutter, most: float) -> Cascade | None:
-    """The layout with charts cut, packed; None where no cut is worth its seam. most: cuts."""
+    """The layout with charts cut, packed; None if no cut is worth its seam. most: cuts."""
     cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
     cut_mesh, asked = cutter.cut_mesh, options.cuts_asked
     work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
@@ -190,7 +190,7 @@ def _room(cutter: AtlasCutter, limited: bool) -> tuple[float, float]:
 
 
 def _trimmed(uncut: _Uncut, cutter: AtlasCutter, cuts: int, enough: float) -> Cascade | None:
-    """The layout with arms cut off, packed; None where that is not worth its seams. enough: covered share of
+    """The layout with arms cut off, packed; None if that is not worth its seams. enough: covered share of
     the page without cuts from which no cut is made, except for cuts that the user asked for."""
     cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
     limited = options.cuts_asked is None
@@ -224,7 +224,7 @@ class _Contest:
     monitor: Monitor
 
     def winner(self, plans: list[Plan], uncut: _Uncut) -> Cascade | None:
-        """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
+        """The cascade with the cuts of the best plan; None if the first one, without any, is no worse."""
         first, before = plans[0], self.cascade.atlas
         most = effort_of(len(first.pieces), self.cutter).packed
         tried: list[tuple[Plan, Cascade]] = []
@@ -325,7 +325,7 @@ def _packing(
 def packing(
     cascade: Cascade, options: Options, monitor: Monitor, start: Placement | None = None
 ) -> KnownPacking | None:
-    """The charts packed as they will be; None where they cannot be. start: first places of the charts."""
+    """The charts packed as they will be; None if they cannot be. start: first places of the charts."""
     cut_mesh, uv = cascade.open()
     uv[:, 0] *= chart_signs(cascade.atlas.surface, cut_mesh, options)[cut_mesh.vertex_chart]
     uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh))

@@ -37,7 +37,7 @@ class Groups:
 def find_groups(document: Document, kind: str, pages: bool) -> Groups:
     """The groups of a file by name; faces without a name form a group.
 
-    Raises OptionError where the file has no such names, all faces have one, or groups are more than pages.
+    Raises OptionError if the file has no such names, all faces have one, or groups are more than pages.
     """
     flag = f"--{'pages' if pages else 'group'}-by {kind}"
     found = document.named(kind)

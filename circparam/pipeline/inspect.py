@@ -52,7 +52,7 @@ def inspect(
     'auto', which grows with the resolution. group_by: owner of an atlas: 'primitive', 'mesh' or 'scene'; None
     as the file says (see ``judge``).
 
-    Raises InputError where the set does not exist, or no face has uv in it, OptionError for a resolution or
+    Raises InputError if the set does not exist, or no face has uv in it, OptionError for a resolution or
     padding (texels) out of range.
     """
     RESOLUTION.check("--resolution", resolution)

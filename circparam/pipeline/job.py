@@ -47,7 +47,7 @@ class Job:
     the file, None for one atlas; group_by: owner of an atlas, as ``Document.group_by``. floaters: components
     left out of the layout and of the surface. stacks: copies that share texels with other parts; the surface is
     without them. kept: faces that stay in place; the surface is without them. density: how dense texels are
-    asked to be, None where all are alike. groups: parts with pages of their own or with a common box.
+    asked to be, None if all are alike. groups: parts with pages of their own or with a common box.
     """
 
     document: Document
@@ -133,7 +133,7 @@ def prepare(
     """Repair a document as a map; the document itself does not change. uvmap: a layout whose charts stay, and
     whose atlases stay apart as the file says.
 
-    Raises InputError for a mesh without usable faces, OptionError where an option does not fit the file.
+    Raises InputError for a mesh without usable faces, OptionError if an option does not fit the file.
     """
     target = target_format(document, output, options)
     check_scene(document, options)

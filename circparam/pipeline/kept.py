@@ -77,7 +77,7 @@ def find_only(
 ) -> tuple[Surface, Kept | None]:
     """The surface of the faces that ``only`` selects, and the kept faces; None without ``only``.
 
-    Raises InputError where the file has no uv, OptionError where all faces or none are selected.
+    Raises InputError if the file has no uv, OptionError if all faces or none are selected.
     """
     if options.only is None:
         return surface, None
@@ -99,7 +99,7 @@ def find_lock(
 ) -> tuple[Surface, Kept]:
     """The surface of the charts that are packed again, and the charts that ``lock`` keeps in place.
 
-    Raises OptionError where all charts or none are selected.
+    Raises OptionError if all charts or none are selected.
     """
     chosen = selected_faces(document, options.lock, "--lock")[surface.source]
     count, chart = surface.charts(uv_seams(surface, uvmap))
@@ -123,7 +123,7 @@ def put_into_room(
 ) -> tuple[FloatArray, list[str]]:
     """Charts (nv, 2), one unit a unit of the mesh for ``only``, of a page for ``lock``, where room is.
 
-    Returns (uv (nv, 2), notes). Raises NoResultError where there is no room.
+    Returns (uv (nv, 2), notes). Raises NoResultError if there is no room.
     """
     density = kept.density
     if options.texel_density is not None:

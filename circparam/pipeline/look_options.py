@@ -41,7 +41,7 @@ class LookOptions:
 
     @property
     def fixed_size(self) -> int | None:
-        """The side that was asked for, None where the old images decide."""
+        """The side that was asked for, None if the old images decide."""
         return self.size if isinstance(self.size, int) else None
 
     @property

@@ -18,7 +18,7 @@ GIGABYTE = 1e9
 
 
 def memory_limit() -> int | None:
-    """Bytes of address space that this process and its workers may have; None where nothing bounds them."""
+    """Bytes of address space that this process and its workers may have; None if nothing bounds them."""
     try:
         import resource
     except ImportError:

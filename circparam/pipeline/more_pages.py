@@ -111,7 +111,7 @@ class Divider(Trimmer):
         return square if self._side else max(square, taken(arm.box, arm.outline.area))
 
     def _next(self, careful: bool) -> tuple[Arm | None, int]:
-        """The chart that needs the largest page, and the chord to cut it along; None where each fits."""
+        """The chart that needs the largest page, and the chord to cut it along; None if each fits."""
         aim = (NEARLY * self._aim) ** 2
         for arm in sorted(self._arms, key=self._need, reverse=True):
             if self._need(arm) <= aim:

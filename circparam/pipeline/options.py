@@ -360,7 +360,7 @@ class Options:
 
     @property
     def bound(self) -> float | None:
-        """The distortion that no chart may exceed; None where the cut promises none."""
+        """The distortion that no chart may exceed; None if the cut promises none."""
         if self.cut != "charts":
             return None
         return DEFAULT_BOUND if self.max_distortion is None else self.max_distortion
@@ -382,7 +382,7 @@ class Options:
 
     @property
     def cuts_asked(self) -> int | None:
-        """How many cuts for a fuller page the user asked for; None where the page decides."""
+        """How many cuts for a fuller page the user asked for; None if the page decides."""
         return int(self.pack_splits) if isinstance(self.pack_splits, int) else None
 
     @property
@@ -419,7 +419,7 @@ class Options:
 
     @property
     def padding_uv(self) -> float:
-        """The padding in uv units; 0 where the layout is not packed."""
+        """The padding in uv units; 0 if the layout is not packed."""
         return self.padding_texels / self.resolution_texels if self.packed else 0.0
 
     @property

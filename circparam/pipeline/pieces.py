@@ -63,7 +63,7 @@ class Ground:
 @dataclass(frozen=True, eq=False)
 class Part:
     """A chart, or a part of a chart after cuts. outline: scaled to the size of the surface. places: (k, 2) uv
-    of its corners in the atlas. ground: None where nothing was cut."""
+    of its corners in the atlas. ground: None if nothing was cut."""
 
     outline: Outline
     places: FloatArray
@@ -121,7 +121,7 @@ class ChartCutter:
         return self.grid.sketch(start, end)
 
     def cut(self, ground: Ground, chord: Chord) -> Cut | None:
-        """A chart cut along edges near a chord; None where that cannot be."""
+        """A chart cut along edges near a chord; None if that cannot be."""
         found = self.divided(ground, chord)
         if found is None:
             return None

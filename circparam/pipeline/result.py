@@ -37,7 +37,7 @@ class Effort:
 
     searches: how many; costs: of each, in order, infinite for failures, empty for one search; best: number of
     the kept one; more: searches still missing when time was up. made: the effort that led to the layout, 1
-    where the charts of a draft did not fit; None where no charts were searched.
+    where the charts of a draft did not fit; None if no charts were searched.
     """
 
     searches: int = 1
@@ -136,7 +136,7 @@ class Result:
 
     @property
     def uvs(self) -> npt.NDArray[np.float32]:
-        """(k, 2) float32: the uv of each vertex of ``indices``; 0 where a face has none."""
+        """(k, 2) float32: the uv of each vertex of ``indices``; 0 if a face has none."""
         table = np.concatenate([self.uv, np.zeros((1, 2))])
         return table[self._split[1]].astype(np.float32)
 
@@ -144,7 +144,7 @@ class Result:
         """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order.
 
         Colours of vertices go along. Textures and materials of the input belong to its old uv and are left out
-        with a warning. Give the image (of PIL) that ``circparam bake`` made. Raises InputError where the file's
+        with a warning. Give the image (of PIL) that ``circparam bake`` made. Raises InputError if the file's
         colours are malformed.
         """
         if image is None and self.document.textured_sets():
@@ -205,7 +205,7 @@ def status_of(
     """The status of a verified layout. expired: the time given has run out. kept: charts that stay, for whose
     distortion and number nothing is promised.
 
-    Raises OutOfTimeError where time ran out with no valid layout.
+    Raises OutOfTimeError if time ran out with no valid layout.
     """
     made = None if kept is None else kept.charts(verification.cut_mesh)
     wrong = reasons(verification, promise(options), made)

@@ -88,7 +88,7 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
 
 
 def check_loadable(document: Document) -> None:
-    """Raise NoResultError where common loaders refuse the file that was read."""
+    """Raise NoResultError if common loaders refuse the file that was read."""
     if flaws := document.flaws():
         raise NoResultError(f"{document.source.name}: common loaders refuse the file: {flaws[0]}")
 
@@ -102,7 +102,7 @@ def same_corners(a: UVMap, b: UVMap) -> bool:
 
 
 def in_input_order(uvmap: UVMap, face_map: IntArray, m: int) -> UVMap | None:
-    """A layout as read back, its m faces in the order of the input; None where they do not fit."""
+    """A layout as read back, its m faces in the order of the input; None if they do not fit."""
     if len(uvmap.uv_faces) != len(face_map):
         return None
     faces = np.full((m, 3), -1)
@@ -133,7 +133,7 @@ def write_map(result: Result, path: str | os.PathLike[str], overwrite: bool = Fa
     """Write the index map as npz. Raises OutputError.
 
     vertex: input vertex of every output vertex. face: input face of every output face. chart: of every
-    output face, −1 where it was set aside.
+    output face, −1 if it was set aside.
     """
     if Path(path).suffix.lower() != ".npz":
         raise OptionError(f"--map {path}: the index map needs a name that ends in .npz")

@@ -18,11 +18,11 @@ COLOUR = "colour"
 def edge_weights(
     document: Document, surface: Surface, repairs: RepairReport, given: Any
 ) -> FloatArray:
-    """(e,) weight of every edge of the surface, 1 where nothing is said.
+    """(e,) weight of every edge of the surface, 1 if nothing is said.
 
     given: "colour", or (k, 3) rows of two vertices of the mesh and a weight; −1 as second vertex for the weight
     of one vertex. An edge costs the mean of its vertices, and is forbidden if one vertex forbids it. A weight
-    of the edge itself comes first. Raises OptionError where nothing named is in the mesh, or the file has no
+    of the edge itself comes first. Raises OptionError if nothing named is in the mesh, or the file has no
     colours; InputError for weights that are negative or no numbers.
     """
     flat = surface.faces.ravel()

@@ -137,7 +137,7 @@ def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
 
 
 def cost_of(cascade: Cascade, options: Options) -> float:
-    """``AtlasCost.finished`` of a layout; infinite where a chart is faulty, or there are too many."""
+    """``AtlasCost.finished`` of a layout; infinite if a chart is faulty, or there are too many."""
     cut_mesh, uv = cascade.open()
     most = np.inf if options.max_charts is None else options.max_charts
     if cascade.repairs or not np.isfinite(uv).all() or cut_mesh.n_charts > most:

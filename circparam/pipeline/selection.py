@@ -35,7 +35,7 @@ def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
     given: "KIND=NAME" or "KIND=NAME,NAME" with a kind of ``KINDS``; (m,) bool of the triangles; or numbers of
     faces from 0 on. Polygons count as faces if the file has them. flag: the option, for messages.
 
-    Raises OptionError where a name or a number is not in the file, or nothing is selected.
+    Raises OptionError if a name or a number is not in the file, or nothing is selected.
     """
     if isinstance(given, str):
         chosen = _named(document, given, flag)

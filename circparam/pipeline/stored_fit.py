@@ -69,7 +69,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     """Mend, scale and pack until the numbers as stored have no flip and no overlap; uv for every face.
 
     Packing takes longest, and faces that stored numbers cannot hold may need many steps of the cascade. After a
-    spoilt layout, the next ones are tried at its size before they are packed. Raises NoResultError where no
+    spoilt layout, the next ones are tried at its size before they are packed. Raises NoResultError if no
     finite layout is found.
     """
     options, settled = job.options, False

@@ -38,7 +38,7 @@ def judge(
 
     uvmap: the layout of that set. group_by: 'primitive', 'mesh' or 'scene'; None as the file says. Where the
     file says nothing, charts that overlap while their textures are different images lie on a page for each
-    image. judging: resolution, padding and most_pages, as ``verify`` has them. Raises InputError where no face
+    image. judging: resolution, padding and most_pages, as ``verify`` has them. Raises InputError if no face
     has uv that are numbers.
     """
 
@@ -85,7 +85,7 @@ def laid_apart(uvmap: UVMap, tiles: IntArray | None) -> UVMap:
 
 
 def image_labels(document: Document, uv_set: int) -> IntArray | None:
-    """(m,) image that each face shows through a uv set, −1 for none; None where there are not two images."""
+    """(m,) image that each face shows through a uv set, −1 for none; None if there are not two images."""
     try:
         found = document.textures()
     except InputError:

@@ -97,7 +97,7 @@ class _Boundary:
         return uv, over
 
     def _meeting(self, uv: FloatArray) -> tuple[IntArray, BoolArray]:
-        """Boundary half-edges that meet others of their chart, none where it is wound round twice; (n_charts,)
+        """Boundary half-edges that meet others of their chart, none if it is wound round twice; (n_charts,)
         which charts overlap."""
         c = self.cut_mesh
         found = overlaps(c.faces, uv, c.chart, c.edges)

@@ -140,7 +140,7 @@ def unwrap_documents(
 def outputs_in(
     folder: str | os.PathLike[str], documents: Sequence[Document], names: Sequence[str] | None
 ) -> list[Path]:
-    """Where the outputs of files go. Raises OptionError where a file has no name and none is given."""
+    """Where the outputs of files go. Raises OptionError if a file has no name and none is given."""
     if names is None:
         paths = [document.path for document in documents]
         if None in paths:
@@ -247,7 +247,7 @@ def _maps(maps: Sequence[IntArray], first: IntArray) -> IntArray:
 
 
 def _read_back(joined: JoinedDocument, written: Sequence[Written], o: Options) -> UVMap:
-    """The layout of all files as they hold it. Raises NoResultError where one has no uv for its faces."""
+    """The layout of all files as they hold it. Raises NoResultError if one has no uv for its faces."""
     rows, faces, count = [], [], 0
     for part, one in zip(joined.parts, written, strict=True):
         again = read(str(one.path))

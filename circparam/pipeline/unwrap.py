@@ -137,7 +137,7 @@ def _searched(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
 
 
 def _searched_once(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
-    """As ``_searched``. Raises OptionError where charts fit on no page of the size asked for."""
+    """As ``_searched``. Raises OptionError if charts fit on no page of the size asked for."""
     options = job.options
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
@@ -170,7 +170,7 @@ def repack(
 
     source, output, listener: as for ``unwrap``. keywords: the fields of ``Options`` for packing and writing.
     uv_set: the set that is read and replaced. Groups with an atlas each, as the file says, keep one. Raises
-    InputError where a face has no uv.
+    InputError if a face has no uv.
     """
     options = from_keywords({**keywords, "cut": "none"})
     if options.uv_set is not None:
@@ -229,7 +229,7 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
 
 
 def _as_given(job: Job, uvmap: UVMap) -> Atlas:
-    """The atlas that a file's own uv make. Raises InputError where a face has none."""
+    """The atlas that a file's own uv make. Raises InputError if a face has none."""
     atlas = given_atlas(job.surface, uvmap, job.document.source.name)
     if job.tiles is not None:
         tile = job.tiles[job.surface.source][job.surface.edges // 3]

@@ -79,8 +79,8 @@ class Verification:
     file winds most of their area the other way, or the reverse. overlapping: charts that overlap themselves;
     overlapping_pairs (p, 2). outside: charts that leave their page. used: (n,) bool, charts that have uv.
     stacked: charts that lie on others as declared; overlaps, pages and coverage are those of the rest.
-    seam_length: that of all seams / √(surface area). pages: how many hold a chart, None where there are no
-    pages. coverage: None where the layout was not rasterised. seen: source of ``seam_visible`` other than a
+    seam_length: that of all seams / √(surface area). pages: how many hold a chart, None if there are no
+    pages. coverage: None if the layout was not rasterised. seen: source of ``seam_visible`` other than a
     direct computation: another process, or a lack of time. resolution: texels a side of a page, None where
     there are no pages. block: texels that straight borders are to lie on multiples of.
     """
@@ -208,7 +208,7 @@ def verify(
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this. tiles:
     (faces of the mesh,) int. Faces of different tiles are in different atlases; tile t is laid out t units to
     the right. most_pages: of a layout on more, nothing is rasterised. declared: allowed overlaps, of whole
-    charts or of faces that stayed. Raises InputError where no face has finite uv.
+    charts or of faces that stayed. Raises InputError if no face has finite uv.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
@@ -260,7 +260,7 @@ def _staying(cut_mesh: CutMesh, declared: Declared | Staying | None) -> BoolArra
 
 
 def _between(surface: Surface, own: IntArray | None) -> BoolArray:
-    """(e,) bool: edges between faces of different tiles ((m,) int, None where there is one)."""
+    """(e,) bool: edges between faces of different tiles ((m,) int, None if there is one)."""
     if own is None:
         return np.zeros(len(surface.edges), bool)
     i, j = (own[surface.edges // 3]).T

@@ -119,7 +119,7 @@ def best_directions(
 
 
 def _candidates(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Directions round the upright axis, and how much each height is liked."""
+    """Directions round the upright axis, and the preference for each height."""
     side = np.roll(axis, 1)
     front = np.cross(side, axis)
     heights = {20: 1.0, 45: 0.93, -15: 0.9, 80: 0.8, -80: 0.7}

@@ -26,11 +26,11 @@ MOST = 400_000  # faces of a page, of 4 MB
 
 
 def coarser(scene: Scene, most: int) -> Scene:
-    """A scene with about ``most`` faces where it has more; its ``base`` is the scene in which each stands once.
+    """A scene with at most about ``most`` faces; its ``base`` is the scene with every face once.
 
     Neighbours inside a chart that lie in one cell of a grid over the layout become one of them. Vertices of
-    seams and of flips stay, so all lines are as they were, and no flip is lost. Each face that is left stands
-    for itself: its chart and its distortion are its own.
+    seams and of flips stay, so all lines stay, and no flip is lost. Each face that is left stands for itself:
+    its chart and its distortion are its own.
     """
     if len(scene.faces) <= most:
         return scene

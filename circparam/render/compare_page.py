@@ -39,7 +39,7 @@ from circparam.render.text import fitted, width, write
 
 
 def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str:
-    """The page as text: the viewer, then one section a mesh, then Table 1 where it was measured."""
+    """The page as text: the viewer, then one section a mesh, then Table 1 if it was measured."""
     title = ", ".join(m.title for m in meshes) or "Table 1"
     layouts, numbers = _layouts(meshes)
     sections = [_section(m, numbers[k]) for k, m in enumerate(meshes)]
@@ -244,7 +244,7 @@ def _plot_card(
 
 
 def _plot_legend(page: Image.Image, draw: ImageDraw.ImageDraw, right: int, y: int) -> float:
-    """The scale of distortion, on one line that ends at ``right``; returns where it begins."""
+    """The scale of distortion, on one line that ends at ``right``; returns its beginning."""
     text, name = f"{col.END:g} or more", "distortion 1"
     left = right - int(width(draw, text, 16))
     write(draw, (left, y), text, 16, col.MUTED)

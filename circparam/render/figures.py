@@ -39,7 +39,7 @@ class PictureOptions:
     title: the heading. note: words beside it. up: the axis that points up: x, y, z, or auto. padding: of the
     layout, in uv units (0 shows none). scale_end: end of the colour scale of distortion. directions: (d, 3)
     sides to look from, None for the sides with the largest view. samples: along a pixel's side, to smooth
-    edges; None takes 3, or 2 for large meshes. charts: how many there are by the figures; None counts those of
+    edges; None takes 3, or 2 for large meshes. charts: their number in the figures; None counts the charts of
     the scene. For pages only: repairs, one line each; images, the mesh's own textures; image_note, why there
     are none.
     """

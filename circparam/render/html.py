@@ -52,7 +52,7 @@ FEWEST = 20_000  # faces that a layout is drawn with at least, however many layo
 @dataclass(frozen=True, eq=False)
 class PageLayout:
     """One layout of a page. name: heading of the layout. figures: (label, text) pairs, None for those of the
-    scene itself. mesh: number of the mesh that it is of; those of one mesh are turned together."""
+    scene itself. mesh: number of its mesh; layouts of one mesh are turned together."""
 
     name: str
     scene: Scene
@@ -61,7 +61,7 @@ class PageLayout:
     mesh: int = 0
 
     def of_faces(self, most: int) -> PageLayout:
-        """With about that many faces, where it has more, and with an image for each of them."""
+        """With at most about that many faces, and with an image for each of them."""
         scene, options = coarser(self.scene, most), self.options
         if options.images is not None and scene.source is not None:
             # repeated parts have the image of their original
@@ -221,7 +221,7 @@ def escaped(text: str) -> str:
 
 
 def _shown(whole: Scene, scene: Scene) -> str:
-    """How many faces are drawn, where that is not all of them."""
+    """Number of drawn faces, if not all are drawn."""
     return "" if scene is whole else f" · drawn with {len(scene.faces):,} of the faces"
 
 

@@ -30,8 +30,8 @@ ROOT = 3  # in place of a side: the face is entered from nowhere
 
 @dataclass(frozen=True, eq=False)
 class Packed:
-    """order: (m,) faces of the scene as they are stored. sections: content of the bytes, in order: name, count,
-    columns, bytes of a number, coding. data: deflated."""
+    """order: (m,) faces of the scene as stored. sections: content of the bytes, in order: name, count, columns,
+    bytes of a number, coding. data: deflated."""
 
     order: IntArray
     sections: list[dict[str, Any]]

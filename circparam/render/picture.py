@@ -163,8 +163,8 @@ def save_preview(
     """Write a PNG (or an SVG, or an HTML page, by the file's ending) of a mesh and its uv.
 
     measures: figures to print, name → value, by the names of ``figures.NAMES`` or any others; None prints those
-    of the layout itself. options: title, padding, repairs and so on. Raises InputError where the mesh has no
-    usable uv, OutputError where the file cannot be written or the ending is unknown.
+    of the layout itself. options: title, padding, repairs and so on. Raises InputError if the mesh has no
+    usable uv, OutputError if the file cannot be written or the ending is unknown.
     """
     path = Path(path)
     scene = make_scene(mesh.points, mesh.faces, uvmap.uv, uvmap.uv_faces)
@@ -196,7 +196,7 @@ def save_scene(
 
     before: a layout to stand to the left on a page.
 
-    Raises OutputError where the ending is another, or where the file cannot be written.
+    Raises OutputError if the ending is another, or where the file cannot be written.
     """
     kind = path.suffix.lower()
     if kind == ".png":

@@ -31,8 +31,8 @@ class Scene:
     """Arrays that every picture is drawn from; made by ``make_scene``.
 
     points: (n, 3) float64. faces: (m, 3) int64 into points. weld: (n,) int64, equal for equal positions. uv:
-    (k, 2) float64, finite, all of them used. uv_faces: (m, 3) int64 into uv, −1 where a face has no uv. chart:
-    (m,) int64, charts numbered by falling uv area, −1 where a face has no uv. base, source: for a surface with
+    (k, 2) float64, finite, all of them used. uv_faces: (m, 3) int64 into uv, −1 if a face has no uv. chart:
+    (m,) int64, charts numbered by falling uv area, −1 if a face has no uv. base, source: for a surface with
     several instances, the scene of one instance, and (m,) the face of it that each face repeats. The layout,
     the distortion and all figures belong to the base. targets: morph targets, the name of each and its (n, 3)
     points; pages show them.
@@ -93,14 +93,14 @@ class Scene:
 
     @cached_property
     def corner_uv(self) -> FloatArray:
-        """(m, 3, 2) uv of every corner, NaN where a face has none."""
+        """(m, 3, 2) uv of every corner, NaN if a face has none."""
         out = self.uv[np.maximum(self.uv_faces, 0)]
         out[~self.mapped] = np.nan
         return out
 
     @cached_property
     def uv_areas(self) -> FloatArray:
-        """(m,) signed uv area of every face, 0 where it has none."""
+        """(m,) signed uv area of every face, 0 if it has none."""
         c = np.nan_to_num(self.corner_uv)
         return cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) / 2
 
@@ -149,7 +149,7 @@ class Scene:
         """(m,) symmetric Dirichlet energy σ1² + σ2² + σ1⁻² + σ2⁻² of every face, divided by 4: 1 is perfect.
 
         At the one scale that is best for the whole atlas, as in the measures (Rabinovich 2017; Smith and
-        Schaefer 2015). Infinite where a face has no area on either side, NaN where it has no uv.
+        Schaefer 2015). Infinite if a face has no area on either side, NaN if it has no uv.
         """
         if self.base is not None and self.source is not None:
             return self.base.distortion[self.source]
@@ -285,7 +285,7 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
 
     points: (n, 3), faces: (m, 3), uv: (k, 2), uv_faces: (m, 3), −1 in uv_faces for a corner without uv. Corners
     that share position and uv are joined first, whatever the file's numbering (glTF repeats them at sharp
-    edges). Charts and seams are then the visible ones. Raises InputError where shapes do not fit, where no face
+    edges). Charts and seams are then the visible ones. Raises InputError if shapes do not fit, where no face
     has uv, or where uv are not finite.
     """
     points = np.asarray(points, np.float64)

@@ -43,7 +43,7 @@ MOST_TARGETS = 8  # number of morph targets with a slider that fit above the pic
 
 
 def check_kind(path: Path) -> None:
-    """Raise OptionError where the ending of a picture's name tells no format."""
+    """Raise OptionError if the ending of a picture's name tells no format."""
     if path.suffix.lower() not in KINDS:
         raise OptionError(
             f"{path}: {path.suffix or 'no ending'} is not a picture format: "
@@ -72,7 +72,7 @@ def view_document(
 ) -> Scene:
     """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
 
-    before: the file as it was, whose layout a page shows to the left. look: the fields of ``Look``. Raises
+    before: the original file, whose layout a page shows on the left. look: the fields of ``Look``. Raises
     OptionError for an unknown ending, or for ``before`` with a picture that is no page; InputError if the file
     lacks that set or its uv are no numbers; OutputError if the picture cannot be written.
     """
@@ -118,7 +118,7 @@ def view_document(
 
 
 def check_before(path: Path) -> None:
-    """Raise OptionError where a picture cannot show two layouts beside each other."""
+    """Raise OptionError if a picture cannot show two layouts beside each other."""
     if path.suffix.lower() != ".html":
         raise OptionError(
             f"--before has no effect on {path}: only a page shows two layouts; end the name in .html"
@@ -128,7 +128,7 @@ def check_before(path: Path) -> None:
 def _before(
     document: Document, uv_set: int, group_by: str | None, options: PictureOptions
 ) -> PageLayout:
-    """The layout of the file as it was, with its own textures, seen as the new one is."""
+    """The layout of the original file, with its own textures and the camera of the new one."""
     uvmap = document.require_uv(uv_set)
     judged = judged_set(document, uv_set, group_by)
     if judged is not None:
@@ -189,7 +189,7 @@ def page_images(document: Document, uv_set: int) -> tuple[PageImages | None, str
 def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes, str]:
     """An image as it is where browsers know it and it is small enough, else scaled down and as JPEG or PNG.
 
-    move: (2, 3) where uv lie in the image; None where they are places in it.
+    move: (2, 3) where uv lie in the image; None if they are places in it.
     """
     image = decode(data, name)
     kind = media_type(data)

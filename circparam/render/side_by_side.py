@@ -51,7 +51,7 @@ COLUMNS = {
 class MethodLayout:
     """The layout of one method: a row of a comparison.
 
-    name: of the method. uvmap: its layout, None where it has none. status: ok, invalid or failed, with error.
+    name: of the method. uvmap: its layout, None if it has none. status: ok, invalid or failed, with error.
     figures: values by the keys of COLUMNS. stages: seconds of each stage.
     """
 
@@ -79,7 +79,7 @@ class SideBySide:
 
 @dataclass(frozen=True, eq=False)
 class DrawnLayout:
-    """A row and its pictures: layout, checker, distortion; None where the row has no layout."""
+    """A row and its pictures: layout, checker, distortion; None if the row has no layout."""
 
     row: MethodLayout
     images: tuple[Image.Image, Image.Image, Image.Image] | None
@@ -140,7 +140,7 @@ def _view_height(scene: Scene, camera: Camera, size: int) -> int:
 
 
 def scenes_of(shown: SideBySide) -> list[Scene | None]:
-    """The scene of each row; None where it has no layout that can be drawn."""
+    """The scene of each row; None if it has no layout that can be drawn."""
     return [_scene(shown.mesh, row) for row in shown.rows]
 
 

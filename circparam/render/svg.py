@@ -103,7 +103,7 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
 
 
 def _weight(scene: Scene) -> float:
-    """Thinner lines where there are many."""
+    """Thinner lines for many charts."""
     h, flat = scene.seams, scene.uv_faces.ravel()
     d = scene.uv[flat[3 * (h // 3) + (h + 1) % 3]] - scene.uv[flat[h]]
     u0, v0, u1, v1 = scene.bounds
@@ -185,7 +185,7 @@ def _legend(x: float, y: float, width: float, text: float, end: float) -> str:
 
 
 def _grid(u0: float, v0: float, u1: float, v1: float) -> list[str]:
-    """Lines between the tiles, none where there would be too many to see."""
+    """Lines between the tiles, none if there would be too many."""
     if max(u1 - u0, v1 - v0) > 64:
         return []
     columns = [(u - u0) * SIZE for u in range(int(np.ceil(u0)), int(np.floor(u1)) + 1)]

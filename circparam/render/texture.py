@@ -28,8 +28,8 @@ def bilinear(image: FloatArray, uv: FloatArray) -> FloatArray:
 def unmoved(image: Image.Image, move: FloatArray) -> Image.Image:
     """The image that shows at uv the colours of ``image`` at the place to which ``move`` (2, 3) takes uv.
 
-    It is the unit square of uv, with as many texels for their length as the image has there. Beyond the square
-    it repeats, as the image itself does where the map takes whole units to whole units.
+    The image is the unit square of uv, with the texel density of the source. Beyond the square it repeats, as
+    the image itself does where the map takes whole units to whole units.
     """
     size = np.linalg.norm(move[:, :2] * np.array(image.size)[:, None], axis=0)
     width, height = np.clip(np.ceil(size - 1e-9), 1, LARGEST).astype(int).tolist()

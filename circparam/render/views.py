@@ -257,7 +257,7 @@ def _draw_padding(image: FloatArray, face: IntArray, width: float) -> None:
 
 
 def _draw_boundaries(image: FloatArray, scene: Scene, uv: FloatArray, factor: int) -> None:
-    """The boundaries of all charts, in place; thinner where there are many."""
+    """The boundaries of all charts, in place; thinner for many charts."""
     h = scene.seams
     flat = scene.uv_faces.ravel()
     a, b = uv[flat[h]], uv[flat[3 * (h // 3) + (h + 1) % 3]]

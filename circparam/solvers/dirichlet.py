@@ -33,7 +33,7 @@ def determinants(jacobian: FloatArray) -> FloatArray:
 
 
 def energy(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
-    """(m,) energy of each face, 1 for an isometry, infinite where the face is flipped or collapsed.
+    """(m,) energy of each face, 1 for an isometry, infinite if the face is flipped or collapsed.
 
     blend: share of the conformal energy (σ1/σ2 + σ2/σ1) / 2 (Hormann and Greiner 2000) in the sum.
     """
@@ -164,7 +164,7 @@ def edge_blocks(values: FloatArray, modes: FloatArray, gradients: FloatArray) ->
 
 
 def largest_step(corners: FloatArray, direction: FloatArray) -> FloatArray:
-    """(m,) the first positive t at which corners + t · direction collapses a face (infinite where none).
+    """(m,) the first positive t at which corners + t · direction collapses a face (infinite if none).
 
     corners, direction: (2, 3, m). The signed area is the quadratic c + b t + a t². Its roots are computed in
     the form without cancellation (Smith and Schaefer 2015).

@@ -79,7 +79,7 @@ class Iterate:
 @dataclass(frozen=True, eq=False)
 class NewtonStep:
     """to: the layout after the step. predicted (n_charts,): decrease of the energy in Newton's model. length
-    (n_charts,): the step as a multiple of Newton's, 0 where none lowers the energy."""
+    (n_charts,): the step as a multiple of Newton's, 0 if none lowers the energy."""
 
     to: Iterate
     predicted: FloatArray

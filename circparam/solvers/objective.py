@@ -69,7 +69,7 @@ class Objective:
         return out
 
     def first_collapse(self, uv: FloatArray, d: FloatArray) -> FloatArray:
-        """(m,) the step along d (n, 2) at which each face collapses (infinite where none)."""
+        """(m,) the step along d (n, 2) at which each face collapses (infinite if none)."""
         out = np.empty(len(self.weight))
         for k in slices(len(out)):
             out[k] = dirichlet.largest_step(self.gather(uv, k), self.gather(d, k))
@@ -219,7 +219,7 @@ def in_units_of_faces(cut_mesh: CutMesh, uv: FloatArray) -> tuple[CutMesh, Float
 def chart_energies(cut_mesh: CutMesh, uv: FloatArray, blend: float = 0.0) -> FloatArray:
     """(n_charts,) symmetric Dirichlet energy of every chart, mean over its area: 1 for an isometry.
 
-    uv: (n_vertices, 2) in the units of the mesh. blend: share of the conformal energy. Infinite where a face is
+    uv: (n_vertices, 2) in the units of the mesh. blend: share of the conformal energy. Infinite if a face is
     flipped or collapsed.
     """
     work, scaled, _ = in_units_of_faces(cut_mesh, uv)

@@ -22,8 +22,8 @@ class Appearance:
     """Materials, images and attributes of a tree from a document.
 
     label: (m,) material of each face, in the order of the groups. images: with their media types. uv: the
-    layout that the images were drawn for, None where there are none. colours: (m, 3, 3) linear, of the corners;
-    normals: (m, 3, 3), unit; None where the document has none. warnings: missing parts. carried: the features
+    layout that the images were drawn for, None if there are none. colours: (m, 3, 3) linear, of the corners;
+    normals: (m, 3, 3), unit; None if the document has none. warnings: missing parts. carried: the features
     that are there now.
     """
 

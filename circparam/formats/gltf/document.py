@@ -126,7 +126,7 @@ class GltfDocument(Document):
             return materials.colours(self.tree, self.pools, self.mesh.faces)
 
     def normals(self) -> FloatArray | None:
-        """NORMAL of the vertices, turned into the world; None where a primitive has none."""
+        """NORMAL of the vertices, turned into the world; None if a primitive has none."""
         if not all("NORMAL" in pool.attributes for pool in self.pools):
             return None
         rows = np.zeros((len(self.mesh.points), 3))
@@ -235,7 +235,7 @@ def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocumen
     """Read a glTF or GLB file.
 
     unshare: give every node that shares a mesh with another its own copy, so that each gets its own uv.
-    Raises InputError where the tree is malformed, lies about its data, or is compressed.
+    Raises InputError if the tree is malformed, lies about its data, or is compressed.
     """
     with sound_tree(source):
         return _read(Tree(data, source), source, unshare)

@@ -24,7 +24,7 @@ from circparam.mesh.mesh import UVMap
 class Dressed:
     """document: a glTF tree. vertex: (k,) vertex of the input of each of its vertices.
 
-    colours: (k, 3) linear, of vertices, not in the tree yet; None where the input has none, or it is a tree.
+    colours: (k, 3) linear, of vertices, not in the tree yet; None if the input has none, or it is a tree.
     normals: (m, 3, 3) of the corners, likewise.
     """
 

@@ -125,7 +125,7 @@ class TreeEdit(Packing):
     def pool(
         self, users: list[Primitive], pool: Pool, split: Split, rows: npt.NDArray[Any], number: int
     ) -> int:
-        """New attributes of one pool and the primitives that use it; returns how many lost tangents."""
+        """New attributes of one pool and the primitives that use it; returns the number of lost tangents."""
         entries = [self.primitive(p) for p in users]
         attributes, targets = dict(pool.attributes), copy.deepcopy(pool.targets)
         last = number
@@ -238,7 +238,7 @@ class TreeEdit(Packing):
         return self.accessor(entry, self.tree.rows(index)[source], ARRAY_BUFFER)
 
     def indices(self, users: list[Primitive], split: Split) -> int:
-        """New index lists of primitives; returns how many of them were strips or fans."""
+        """New index lists of primitives; returns the number of former strips and fans."""
         at = relisted = 0
         for p in users:
             entry = self.primitive(p)

@@ -77,7 +77,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """points: (n, 3) as they are stored. at: (3,) of the node. notes: changes by storing."""
+    """points: (n, 3) as stored. at: (3,) of the node. notes: changes by storing."""
 
     points: npt.NDArray[np.float32]
     at: FloatArray
@@ -85,7 +85,7 @@ class _Placed:
 
 
 def _placed(mesh: Mesh, up: str) -> _Placed:
-    """The points with y up, in numbers that float32 has. Raises OutputError where it has none."""
+    """The points with y up, in numbers that float32 has. Raises OutputError if it has none."""
     given = y_up(mesh.points, up)
     used = np.zeros(len(given), bool)
     used[mesh.faces.ravel()] = True
@@ -136,7 +136,7 @@ def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str =
 
 @dataclass(frozen=True, eq=False)
 class _Attribute:
-    """Rows (k, w) of an attribute, as they are stored, and the row of each corner (m, 3), −1 for zeros.
+    """Rows (k, w) of an attribute as stored, and the row of each corner (m, 3), −1 for zeros.
 
     in_file: rows as float32 of the file.
     """

@@ -53,7 +53,7 @@ def media_type_of(data: bytes) -> str:
 
 
 def _bytes(uri: str, folder: Path | None) -> bytes:
-    """The content of an image file; empty where it cannot be had."""
+    """The content of an image file; empty if it cannot be had."""
     try:
         return bytes_beside(folder, uri)
     except OSError:

@@ -1,7 +1,7 @@
 """Primitives of one mesh that show the same material now become one: fewer draw calls, the same vertices.
 
-Attributes, types, morph targets and extras have to be alike. Vertices that other primitives use too stay where
-they are, unless all that are joined share them.
+Attributes, types, morph targets and extras have to be alike. Vertices that other primitives use too stay,
+unless all joined primitives share them.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _remove(edit: Packing, primitives: list[Primitive]) -> None:
 
 
 def _drop_new(edit: Packing) -> None:
-    """Take out accessors that were made and are used no more, with their views and bytes."""
+    """Take out new accessors without users, with their views and bytes."""
     accessors, views = edit.json["accessors"], edit.json["bufferViews"]
     used = {container[key] for container, key in accessor_slots(edit.json)}
     old = len(edit.tree.json["accessors"])

@@ -16,7 +16,7 @@ from circparam.formats.materials import ImageFiles, Textures, srgb, tint
 
 
 def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None:
-    """(m, 3, 3) COLOR_0 of every corner, which glTF defines as linear light; None where there is none."""
+    """(m, 3, 3) COLOR_0 of every corner, which glTF defines as linear light; None if there is none."""
     out = np.ones((sum(pool.count for pool in pools), 3))
     found = False
     for pool in pools:
@@ -28,7 +28,7 @@ def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None
 
 
 def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
-    """Base colour textures; factors without a texture as plain colours; None where all is white.
+    """Base colour textures; factors without a texture as plain colours; None if all is white.
 
     Raises the errors of Python for a tree of the wrong shape.
     """
@@ -55,7 +55,8 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
                 key = source, move.tobytes()
                 if key not in known:
                     known[key] = image = _image(tree, files, source)
-                    if not np.array_equal(moves.get(image, move), move):  # shown elsewhere as well
+                    # parts with further instances
+                    if not np.array_equal(moves.get(image, move), move):
                         known[key] = files.add(files.names[image], files.images[image])
                     moves[known[key]] = move
                 image = known[key]

@@ -58,7 +58,7 @@ class Morphing(Packing):
 def with_morph(document: GltfDocument, target: Target) -> bytes:
     """The document as GLB with a morph target on all its triangles, and an animation of its weight.
 
-    Meshes that nodes show several times move alike in each place. Raises InputError where it has morph targets.
+    Meshes that nodes show several times move alike in each place. Raises InputError if it has morph targets.
     """
     tree = document.tree
     edit = Morphing(tree)

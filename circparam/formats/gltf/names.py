@@ -9,7 +9,7 @@ from circparam.formats.gltf.reading import Tree
 
 
 def material_of(tree: Tree, primitive: Primitive) -> int:
-    """The number of the material of a primitive, −1 where it has none."""
+    """The number of the material of a primitive, −1 if it has none."""
     entry = tree.json["meshes"][primitive.mesh]["primitives"][primitive.number]
     return int(entry.get("material", -1))
 

@@ -17,7 +17,8 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
     """A GLB whose vertices have the NORMAL and TANGENT of its corners; NORMAL stays where it has one.
 
     normal: (m, 3, 3) of the corners of its triangles in the order of reading, in the world. tangent: (m, 3, 4),
-    w last. Of corners that share a vertex the last counts. Raises InputError where the bytes are no sound glTF.
+    w last. The last of the corners that share a vertex counts. Raises InputError if the bytes are no sound
+    glTF.
     """
     document = read_gltf(glb, source)
     tree = document.tree

@@ -41,7 +41,7 @@ def sound_tree(source: Source, what: str = "the glTF tree") -> Iterator[None]:
 
 
 class Tree:
-    """The JSON of a file and its buffers. ``bin``: the binary chunk of a GLB, None where there is none."""
+    """The JSON of a file and its buffers. ``bin``: the binary chunk of a GLB, None if there is none."""
 
     def __init__(self, data: bytes, source: Source) -> None:
         self.source = source
@@ -163,14 +163,14 @@ class Tree:
     # access ----------------------------------------------------------------------------------
 
     def entries(self, kind: str) -> list[Any]:
-        """A top-level list, empty where the tree has none; InputError where it is no list."""
+        """A top-level list, empty if the tree has none; InputError if it is no list."""
         value = self.json.get(kind, [])
         if not isinstance(value, list):
             raise self.error(f"{kind!r} is not a list")
         return value
 
     def item(self, kind: str, index: Any) -> Json:
-        """An entry of a top-level list; InputError where there is none of that number."""
+        """An entry of a top-level list; InputError if there is none of that number."""
         entries = self.entries(kind)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(entries):
             raise self.error(f"{kind} has no entry {str(index)[:20]} (it has {len(entries)})")
@@ -282,7 +282,7 @@ def _no_constant(name: str) -> Any:
 
 
 def _indent(text: bytes) -> int | str | None:
-    """How the JSON is indented: a number of blanks, a tab, or None where it is on one line."""
+    """How the JSON is indented: a number of blanks, a tab, or None if it is on one line."""
     found = re.match(rb"\s*\{\r?\n([ \t]*)", text)
     if found is None:
         return None

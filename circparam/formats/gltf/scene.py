@@ -41,7 +41,7 @@ def node_matrix(node: Json) -> npt.NDArray[np.float64]:
 
 
 def _numbers(node: Json, key: str, default: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """The numbers of a property of a node; ValueError where it has more or fewer."""
+    """The numbers of a property of a node; ValueError if it has more or fewer."""
     need = np.size(default)
     out = np.array(node.get(key, default), np.float64).ravel()
     if len(out) != need:
@@ -52,7 +52,7 @@ def _numbers(node: Json, key: str, default: npt.ArrayLike) -> npt.NDArray[np.flo
 def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
     """Every node with a mesh and its world transform, depth first, the default scene before the others.
 
-    Raises InputError where nodes form a cycle or a node has two parents.
+    Raises InputError if nodes form a cycle or a node has two parents.
     """
     nodes, scenes = tree.entries("nodes"), tree.entries("scenes")
     parents = np.zeros(len(nodes), np.int64)
@@ -127,7 +127,7 @@ def morph_targets(
 def read_meshes(tree: Tree, shown: list[tuple[int, npt.NDArray[np.float64]]]) -> Parts:
     """Every mesh that the nodes (from ``walk``) show, once each, where the first of its nodes puts it.
 
-    Raises InputError where a mesh is compressed, names vertices that are not there, or none has triangles.
+    Raises InputError if a mesh is compressed, names vertices that are not there, or none has triangles.
     """
     parts: dict[int, Parts] = {}
     first = pool = 0

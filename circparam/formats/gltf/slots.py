@@ -96,7 +96,7 @@ PLACES = (
 
 
 def holder_of(material: Json, place: Place) -> Json | None:
-    """The object that holds a slot; None where the material has none. The core's objects are always there."""
+    """The object that holds a slot; None if the material has none. The core's objects are always there."""
     found: Any = material
     for key in place.holder:
         found = found.get(key)
@@ -107,7 +107,7 @@ def holder_of(material: Json, place: Place) -> Json | None:
 
 
 def texture_info(holder: Json, place: Place) -> Json | None:
-    """The texture info of a slot, None where it has no texture."""
+    """The texture info of a slot, None if it has no texture."""
     found: Json | None = holder.get(place.texture)
     return found
 

@@ -64,8 +64,8 @@ def drop_unused(
 ) -> Unused:
     """Take out the accessors among ``touched`` that nothing refers to, and the views that only they used.
 
-    accessors, views: how many the tree had before new ones were appended. images: views of images that went.
-    Entries that nothing used at first stay, because they belong to the file.
+    accessors, views: their numbers before new ones were appended. images: views of images that went. Entries
+    that nothing used at first stay, because they belong to the file.
     """
     old, all_views = tree.get("accessors", []), tree.get("bufferViews", [])
     free = sorted(touched - {c[k] for c, k in accessor_slots(tree)})

@@ -85,7 +85,7 @@ class ObjDocument(Document):
         return materials.colours(self.scan, self.mesh.faces)
 
     def normals(self) -> FloatArray | None:
-        """The vn of every corner, that of its triangle where it has no direction; None where one lacks a vn."""
+        """The vn of every corner, that of its triangle where it has no direction; None if one lacks a vn."""
         rows = self.scan.corner_normals()
         if rows is None:
             return None

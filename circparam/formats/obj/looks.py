@@ -36,7 +36,7 @@ NORMAL = {word: Slot(f"{word} (normals)", RGB, word, kind="normal") for word in 
 TINTS = {"map_kd": "kd", "map_ka": "ka", "map_ks": "ks", "map_ke": "ke"}
 # options that give the meaning of values; the others give their place
 KEPT = ("-bm", "-mm", "-imfchan")
-_BLUE = 0.25  # how far the mean of an image of normals may lie from (½, ½, 1) or above
+_BLUE = 0.25  # largest distance of the mean of an image of normals from (½, ½, 1), or above
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Statements:
 
 
 def libraries(scan: Scan, source: Source) -> list[Statements]:
-    """Every material of the libraries that a file names. Raises InputError where one is missing."""
+    """Every material of the libraries that a file names. Raises InputError if one is missing."""
     out: list[Statements] = []
     for library in (one for line in scan.libraries() for one in named(line, source.folder)):
         path = found_beside(source.folder, library)
@@ -71,9 +71,9 @@ def libraries(scan: Scan, source: Source) -> list[Statements]:
 
 
 def read_looks(scan: Scan, owner: IntArray, source: Source) -> Looks | None:
-    """The materials of a file's faces; owner: (m,) polygon of each. None where it names no library.
+    """The materials of a file's faces; owner: (m,) polygon of each. None if it names no library.
 
-    Raises InputError where a library or an image is missing.
+    Raises InputError if a library or an image is missing.
     """
     if source.folder is None or not scan.libraries():
         return None
@@ -136,7 +136,7 @@ class _Images:
         return SLOTS[word]
 
     def image(self, name: str) -> int:
-        """The number of an image file. Raises InputError where it is missing."""
+        """The number of an image file. Raises InputError if it is missing."""
         name = re.sub(r"^(\./)+", "", name.replace("\\", "/"))
         if name not in self.names:
             far = re.match(r"[A-Za-z]:|/", name) is not None
@@ -211,7 +211,7 @@ def library_text(
 ) -> str:
     """A library in which groups show new images.
 
-    groups: by the name of a material: the group that it leads, None where it is part of another's. names:
+    groups: by the name of a material: the group that it leads, None if it is part of another's. names:
     image file of each page. Materials that no face has stay.
     """
     out: list[str] = []
@@ -270,7 +270,7 @@ def redressed(
 
 
 def _with_names(data: bytes, library: str, renamed: dict[str, str]) -> Iterator[bytes]:
-    """OBJ text that names one library, and materials by the names that they have now."""
+    """OBJ text that names one library, and materials by their present names."""
     at, first = 0, True
     line = re.compile(
         rb"^[ \t]*(mtllib|usemtl)[ \t]+((?:\\\r?\n|[^\r\n])*)(\r\n|\r|\n|\Z)", re.MULTILINE

@@ -15,7 +15,7 @@ from circparam.formats.source import found_beside, regular_bytes
 
 
 def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
-    """(m, 3, 3) colour of every corner; None where no vertex has one. Vertices without one are white."""
+    """(m, 3, 3) colour of every corner; None if no vertex has one. Vertices without one are white."""
     lines = scan.of(b"v")
     given = scan.last[lines] - scan.first[lines] - 1
     if not (given >= 6).any():
@@ -27,7 +27,7 @@ def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
 
 
 def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | None:
-    """The images and colours of the materials. owner: (m,) polygon of each face. None where there are none."""
+    """The images and colours of the materials. owner: (m,) polygon of each face. None if there are none."""
     files = ImageFiles(folder)
     materials: dict[str, tuple[int, FloatArray, float]] = {}
     for library in (one for line in scan.libraries() for one in named(line, folder)):

@@ -67,7 +67,7 @@ def read_mtl(text: str) -> list[Material]:
 
 
 def _alpha(text: str) -> float:
-    """A number between 0 and 1; 1 where it is none, and for 0, which programs write that mean the reverse."""
+    """A number between 0 and 1; 1 if it is none, and for 0, which programs write that mean the reverse."""
     try:
         value = float(text)
     except ValueError:

@@ -106,9 +106,9 @@ class Scan:
         return list_start(self.last[self.face_lines] - self.first[self.face_lines] - 1)
 
     def fields(self, tokens: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:
-        """Split words like ``v/vt/vn``: ((L, count) numbers with 0 where empty, cut start, cut end).
+        """Split words like ``v/vt/vn``: ((L, count) numbers with 0 if empty, cut start, cut end).
 
-        The cut is the byte range of the slash and number of vt, empty where there is none.
+        The cut is the byte range of the slash and number of vt, empty if there is none.
         """
         t = self.tokens
         start, end = t.start[tokens], t.end[tokens]
@@ -151,7 +151,7 @@ class Scan:
         return self.fields(self.corner_tokens, 2)
 
     def resolve(self, column: int, word: bytes, count: int) -> IntArray:
-        """(L,) corner indices from 0; −1 where vt is empty. Raises InputError for 0 or beyond the end."""
+        """(L,) corner indices from 0; −1 if vt is empty. Raises InputError for 0 or beyond the end."""
         number = self.cuts[0][:, column]
         negative = number < 0
         index = number - 1

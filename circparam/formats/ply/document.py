@@ -50,7 +50,7 @@ class PlyDocument(Document):
         return UVMap(layout.columns(vertex, names), self.mesh.faces.copy())
 
     def _face_uv(self, values: npt.NDArray[Any], counts: IntArray) -> UVMap:
-        """The layout of texcoord lists: all values one after the other, and (n,) how many each face has."""
+        """The layout of texcoord lists: all values one after the other, and (n,) the number of each face."""
         polys, n = self.lists.polys, self.lists.n_corners
         size = np.diff(polys.start)[: self.lists.n_faces]
         fits = counts == 2 * size
@@ -143,7 +143,7 @@ class PlyDocument(Document):
 
 
 def read_ply(data: bytes, source: Source) -> PlyDocument:
-    """Read a PLY file. Raises InputError where header and body disagree, or it has no faces."""
+    """Read a PLY file. Raises InputError if header and body disagree, or it has no faces."""
     if not data.startswith(b"ply"):
         raise source.error("the file does not begin with 'ply': this is not a PLY file")
     layout = Layout(data, source)

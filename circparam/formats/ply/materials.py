@@ -17,7 +17,7 @@ CHANNELS = ("red", "green", "blue")
 
 
 def colours(layout: Layout, faces: IntArray, owner: IntArray) -> FloatArray | None:
-    """(m, 3, 3) colour of every corner, of its vertex or else its face; None where there are none.
+    """(m, 3, 3) colour of every corner, of its vertex or else its face; None if there are none.
 
     faces: (m, 3) int64 vertices. owner: (m,) int64 polygon of each face; those behind the last row of the
     file's faces (triangles of strips) are white.
@@ -39,7 +39,7 @@ def colours(layout: Layout, faces: IntArray, owner: IntArray) -> FloatArray | No
 
 
 def textures(layout: Layout, m: int, folder: Path | None) -> Textures | None:
-    """The first TextureFile comment, as MeshLab writes it, for all m faces; None where there is none."""
+    """The first TextureFile comment, as MeshLab writes it, for all m faces; None if there is none."""
     files = ImageFiles(folder)
     for line in layout.lines:
         if name := texture_file(line):
@@ -58,9 +58,9 @@ IMAGE = Slot("texture", (0, 1, 2, 3), "texture", True)
 
 
 def looks(layout: Layout, m: int) -> Looks | None:
-    """The image of a file as one material of all m faces; None where no line names one.
+    """The image of a file as one material of all m faces; None if no line names one.
 
-    Raises InputError where it is missing, or where faces take theirs from several.
+    Raises InputError if it is missing, or where faces take theirs from several.
     """
     names = [name for name in map(texture_file, layout.lines) if name]
     if not names:

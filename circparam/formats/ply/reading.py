@@ -290,7 +290,7 @@ class Layout:
     # values ----------------------------------------------------------------------------------
 
     def read(self, at: IntArray, code: str) -> npt.NDArray[Any]:
-        """Values of a type at ascending places. Raises ValueError where an ascii word is not a number."""
+        """Values of a type at ascending places. Raises ValueError if an ascii word is not a number."""
         if self.tokens is not None:
             t = self.tokens
             text = gather(t.clean, t.start[at], t.end[at])

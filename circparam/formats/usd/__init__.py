@@ -1,1 +1,1 @@
-"""USD: read as it is composed, written as a stronger layer over the layers of the file."""
+"""USD: read in its composition, written as a stronger layer over the layers of the file."""

@@ -81,7 +81,7 @@ class UsdDocument(Document):
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
-        """A layer with the uv over the layers of the file, which stay as they are."""
+        """A layer with the uv over the unchanged layers of the file."""
         if not self.check_target(options, format):
             return None
         replaced = check_uv_set(self, options, only_first=False)
@@ -124,9 +124,9 @@ def _same_name(path: Path, stem: str, format: str) -> bool:
 
 
 def read_usd(data: bytes, source: Source) -> UsdDocument:
-    """Read .usd, .usda, .usdc or .usdz as it is composed: references, variants and instances resolved.
+    """Read .usd, .usda, .usdc or .usdz in its composition: references, variants and instances resolved.
 
-    Raises InputError where usd-core is missing, where it can't open the file, and where there are no meshes.
+    Raises InputError if usd-core is missing, where it can't open the file, and where there are no meshes.
     """
     kind = kind_of(data)
     with opened(data, source) as stage:

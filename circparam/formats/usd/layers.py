@@ -1,7 +1,7 @@
 """The files that a USD file is made of, found before USD composes any of them.
 
-USD opens whatever a layer names: files of other folders, devices, pipes. So the layers are walked first, one by
-one, and a layer outside the folder of the file is refused before it is opened.
+USD opens whatever a layer names: files of other folders, devices, pipes. The layers are therefore walked first,
+one by one, and a layer outside the folder of the file is refused before it is opened.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def referred(path: Path, source: Source) -> Files:
 
 
 def _checked(layer: Any, name: str, root: Path, source: Source) -> str:
-    """The file of a layer that another one names, '' where none is there. Raises InputError."""
+    """The file of a layer that another one names, '' if none is there. Raises InputError."""
     from pxr import Ar, Sdf
 
     if Sdf.VariableExpression.IsExpression(name):

@@ -20,8 +20,8 @@ OTHERS = ("uv", "UVMap", "map1")  # float2 arrays of these names are uv, whateve
 class MeshPrim:
     """A mesh of the stage.
 
-    path: of its prim. first: its first corner in ``Arrays.corners``. corners: how many it has. instances: paths
-    of the instances that it lies in, which must be opened up for its uv.
+    path: of its prim. first: its first corner in ``Arrays.corners``. corners: their number. instances: paths of
+    the instances that it lies in, which must be opened up for its uv.
     """
 
     path: str
@@ -34,10 +34,9 @@ class MeshPrim:
 class Arrays:
     """All meshes of a stage.
 
-    points: (n, 3) in the world. polys: their polygons, wound as they are seen. mesh, group: (m,) of each
-    triangle. names: of the groups. sets: names of uv primvars, set 0 first. uv: name → (L, 2) of every
-    corner, NaN for none. variants: selections in effect. moving: whether points are animated. up: the axis
-    that points up.
+    points: (n, 3) in the world. polys: their polygons, wound as visible. mesh, group: (m,) of each triangle.
+    names: of the groups. sets: names of uv primvars, set 0 first. uv: name → (L, 2) of every corner, NaN for
+    none. variants: selections in effect. moving: whether points are animated. up: the axis that points up.
     """
 
     prims: list[MeshPrim]
@@ -122,7 +121,7 @@ def read_stage(stage: Any, source: Source) -> Arrays:
 
 
 def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
-    """A mesh, wound as it is seen; none where it has no faces."""
+    """A mesh, wound as it is seen; none if it has no faces."""
     from pxr import UsdGeom
 
     mesh = UsdGeom.Mesh(prim)
@@ -151,7 +150,7 @@ def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
 
 
 def _geometry(mesh: Any, source: Source) -> tuple[FloatArray, IntArray, IntArray]:
-    """Points (n, 3), sizes of the faces and their corners. Raises InputError where these do not fit."""
+    """Points (n, 3), sizes of the faces and their corners. Raises InputError if these do not fit."""
     from pxr import Usd
 
     time = Usd.TimeCode.EarliestTime()

@@ -48,7 +48,7 @@ def have_usd() -> bool:
 
 
 def require_usd() -> None:
-    """Raise OptionError where usd-core, which writes USD, is not installed."""
+    """Raise OptionError if usd-core, which writes USD, is not installed."""
     if not have_usd():
         raise OptionError(f"USD is written with usd-core, which is not installed: {EXTRA}")
 
@@ -69,7 +69,7 @@ def silent() -> Iterator[None]:
 def opened(data: bytes, source: Source) -> Iterator[Any]:
     """The composed stage of a file, or of bytes that came without one.
 
-    Raises InputError where usd-core is missing or cannot open it, and where a layer is no regular file inside
+    Raises InputError if usd-core is missing or cannot open it, and where a layer is no regular file inside
     the file's folder. Nothing of the stage may be kept: USD hands out the same layer as long as somebody holds
     it, whatever the file has become.
     """

@@ -73,8 +73,7 @@ def embedded(parts: Parts, kind: str) -> bytes:
 
 
 def packaged(parts: Parts, stem: str, names: list[str]) -> bytes:
-    """A usdz: the layer with uv first, then the files of the package as they are, or the file and those it
-    names."""
+    """A usdz: the layer with uv first, then the files of the package, or the file and its references."""
     folder, path = parts.source.folder, parts.source.path
     if kind_of(parts.data) == "usdz":
         files = package_files(parts.data)

@@ -109,7 +109,7 @@ def _border_rows(
 def compaction_step(
     growth: Growth, placement: Placement, found: Contacts, trust: float, strict: bool = False
 ) -> Placement | None:
-    """One linear program: the largest growth within the trust region; None where it fails.
+    """One linear program: the largest growth within the trust region; None if it fails.
 
     found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. strict: keep the
     full gap in all directions. A program that would be too large fails too: a bundle of needles touches itself

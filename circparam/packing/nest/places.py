@@ -43,7 +43,7 @@ def best_place(
     columns: IntArray,
     side: int,
 ) -> tuple[int, int, int] | None:
-    """Mask, row, column of the free place with the highest contact score; None where nothing is free.
+    """Mask, row, column of the free place with the highest contact score; None if nothing is free.
 
     Only places are looked at where some mask lies on the page. One transform tells which are free, and nearly
     their contact. If several may be the best, their masks are examined again.

@@ -143,7 +143,7 @@ def _attempt(
     choice: list[IntArray],
     budget: Budget,
 ) -> GridLayout | int:
-    """As ``lay_out``; the chart that does not fit where one does not, −1 where the budget is used up."""
+    """As ``lay_out``; the chart that does not fit where one does not, −1 if the budget is used up."""
     at = np.zeros((4, len(board.masks)), np.int64)
     page = GridPages.empty(pages, board.side, side, sigma)
     for c in order.tolist():

@@ -178,7 +178,7 @@ def least_page(
     budget: Budget,
     cache: SketchCache | None = None,
 ) -> SketchedPage | None:
-    """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
+    """The smallest page found that holds all sketches; None if none is under ``below`` cells wide.
 
     tries: orders without success after which the search ends; every success restarts the count. budget: of
     cells that are transformed. cache: of other pages.

@@ -38,7 +38,7 @@ def nested(
     skyline: Callable[[], Placement | None] = lambda: None,
     shelf: Placement | None = None,
 ) -> Placement | None:
-    """The best placement by nesting; None where the search found none.
+    """The best placement by nesting; None if the search found none.
 
     skyline: layout of charts on a skyline, compacted in place of the search's layout, or beside it for few
     charts. shelf: rows of boxes, compacted too if the others fail: for charts like boxes they can be the best
@@ -209,7 +209,7 @@ def _compacted(
     growth: Growth,
     grown: Placement | None = None,
 ) -> Placement | None:
-    """The best layout grown until it locks; None where none passes the check.
+    """The best layout grown until it locks; None if none passes the check.
 
     plain: skyline and shelf. grown: result of ``_grown`` for the given layout, with the same budget.
     """
@@ -291,7 +291,7 @@ def _searched(
     beat: float | None = None,
     patience: int = Terms.patience,
 ) -> list[Placement]:
-    """Layouts of the search on the grid, best first; empty where it found none.
+    """Layouts of the search on the grid, best first; empty if it found none.
 
     along: straight charts lie along the axes in all of them. beat: scale that they must exceed, for which one
     grid is searched, with half the budget as with straight charts. patience: tries until a first one.

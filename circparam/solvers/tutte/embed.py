@@ -67,7 +67,7 @@ def tutte_embedding(
     (n_vertices,), multiplies w_ij by exp(grade_i − grade_j), which keeps all signs (see ``embed``).
     Returns ((n_vertices, 2) uv in units of the mesh, every chart centred on the origin with about its own
     area; report).
-    Raises OptionError for an unknown name, TopologyError where a chart is no disk, NoResultError where the
+    Raises OptionError for an unknown name, TopologyError if a chart is no disk, NoResultError if the
     system is singular (never with positive weights).
     """
     monitor, options = monitor or Monitor(), options or TutteOptions()

@@ -22,7 +22,7 @@ def on_square(cut_mesh: CutMesh, options: TutteOptions) -> FixedBoundary:
 def on_polygon(cut_mesh: CutMesh, options: TutteOptions) -> FixedBoundary:
     """The convex polygon of the options, scaled to the area of the chart.
 
-    Raises OptionError where there is none, or it is not convex.
+    Raises OptionError if there is none, or it is not convex.
     """
     if options.polygon is None:
         raise OptionError("the boundary 'polygon' needs its corners: --boundary polygon FILE")
