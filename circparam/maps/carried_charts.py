@@ -1,9 +1,10 @@
 """The layout of one mesh on another mesh of the same shape: seams follow, nothing flips.
 
-The charts of the source lie as sheets in space. Every face of the target takes the chart under most of its
-probes. Every corner takes the closest point of that chart, on one side of every seam. Faces side by side are
-connected if their corners found the same points; the other edges are seams. Turned faces then go to a
-neighbour's chart, or are untangled in place.
+The charts of the source lie as sheets in space. Every face of the target takes the chart that most of it lies
+on, and every corner the closest point of that chart, on one side of every seam. Faces side by side whose
+corners found the same points hang together; the other edges are seams. Faces that are turned over or lie on
+others take another chart, or another side of a seam. A linear programme moves what is still at fault by the
+least drift (``least_drift``), and the few faces that no drift mends are laid in free room (``loose_faces``).
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ from circparam.core.arrays import (
     next_half_edge,
     slices,
 )
-from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.geometry.closest import closest_on_triangles
 from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas
+from circparam.maps.least_drift import HEIGHT, faults, meetings, mend
+from circparam.maps.loose_faces import lay_anew
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
-from circparam.solvers.untangle import untangle
 
 CANDIDATES = 12  # nearest samples whose faces are tried for the closest point
 WALK_STEPS = 64  # to neighbours, for as long as one is nearer
@@ -51,9 +52,11 @@ PROBES = np.array(
 ) / 12  # fmt: skip
 SAME_EDGE_SHARE = 0.25  # of an edge in uv, by which its faces may place its ends apart,
 SAME_PAGE_SHARE = 1 / 2048  # and of the page at most: the ends move to their middle
-LIFT_STEPS = 400  # of turned faces alone, before the layout is untangled
-LEAST_HEIGHT = 1e-5  # least height of a face that was turned, of the page: 1/50 texel of 2048
-RELABEL_ROUNDS = 4  # rounds in which turned faces go to charts of their neighbours
+RELABEL_ROUNDS = 12  # rounds in which faces at fault go to charts of their neighbours; most need 3
+AGREE_ROUNDS = 12  # rounds in which a point goes from face to face round a vertex
+WHOLE_STRETCH = 2.0  # of a chart, up to which two points are not on two sides of a slit
+LOOSE_ROUNDS = 3  # rounds in which faces at fault are let go
+PAIRS_AT_ONCE = 4_000_000  # of triangles and faces, whose boxes are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +121,12 @@ class SourceCharts:
         return _in_blocks(self._on_chart, places, chart, expected)
 
     def _on_chart(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
+        first = self._walked(places, self._sampled(places, chart, expected))
+        # a walk ends at a vertex whose faces beside it are as near: samples round that place lead further
+        return self._walked(places, self._sampled(places, chart, self.uv(first)), first)
+
+    def _sampled(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
+        """The best of the faces with near samples; with squares of distances."""
         lifted = self._lifted(places, chart, expected)
         found = self.sample[_nearest(self.layered, lifted)]
         bary, d2 = closest_on_triangles(places[:, None], self.corners[found])
@@ -126,12 +135,15 @@ class SourceCharts:
         off[self.chart[found] != chart[:, None]] = np.inf
         best = (d2 + off).argmin(1)
         rows = np.arange(len(places))
-        return self._walked(
-            places, SurfacePoints(found[rows, best], bary[rows, best], d2[rows, best])
-        )
+        return SurfacePoints(found[rows, best], bary[rows, best], d2[rows, best])
 
-    def _walked(self, places: FloatArray, start: SurfacePoints) -> SurfacePoints:
-        """On to neighbours in the same chart for as long as one of them is nearer; start has squares."""
+    def _walked(
+        self, places: FloatArray, start: SurfacePoints, other: SurfacePoints | None = None
+    ) -> SurfacePoints:
+        """On to neighbours in the same chart for as long as one of them is nearer; start has squares.
+
+        other: points with distances, which stay where the walk ends no nearer.
+        """
         face, bary, d2 = start.face.copy(), start.bary.copy(), start.distance.copy()
         moving = np.arange(len(places))
         for _ in range(WALK_STEPS):
@@ -145,16 +157,25 @@ class SourceCharts:
                 break
             face[moving], bary[moving] = around[rows, best], at[rows, best]
             d2[moving] = gap[rows, best]
-        return SurfacePoints(face, bary, np.sqrt(d2))
+        out = SurfacePoints(face, bary, np.sqrt(d2))
+        if other is not None:
+            stay = np.flatnonzero(other.distance <= out.distance)
+            out.put(stay, other.take(stay))
+        return out
 
     def uv(self, spots: SurfacePoints) -> FloatArray:
         """(p, 2) places of points in the layout."""
         result: FloatArray = np.einsum("pk,pkc->pc", spots.bary, self.atlas.corners[spots.face])
         return result
 
+    def places_of(self, spots: SurfacePoints) -> FloatArray:
+        """(p, 3) places of points in space."""
+        result: FloatArray = np.einsum("pk,pkx->px", spots.bary, self.corners[spots.face])
+        return result
+
     def expected(self, spots: SurfacePoints, places: FloatArray, normals: FloatArray) -> FloatArray:
         """(p, 2) uv of places beside points, continued along the plane of the normals."""
-        there = np.einsum("pk,pkc->pc", spots.bary, self.corners[spots.face])
+        there = self.places_of(spots)
         normal = self.atlas.surface.normals[spots.face]
         turned = turn_gradients(self.gradients[spots.face], normal, normals)
         result: FloatArray = self.uv(spots) + np.einsum("pdx,px->pd", turned, places - there)
@@ -205,43 +226,69 @@ def samples_of(areas: FloatArray) -> tuple[IntArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class CarriedLayout:
-    """A layout on the target. drift: (m, 3) distance in uv of every corner from the closest point of its chart.
-    inside: (m,) the same in the middle of every face, where the target cuts through curved parts."""
+    """A layout on the target. drift: (m, 3) distance in uv of every corner from the closest point of its chart,
+    0 for loose faces. inside: (m,) the same in the middle of every face, where the target cuts through what is
+    curved. loose: (m,) bool, faces that lie elsewhere than on the source. least: in uv, of any layout without
+    flips the largest drift is at least this. faulty: (m,) bool, faces that stay turned or overlap."""
 
     atlas: Atlas
     drift: FloatArray
     inside: FloatArray
+    loose: BoolArray
+    least: float
+    faulty: BoolArray
 
 
-def carry_charts(
-    source: SourceCharts, target: Surface, monitor: Monitor | None = None
-) -> CarriedLayout:
+def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     """The layout of the sheets on a target of the same shape."""
     probed, led = _leaders(source, target)
     corners = _corner_points(source, target, led, np.arange(len(target.faces)))
+    _agree(source, target, led, corners)
     mirrored = _mirrored(source)
     for _ in range(RELABEL_ROUNDS):
         if not _relabel(source, target, (probed, led, corners), mirrored):
             break
     uv = source.uv(corners).reshape(-1, 3, 2)
+    turned = mirrored[
+        source.chart[led.face]
+    ]  # a chart of the target lies on one chart of the source
     atlas = Atlas(target, _seams(source, target, led, uv), uv)
-    cut_mesh, _ = atlas.open()
-    joined = _means(cut_mesh, uv)
-    chart = source.chart[led.face]
-    turned = mirrored[chart]  # a chart of the target lies on one chart of the source
-    side = np.ones(cut_mesh.n_vertices)
-    side[cut_mesh.faces[turned]] = -1
-    joined[:, 0] *= side
-    joined = lifted(cut_mesh, joined)
-    joined, _ = untangle(cut_mesh, joined, monitor=monitor, near=True)
-    joined[:, 0] *= side
-    atlas.scatter(cut_mesh, joined)
+    loose, faulty = _mended(atlas, uv, np.where(turned, -1.0, 1.0))
     drift = np.linalg.norm(atlas.corners - uv, axis=2)
+    drift[loose] = 0.0
+    least = float(np.maximum(-_heights(uv[~loose], turned[~loose]), 0.0).max(initial=0.0) / 2)
+    lay_anew(atlas, loose, source.scale)
     places = target.points[target.faces].mean(1)
     expected = source.expected(led, places, target.normals)
     middle = source.uv(source.on_chart(places, source.chart[led.face], expected))
     inside = np.linalg.norm(atlas.corners.mean(1) - middle, axis=1)
-    return CarriedLayout(atlas, drift, inside)
+    inside[loose] = 0.0
+    return CarriedLayout(atlas, drift, inside, loose, least, faulty)
+
+
+def _mended(atlas: Atlas, uv: FloatArray, sign: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Put the corners (m, 3, 2) into an atlas where none is turned and nothing overlaps, near their places.
+
+    sign: (m,) −1 for faces of clockwise charts. Faces that stay at fault are let go, and the rest is mended
+    anew. Returns ((m,) bool: faces let go, whose edges are cut, (m,) bool: faces still at fault).
+    """
+    loose = np.zeros(len(uv), bool)
+    edges = atlas.surface.edges
+    for left in range(LOOSE_ROUNDS, -1, -1):
+        atlas.cut |= loose[edges // 3].any(1)
+        atlas.corners[:] = uv
+        cut_mesh, _ = atlas.open()
+        held = group_sum(~loose, cut_mesh.chart, cut_mesh.n_charts) > 0
+        part, vertices, faces = cut_mesh.subset(held)
+        joined = _means(cut_mesh, uv)
+        joined[vertices] = mend(part, joined[vertices], sign[faces])
+        atlas.scatter(cut_mesh, joined)
+        wrong = np.zeros(len(uv), bool)
+        wrong[faces] = faults(part, joined[vertices], sign[faces])
+        if not wrong.any() or not left:
+            break
+        loose |= wrong
+    return loose, wrong
 
 
 def _leaders(source: SourceCharts, target: Surface) -> tuple[SurfacePoints, SurfacePoints]:
@@ -288,40 +335,112 @@ def _heights(uv: FloatArray, mirrored: BoolArray) -> FloatArray:
     return result
 
 
+def _agree(
+    source: SourceCharts, target: Surface, led: SurfacePoints, corners: SurfacePoints
+) -> None:
+    """Give corners of one vertex the nearest of their points, where the chart is whole between these points.
+
+    A slit lies between points that are further apart in the layout than in space. In place.
+    """
+    i, j = target.edges[:, 0], target.edges[:, 1]
+    a, b = np.r_[i, next_half_edge(i)], np.r_[next_half_edge(j), j]
+    chart = source.chart[led.face]
+    same = chart[a // 3] == chart[b // 3]
+    a, b = a[same], b[same]
+    for _ in range(AGREE_ROUNDS):
+        uv, at = source.uv(corners), source.places_of(corners)
+        apart = np.linalg.norm(uv[a] - uv[b], axis=1)
+        near = (apart > 0) & (
+            apart <= WHOLE_STRETCH * source.scale * np.linalg.norm(at[a] - at[b], axis=1)
+        )
+        first = corners.distance[a] <= corners.distance[b]
+        giver, taker = np.where(first, a, b)[near], np.where(first, b, a)[near]
+        if len(taker) == 0:
+            break
+        order = np.lexsort((corners.distance[giver], taker))
+        order = order[first_of_runs(taker[order])]
+        corners.put(taker[order], corners.take(giver[order]))
+
+
 def _relabel(
     source: SourceCharts,
     target: Surface,
     points: tuple[SurfacePoints, SurfacePoints, SurfacePoints],
     mirrored: BoolArray,
 ) -> bool:
-    """Let other probes or neighbours lead turned faces, so that fewer are turned; whether any changed.
+    """Let other probes or neighbours lead faces at fault, so that they are less so; whether any did.
 
-    points: of the probes, the leading ones, those of the corners.
+    A fault is as large as the face is turned, or as deep as it lies in another one. points: those of the
+    probes, those that lead, those of the corners.
     """
     probed, led, corners = points
-    now_height = _heights(source.uv(corners).reshape(-1, 3, 2), mirrored[source.chart[led.face]])
-    wrong = now_height <= 0
-    if not wrong.any():
+    uv = source.uv(corners).reshape(-1, 3, 2)
+    face = _at_fault(source, target, led, uv, mirrored)
+    now = np.zeros(len(uv))
+    height = _heights(uv[face], mirrored[source.chart[led.face[face]]])
+    now[face] = np.maximum(_depths(uv[face], face, uv), -height)
+    face = face[now[face] > HEIGHT]
+    if len(face) == 0:
         return False
-    turned, beside = _around(target, np.flatnonzero(wrong))
-    own = np.repeat(np.flatnonzero(wrong), len(PROBES))
-    probe = len(PROBES) * own + np.tile(np.arange(len(PROBES)), int(wrong.sum()))
-    face = np.concatenate([own, turned])
+    other, beside = _around(target, face)
+    own = np.repeat(face, len(PROBES))
+    probe = len(PROBES) * own + np.tile(np.arange(len(PROBES)), len(face))
+    face = np.concatenate([own, other])
     lead = _concatenated(probed.take(probe), led.take(beside))
     found = _corner_points(source, target, lead, face)
-    height = _heights(source.uv(found).reshape(-1, 3, 2), mirrored[source.chart[lead.face]])
-    rows = np.flatnonzero(height > now_height[face])
+    there = source.uv(found).reshape(-1, 3, 2)
+    fault = -_heights(there, mirrored[source.chart[lead.face]])
+    rows = np.flatnonzero(fault < now[face] / 2)
+    fault = np.maximum(fault[rows], _depths(there[rows], face[rows], uv))
+    good = fault < now[face[rows]] / 2
+    rows, fault = rows[good], fault[good]
     if len(rows) == 0:
         return False
-    # of several that are upright the one whose corners lie nearest, else the one that is turned least
+    # of several with a little fault the one whose corners lie nearest, else the one with the least fault
     far = found.distance.reshape(-1, 3).max(1)[rows]
-    worth = np.where(height[rows] > 0, far, source.diagonal - height[rows])
+    worth = np.where(fault < 2 * SAME_PAGE_SHARE, far, source.diagonal + fault)
     order = np.lexsort((worth, face[rows]))
     rows = rows[order[first_of_runs(face[rows][order])]]
     own, new = ((3 * k[:, None] + np.arange(3)).ravel() for k in (face[rows], rows))
     led.put(face[rows], lead.take(rows))
     corners.put(own, found.take(new))
     return True
+
+
+def _at_fault(
+    source: SourceCharts, target: Surface, led: SurfacePoints, uv: FloatArray, mirrored: BoolArray
+) -> IntArray:
+    """(f,) faces that are turned over, or at whose edges boundaries meet, with corners at uv (m, 3, 2)."""
+    bad = _heights(uv, mirrored[source.chart[led.face]]) <= 0
+    cut_mesh, _ = Atlas(target, _seams(source, target, led, uv), uv).open()
+    bad[meetings(cut_mesh, _means(cut_mesh, uv)).ravel() // 3] = True
+    result: IntArray = np.flatnonzero(bad)
+    return result
+
+
+def _depths(triangles: FloatArray, own: IntArray, corners: FloatArray) -> FloatArray:
+    """(c,) how deep triangles (c, 3, 2) lie in faces with corners (m, 3, 2), other than their own face (c,).
+
+    The depth of two triangles is the least way along a normal of one of their sides that parts them.
+    """
+    low, high = corners.min(1), corners.max(1)
+    out = np.zeros(len(triangles))
+    for k in slices(len(triangles), max(1, PAIRS_AT_ONCE // max(1, len(corners)))):
+        some = triangles[k]
+        near = (some.min(1)[:, None] < high).all(2) & (some.max(1)[:, None] > low).all(2)
+        near[np.arange(len(some)), own[k]] = False
+        i, j = np.nonzero(near)
+        a, b = some[i], corners[j]
+        least = np.full(len(i), np.inf)
+        for p in (a, b):
+            side = p[:, [1, 2, 0]] - p
+            normal = np.stack([-side[..., 1], side[..., 0]], -1)
+            normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-300)
+            x, y = (np.einsum("kcx,knx->knc", q, normal) for q in (a, b))
+            way = np.minimum(x.max(2) - y.min(2), y.max(2) - x.min(2))
+            least = np.minimum(least, way.min(1))
+        np.maximum.at(out[k], i, least)
+    return out
 
 
 def _around(target: Surface, faces: IntArray) -> tuple[IntArray, IntArray]:
@@ -356,31 +475,3 @@ def _means(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
     count = np.maximum(np.bincount(flat, minlength=n), 1)
     both = [group_sum(corners.reshape(-1, 2)[:, d], flat, n) / count for d in range(2)]
     return np.stack(both, axis=1)
-
-
-def lifted(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """A layout (nv, 2) with its turned faces set upright by the least move, if possible.
-
-    Every turned or hair-thin face moves its corners along the gradients of its area, towards a height of
-    LEAST_HEIGHT. A vertex takes the mean of all pulls (projection onto constraints, Müller et al. 2007).
-    """
-    uv, faces = uv.copy(), cut_mesh.faces
-    for _ in range(LIFT_STEPS):
-        p = uv[faces]
-        side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]  # across from each corner
-        longest = np.sqrt((side**2).sum(2).max(1))
-        area = (p[:, 1, 0] - p[:, 0, 0]) * (p[:, 2, 1] - p[:, 0, 1])
-        area -= (p[:, 1, 1] - p[:, 0, 1]) * (p[:, 2, 0] - p[:, 0, 0])
-        lack = LEAST_HEIGHT * longest - area
-        low = np.flatnonzero(area < LEAST_HEIGHT * longest / 2)
-        if len(low) == 0:
-            break
-        gradient = np.stack([-side[low, :, 1], side[low, :, 0]], axis=2)
-        step = lack[low] / np.maximum((gradient**2).sum((1, 2)), 1e-300)
-        pull = gradient * step[:, None, None]
-        at = faces[low].ravel()
-        n = len(uv)
-        count = np.maximum(np.bincount(at, minlength=n), 1)
-        for d in range(2):
-            uv[:, d] += group_sum(pull[:, :, d].ravel(), at, n) / count
-    return uv

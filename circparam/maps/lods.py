@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from circparam.core.arrays import FloatArray
 from circparam.core.fields import Range
 from circparam.core.monitor import Listener, Monitor
-from circparam.core.plural import counted
+from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
@@ -32,6 +32,9 @@ SHAPE = (
     0.05  # of the diagonal: no quadric decimation to a tenth of the faces moves a surface so far
 )
 LOOKED = 5_000  # places of the first mesh that are sought on the others
+LOOSE = (
+    0.01  # of the surface: more faces in free room would show, as the texture does not cover them
+)
 DRIFT = Range(0.0, 1e6, "a distance in texels, at least 0; 8 is the default")
 SIDE = Range(16, 65536, "a page of 16 to 65536 texels a side")
 
@@ -43,7 +46,8 @@ class Transferred:
     result: as of an unwrap, verified. drift: texels of the corner that lies furthest from the closest point of
     its chart. drift_mean: over all corners. inside_p95, inside_max: texels in the middle of faces, where a
     coarser face cuts through what is curved. apart: largest distance of both surfaces, in diagonals.
-    place: (3,) of the vertex with the largest drift.
+    place: (3,) of the vertex with the largest drift. least: texels that any layout without flips drifts at
+    least, as the target folds over there. anew: faces that lie in free room, anew_share: of the surface.
     """
 
     result: Result
@@ -53,6 +57,9 @@ class Transferred:
     inside_max: float
     apart: float
     place: FloatArray
+    least: float
+    anew: int
+    anew_share: float
 
     def as_dict(self) -> dict[str, Any]:
         """The figures for JSON."""
@@ -69,10 +76,13 @@ class Transferred:
             "seam_length": v.seam_length,
             "drift": self.drift,
             "drift_mean": self.drift_mean,
+            "drift_least": self.least,
             "drift_place": [float(x) for x in self.place],
             "inside_p95": self.inside_p95,
             "inside_max": self.inside_max,
             "apart": self.apart,
+            "anew": self.anew,
+            "anew_share": self.anew_share,
             "warnings": self.result.warnings,
             "notes": self.result.notes,
         }
@@ -88,15 +98,15 @@ def transfer(
     listener: Listener | None = None,
     **keywords: Any,
 ) -> list[Transferred]:
-    """The layout of a mesh on coarser or finer meshes of the same shape: seams follow, nothing flips.
+    """The layout of a mesh on coarser or finer meshes of the same shape; nothing flips or overlaps.
 
     source, targets: as ``unwrap`` takes them; the source has uv. outputs: a file for each target, None keeps
     its layout in memory. resolution: texels a side of the page that drifts are told in. max_drift: largest
     drift that is written, in texels. keywords: the fields of ``Options`` for files: reader, overwrite, uv_set
     (the set that is read and written) ... All layouts are made before the first file is written.
 
-    Returns one ``Transferred`` a target. Raises InputError if the source has no uv, NoResultError if a
-    target has another shape, or where a drift is larger than max_drift.
+    Returns one ``Transferred`` a target. Raises InputError where the source has no uv, NoResultError where a
+    target has another shape, where a drift is larger than max_drift, and where too many faces would overlap.
     """
     DRIFT.check("--max-drift", max_drift)
     SIDE.check("--resolution", resolution)
@@ -113,12 +123,14 @@ def transfer(
     with monitor.stage("transfer"):
         for job in jobs:
             apart = _check_shape(charts, job.surface, job.document)
-            carried.append((carry_charts(charts, job.surface, monitor), apart))
+            carried.append((carry_charts(charts, job.surface), apart))
+            _check_layout(carried[-1][0], job)
             _check_drift(carried[-1][0], job, resolution, max_drift)
     made = [_fitted(job, layout) for job, (layout, _) in zip(jobs, carried, strict=True)]
     out = []
     for job, fitted, output, (layout, apart) in zip(jobs, made, outputs, carried, strict=True):
         result = finish(job, fitted, output, monitor, "transfer")
+        result.warnings.extend(_loose_lines(layout, job.surface))
         out.append(_transferred(result, layout, apart, job.surface, resolution))
     return out
 
@@ -153,6 +165,35 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
             f"first mesh: give one of the same shape, place and size (within {100 * SHAPE:.0f} %)"
         )
     return far
+
+
+def _check_layout(layout: CarriedLayout, job: Job) -> None:
+    """Raise NoResultError where faces stay turned or overlap, or where many lie elsewhere than before."""
+    surface, name = job.surface, job.document.source.name
+    share = _loose_share(layout, surface)
+    bad = layout.faulty if layout.faulty.any() else layout.loose
+    if layout.faulty.any() or share > LOOSE:
+        places = surface.points[surface.faces].mean(1)
+        middle = places[bad][surface.areas[bad].argmax()]
+        raise NoResultError(
+            f"{name}: {counted(int(bad.sum()), 'face')} would overlap others, the largest at "
+            f"({_point(middle)}): give a finer mesh, or one that has the seams of the first mesh as edges"
+        )
+
+
+def _loose_lines(layout: CarriedLayout, surface: Surface) -> list[str]:
+    count = int(layout.loose.sum())
+    if not count:
+        return []
+    share = percent(_loose_share(layout, surface))
+    return [
+        f"{counted(count, 'face')} ({share} of the surface) overlapped others and were laid in free room: the "
+        "texture of the first mesh does not cover that room"
+    ]
+
+
+def _loose_share(layout: CarriedLayout, surface: Surface) -> float:
+    return float(surface.areas[layout.loose].sum() / surface.areas.sum())
 
 
 def _check_drift(layout: CarriedLayout, job: Job, resolution: int, most: float) -> None:
@@ -198,6 +239,9 @@ def _transferred(
         resolution * float(layout.inside.max()),
         apart,
         _place(layout, surface),
+        resolution * layout.least,
+        int(layout.loose.sum()),
+        _loose_share(layout, surface),
     )
 
 

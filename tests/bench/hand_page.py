@@ -145,7 +145,8 @@ def lods() -> list[Line]:
             )
             found, at = one.result.verification, f"{name} at {100 * share:.0f} %"
             out.append(Line(f"{at}: faces turned over", found.flips, "", "<= 0"))
-            detail = f"{found.overlap} overlaps"
+            out.append(Line(f"{at}: overlaps", found.overlap, "", "<= 0"))
+            detail = f"{one.least:.2f} at least, as the mesh folds; {one.anew} faces in free room"
             out.append(Line(f"{at}: drift", one.drift, "texels of 2048", "<= 2", detail))
             if share == SHARES[0]:
                 second = make_scene(p, f, one.result.uv, one.result.uv_faces)

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 import circparam
 from circparam.cli import cli
 from circparam.errors import InputError, NoResultError
+from circparam.formats.document import Document
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.maps.lods import Transferred, transfer
@@ -110,6 +111,72 @@ def test_clockwise_charts_stay_clockwise(tmp_path: Path):
     (one,) = transfer(source, [from_arrays(*hill(6))])
     assert one.result.verification.flips == 0
     assert len(one.result.verification.mirrored) == 2
+
+
+def sheet_with_a_fold(height: float) -> tuple[np.ndarray, np.ndarray]:
+    """A flat sheet one vertex of which lies so far beyond the opposite edge of one of its faces."""
+    points, faces = shapes.grid(9, 9)
+    points = points.copy()
+    face = faces[np.linalg.norm(points[faces].mean(1)[:, :2] - 0.5, axis=1).argmin()]
+    a, b, c = points[face]
+    across = np.cross([0, 0, 1], (c - b) / np.linalg.norm(c - b))
+    points[face[0]] -= across * ((a - b) @ across + np.sign((a - b) @ across) * height)
+    return points, faces
+
+
+@pytest.mark.parametrize("height", [0.001, 0.004])
+def test_a_fold_is_opened_by_half_its_height(height: float, tmp_path: Path):
+    """No layout without flips drifts less: both sides of the fold go half the way."""
+    flat = shapes.grid(9, 9)
+    corner = flat[0][flat[1]][:, :, :2]
+    layout = UVMap(corner.reshape(-1, 2), np.arange(3 * len(flat[1])).reshape(-1, 3))
+    source = written(tmp_path / "lod0.obj", flat, layout)
+    (one,) = transfer(source, [from_arrays(*sheet_with_a_fold(height))], max_drift=1000.0)
+    assert one.result.verification.flips == 0
+    assert one.least == pytest.approx(2048 * height / 2, rel=1e-3)
+    assert one.least <= one.drift <= 1.05 * one.least + 0.05
+
+
+@pytest.fixture(scope="module")
+def waved_ring() -> tuple[Document, np.ndarray, np.ndarray]:
+    """A torus with waves and its own layout, with its points and faces."""
+    points, faces = shapes.waved(shapes.torus(96, 48), 0.15)
+    first = circparam.unwrap((points, faces), jobs=1)
+    return from_arrays(points, faces, uv=first.uv, uv_faces=first.uv_faces), points, faces
+
+
+@pytest.mark.parametrize("share", [0.5, 0.25, 0.1])
+def test_coarser_levels_neither_flip_nor_overlap(
+    share: float, waved_ring: tuple[Document, np.ndarray, np.ndarray]
+):
+    simplify = pytest.importorskip("fast_simplification").simplify
+    source, points, faces = waved_ring
+    p, f = simplify(points.astype(np.float32), faces.astype(np.int32), 1 - share)
+    (one,) = transfer(source, [from_arrays(p.astype(float), f)], max_drift=1000.0)
+    v = one.result.verification
+    assert (v.flips, v.overlap, v.missing, len(v.mirrored)) == (0, 0, 0, 0)
+    assert one.least <= one.drift <= 8  # the gutter between two charts
+    assert one.anew_share < 0.01
+
+
+def doubled(size: float) -> tuple[np.ndarray, np.ndarray]:
+    """The hill, and a loose triangle that lies on it."""
+    points, faces = hill(20)
+    x = 0.2 + size * np.array([[0.0, 0.0], [1.0, 0.1], [0.1, 1.0]])
+    z = 0.2 * np.sin(3 * x[:, 0]) * x[:, 1]
+    return np.r_[points, np.c_[x, z]], np.r_[faces, [[len(points) + k for k in range(3)]]]
+
+
+def test_a_face_that_lies_on_others_goes_to_free_room(tmp_path: Path):
+    fine = hill(20)
+    source = written(tmp_path / "lod0.obj", fine, two_charts(*fine))
+    (one,) = transfer(source, [from_arrays(*doubled(0.03))])
+    v = one.result.verification
+    assert (v.flips, v.overlap, one.anew) == (0, 0, 1)
+    assert 0 < one.anew_share < 0.01
+    assert any("free room" in line for line in one.result.warnings)
+    with pytest.raises(NoResultError, match=r"would overlap others, the largest at \(0\.3"):
+        transfer(source, [from_arrays(*doubled(0.4))])
 
 
 def test_order_of_faces_and_vertices_is_no_matter(tmp_path: Path):

@@ -1,0 +1,244 @@
+"""A layout without turned faces and without overlaps, as near a given one as a linear programme finds.
+
+Vertices near a fault may move. With p the places that are wanted and x those found, the programme is
+
+    minimise    Σ_i t_i  +  n_k Σ_k T_k  +  penalty · (what rows lack)
+    subject to  |x_i − p_i| ≤ t_i ≤ T_k        every vertex i of group k, in 16 directions
+                height of face f at x  ≥  h    every face that moves, to first order
+                n · (x_i − y_j(x))     ≥  h    every vertex i that lies within another part y_j of a boundary
+
+Rounds repeat it from where it ended: heights are no linear functions, and one overlap cured shows the next.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, edge_keys, next_half_edge
+from circparam.core.graph import components
+from circparam.core.linalg import SparseMatrix
+from circparam.core.records import dataclass
+from circparam.geometry.boundary import boundary_in
+from circparam.geometry.intersect import meeting
+from circparam.geometry.overlap import overlaps
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.region import grow
+
+ROUNDS = 12  # programmes, of which each starts from the places of the last
+LATEST = 3  # rounds whose contacts are kept apart: one cured would else come back
+RINGS = 2  # of vertices round a fault that may move
+HEIGHT = 1e-5  # least height of a face, and least gap, of the page: 1/50 texel of 2048
+BEYOND = 0.1  # of an edge: a vertex so far past its end still has to stay on its right
+PENALTY = 1e3  # of what a row lacks against a vertex that moves as far
+DIRECTIONS = 16  # of the polygon that stands for the circle round a vertex: 2 % at its corners
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Vertices (k,) that lie within another part of a boundary, and the edge (k, 2) that each is to leave: the
+    part lies on its left."""
+
+    vertex: IntArray
+    edge: IntArray
+
+    def beside(self, x: FloatArray) -> Contacts:
+        """Those whose vertex lies beside its edge at places (nv, 2), and hardly beyond its ends."""
+        t = self.feet(x)[0]
+        ok = (t > -BEYOND) & (t < 1 + BEYOND)
+        return Contacts(self.vertex[ok], self.edge[ok])
+
+    def feet(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """((k,) share along the line of each edge, (k,) distance to its right, (k, 2) its normal there)."""
+        a = x[self.edge[:, 0]]
+        along = x[self.edge[:, 1]] - a
+        length = np.maximum(np.sqrt((along**2).sum(1)), 1e-300)
+        out = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
+        away = x[self.vertex] - a
+        return (away * along).sum(1) / length**2, (away * out).sum(1), out
+
+
+def joined(several: list[Contacts]) -> Contacts:
+    """All of them, each pair of vertex and edge once."""
+    row = np.unique(np.concatenate([np.c_[c.vertex, c.edge] for c in several]), axis=0)
+    return Contacts(row[:, 0], row[:, 1:])
+
+
+def mend(cut_mesh: CutMesh, wanted: FloatArray, sign: FloatArray) -> FloatArray:
+    """(nv, 2) places near the wanted ones (nv, 2) at which no face is turned and no boundary crosses another.
+
+    sign: (m,) 1, or −1 for faces of charts that lie clockwise. What cannot be mended stays: see ``faults``.
+    """
+    x = wanted.copy()
+    met = [_contacts(cut_mesh, x)]
+    seed = np.zeros(len(cut_mesh.faces), bool)
+    for _ in range(ROUNDS):
+        low = _heights(cut_mesh, x, sign)[0] < HEIGHT / 2
+        if not low.any() and not len(met[-1].vertex):
+            break
+        contacts = joined(met[-LATEST:])
+        near = np.zeros(len(x), bool)
+        near[contacts.vertex], near[contacts.edge] = True, True
+        seed |= low | near[cut_mesh.faces].any(1)
+        x = _programme(cut_mesh, wanted, x, sign, grow(cut_mesh, seed, RINGS), contacts)
+        met.append(_contacts(cut_mesh, x))
+    return x
+
+
+def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
+    """(m,) bool: faces that are turned at places x (nv, 2), at crossings, or of a chart that lies in another.
+
+    Of two charts that overlap those of the one with fewer faces: where they cross, or else all of them.
+    """
+    n, chart = cut_mesh.n_charts, cut_mesh.chart
+    wrong: BoolArray = _heights(cut_mesh, x, sign)[0] < HEIGHT / 4
+    found = overlaps(cut_mesh.faces, _stored(x), chart, cut_mesh.edges)
+    size = np.bincount(chart, minlength=n)
+    a, b = meetings(cut_mesh, x).T // 3
+    smaller = np.where(size[chart[a]] <= size[chart[b]], a, b)
+    same = chart[a] == chart[b]
+    wrong[np.r_[smaller, a[same], b[same]]] = True
+    crossing = edge_keys(chart[a], chart[b], n)
+    inside = found.pairs[~np.isin(edge_keys(found.pairs[:, 0], found.pairs[:, 1], n), crossing)]
+    whole = np.zeros(n, bool)
+    whole[np.where(size[inside[:, 0]] <= size[inside[:, 1]], inside[:, 0], inside[:, 1])] = True
+    return wrong | whole[chart]
+
+
+def meetings(cut_mesh: CutMesh, x: FloatArray) -> IntArray:
+    """(p, 2) boundary half-edges beside which charts lie on themselves or each other at places x (nv, 2)."""
+    boundary = boundary_in(cut_mesh, _stored(x))
+    pairs = [np.stack(meeting(boundary, between)[:2], 1) for between in (False, True)]
+    result: IntArray = boundary.half_edge[np.concatenate(pairs)]
+    return result
+
+
+def _stored(x: FloatArray) -> FloatArray:
+    """Places as files hold them: boundaries that touch may cross when they are rounded."""
+    return x.astype(np.float32).astype(np.float64)
+
+
+def _heights(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """((m,) height over the longest side, negative where turned; (m, 3, 2) its gradient by the corners)."""
+    p = x[cut_mesh.faces]
+    side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]  # across from each corner
+    longest = np.maximum(np.sqrt((side**2).sum(2).max(1)), 1e-300)
+    area = cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    turned = np.stack([-side[:, :, 1], side[:, :, 0]], axis=2)
+    by = sign / longest
+    return area * by, turned * by[:, None, None]
+
+
+def _contacts(cut_mesh: CutMesh, x: FloatArray) -> Contacts:
+    """What to push apart where boundaries meet: of each crossing the end that lies least deep."""
+    x = _stored(x)
+    boundary = boundary_in(cut_mesh, x)
+    pairs = [np.stack(meeting(boundary, between)[:2], 1) for between in (False, True)]
+    i, j = np.concatenate(pairs).T
+    s, e = boundary.start, boundary.end
+    flat = cut_mesh.faces.ravel()
+    tail = flat[boundary.half_edge]
+    head = flat[next_half_edge(boundary.half_edge)]
+    back = (s != x[tail]).any(1)  # mirrored charts are walked the other way
+    tail, head = np.where(back, head, tail), np.where(back, tail, head)
+    along = e - s
+    length = np.maximum(np.sqrt((along**2).sum(1)), 1e-300)
+    out = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
+    depth, vertex, other = [], [], []
+    for a, b in ((i, j), (j, i)):
+        for place, v in ((s[a], tail[a]), (e[a], head[a])):
+            d = -((place - s[b]) * out[b]).sum(1)
+            t = ((place - s[b]) * along[b]).sum(1) / length[b] ** 2
+            # a corner of the face of the edge must stay on its left
+            own = (cut_mesh.faces[boundary.half_edge[b] // 3] == v[:, None]).any(1)
+            ok = (d > -HEIGHT) & ~own & (t > -BEYOND) & (t < 1 + BEYOND)
+            depth.append(np.where(ok, d, np.inf))
+            vertex.append(v)
+            other.append(b)
+    best = np.argmin(depth, axis=0) if len(i) else np.zeros(0, np.int64)
+    rows = np.arange(len(i))
+    ok = np.isfinite(np.array(depth)[best, rows])
+    v, b = np.array(vertex)[best, rows][ok], np.array(other)[best, rows][ok]
+    return Contacts(v, np.stack([tail[b], head[b]], 1))
+
+
+def _programme(
+    cut_mesh: CutMesh,
+    wanted: FloatArray,
+    x: FloatArray,
+    sign: FloatArray,
+    region: BoolArray,
+    contacts: Contacts,
+) -> FloatArray:
+    """The places after one programme; those of vertices outside the region do not change."""
+    from scipy.optimize import linprog  # takes 0.05 s, and most layouts have no fault
+
+    free = np.zeros(len(x), bool)
+    free[cut_mesh.faces[region]] = True
+    moving = np.flatnonzero(free)
+    n = len(moving)
+    number = np.full(len(x), -1)
+    number[moving] = np.arange(n)
+    face = np.flatnonzero(free[cut_mesh.faces].any(1))
+    height, gradient = _heights(cut_mesh, x, sign)
+    contacts = contacts.beside(x)
+    t, gap, normal = contacts.feet(x)
+    # rows: vertex of the whole, gradient by its place
+    row_face = _rows(number, cut_mesh.faces[face], gradient[face], n)
+    spots = np.c_[contacts.vertex, contacts.edge]
+    share = np.stack([np.ones(len(t)), t - 1, -t], 1)
+    row_gap = _rows(number, spots, share[:, :, None] * normal[:, None], n)
+    moves: SparseMatrix = sps.vstack([row_face, row_gap], format="csr")
+    group = _groups(number, cut_mesh.faces[face], spots, n)
+    k = int(group.max(initial=-1)) + 1
+    lack = sps.identity(moves.shape[0])
+    blank = sps.csr_matrix((moves.shape[0], n + k))
+    need = HEIGHT - np.r_[height[face], gap]
+    angle = 2 * np.pi / DIRECTIONS * np.arange(DIRECTIONS)
+    turn = np.stack([np.cos(angle), np.sin(angle)], 1)
+    disc = sps.kron(sps.identity(n), turn)
+    far = sps.kron(sps.identity(n), np.ones((DIRECTIONS, 1)))
+    away = (x - wanted)[moving]
+    of = sps.csr_matrix((np.ones(n), (np.arange(n), group)), shape=(n, k))
+    lacks = lack.shape[0]
+    # unknowns: steps (2n), drifts (n), largest drift of each group (k), what rows lack
+    rows: list[list[Any]] = [
+        [-moves, blank, -lack],
+        [disc, -far, sps.csr_matrix((DIRECTIONS * n, k + lacks))],
+        [sps.csr_matrix((n, 2 * n)), sps.identity(n), -of, sps.csr_matrix((n, lacks))],
+    ]
+    matrix: SparseMatrix = sps.vstack([sps.hstack(row) for row in rows], format="csr")
+    bound = np.r_[-need, -(away @ turn.T).ravel(), np.zeros(n)] / HEIGHT
+    size = np.bincount(group, minlength=k).astype(float)
+    cost = np.r_[np.zeros(2 * n), np.ones(n), size, np.full(lacks, PENALTY)]
+    limits = np.array([(None, None)] * (2 * n) + [(0, None)] * (n + k + lacks))
+    answer: Any = linprog(  # type: ignore[call-overload]
+        cost, A_ub=matrix, b_ub=bound, bounds=limits, method="highs"
+    )
+    if answer.x is None:
+        return x
+    out = x.copy()
+    out[moving] += HEIGHT * answer.x[: 2 * n].reshape(-1, 2)
+    return out
+
+
+def _rows(number: IntArray, vertex: IntArray, gradient: FloatArray, n: int) -> SparseMatrix:
+    """(r, 2n) rows of gradients (r, c, 2) by the places of vertices (r, c); those that do not move fall out."""
+    r, c = vertex.shape
+    column = number[vertex]
+    row = np.repeat(np.arange(r), c).reshape(r, c)
+    ok = column >= 0
+    at = 2 * column[ok][:, None] + [0, 1]
+    shape = (r, 2 * n)
+    where: Any = (np.repeat(row[ok], 2), at.ravel())
+    return sps.csr_matrix((gradient[ok].ravel(), where), shape=shape)
+
+
+def _groups(number: IntArray, faces: IntArray, contacts: IntArray, n: int) -> IntArray:
+    """(n,) group of each moving vertex: those that share a face or a contact are in one."""
+    a = number[np.r_[faces, contacts]]
+    tail, head = a[:, [0, 1]].ravel(), a[:, [1, 2]].ravel()
+    ok = (tail >= 0) & (head >= 0)
+    return components(n, tail[ok], head[ok])[1]

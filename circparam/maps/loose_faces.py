@@ -1,0 +1,34 @@
+"""Faces that find no place on the sheets: each becomes a chart of its own in free room of the pages."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray
+from circparam.errors import NoResultError
+from circparam.mesh.atlas import Atlas
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import shapes_of
+from circparam.packing.room import find_room
+
+
+def lay_anew(atlas: Atlas, loose: BoolArray, scale: float) -> None:
+    """Lay faces ((m,) bool, with all edges cut) beside the charts of an atlas, without distortion. In place.
+
+    scale: uv units per unit of the mesh. Raises NoResultError where no page has room.
+    """
+    if not loose.any():
+        return
+    cut_mesh, _ = atlas.open()
+    face = np.flatnonzero(loose)
+    corner = np.arange(3 * len(face)).reshape(-1, 3)
+    flat = scale * cut_mesh.rest_triangles[face].reshape(-1, 2)
+    others = atlas.corners[~loose]
+    page = np.maximum(np.floor(others[:, :, 0].mean(1)), 0).astype(np.int64)
+    pages = [others[page == k] - [k, 0] for k in range(int(page.max(initial=0)) + 1)]
+    room = find_room(shapes_of(corner, flat, np.arange(len(face))), pages, PackOptions(), True)
+    if room is None:
+        raise NoResultError(
+            f"{len(face)} faces overlap others, and no page has room for them: give a finer mesh"
+        )
+    atlas.corners[face] = room.uv[corner]
