@@ -195,7 +195,7 @@ def _trimmed(uncut: _Uncut, cutter: AtlasCutter, cuts: int, enough: float) -> Ca
     cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
     limited = options.cuts_asked is None
     found = Trimmer(cutter, *_room(cutter, limited), cuts).run(monitor)
-    if found.value < WORTH:
+    if found.value < (CERTAIN if options.draft else WORTH):  # a draft packs one page
         return None
     atlas = cutter.joined(found.grounds)
     if not stretch_kept(atlas, cascade.atlas, options, cascade.rules.bound, monitor):

@@ -91,7 +91,7 @@ def hold_all(
     atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
 ) -> None:
     """As ``hold_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
-    if len(atlas.surface.faces) <= LEVEL_FACES:
+    if len(atlas.surface.faces) <= LEVEL_FACES and limits.local is None:
         hold_stretch(atlas, limits, monitor, slits, splits)
         return
     cut_mesh, uv = atlas.open()

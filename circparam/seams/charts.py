@@ -15,7 +15,7 @@ from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams.ahead import StretchAhead, level_ahead
+from circparam.seams.ahead import LOCAL, StretchAhead, level_ahead
 from circparam.seams.constraints import constrain
 from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
@@ -80,6 +80,8 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     opened = surface.without_edges(forced)
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     limits, slits, splits = stretch_limits(bound, options)
+    if options.search.draft:
+        limits = dataclasses.replace(limits, local=LOCAL)
     stretch = StretchAhead(limits, slits and mirror is None, splits, monitor)
 
     def search() -> Atlas:

@@ -117,7 +117,7 @@ def finish(
             atlas.take(faces, *moved)
         monitor.keep(atlas)
         if atlas.charts()[0] > count:
-            regroup(atlas, bound, worker, monitor)
+            regroup(atlas, bound, options, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             merging, least = MergeOptions(bound, margin=MARGIN / 2), options.min_chart_faces
@@ -150,7 +150,9 @@ def settle_part(
     return atlas.cut, atlas.corners
 
 
-def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:
+def regroup(
+    atlas: Atlas, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
+) -> None:
     """Merge the pieces that enforcing left with their neighbours where that is good again."""
     if len(atlas.surface.faces) > LEVEL_FACES:
         # charts that are too large for any union need not be gone through
@@ -159,9 +161,11 @@ def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> Non
         if few.mean() < 0.5:
             part = atlas.part(few)
             if few.any():
-                regroup(part, bound, worker, monitor)
+                regroup(part, bound, options, worker, monitor)
                 atlas.put(few, part)
             return
     fixed = np.zeros(len(atlas.cut), bool)
-    options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
-    Merger(atlas, options, fixed, worker).run(monitor)
+    merging = MergeOptions(
+        bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES, search=options.search
+    )
+    Merger(atlas, merging, fixed, worker).run(monitor)

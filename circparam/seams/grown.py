@@ -47,6 +47,7 @@ from circparam.seams.segmentation.decide import (
 from circparam.seams.segmentation.enforce import breaks_up
 from circparam.seams.segmentation.grow import DualGraph, dual_graph
 from circparam.seams.segmentation.starts import LOOPS
+from circparam.seams.segmentation.unions import ENOUGH
 from circparam.seams.stretch import best_held, held_level
 from circparam.solvers.newton import RelaxOptions
 
@@ -233,11 +234,18 @@ def _decided(
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         blind = surface.unpriced()
         if options.search.draft:
-            return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph, LOCAL)
+            carried = transfer_to_fine(blind, graph, coarse, proxy)
+            return Decided(carried, graph, _relaxing(bound, options))
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
         plain = partial(_carried, blind, graph, coarse, proxy)
         return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
+
+
+def _relaxing(bound: float, options: SeamOptions) -> RelaxOptions:
+    """How far charts from a smaller surface are relaxed; those of a draft no further than the bound needs."""
+    enough = 1 + ENOUGH * (bound - 1)
+    return dataclasses.replace(LOCAL, bound=enough) if options.search.draft else LOCAL
 
 
 @contextmanager
@@ -298,7 +306,7 @@ def _from_level(
         blind = surface.unpriced()
         atlas = from_level(blind, graph, best, level, near)
         if other is None:
-            return Decided(atlas, graph, LOCAL)
+            return Decided(atlas, graph, _relaxing(inner, options))
         # it may be never, and is late: what the surface has worked out is not kept for that
         bare = dataclasses.replace(surface.unpriced())
         plain = partial(_next_best, bare, other, inner, options, level, near)

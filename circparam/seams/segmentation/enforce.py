@@ -297,7 +297,7 @@ def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> Ch
     small = group_count(cut_mesh.vertex_chart, cut_mesh.n_charts) <= SMALL_CHART
     if options.local is None:
         small[:] = False
-    for which, asked in ((small, FINAL), (~small, options)):
+    for which, asked in ((small, replace(FINAL, bound=options.bound)), (~small, options)):
         if which.any():
             sub, vid, _ = cut_mesh.subset(which)
             uv[vid] = lay_out_sound(sub, uv[vid], asked, monitor)

@@ -85,7 +85,8 @@ class Merger:
         """Merge until no pair is left to try."""
         merged: list[int] = []
         monitor.keep(self.atlas)
-        for turn in range(DRAFT_ROUNDS if self.options.search.draft else self.options.rounds):
+        most = min(DRAFT_ROUNDS, self.options.rounds)
+        for turn in range(most if self.options.search.draft else self.options.rounds):
             before = self.tally["merged"]
             if monitor.expired or self.work > self.limit or not self.round(monitor):
                 break

@@ -21,7 +21,8 @@ from circparam.solvers.separate import push_apart
 
 MANY = 300  # of more trials at once those that cross before any relaxation are left out, and none is pushed
 SHALLOW = 2  # pairs of boundary edges that may cross before a union is relaxed
-ENOUGH = 0.8  # of the excess of the bound: unions of hard surfaces are not relaxed further at once
+# of the excess of the bound: unions of hard surfaces and charts of drafts are not relaxed further at once
+ENOUGH = 0.8
 # times the excess of the bound: by how much (Frobenius, squared) the Jacobians of a start with flipped faces
 # may be off in the mean. Of 190 unions of seven meshes with more one was good.
 HOPELESS = 3.0
@@ -251,7 +252,8 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
     some 400 of six meshes whose boundaries crossed more than twice before any step, all did. Where there is
     room for hardly any change, so did all 19 of four meshes that crossed at all.
     """
-    enough = 1 + ENOUGH * (options.bound - 1) if options.rigid else None
+    hasty = options.rigid or options.search.draft
+    enough = 1 + ENOUGH * (options.bound - 1) if hasty else None
     steps = RelaxOptions(options.tolerance, 2, bound=enough, give_up=options.bound)
     tried = Tried.nothing(cut_mesh)
     tried.uv[:] = uv
