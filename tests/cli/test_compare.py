@@ -136,7 +136,7 @@ def test_cut_that_does_not_suit_is_exit_4() -> None:
 def test_without_a_mesh_from_another_directory(tmp_path: Path) -> None:
     """As a user calls it: a real process, the bundled samples, and Table 1 beside the paper's ratios."""
     source = str(Path(__file__).resolve().parent.parent)
-    words = ["compare", "--methods", "circle,floater", "--cut", "disk", "--repeats", "3", "--json"]
+    words = ["compare", "--methods", "circle,floater", "--cut", "disk", "--repeats", "1", "--json"]
     done = subprocess.run(
         [sys.executable, "-m", "circparam", *words],
         cwd=tmp_path,
@@ -165,7 +165,7 @@ def test_without_a_mesh_from_another_directory(tmp_path: Path) -> None:
 
 def test_table1_text_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(samples, "names", lambda pairs=True: [])
-    result = run("--methods", "circle,floater", "--repeats", "2")
+    result = run("--methods", "circle,floater", "--repeats", "1")
     assert result.exit_code == 0, result.stderr
     lines = result.stdout.splitlines()
     assert max(map(len, lines)) <= 80

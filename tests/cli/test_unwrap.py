@@ -457,29 +457,6 @@ def test_a_number_of_jobs_is_a_positive_one(disk: Path, command: str, number: st
     one_line_error(run(command, disk, "-j", number), 2, "jobs")
 
 
-def test_jobs_of_a_script_without_a_guard(tmp_path: Path) -> None:
-    """A worker does not run the caller's script again, and the bytes are those of one process."""
-    p, f = shapes.icosphere(4)
-    mesh = obj(tmp_path / "m.obj", (p * (1 + 0.4 * np.sin(3 * p[:, :1])), f))
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import sys\nfrom circparam.pipeline import jobs\nfrom circparam.core import pool\n"
-        "print('here', flush=True)\njobs.FACES = 100\nimport circparam\n"
-        f"circparam.unwrap({str(mesh)!r}, sys.argv[1], jobs=int(sys.argv[2]), effort=0.01)\n"
-        "print(pool.current() is not None)\n"
-    )
-    outs = []
-    for jobs in ("1", "2"):
-        out = tmp_path / f"{jobs}.glb"
-        env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-        done = subprocess.run(
-            [sys.executable, str(script), str(out), jobs], env=env, capture_output=True, text=True
-        )
-        assert done.stdout.split() == ["here", str(jobs == "2")], done.stderr
-        outs.append(out.read_bytes())
-    assert outs[0] == outs[1]
-
-
 def test_a_closed_pipe_is_one_line() -> None:
     """The reader is gone before anything is written."""
     with subprocess.Popen(

@@ -98,3 +98,12 @@ def test_a_sliver_is_covered_all_along(turn):
     y, x = np.nonzero(found.cells[0])
     along = (y if turn else x) + int(found.low[0, turn])
     assert set(range(40)) <= set(along.tolist())
+
+
+@pytest.mark.parametrize("grow", [0.0, 0.4, 0.9, 1.3])
+def test_a_speck_covers_the_cell_that_it_lies_in(grow):
+    """However far it is grown: what is grown has no hole in its middle."""
+    speck = np.array([[0.0, 0], [1e-3, 0], [0, 1e-3]]) + 0.52
+    found = masks(speck, [0.0], grow)
+    column, row = np.floor([0.5, 0.5] - found.low[0]).astype(int)
+    assert found.cells[0, row, column]
