@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from circparam.errors import OptionError
 from circparam.formats.io import read
 from circparam.formats.joined import join
 from circparam.formats.memory import from_arrays
+from circparam.formats.page_names import in_ply_header
 from circparam.pipeline.groups import find_groups, group_rows
 from circparam.pipeline.result import Result
 from circparam.pipeline.summary import summarise
@@ -223,3 +225,43 @@ def test_gltf_names_its_pages(tmp_path: Any, ending: str) -> None:
     assert said() == {"0": {"1001": "steel", "1002": "paint"}}
     repack(path, path, overwrite=True, resolution=256)
     assert said() is None
+
+
+def pages_named(path: Any) -> dict[str, str]:
+    """The names of pages that stand in a file."""
+    if path.suffix.startswith(".usd"):
+        from pxr import Sdf
+
+        return dict(
+            Sdf.Layer.FindOrOpen(str(path)).customLayerData.get("circparam", {}).get("pages", {})
+        )
+    sign = rb"(?:# |comment )circparam page (\d+) ([^\r\n]*)"
+    return {n.decode(): name.decode() for n, name in re.findall(sign, path.read_bytes())}
+
+
+@pytest.mark.parametrize("ending", ["obj", "ply", "usda", "usdc"])
+def test_other_formats_name_their_pages_too(tmp_path: Any, ending: str) -> None:
+    """In the first file, which is new, in one written over it, and no longer once charts are sorted anew."""
+    if ending.startswith("usd"):
+        pytest.importorskip("pxr")
+    new, named = tmp_path / f"new.{ending}", {"1001": "steel", "1002": "paint"}
+    mesh = read(BRACKET)
+    result = circparam.unwrap(BRACKET, new, pages_by="material", **QUICK)
+    assert pages_named(new) == named
+    assert np.array_equal(read(new).mesh.faces.shape, mesh.mesh.faces.shape)
+    assert result.status == "ok"
+    repack(new, new, overwrite=True, resolution=256)
+    assert pages_named(new) == {}
+
+
+@pytest.mark.parametrize("newline", [b"\n", b"\r\n", b"\r"])
+def test_names_of_pages_in_ply_headers(newline: bytes) -> None:
+    lines = [b"ply", b"format ascii 1.0", b"comment circparam page 1001 old", b"comment kept"]
+    lines += [b"element vertex 0", b"end_header", b"comment circparam page 1001 no header"]
+    data = newline.join(lines)
+    said = in_ply_header(data, ["steel", "a\n b"])
+    assert said.count(b"circparam page 1001 steel" + newline) == 1
+    assert b"comment circparam page 1002 a b" + newline in said
+    assert b"old" not in said
+    assert said.endswith(newline.join(lines[3:]))
+    assert in_ply_header(said, []) == newline.join([*lines[:2], *lines[3:]])

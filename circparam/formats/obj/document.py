@@ -129,7 +129,7 @@ class ObjDocument(Document):
         notes = list(replaced.notes)
         corner = self.polys.corner_uv(uvmap, self.source.name)
         used, corner = compact(corner, len(uvmap.uv))
-        data = with_uv(self.scan, uvmap.uv[used], corner, options.group_by)
+        data = with_uv(self.scan, uvmap.uv[used], corner, options.group_by, options.pages)
         if len(element_edits(self.scan)[0]):
             notes.append("l elements lost their vt: they named points of the old uv set")
         n, m = len(self.mesh.points), len(self.mesh.faces)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
 from circparam.formats.obj.reading import Scan
+from circparam.formats.page_names import START, page_lines
 from circparam.formats.tokens import NEWLINE, SLASH, ByteArray, as_bytes, digits, splice
 
 _GROUPING = b"# circparam group_by "  # a comment on its own line; behind it: primitive or mesh
+_PAGE = f"# {START}".encode()
 
 
 def groupings(scan: Scan) -> list[re.Match[bytes]]:
@@ -26,13 +29,32 @@ def grouping_line(group_by: str | None, newline: str) -> bytes:
     return b"" if group_by is None else _GROUPING + f"{group_by}{newline}".encode()
 
 
-def with_uv(scan: Scan, uv: FloatArray, corner: IntArray, group_by: str | None = None) -> bytes:
+def _page_comments(scan: Scan) -> list[re.Match[bytes]]:
+    """The lines that name pages of an earlier layout."""
+    if _PAGE not in scan.data:
+        return []
+    line = rb"^" + _PAGE + rb"\d+[^\r\n]*(?:\r\n|\r|\n|\Z)"
+    return list(re.finditer(line, scan.data, re.MULTILINE))
+
+
+def page_comments(pages: Sequence[str], newline: str) -> bytes:
+    """The lines that name the pages of a layout, as ``# circparam page 1001 steel``."""
+    return "".join(f"# {line}{newline}" for line in page_lines(pages)).encode()
+
+
+def with_uv(
+    scan: Scan,
+    uv: FloatArray,
+    corner: IntArray,
+    group_by: str | None = None,
+    pages: Sequence[str] = (),
+) -> bytes:
     """The file with the given uv (k, 2) and, for every face corner, (L,) its number (from 0; −1: none).
 
-    group_by: owner of an atlas, 'primitive' or 'mesh'; None is the whole file.
+    group_by: owner of an atlas, 'primitive' or 'mesh'; None is the whole file. pages: names of the pages.
     """
     start, end, text, length = corner_edits(scan, corner)
-    block, drop_start, drop_end, where = vt_edits(scan, uv, group_by)
+    block, drop_start, drop_end, where = vt_edits(scan, uv, group_by, pages)
     e_start, e_end = element_edits(scan)
     empty = np.zeros(len(drop_start) + len(e_start), np.int64)
     starts = np.concatenate([[where], drop_start, e_start, start])
@@ -76,7 +98,7 @@ def corner_edits(scan: Scan, uv: IntArray) -> tuple[IntArray, IntArray, ByteArra
 
 
 def vt_edits(
-    scan: Scan, uv: FloatArray, group_by: str | None
+    scan: Scan, uv: FloatArray, group_by: str | None, pages: Sequence[str]
 ) -> tuple[bytes, IntArray, IntArray, int]:
     """The new vt lines and their comment, the byte ranges of the old ones, and where the new ones go."""
     t = scan.tokens
@@ -90,9 +112,11 @@ def vt_edits(
     newline = "\r\n" if head[-2:].tobytes() == b"\r\n" else "\n"
     if NEWLINE not in head and len(head):
         newline = "\r"
-    said = np.array([found.span() for found in groupings(scan)], np.int64).reshape(-1, 2)
+    lines = (*groupings(scan), *_page_comments(scan))
+    said = np.array([found.span() for found in lines], np.int64).reshape(-1, 2)
     start, end = np.concatenate([start, said[:, 0]]), np.concatenate([end, said[:, 1]])
-    return grouping_line(group_by, newline) + vt_lines(uv, newline), start, end, where
+    named = page_comments(pages, newline)
+    return grouping_line(group_by, newline) + named + vt_lines(uv, newline), start, end, where
 
 
 def element_edits(scan: Scan) -> tuple[IntArray, IntArray]:

@@ -13,7 +13,7 @@ from circparam.formats.document import (
     exported_grouping,
     not_carried,
 )
-from circparam.formats.obj.editing import compact, grouping_line, vt_lines
+from circparam.formats.obj.editing import compact, grouping_line, page_comments, vt_lines
 from circparam.formats.polygons import polygon_of_corner
 from circparam.formats.tokens import as_bytes, digits, interleave
 from circparam.mesh.mesh import UVMap
@@ -52,6 +52,7 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     )
     lines = body[np.repeat(some, lengths)].tobytes() if not some.all() else body.tobytes()
     said = grouping_line(exported_grouping(document, options.group_by), "\n")
+    said += page_comments(options.pages, "\n")
     data = points.encode() + said + vt_lines(uvmap.uv[used], "\n") + lines
     n, m = len(document.mesh.points), len(document.mesh.faces)
     notes, warnings = not_carried(document, "obj", "polygons", "groups")

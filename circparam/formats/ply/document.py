@@ -14,6 +14,7 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
+from circparam.formats.page_names import in_ply_header
 from circparam.formats.ply import editing, materials
 from circparam.formats.ply.model import INDICES, UV_NAMES, FaceLists, vertex_uv
 from circparam.formats.ply.reading import Layout
@@ -106,7 +107,10 @@ class PlyDocument(Document):
     ) -> Encoded | None:
         """The same file with uv in its vertices or faces, and its image."""
         encoded = self._with_uv(uvmap, options, format)
-        if encoded is None or self.carried is None:
+        if encoded is None:
+            return None
+        encoded = replace(encoded, data=in_ply_header(encoded.data, options.pages))
+        if self.carried is None:
             return encoded
         data, extra = materials.redressed(encoded.data, self.carried, stem)
         return replace(encoded, data=data, extra=extra, assets=[], warnings=[])

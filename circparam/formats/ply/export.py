@@ -15,6 +15,7 @@ from circparam.formats.document import (
     check_new_set,
     not_carried,
 )
+from circparam.formats.page_names import page_lines
 from circparam.formats.ply import editing
 from circparam.formats.tokens import ByteArray, interleave
 from circparam.formats.vertex_split import duplicated, split_vertices
@@ -62,6 +63,7 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
         "ply",
         "format binary_little_endian 1.0",
         "comment written by circparam",
+        *(f"comment {line}" for line in page_lines(options.pages)),
         f"element vertex {len(points)}",
     ]
     lines += [f"property {name} {c}" for c in "xyz"]

@@ -88,7 +88,9 @@ class UsdDocument(Document):
         sets = self.arrays.sets
         name = sets[replaced.number] if replaced.number < len(sets) else f"st{replaced.number}"
         corner = self.arrays.polys.corner_uv(uvmap, self.source.name)
-        parts = Parts(self.data, self.source, self.arrays.prims, name, uvmap.uv, corner)
+        parts = Parts(
+            self.data, self.source, self.arrays.prims, name, uvmap.uv, corner, options.pages
+        )
         files: list[str] = []
         if format == PACKAGE:
             data = packaged(parts, stem, [*self.layers, *self.assets])

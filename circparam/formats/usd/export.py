@@ -20,7 +20,7 @@ from circparam.formats.usd.stage import (
     layer_bytes,
     package_bytes,
 )
-from circparam.formats.usd.writing import rows_of, write_primvar
+from circparam.formats.usd.writing import name_pages, rows_of, write_primvar
 from circparam.mesh.mesh import UVMap
 
 
@@ -71,6 +71,7 @@ def _encoded(
                 mesh, _identifier(name or f"group_{k}"), UsdGeom.Tokens.face, faces, "materialBind"
             )
     layer = stage.GetRootLayer()
+    name_pages(layer, options.pages)
     table, index = rows_of(uvmap.uv, corner)
     with Sdf.ChangeBlock():
         spec = layer.GetPrimAtPath(mesh.GetPath())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.formats.page_names import FIRST
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import MeshPrim
 from circparam.formats.usd.stage import (
@@ -29,7 +31,7 @@ class Parts:
     """Parts of a layer with uv.
 
     data, source: the file. prims: its meshes. name: of the primvar. uv: (k, 2); corner: (L,) into it, −1 for
-    none.
+    none. pages: names of the pages.
     """
 
     data: bytes
@@ -38,6 +40,7 @@ class Parts:
     name: str
     uv: FloatArray
     corner: IntArray
+    pages: tuple[str, ...] = ()
 
 
 def stronger(parts: Parts, kind: str, below: str = "") -> bytes:
@@ -89,9 +92,10 @@ def packaged(parts: Parts, stem: str, names: list[str]) -> bytes:
 
 
 def _write_uv(layer: Any, parts: Parts) -> None:
-    """Say the uv of every mesh in a layer."""
+    """Say the uv of every mesh in a layer, and the names of the pages."""
     from pxr import Sdf, Vt
 
+    name_pages(layer, parts.pages)
     with Sdf.ChangeBlock():
         for path in dict.fromkeys(p for prim in parts.prims for p in prim.instances):
             Sdf.CreatePrimInLayer(layer, path).SetInfo("instanceable", False)
@@ -102,6 +106,19 @@ def _write_uv(layer: Any, parts: Parts) -> None:
             write_primvar(
                 spec, parts.name, Vt.Vec2fArray.FromNumpy(table), Vt.IntArray.FromNumpy(index)
             )
+
+
+def name_pages(layer: Any, names: Sequence[str]) -> None:
+    """Say what the pages hold in the custom data of a layer, as {"circparam": {"pages": {"1001": "steel"}}}."""
+    data = dict(layer.customLayerData)
+    own = data.pop("circparam", None)
+    own = dict(own) if isinstance(own, dict) else {}
+    if not names and "pages" not in own:
+        return
+    own.pop("pages", None)
+    if names:
+        own["pages"] = {str(FIRST + k): name for k, name in enumerate(names)}
+    layer.customLayerData = {**data, **({"circparam": own} if own else {})}
 
 
 def rows_of(uv: FloatArray, corner: IntArray) -> tuple[Any, Any]:
