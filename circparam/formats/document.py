@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -88,9 +89,12 @@ class Document:
     mesh: the triangles in world space (points bit-exact, polygons and groups as labels). uv_sets: numbers of
     the uv sets in the file. notes: of interest from reading. warnings: losses of reading. features: data of the
     file beyond triangles, as short nouns, for the losses in another format. group_names: name of each label in
-    ``mesh.groups``.
+    ``mesh.groups``. own_formats: formats that the document writes itself, by editing. only_first: whether these
+    have a single uv set.
     """
 
+    own_formats: ClassVar[tuple[str, ...]] = ()
+    only_first: ClassVar[bool] = False
     source: Source
     format: str
     mesh: Mesh
@@ -243,13 +247,29 @@ class Document:
 
         Raises OptionError if ``rewrite`` would.
         """
-        return False
+        if format not in self.own_formats:
+            return False
+        self.check_edit(options, format)
+        free_set(self, options, only_first=self.only_first)
+        return True
 
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
         """The file again with uv, in ``format``; None if this document can't write that format itself."""
-        return None
+        if not self.check_target(options, format):
+            return None
+        replaced = check_uv_set(self, options, only_first=self.only_first)
+        return self.edited(uvmap, replaced, options, format, stem)
+
+    def check_edit(self, options: WriteOptions, format: str) -> None:
+        """Raise OptionError for options that this file has no place for."""
+
+    def edited(
+        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+    ) -> Encoded:
+        """The file with uv in the set ``replaced.number`` and everything else kept, in one of own_formats."""
+        raise NotImplementedError
 
 
 def check_layout(document: Document, uvmap: UVMap) -> UVMap:

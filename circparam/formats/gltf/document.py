@@ -9,14 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.core.records import dataclass
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    Named,
-    WriteOptions,
-    check_uv_set,
-    free_set,
-)
+from circparam.formats.document import Document, Encoded, Named, Replaced, WriteOptions
 from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, store_pages, stored_grouping
@@ -48,6 +41,7 @@ class GltfDocument(Document):
     carried: new materials and images for writing, None for those of the file.
     """
 
+    own_formats = ("gltf", "glb")
     tree: Tree = field(kw_only=True)
     primitives: list[Primitive] = field(kw_only=True)
     pools: list[Pool] = field(kw_only=True)
@@ -183,20 +177,10 @@ class GltfDocument(Document):
         """The same tree with other images."""
         return replace(self, carried=carried)
 
-    def check_target(self, options: WriteOptions, format: str) -> bool:
-        """glTF and GLB are written by the document itself."""
-        if format not in ("gltf", "glb"):
-            return False
-        free_set(self, options, only_first=False)
-        return True
-
-    def rewrite(
-        self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
-    ) -> Encoded | None:
+    def edited(
+        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+    ) -> Encoded:
         """The same tree with TEXCOORD_n of every triangle primitive."""
-        if not self.check_target(options, format):
-            return None
-        replaced = check_uv_set(self, options, only_first=False)
         with sound_tree(self.source):
             edit = TreeEdit(self.tree)
             if self.carried is not None:

@@ -13,14 +13,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.core.records import dataclass
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    Named,
-    WriteOptions,
-    check_uv_set,
-    free_set,
-)
+from circparam.formats.document import Document, Encoded, Named, Replaced, WriteOptions
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.obj import looks, materials
@@ -35,6 +28,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 class ObjDocument(Document):
     """An OBJ file: its bytes, where its lines are, and the corners of its faces."""
 
+    own_formats, only_first = ("obj",), True
     scan: Scan = field(kw_only=True)
     polys: Polygons = field(kw_only=True)
     corner_vt: IntArray = field(kw_only=True)
@@ -112,20 +106,10 @@ class ObjDocument(Document):
         """The same file with a library and images of its own."""
         return replace(self, carried=carried)
 
-    def check_target(self, options: WriteOptions, format: str) -> bool:
-        """OBJ is written by the document itself."""
-        if format != "obj":
-            return False
-        free_set(self, options, only_first=True)
-        return True
-
-    def rewrite(
-        self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
-    ) -> Encoded | None:
+    def edited(
+        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+    ) -> Encoded:
         """The same file with new vt lines and vt fields."""
-        if not self.check_target(options, format):
-            return None
-        replaced = check_uv_set(self, options, only_first=True)
         notes = list(replaced.notes)
         corner = self.polys.corner_uv(uvmap, self.source.name)
         used, corner = compact(corner, len(uvmap.uv))

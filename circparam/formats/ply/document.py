@@ -11,7 +11,7 @@ import numpy.typing as npt
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
+from circparam.formats.document import Document, Encoded, Replaced, WriteOptions
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.page_names import in_ply_header
@@ -28,6 +28,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 class PlyDocument(Document):
     """A PLY file: its bytes, the place of every value, and its polygons and strips."""
 
+    own_formats, only_first = ("ply",), True
     layout: Layout = field(kw_only=True)
     lists: FaceLists = field(kw_only=True)
     carried: Carried | None = None
@@ -91,34 +92,25 @@ class PlyDocument(Document):
         """The image that a TextureFile comment names."""
         return materials.textures(self.layout, len(self.mesh.faces), self.source.folder)
 
-    def check_target(self, options: WriteOptions, format: str) -> bool:
-        """PLY is written by the document itself."""
-        if format != "ply":
-            return False
-        free_set(self, options, only_first=True)
+    def check_edit(self, options: WriteOptions, format: str) -> None:
+        """Raise OptionError for uv of faces in a file with tristrips."""
         if editing.at_faces(options.ply_uv) and len(self.lists.strips):
             raise OptionError(
                 f"{self.source.name}: tristrips have no place for uv of faces; use --ply-uv vertex"
             )
-        return True
 
-    def rewrite(
-        self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
-    ) -> Encoded | None:
+    def edited(
+        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+    ) -> Encoded:
         """The same file with uv in its vertices or faces, and its image."""
-        encoded = self._with_uv(uvmap, options, format)
-        if encoded is None:
-            return None
+        encoded = self._with_uv(uvmap, replaced, options)
         encoded = replace(encoded, data=in_ply_header(encoded.data, options.pages))
         if self.carried is None:
             return encoded
         data, extra = materials.redressed(encoded.data, self.carried, stem)
         return replace(encoded, data=data, extra=extra, assets=[], warnings=[])
 
-    def _with_uv(self, uvmap: UVMap, options: WriteOptions, format: str) -> Encoded | None:
-        if not self.check_target(options, format):
-            return None
-        replaced = check_uv_set(self, options, only_first=True)
+    def _with_uv(self, uvmap: UVMap, replaced: Replaced, options: WriteOptions) -> Encoded:
         notes = list(replaced.notes)
         warnings, assets = replaced.warnings, self._images()
         at_faces = editing.at_faces(options.ply_uv)

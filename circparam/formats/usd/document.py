@@ -12,7 +12,7 @@ import numpy as np
 from circparam.core.arrays import IntArray
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
+from circparam.formats.document import Document, Encoded, Replaced, WriteOptions
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.formats.usd.layers import referred
@@ -31,6 +31,7 @@ class UsdDocument(Document):
     layers: without these it cannot be read. assets: textures and the like. outside: files in other folders.
     """
 
+    own_formats = KINDS
     data: bytes = field(kw_only=True, repr=False)
     arrays: Arrays = field(kw_only=True)
     layers: tuple[str, ...] = ()
@@ -67,24 +68,17 @@ class UsdDocument(Document):
             return []
         return [self.path.name, *self.layers]
 
-    def check_target(self, options: WriteOptions, format: str) -> bool:
-        """USD is written here, whatever its kind."""
-        if format not in KINDS:
-            return False
+    def check_edit(self, options: WriteOptions, format: str) -> None:
+        """Raise OptionError for layers of a package that came through a pipe."""
         if format != PACKAGE and self.path is None and self.format == PACKAGE:
             raise OptionError(
                 "a .usdz that comes through a pipe is written as one: end the output in .usdz"
             )
-        free_set(self, options, only_first=False)
-        return True
 
-    def rewrite(
-        self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
-    ) -> Encoded | None:
+    def edited(
+        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+    ) -> Encoded:
         """A layer with the uv over the unchanged layers of the file."""
-        if not self.check_target(options, format):
-            return None
-        replaced = check_uv_set(self, options, only_first=False)
         sets = self.arrays.sets
         name = sets[replaced.number] if replaced.number < len(sets) else f"st{replaced.number}"
         corner = self.arrays.polys.corner_uv(uvmap, self.source.name)
