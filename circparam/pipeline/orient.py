@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, cross2, group_sum
-from circparam.core.plural import counted
+from circparam.core.monitor import Monitor
+from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
 from circparam.formats.document import Document
 from circparam.formats.table import FORMATS
+from circparam.geometry.coverage import pages_of
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.pipeline.options import AUTO, Options
+from circparam.pipeline.place import pack_groups
+from circparam.pipeline.verify import Verification
 
 # of the length of up in space: a chart whose mean slope is less lies flat, or goes up as much as down
 SLOPE = 0.25
@@ -30,6 +36,48 @@ class Upright:
         n, some = len(self.has_up), int(self.has_up.sum())
         rest = f"; {counted(n - some, 'chart')} without an up" if some < n else ""
         return f"up is v in {some} of {counted(n, 'chart')}{rest}"
+
+
+@dataclass(frozen=True)
+class OrientCost:
+    """Room that upright charts take. cover: share of the pages that they cover; free: the share that the same
+    charts cover if packing may turn them by any angle."""
+
+    cover: float
+    free: float
+
+    @property
+    def note(self) -> str:
+        """One line on the room."""
+        cover, free = percent(self.cover), percent(self.free)
+        return f"upright charts cover {cover} of the page, freely turned ones {free}"
+
+    def as_dict(self) -> dict[str, float]:
+        """The figures for JSON; lost: page share that being upright costs."""
+        return {"pack": self.cover, "pack_free": self.free, "lost": self.free - self.cover}
+
+
+def orient_cost(found: Verification, options: Options, monitor: Monitor) -> OrientCost | None:
+    """The cost of ``--orient up`` in room on the page; None without it, or if sizes are fixed.
+
+    The charts are packed a second time, so the option takes the time of packing twice.
+    """
+    fixed = options.texel_density is not None or options.sorted_by is not None
+    if options.orient != "up" or not options.packed or fixed or monitor.hurried:
+        return None
+    laid = found.used.copy()
+    laid[found.stacked] = False
+    part, vertices, _ = found.cut_mesh.subset(laid)
+    uv = found.uv[vertices]
+    turned = pack_groups(part, uv, replace(options, orient="none"), monitor).uv
+    return OrientCost(*(_cover(part, p) for p in (uv, turned)))
+
+
+def _cover(cut_mesh: CutMesh, uv: FloatArray) -> float:
+    """Area of all charts over that of the pages that they lie on."""
+    p = uv[cut_mesh.faces]
+    area = np.abs(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])).sum() / 2
+    return float(area / len(np.unique(pages_of(cut_mesh, uv))))
 
 
 def up_axis(document: Document, options: Options) -> int:

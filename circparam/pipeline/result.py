@@ -24,6 +24,7 @@ from circparam.pipeline.floaters import Floaters
 from circparam.pipeline.groups import Groups
 from circparam.pipeline.kept import Kept
 from circparam.pipeline.options import Options
+from circparam.pipeline.orient import OrientCost
 from circparam.pipeline.stacks import Stacks
 from circparam.pipeline.verify import Declared, Promise, Staying, Verification, reasons, verify
 
@@ -60,7 +61,7 @@ class Result:
     format has them. tiles: (m,) atlas of each face, or None; group_by: owner of an atlas, or None. effort: how
     many searches the layout is the best of. floaters, stacks, density, groups: results of --drop-floaters,
     --stack, --density, and of --pages-by or --group-by; None without the option. advice: gain of other options
-    for the page, if they were tried.
+    for the page, if they were tried. orient: room that --orient up costs, None without it.
     """
 
     options: Options
@@ -88,6 +89,7 @@ class Result:
     kept: Kept | None = None
     density: Density | None = None
     groups: Groups | None = None
+    orient: OrientCost | None = None
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)

@@ -38,8 +38,9 @@ def summarise(result: Result) -> dict[str, Any]:
     effort: searches made, the kept one, the cost of each (``AtlasCost``), and the number missing when time was
     up. dropped_components, dropped_faces: left out by --drop-floaters. density: name, faces, asked, got and
     texels per unit of each part that --density names, null without it. groups: name, faces, charts, pages (UDIM
-    numbers) and box (u0, v0, u1, v1) of each group of --pages-by or --group-by; null without them. stages:
-    seconds.
+    numbers) and box (u0, v0, u1, v1) of each group of --pages-by or --group-by; null without them. orient: page
+    share that upright charts cover (pack), that they cover if turned freely (pack_free), and the difference
+    (lost); null without --orient up. stages: seconds.
     """
     numbers = _numbers(result.measures)
     left_out = result.floaters
@@ -71,6 +72,7 @@ def summarise(result: Result) -> dict[str, Any]:
         "groups": None
         if result.groups is None
         else list(group_rows(result.groups, result.verification)),
+        "orient": None if result.orient is None else result.orient.as_dict(),
         "padding": result.options.padding_texels if result.options.packed else None,
         "mip_level": mip_level(result.options.padding_texels) if result.options.packed else None,
         "repairs": result.repairs,

@@ -35,7 +35,7 @@ from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
-from circparam.pipeline.orient import up_axis, upright
+from circparam.pipeline.orient import orient_cost, up_axis, upright
 from circparam.pipeline.pinned import check_pins, check_storable
 from circparam.pipeline.place import Placed, chart_tiles, pack_groups, pack_sorted
 from circparam.pipeline.result import Effort, Result, status_of, verify_layout
@@ -254,6 +254,11 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     if job.options.pins is not None:
         check_pins(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
     left_out += [] if job.kept is None else job.kept.notes(uvmap)
+    orient = None
+    if job.kept is None and job.tiles is None:
+        with monitor.stage("pack"):
+            orient = orient_cost(verification, job.options, monitor)
+    left_out += [] if orient is None else [orient.note]
     said = status_of(verification, job.options, repairs, monitor.hurried, job.kept)
     return Result(
         options=job.options,
@@ -281,6 +286,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         kept=job.kept,
         density=job.density,
         groups=job.groups,
+        orient=orient,
         advice=cascade.advice,
     )
 

@@ -202,6 +202,20 @@ def test_pack_turns_charts_upright_and_stacks_go_along(tmp_path: Any) -> None:
     assert both.stacks.copies == 3
 
 
+def test_orient_tells_what_it_costs_of_the_page() -> None:
+    """Against the cover that the same charts have without the option, by an unwrap of its own."""
+    up = circparam.unwrap(BRACKET, orient="up", **QUICK)
+    free = circparam.unwrap(BRACKET, **QUICK)
+    cost = summarise(up)["orient"]
+    assert cost["pack"] == pytest.approx(up.measures["pack"], abs=0.02)
+    assert cost["pack_free"] == pytest.approx(free.measures["pack"], rel=0.1)
+    assert cost["lost"] == pytest.approx(cost["pack_free"] - cost["pack"], abs=1e-12)
+    assert any("freely turned ones" in note for note in up.notes)
+    assert summarise(free)["orient"] is None
+    fixed = circparam.unwrap(BRACKET, orient="up", texel_density=2.0, **QUICK)
+    assert summarise(fixed)["orient"] is None
+
+
 def test_several_files_on_one_page_keep_their_names() -> None:
     joined = join([read(BRACKET), read(samples.path("knot")), read(BRACKET)])
     found = joined.named("material")
