@@ -128,6 +128,10 @@ class Document:
         """Further instances of parts in the file: faces (k,), and the (4, 4) transform of each."""
         return []
 
+    def copies(self) -> list[tuple[IntArray, FloatArray]]:
+        """The older name of ``instance_transforms``."""
+        return self.instance_transforms()
+
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """The layout of one uv set of the file, origin bottom-left; None if the file has no such set."""
         return None

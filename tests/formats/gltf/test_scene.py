@@ -239,6 +239,7 @@ def test_copies_lie_where_their_nodes_put_them() -> None:
     document = read_data(instanced().glb())
     (copy,) = document.instance_transforms()
     faces, matrix = copy
+    assert np.array_equal(document.copies()[0][1], matrix)  # the older name
     apart = read_data(instanced().glb(), unshare=True)
     assert apart.instance_transforms() == []
     where = document.mesh.points[document.mesh.faces[faces]] @ matrix[:3, :3].T + matrix[:3, 3]
