@@ -201,8 +201,8 @@ def bake_document(
 
     kind: one of KINDS. uv_set: the layout to bake into. source: the file with the colours or the shape, None
     for the file itself. across: how places are found on the source. Raises OptionError for an unknown kind and
-    for options that do not apply, InputError if colours, textures or uv are missing, or if the map belongs to
-    other meshes.
+    for options that do not apply. Raises InputError if colours, textures or uv are missing, or if the map
+    belongs to other meshes.
     """
     if kind not in KINDS:
         raise OptionError(f"--from {kind!r} is unknown: choose {' or '.join(KINDS)}")

@@ -35,7 +35,7 @@ VIEWS = [
 
 
 def check_look(source: Source, result: Source, face_map: IntArray) -> dict[str, Any]:
-    """PSNR and SSIM of every channel, the mean of all views and the worst; ``psnr`` and ``ssim`` of the whole
+    """PSNR and SSIM of every channel, the mean of all views and the worst. ``psnr`` and ``ssim`` of the whole
     are those of the worst channel.
 
     face_map: (m,) face of the source of each face of the result.

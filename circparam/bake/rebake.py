@@ -130,7 +130,7 @@ def rebake_document(
     """Unwrap a file and write it with its images in the new layout.
 
     Raises the errors of ``unwrap_document``, OptionError if an option leaves no single page, InputError for
-    images that cannot be carried; all but the first before any work.
+    images that cannot be carried. All but the first come before any work.
     """
     check_page(options, look)
     if look.check_look and os.fspath(output) == "-":

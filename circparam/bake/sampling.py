@@ -90,7 +90,7 @@ class Closest:
     """Closest points on a surface, for many places at once.
 
     Every face is sampled, larger ones more often. The exact closest point is sought on the faces of the nearest
-    samples, then on the neighbours of the best face while one of them is nearer.
+    samples. The search continues on the neighbours of the best face while one of them is nearer.
     """
 
     def __init__(self, points: FloatArray, faces: IntArray) -> None:

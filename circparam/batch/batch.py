@@ -87,8 +87,9 @@ class Summary:
 def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
     """Unwrap all files of the sources that the manifest does not have as done.
 
-    Raises OptionError for results that collide and for a scheduler or worker that does not fit, InputError for
-    missing sources, OutputError for a folder that cannot be written, NoResultError if the scheduler ended.
+    Raises OptionError for results that collide and for a scheduler or worker that does not fit. Raises
+    InputError for missing sources, OutputError for a folder that cannot be written, NoResultError if the
+    scheduler ended.
     """
     hooks = hooks or Hooks()
     start = time.monotonic()

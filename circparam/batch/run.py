@@ -1,5 +1,5 @@
-"""The batch itself: a bounded window of tasks at Dask, lines into the manifest as they come, new attempts after
-errors that may pass, and an end from which another run continues."""
+"""The batch itself. A bounded window of tasks is at Dask, and lines enter the manifest as they come. Errors
+that may pass lead to new attempts. Another run can continue after any end."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Every file has a name relative to its source, with ``/``: the tree under the source, mirrored under --out. The
 name of a single file is the last part of its path. A file found by a glob is named by the path behind the part
-without wildcards, a file of a list by its path in the list.
+without wildcards. A file of a list is named by its path in the list.
 """
 
 from __future__ import annotations

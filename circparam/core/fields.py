@@ -96,8 +96,8 @@ def flag(name: str, spec: Spec) -> str:
 def check(options: Any) -> None:
     """Check every option of an instance, None meaning "not given".
 
-    Raises OptionError, in one line, for a value out of its range or none of its choices, and for an option
-    without an effect beside the others.
+    Raises OptionError, in one line, for a value out of its range or none of its choices. An option without an
+    effect beside the others raises it too.
     """
     for name, spec in specs(options).items():
         value = getattr(options, name)

@@ -36,7 +36,7 @@ class Monitor:
         self._shown: str | None = None  # in place of the stages, while they are part of another
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.timeout = timeout
-        self.held = 0.0  # seconds before the deadline reserved for later stages
+        self.reserved = 0.0  # seconds before the deadline reserved for later stages
         self.late = False  # whether any stage had to end because time was up
         self.seconds: dict[str, float] = {}
         self._keepers: list[Callable[[Any, bool], None]] = []
@@ -72,7 +72,7 @@ class Monitor:
     @property
     def expired(self) -> bool:
         """Whether time is up for the current work: a loop with a valid result stops then."""
-        up = self.deadline is not None and time.monotonic() >= self.deadline - self.held
+        up = self.deadline is not None and time.monotonic() >= self.deadline - self.reserved
         self.late |= up
         return up
 
@@ -80,12 +80,12 @@ class Monitor:
         """Whether fewer seconds than these are left for the current work: optional work is left out."""
         if self.deadline is None:
             return False
-        return time.monotonic() + seconds >= self.deadline - self.held
+        return time.monotonic() + seconds >= self.deadline - self.reserved
 
     @property
     def left(self) -> float | None:
         """Seconds until time is up for the current work; None without a bound."""
-        return None if self.deadline is None else self.deadline - self.held - time.monotonic()
+        return None if self.deadline is None else self.deadline - self.reserved - time.monotonic()
 
     @property
     def hurried(self) -> bool:
@@ -97,19 +97,19 @@ class Monitor:
         """The moment at which work without a result is broken off: a little after the loops stop."""
         if self.deadline is None or self.timeout is None:
             return None
-        return self.deadline - self.held + GRACE * max(self.timeout, 0.0) + LAG
+        return self.deadline - self.reserved + GRACE * max(self.timeout, 0.0) + LAG
 
     @contextmanager
     def holding(self, seconds: float, least: float = 0.0) -> Iterator[None]:
         """Inside, reserve this many more seconds for later, except a share ``least`` of the rest."""
-        held = self.held
+        reserved = self.reserved
         if self.deadline is not None:
-            rest = self.deadline - held - time.monotonic()
-            self.held += min(seconds, max((1 - least) * rest, 0.0))
+            rest = self.deadline - reserved - time.monotonic()
+            self.reserved += min(seconds, max((1 - least) * rest, 0.0))
         try:
             yield
         finally:
-            self.held = held
+            self.reserved = reserved
 
     @contextmanager
     def shown_as(self, name: str) -> Iterator[None]:

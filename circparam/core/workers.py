@@ -196,7 +196,7 @@ Later = DeferredTask  # the older name
 
 def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
     """A task on its way to a process; None if the pool is broken, or at the end of the interpreter."""
-    soft = None if m.deadline is None else m.deadline - m.held - time.monotonic()
+    soft = None if m.deadline is None else m.deadline - m.reserved - time.monotonic()
     try:
         future: Future[bytes] = pool.executor.submit(_work, packed, soft, clock.left())
     except Exception:

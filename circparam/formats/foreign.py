@@ -55,9 +55,9 @@ def read_as(kind: str) -> Callable[[bytes, Source], ForeignDocument]:
 def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocument:
     """The scene of a file as trimesh reads it, its node transforms applied, in the order of the scene.
 
-    kind: the format as trimesh calls it. Raises InputError if a package of trimesh is missing, if trimesh
-    cannot read the file within the bounds of ``second_reader``, if an archive would unpack to far more than its
-    size, or if there are no triangles.
+    kind: the format as trimesh calls it. Raises InputError if a package of trimesh is missing, or if trimesh
+    cannot read the file within the bounds of ``second_reader``. An archive that would unpack to far more than
+    its size, and a file without triangles, are errors too.
     """
     missing = [
         pip

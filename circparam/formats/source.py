@@ -111,8 +111,8 @@ def bytes_beside(folder: Path | None, uri: str, most: int = -1) -> bytes:
 
 
 def found_beside(folder: Path | None, uri: str) -> Path | None:
-    """The file that a relative URI names inside a folder, or the only one that differs in case (from systems
-    without case); None if there is none."""
+    """The file that a relative URI names inside a folder. Files from systems without case may differ in case if
+    there is one such file. None if there is none."""
     path = None if folder is None else safe_path(folder, uri)
     if path is None or path.is_file():
         return path

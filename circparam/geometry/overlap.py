@@ -1,13 +1,13 @@
 """Whether a layout is one to one: exact signs of faces, charts that overlap themselves or each other.
 
-A chart with positive faces is one to one exactly if the faces wind once round every inner vertex and no two
-parts of its boundary meet. (A boundary without self-intersection winds round every point at most once. With
-inner vertices wound once the turning numbers of the loops sum to 2πχ, so exactly one loop runs
-counter-clockwise, and every point has at most one preimage.) So only boundaries are compared, never faces.
+A chart with positive faces is one to one exactly under two conditions: the faces wind once round every inner
+vertex, and no two parts of its boundary meet. (A boundary without self-intersection winds round every point at
+most once. With inner vertices wound once the turning numbers of the loops sum to 2πχ. Exactly one loop then
+runs counter-clockwise, and every point has at most one preimage.) So only boundaries are compared, never faces.
 
-Meeting is decided exactly. Two boundaries meet if the *insides* beside them meet: in a proper crossing, or in a
-touch (a shared point, pieces of one line) with surface on the same side. Charts side by side along a common
-line or point touch and do not overlap, as the two sides of a cut through a plane.
+Meeting is decided exactly. Two boundaries meet if the *insides* beside them meet. They meet in a proper
+crossing, or in a touch (a shared point, pieces of one line) with surface on the same side. Charts side by side
+along a common line or point touch and do not overlap, as the two sides of a cut through a plane.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     """(uv (nv, 2), (n_charts,) which charts are grids): rows and columns straight and at right angles.
 
     diagonal: (m,) side of each face, see ``diagonals``. A chart is a grid if its faces pair up across their
-    diagonals, four quads meet at every inner vertex, and the sides of all quads follow two families of edge
+    diagonals and four quads meet at every inner vertex. The sides of all quads must follow two families of edge
     loops. A face whose diagonal lies on the border counts as half a quad. Each row and each column gets the
     width of least symmetric Dirichlet energy, in units of the mesh, as if all quads had right angles. Charts
     that are no grid keep zeros.

@@ -1,9 +1,9 @@
 """Shading frames as viewers have them: smooth normals, and the tangents of MikkTSpace, at every corner.
 
 Tangent space by the rule of glTF (2.0, 3.7.2.1; Mikkelsen 2008). At a corner t is the direction of growing u,
-made perpendicular to the normal n and averaged by angle over the faces that share position and uv there. The
-bitangent is w · n × t, with w = +1 if the uv are wound as the surface, −1 if they are mirrored. v points
-up, so a normal map made with these has green up, as glTF wants it.
+made perpendicular to the normal n. It is averaged by angle over the faces that share position and uv there. The
+bitangent is w · n × t, with w = +1 if the uv are wound as the surface, −1 if they are mirrored. v points up, so
+a normal map made with these has green up, as glTF wants it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A direction is that of parallel light from far away. Every axis stands for two o
 over the faces therefore fills both z-buffers, the nearest and the farthest depth of every pixel. Faces that are
 smaller than a pixel only leave their centre there. A place is looked up one pixel out along its normal, so the
 slope of its own face cannot hide it. Within half a pixel a face rises by at most tan(angle) / √2 pixels along
-the axis, and one pixel along the normal are 1 / cos(angle).
+the axis. One pixel along the normal is 1 / cos(angle).
 
 All faces hide places behind them, whichever way they are wound. The front of a place is the side of its normal.
 A place on a sheet (a component with a boundary) is visible from both sides.

@@ -125,8 +125,8 @@ def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, meth
     """Add a helper to every large patch (to all patches of three landmarks only); whether one was added.
 
     A convex map crushes parts far from every arc. The vertex of a patch farthest from all landmarks gets a
-    partner on the other surface: the farthest of the vertices at about the same place of the patch. Helpers
-    shape the layout only: relaxation moves them like any other vertex.
+    partner on the other surface. The partner is the farthest of the vertices at about the same place of the
+    patch. Helpers shape the layout only: relaxation moves them like any other vertex.
     """
     if layout.k >= MOST_NODES:
         return False

@@ -1,5 +1,5 @@
-"""Geometries of a map's domain, and their triangulations: a convex polyhedron on the sphere, touching circles
-in the plane (one handle) and in the hyperbolic plane (more).
+"""Geometries of a map's domain, and their triangulations. They are a convex polyhedron on the sphere, and
+touching circles in the plane (one handle) or in the hyperbolic plane (more).
 
 A place is a vector of three numbers, up to a positive factor: a direction, (x, y, 1), or a time-like vector of
 Minkowski's space. In all three a geodesic is a plane through the origin. The weights of a place are its
@@ -278,10 +278,10 @@ def _newton_step(nodes: IntArray, r: FloatArray, missing: FloatArray, curved: bo
 def polyhedron(faces: IntArray) -> FloatArray:
     """(k, 3) unit vectors of the vertices of a simple triangulation of the sphere, faces (2k − 4, 3), k ≥ 4.
 
-    Tutte's drawing of a 3-connected plane graph is in equilibrium, so it is the shadow of a convex surface
-    (Maxwell 1864, Cremona; lifting as in Richter-Gebert 1996). Across an edge the slope changes by the stress
-    of the edge times its length, at a right angle to the edge. Every face is counter-clockwise seen from a
-    point inside, by exact signs. Raises NoResultError if double precision cannot tell the faces apart
+    Tutte's drawing of a 3-connected plane graph is in equilibrium. It is therefore the shadow of a convex
+    surface (Maxwell 1864, Cremona; lifting as in Richter-Gebert 1996). Across an edge the slope changes by the
+    stress of the edge times its length, at a right angle to the edge. Every face is counter-clockwise seen from
+    a point inside, by exact signs. Raises NoResultError if double precision cannot tell the faces apart
     (hundreds of vertices).
     """
     k = int(faces.max()) + 1

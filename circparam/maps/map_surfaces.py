@@ -224,7 +224,7 @@ def map_surfaces(
     """A one-to-one map between two connected surfaces with as many handles and boundaries.
 
     a, b: a file, a Document, a Mesh, or (points, faces). landmarks: (k, 2) pairs of vertices of a and b,
-    counted from 0, which the map takes to each other exactly, or a file with a pair on each line. None:
+    counted from 0, or a file with a pair on each line. The map takes them to each other exactly. None:
     alignment gives some to surfaces in similar poses. paths: sequences of vertices of a that are landmarks. The
     shortest paths between them are the first cuts on both surfaces (a file of landmarks may hold lines ``path 1
     2 3 1``). Without paths, shortest paths between landmarks cut handles. charts: both files have uv whose
@@ -234,9 +234,9 @@ def map_surfaces(
     closed surfaces.
 
     Returns a MapResult: ``map`` (a SurfaceMap; ``circparam.save_map`` writes it), distortion both ways,
-    inversions. Raises InputError for landmarks that name no vertex or the same one twice; TopologyError if the
-    surfaces differ, look mirrored, or the landmarks have no common layout; OptionError for a method with
-    negative weights; NoResultError if double precision cannot hold the map.
+    inversions. Raises InputError for landmarks that name no vertex or the same one twice. Raises TopologyError
+    if the surfaces differ, look mirrored, or the landmarks have no common layout. Raises OptionError for a
+    method with negative weights, NoResultError if double precision cannot hold the map.
     """
     pairs, routes = None, [[int(v) for v in path] for path in paths or []]
     if isinstance(landmarks, (str, os.PathLike)):

@@ -26,8 +26,8 @@ def complete(
     uv: (k, 2); uv_faces: (s, 3) into uv, for the faces of the surface. Corners of reversed faces go back to the
     order of the file, so the uv triangle of a face wound backwards is clockwise. A duplicate takes, corner by
     corner, the uv of the face that was kept. A degenerate face takes the uv of its points from one chart, first
-    the chart of its own polygon. If this uv would cover an area which is not a gap of the chart, its middle
-    corner moves to the nearer of the other two. All three lie on a line in space, so the change is invisible. A
+    the chart of its own polygon. This uv may cover an area which is not a gap of the chart. Its middle corner
+    then moves to the nearer of the other two. All three lie on a line in space, so the change is invisible. A
     degenerate face with no point on the surface takes one uv of the nearest face.
     """
     out = np.full(mesh.faces.shape, -1, np.int64)

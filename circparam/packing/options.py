@@ -75,8 +75,8 @@ class PackOptions:
     def border(self) -> float:
         """Distance in texels that charts keep from the border of the page.
 
-        The centre of texel ``padding − 1``, the last that must stay empty, is half a texel nearer to the border
-        than the texel's inner side.
+        The centre of texel ``padding − 1`` must stay empty and is the last such centre. It is half a texel
+        nearer to the border than the texel's inner side.
         """
         return max(self.padding - 0.5, 0.0) + MARGIN
 

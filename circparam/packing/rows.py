@@ -1,7 +1,7 @@
 """Rows by size, dropped: very many charts, row by row, each row put on the one below.
 
 A row is an array operation. Its charts lie side by side, and each comes to rest on the columns of the skyline
-below, upright or turned by half, whichever wastes less. Rows take seconds, a skyline minutes.
+below. The chart is upright or turned by half, whichever wastes less. Rows take seconds, a skyline minutes.
 """
 
 from __future__ import annotations

@@ -201,7 +201,7 @@ def check_density(surface: Surface, o: Options, name: str) -> None:
     """Raise OptionError if a surface is too large for the pages at the texel density asked for.
 
     Areas decide before the work. Charts at their best scale and below a bound D cover at least the share 1 / D
-    of the area of their surface, since (Σ A)² ≤ Σ A σ1σ2 · Σ A / σ1σ2 and 2 / σ1σ2 ≤ σ1⁻² + σ2⁻².
+    of the area of their surface. The proof: (Σ A)² ≤ Σ A σ1σ2 · Σ A / σ1σ2 and 2 / σ1σ2 ≤ σ1⁻² + σ2⁻².
     """
     if o.texel_density is None or not o.packed or o.bound is None or o.method != "isometric":
         return

@@ -1,7 +1,7 @@
 """Plans of cuts for a fuller page: chords of the charts, weighed on sketches of the page they would leave.
 
 The best chord is taken, then the next best, while further chords may pay. The value of a plan is log s − RATE
-log L, with the covered share s and the length L of all boundaries (see ``fuller_page``).
+log L. Here s is the covered share and L the length of all boundaries (see ``fuller_page``).
 """
 
 from __future__ import annotations

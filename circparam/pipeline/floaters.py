@@ -69,7 +69,7 @@ def with_patch(
 
     Every polygon becomes a regular polygon in its own cell, with the winding of the file. Nothing in the patch
     is flipped or overlaps. The patch lies in the margin between charts and border, where stored numbers are
-    finest: at the bottom left, or at the top left where v counts from there.
+    finest. That is the bottom left, or the top left if v counts from there.
     """
     polys = document.polygons()
     owner = sorted_distinct(polys.owner[floaters.faces])

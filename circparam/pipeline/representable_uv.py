@@ -78,7 +78,7 @@ def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
     """The next storable number above (``side`` 1) or below (−1) each of the storable numbers x (k, 2).
 
     The step grows by doubling. The first step that rounds to another number is longer than half the distance to
-    that number and at most the whole distance, so no number in between is skipped.
+    that number, and at most the whole distance. No number in between is skipped.
     """
     step = np.maximum(np.spacing(np.abs(x)) / 2, SMALLEST)  # below a power of two they are finer
     doublings = np.zeros(x.shape, np.int64)  # by halves: single precision is 29 doublings away

@@ -1,9 +1,9 @@
 """Arms cut off charts that sprawl, on pages of so many charts that sketches tell little of each.
 
 A frame, a comb or a letter L keeps most of its bounding box from others. The estimate of the page is the
-covered area and a share of the empty part of the least boxes (``KEPT``), at least the least square of the
-widest chart. A cut is made if the saved area is worth its seam (``RATE`` in ``cut_plan``), the most worthwhile
-first. No page is laid out.
+covered area and a share of the empty part of the least boxes (``KEPT``). The estimate is at least the least
+square of the widest chart. A cut is made if the saved area is worth its seam (``RATE`` in ``cut_plan``), the
+most worthwhile first. No page is laid out.
 """
 
 from __future__ import annotations

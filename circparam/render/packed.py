@@ -1,8 +1,8 @@
 """The geometry of a page in few bytes: 16 bits a coordinate, predicted along a tree of faces, deflated.
 
-Every face but the first of each connected part is entered through an edge of an earlier face, so one corner is
-left to encode (Touma and Gotsman 1998, in the breadth-first order of the dual graph). A new vertex is predicted
-by the parallelogram over that edge, and only the difference is stored. ``viewer/decode.js`` reads it.
+Every face but the first of each connected part is entered through an edge of an earlier face. One corner is
+then left to encode (Touma and Gotsman 1998, in the breadth-first order of the dual graph). A new vertex is
+predicted by the parallelogram over that edge, and only the difference is stored. ``viewer/decode.js`` reads it.
 """
 
 from __future__ import annotations

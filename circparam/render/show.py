@@ -73,8 +73,8 @@ def view_document(
     """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
 
     before: the original file, whose layout a page shows on the left. look: the fields of ``Look``. Raises
-    OptionError for an unknown ending, or for ``before`` with a picture that is no page; InputError if the file
-    lacks that set or its uv are no numbers; OutputError if the picture cannot be written.
+    OptionError for an unknown ending, or for ``before`` with a picture that is no page. Raises InputError if
+    the file lacks that set or its uv are no numbers, OutputError if the picture cannot be written.
     """
     check_kind(path)
     if before is not None:

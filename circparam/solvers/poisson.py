@@ -56,10 +56,10 @@ def from_jacobians(
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
     targets: (2, 2, m). untangle: largest number of rounds for charts with flipped faces. A round clamps the
-    singular values of their Jacobians to [low, 1/low], as a rotation times a stretch, and solves again with the
-    same factor (the local/global method of Liu and others 2008). held: vertices (k,) of every chart and their
-    places (k, 2); None: the first vertex of every chart lies at the origin. hopeless: limits on the mean of
-    |J(u) − target|² over a chart's area and on its flipped faces (in each chart, or in all). Charts above
+    singular values of their Jacobians to [low, 1/low], as a rotation times a stretch. It then solves again with
+    the same factor (the local/global method of Liu and others 2008). held: vertices (k,) of every chart and
+    their places (k, 2); None: the first vertex of every chart lies at the origin. hopeless: limits on the mean
+    of |J(u) − target|² over a chart's area and on its flipped faces (in each chart, or in all). Charts above
     either limit are not untangled. system: the factored system of the cut mesh and ``held``, if it exists
     already. Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """

@@ -32,8 +32,8 @@ _NEAREST = 9728
 def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
     """The materials that triangles show.
 
-    Raises InputError for a missing or empty image and for textures without a slot, and the errors of Python for
-    a tree of the wrong shape.
+    Raises InputError for a missing or empty image and for textures without a slot. Raises the errors of Python
+    for a tree of the wrong shape.
     """
     entries = materials_of(tree.json)
     reader = _Images(tree)

@@ -27,8 +27,8 @@ def lying(placement: Placement) -> BoolArray:
 def filled(
     shapes: Shapes, options: PackOptions, start: Placement, angles: list[FloatArray], budget: Budget
 ) -> Placement | None:
-    """A layout on one page with the unplaced charts put between the others, on the smallest of some pages that
-    holds all; None if no page does.
+    """A layout on one page with the unplaced charts put between the others. The page is the smallest of some
+    that holds all; None if no page does.
 
     angles: at which each is tried. budget: of cells that are transformed.
     """

@@ -1,9 +1,9 @@
 """Compact a layout: grow all charts at once until they lock, by linear programs.
 
-Near a layout without overlap the distance between two outlines is linear, to first order, in the moves, the
-turns and the common growth of the charts. The largest growth that keeps all distances is then a linear program:
-the compaction of Li and Milenkovic 1995 ("Compaction and separation algorithms for non-convex polygons") with
-turns and growth. A few steps in a shrinking trust region reach the lock.
+Near a layout without overlap the distance between two outlines is linear to first order. Its variables are the
+moves, the turns and the common growth of the charts. The largest growth that keeps all distances is then a
+linear program. It is the compaction of Li and Milenkovic 1995 ("Compaction and separation algorithms for
+non-convex polygons") with turns and growth. A few steps in a shrinking trust region reach the lock.
 """
 
 from __future__ import annotations
@@ -156,11 +156,11 @@ def compact(
     """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
 
     trust: first trust region in texels of a page of 2048. Half of it follows a step with little of the possible
-    gain, a quarter a step with next to no gain, down to a quarter of a texel. A step that makes charts overlap
-    on a coarse raster is not made. A step is taken back if a tip may be through a neighbour, or if no further
-    step keeps all distances. strict: keep the full gap in all directions, where the width of straight strips
-    would do; for layouts that the check refuses. The budget counts the rows of the programs. The result keeps
-    the distances up to the error of the last step: the caller checks.
+    gain, a quarter a step with next to no gain. The least region is a quarter of a texel. A step that makes
+    charts overlap on a coarse raster is not made. A step is taken back if a tip may be through a neighbour, or
+    if no further step keeps all distances. strict: keep the full gap in all directions, where the width of
+    straight strips would do; for layouts that the check refuses. The budget counts the rows of the programs.
+    The result keeps the distances up to the error of the last step: the caller checks.
     """
     ascent = Ascent(placement, trust, strict)
     ascent.climb(growth, steps)

@@ -1,8 +1,8 @@
 """Nesting: charts are placed one by one at the place of most contact, at every angle, holes included.
 
-FFT correlates a grid of the page with the mask of a chart: once with the taken cells, where any common cell
-forbids the place, and once with those cells blurred, which measures contact. Masks and their spectra are made
-once; a larger scale of the charts is a smaller page on the same grid.
+FFT correlates a grid of the page with the mask of a chart. The first correlation is with the taken cells, where
+any common cell forbids the place. The second is with those cells blurred, and measures contact. Masks and their
+spectra are made once; a larger scale of the charts is a smaller page on the same grid.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 A convex map shrinks a tube of length L and circumference C by exp(−2πL/C) towards its tip, below the resolution
 of numbers near 1. Faces then flip in spite of Tutte's theorem. The theorem admits any positive weights. Such
-charts are therefore solved again with weights that bind each vertex more to its neighbours nearer to the
-boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the boundary. The tube then shrinks by about
-exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
+charts are therefore solved again with other weights. These bind each vertex more to its neighbours nearer to
+the boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the boundary. The tube then shrinks by
+about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
 """
 
 from __future__ import annotations
