@@ -191,9 +191,6 @@ class DeferredTask:
         return self._result[0]
 
 
-Later = DeferredTask  # the older name
-
-
 def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
     """A task on its way to a process; None if the pool is broken, or at the end of the interpreter."""
     soft = None if m.deadline is None else m.deadline - m.reserved - time.monotonic()
@@ -318,7 +315,6 @@ def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
 
 __all__ = [
     "DeferredTask",
-    "Later",
     "Worker",
     "cores",
     "environment",

@@ -10,7 +10,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later
+from circparam.core.workers import DeferredTask
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
@@ -55,14 +55,14 @@ class StretchAhead:
     def __init__(self, limits: Limits, slits: bool, splits: bool, monitor: Monitor) -> None:
         self._how = limits, slits, splits
         self._monitor = monitor
-        self._begun: tuple[Atlas, Later] | None = None
+        self._begun: tuple[Atlas, DeferredTask] | None = None
 
     def begin(self, atlas: Atlas) -> None:
         """Let an idle process go on with the atlas as it is now, where it is likely to stay like that."""
         large = len(atlas.surface.faces) >= LEAST and self._monitor.jobs > 1
         if large and atlas.charts()[0] <= FEW:
             start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-            later = Later(self._monitor.jobs, held, (start, *self._how), self._monitor)
+            later = DeferredTask(self._monitor.jobs, held, (start, *self._how), self._monitor)
             later.begin_soon()
             self._begun = start, later
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later, Worker, in_parts
+from circparam.core.workers import DeferredTask, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL
@@ -69,7 +69,7 @@ class NextBest:
     taken: whether the other was left for it.
     """
 
-    def __init__(self, surface: Surface, finished: Later) -> None:
+    def __init__(self, surface: Surface, finished: DeferredTask) -> None:
         self._surface, self._finished = surface, finished
         self.taken = False
 

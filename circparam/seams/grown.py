@@ -13,7 +13,7 @@ import numpy as np
 from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Later, Worker, in_parts
+from circparam.core.workers import PARTED, DeferredTask, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
@@ -136,7 +136,7 @@ def _finished(
     count, one_part = len(chart), len(in_parts(chart)) == 1
     ahead = None
     if SMALL_FACES < count <= LEVEL_FACES:
-        ahead = Later(monitor.jobs, begun, (make,), monitor)
+        ahead = DeferredTask(monitor.jobs, begun, (make,), monitor)
         if one_part:
             ahead.begin()
         with monitor.stage("enforce"):
@@ -147,7 +147,7 @@ def _finished(
             decided = make(monitor)
             finish(decided, bound, options, worker, monitor, notes)
             return decided.atlas
-    other = Later(monitor.jobs, plain_finished, (make, bound, options), monitor)
+    other = DeferredTask(monitor.jobs, plain_finished, (make, bound, options), monitor)
     # of more faces in several parts, what splits merged charts has more use for the processes
     if count < PARTED or (one_part and ahead is None and count <= MOST_BESIDE):
         other.begin()
@@ -166,7 +166,7 @@ def _finished(
     return merged if better_in_all(merged, plain) else plain
 
 
-def _as_begun(decided: Decided, ahead: Later, monitor: Monitor) -> Decided:
+def _as_begun(decided: Decided, ahead: DeferredTask, monitor: Monitor) -> Decided:
     """The next best atlas, as another process has begun it."""
     with monitor.stage("carry"):
         cut, corners, relaxed = ahead.result()

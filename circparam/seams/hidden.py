@@ -8,7 +8,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later, Worker
+from circparam.core.workers import DeferredTask, Worker
 from circparam.geometry.visibility import PARTS, edge_shares
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy, priced
@@ -47,7 +47,7 @@ class PricesBeside:
         self.proxy: Proxy | None = None
         # what a surface keeps beside its fields need not be sent
         task = (replace(surface), strength)
-        self._later = Later(monitor.jobs, asked_beside, task, monitor)
+        self._later = DeferredTask(monitor.jobs, asked_beside, task, monitor)
 
     def begin(self) -> None:
         """Find them beside what follows, where a process has nothing to do."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Later, Worker
+from circparam.core.workers import PARTED, DeferredTask, Worker
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
@@ -41,7 +41,7 @@ def made_ways(
     of "doubtful", what "grown" has to beat to be gone on with: else that is missing too.
     """
     parts = {n: surface.part(faces) for n, faces in ways.items() if faces.any() and n != LEFT}
-    later: dict[str, Later] = {}
+    later: dict[str, DeferredTask] = {}
 
     # of the doubtful faces those that are grown as well
     asked = np.ones(int(ways["doubtful"].sum()), bool)
@@ -54,7 +54,7 @@ def made_ways(
     def put_off(name: str) -> None:
         facing = check if name == "grown" and rival is not None else None
         task = (name, parts[name], bound, options, facing)
-        later[name] = Later(monitor.jobs, one_way, task, monitor)
+        later[name] = DeferredTask(monitor.jobs, one_way, task, monitor)
 
     for name in parts:
         put_off(name)

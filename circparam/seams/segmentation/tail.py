@@ -14,7 +14,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
 from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Later, in_parts
+from circparam.core.workers import PARTED, DeferredTask, in_parts
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
@@ -95,7 +95,7 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     part, left = uv[vid], np.full(sub.n_charts, np.inf)
     hopeless = over.sum() > LOST * limits.allowed or limits.local is not None
     aims = (rest,) if hopeless else (replace(rest, spared=0.0), rest)
-    tries = [Later(monitor.jobs, even_out, (sub, uv[vid], aim), monitor) for aim in aims]
+    tries = [DeferredTask(monitor.jobs, even_out, (sub, uv[vid], aim), monitor) for aim in aims]
     large = len(sub.faces) >= PARTED and len(in_parts(sub.chart)) == 1
     if large and len(tries) > 1:
         tries[1].begin()  # one large chart keeps one process busy, and often both are needed
