@@ -8,7 +8,6 @@ float64.
 
 from __future__ import annotations
 
-from fractions import Fraction
 from typing import TypeAlias
 
 import numpy as np
@@ -58,6 +57,10 @@ def _exact(a: FloatArray, b: FloatArray, c: FloatArray) -> SignArray:
         # scaled to 2^450 at most, 2^-450 at least: neither the products nor their errors leave the range
         scaled = np.ldexp(p[~wide], (450 - top[~wide])[:, None, None])
         out[~wide] = _expansion_sign(scaled)
+    if not wide.any():
+        return out
+    from fractions import Fraction  # takes 5 ms to import
+
     for k in np.flatnonzero(wide):
         (ax, ay), (bx, by), (cx, cy) = ((Fraction(x), Fraction(y)) for x, y in p[k].tolist())
         det = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
