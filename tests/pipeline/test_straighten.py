@@ -88,6 +88,19 @@ def test_rectangles_of_grids_are_exact_before_they_are_stored() -> None:
     assert np.array_equal(kept.corners, before.corners)  # its distortion would rise
 
 
+def test_a_chart_of_many_faces_is_unrolled_exactly() -> None:
+    """Rounding grows with the faces of a chart, and is no reason to leave the chart as it is."""
+    points, faces = shapes.half_cylinder(120, 120)
+    surface, _ = repair(Mesh(points, faces), RepairOptions(0.0, True, by_position=True))
+    angle = np.arctan2(points[:, 1], points[:, 0])
+    shaken = np.stack([angle, points[:, 2]], 1) * [1.002, 1.0]
+    corners = shaken[surface.faces]
+    after = unrolled(Atlas(surface, np.zeros(len(surface.edges), bool), corners)).corners
+    assert not np.array_equal(after, corners)
+    ratio = side_lengths(after) / side_lengths(surface.rest_triangles)
+    assert ratio == pytest.approx(ratio.mean(), rel=1e-8)
+
+
 def side_lengths(corners: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2))
 
