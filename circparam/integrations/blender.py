@@ -30,8 +30,9 @@ FOLDER = "circparam_addon"  # as extensions and older add-ons have it
 def addon_zip(wheels: Mapping[str, bytes] | None = None, platform: str | None = None) -> bytes:
     """The zip file, the same bytes each time.
 
-    wheels: circparam and what it needs, by their file names, for a platform as Blender calls it (linux-x64);
-    with them the add-on needs no other program. Such a file has no folder round it: it is an extension.
+    wheels: circparam and its dependencies, by their file names, for a platform in Blender's spelling
+    (linux-x64). With them the add-on needs no other program. Such a file has no folder round it: it is an
+    extension.
     """
     source = resources.files("circparam.integrations") / "blender_addon"
     files = {f.name: f.read_bytes() for f in source.iterdir() if f.name.endswith(".py")}

@@ -37,16 +37,16 @@ def parametrize(
     listener: Listener | None = None,
     **keywords: Unpack[Keywords],
 ) -> Parametrized:
-    """Unwrap arrays; what ``xatlas.parametrize`` returns, in its shapes and types.
+    """Unwrap arrays; returns the result of ``xatlas.parametrize``, in its shapes and types.
 
-    vertices: (n, 3), finite. faces: (m, 3) of integers. normals: (n, 3) or None; xatlas takes them as a hint
-    where its charts may end, circparam measures the surface itself: they are checked and not needed. listener:
-    called with (stage, fraction, note). keywords: the fields of ``Options`` that concern no file.
+    vertices: (n, 3), finite. faces: (m, 3) of integers. normals: (n, 3) or None. xatlas takes them as a hint
+    for the ends of charts. circparam measures the surface itself, so they are only checked. listener: called
+    with (stage, fraction, note). keywords: the fields of ``Options`` that concern no file.
 
     Returns vmapping (k,) uint32, the input vertex of every output vertex, ascending; indices (m, 3) uint32, the
-    faces in their order with output vertices; uvs (k, 2) float32 in [0, 1] with the origin bottom-left,
-    verified in these numbers. A vertex on a seam stands once for each of its uv; vertices of no face are left
-    out. Raises OptionError, InputError, NoResultError, OutOfTimeError: see ``circparam.errors``.
+    faces in order with output vertices; uvs (k, 2) float32 in [0, 1]. The origin is bottom-left, and these
+    numbers are verified. A vertex on a seam stands once for each of its uv; vertices of no face are left out.
+    Raises OptionError, InputError, NoResultError, OutOfTimeError: see ``circparam.errors``.
     """
     for name in keywords:
         if name in ("chart_options", "pack_options"):

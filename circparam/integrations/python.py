@@ -1,4 +1,5 @@
-"""What ``import circparam`` offers: the functions of the pipeline, options listed, errors in Python's words."""
+"""The functions of ``import circparam``: those of the pipeline, with their options listed and errors in
+Python's words."""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ def with_options(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def _notebook(result: Result) -> str:
-    """What a notebook shows of a result."""
+    """A result in a notebook."""
     from circparam.render.show import notebook_picture  # images are imported when one is drawn
 
     return notebook_picture(result)

@@ -18,7 +18,7 @@ from circparam.pipeline.options import ALIASES, Options
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# a flag that stands alone, and what may follow it as its value: a number or a word in quotes
+# a flag that stands alone, and a possible value behind it: a number or a word in quotes
 FLAG = re.compile(
     r"(?<![\w-])(--[a-z][a-z-]*[a-z])(?: ('[^']*'|[-+]?\d[\w.+-]*[\w]|[-+]?\d|[a-z-]+|FILE))?"
 )
@@ -26,7 +26,7 @@ FLAG = re.compile(
 
 @functools.cache
 def _flags() -> dict[str, tuple[str, Spec]]:
-    """Every spelling of an option on the command line → (name of the keyword, what is known of it)."""
+    """Every spelling of an option on the command line → (name of the keyword, its specification)."""
     known = specs(Options)
     out: dict[str, tuple[str, Spec]] = {}
     for name, spec in known.items():

@@ -1,8 +1,8 @@
 """The Blender add-on: a package that runs inside Blender; ``circparam blender`` saves it as a zip file.
 
-It imports nothing of circparam: the circparam program works in a process of its own. Meshes go there as one
-OBJ file with their polygons and materials, and their corners come back in the same order: Blender's mesh itself
-is never exported and read again.
+It imports nothing of circparam: the circparam program works in a process of its own. Meshes go there as one OBJ
+file with their polygons and materials, and their corners come back in the same order. Blender's mesh itself is
+never exported and read again.
 """
 
 import bpy

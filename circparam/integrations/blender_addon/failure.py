@@ -2,4 +2,4 @@
 
 
 class Failure(Exception):  # noqa: N818
-    """What could not be done, in one line."""
+    """A failure, in one line."""

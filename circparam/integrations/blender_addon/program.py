@@ -1,4 +1,4 @@
-"""The circparam program: where it is, and one run of it in a process of its own."""
+"""The circparam program: its place, and one run of it in a process of its own."""
 
 import importlib.util
 import json
@@ -55,7 +55,7 @@ def command_line(context):
 
 
 class Run:
-    """One process: its words, what it says on the way, and its answer."""
+    """One process: its words, its messages, and its answer."""
 
     def __init__(self, words, environment, stem):
         self.percent, self.stage = 0, "starting"

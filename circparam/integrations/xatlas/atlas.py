@@ -106,7 +106,8 @@ class Atlas:
 
     @property
     def result(self) -> Result | None:
-        """What ``circparam.unwrap`` says of all meshes together: status, measures, warnings; not in xatlas."""
+        """The result of ``circparam.unwrap`` for all meshes together: status, measures, warnings; not in
+        xatlas."""
         return None if self._layout is None else self._layout.result
 
     @property

@@ -29,7 +29,8 @@ LONGEST = (
     0.95  # of the room of a page: a chart that is longer finds no place among the steps of packing
 )
 FULLEST = (
-    0.9  # share of a page that charts hardly ever cover: what a page of a given density begins with
+    # share of a page that charts hardly ever exceed: first estimate for a page of a given density
+    0.9
 )
 # Layouts are verified in the float32 numbers that are handed out, which a PLY holds too.
 FLOAT32: dict[str, Any] = {"format": "ply"}
@@ -37,7 +38,7 @@ FLOAT32: dict[str, Any] = {"format": "ply"}
 
 @dataclass(frozen=True, eq=False)
 class MeshLayout:
-    """What xatlas hands out of one mesh.
+    """The arrays of one mesh, as xatlas returns them.
 
     vmapping: (k,) vertex of the caller. indices: (m, 3). uvs: (k, 2). page, chart: (k,) of each vertex, charts
     counted over the whole atlas. faces: the faces of each chart. materials: of each chart. pages: of each

@@ -11,7 +11,7 @@ import operator
 import warnings
 from typing import Any
 
-# What xatlas calls it → what bounds the same here; an option that differs from its default is told once.
+# Names of xatlas → the bounds of circparam; an option that differs from its default is reported once.
 WITHOUT_COUNTERPART = {
     "max_chart_area": "max_charts and max_distortion shape charts",
     "max_boundary_length": "max_charts and max_distortion shape charts",
@@ -25,12 +25,12 @@ WITHOUT_COUNTERPART = {
     "max_chart_size": "charts are scaled by one factor, whatever their size",
     "blockAlign": "padding keeps charts apart",
 }
-# of the work of packing: what bruteForce asks for
+# of the work of packing, for bruteForce
 BRUTE_FORCE_EFFORT = 2.0
 
 
 class _Settings:
-    """Attributes with a default and a type each; ``vars()`` holds those that were set."""
+    """Attributes with a default and a type each; ``vars()`` holds those set by the caller."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         default = getattr(type(self), name, None)
@@ -54,7 +54,7 @@ class _Settings:
 
 
 def _typed(default: bool | int | float, value: Any) -> bool | int | float:
-    """The value as the type of its default. Raises TypeError or ValueError for what is none."""
+    """The value as the type of its default. Raises TypeError or ValueError for other values."""
     if isinstance(value, str) or value is None:
         raise TypeError
     if isinstance(default, bool):
