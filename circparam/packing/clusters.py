@@ -24,7 +24,7 @@ TIGHT = 0.65  # share of its own page that a group covers at first guess
 ROUNDS = 4  # sizes that are tried (2: 0.970, 8: the same)
 CLOSE = 1.03  # ratio of sizes that is not worth another round (1.1: 0.898)
 JUST = 0.995  # of the scale for which there is room, as the next one may pack a little worse (1: 0.985)
-SMALLER = 0.7  # of a scale at which a group is larger than a page
+SMALLER = 0.5  # of a scale at which a group is larger than a page
 
 
 @dataclass(frozen=True, eq=False)
