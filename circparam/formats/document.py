@@ -36,6 +36,7 @@ class WriteOptions:
     other formats do not change. set_flag: the option that chose the set, for messages. group_by: owner of an
     atlas, as in ``Document.group_by``; None is the whole file. colours: images and vertex colours go along into
     a new glTF. up: the up axis, y or z, of a mesh that becomes a new glTF; None takes the axis of its format.
+    turned_by_up: ``up`` also turns charts, so a format that keeps its axes does not refuse it.
     pages: names of the pages 1001, 1002 and so on, for formats that have a place for them.
     """
 
@@ -48,6 +49,7 @@ class WriteOptions:
     group_by: str | None = None
     colours: bool = True
     up: str | None = None
+    turned_by_up: bool = False
     pages: tuple[str, ...] = ()
 
 

@@ -356,12 +356,13 @@ def check_target(document: Document, format: str, options: WriteOptions) -> None
 
     Raises OptionError.
     """
-    if options.up is not None and up_of(format) != "y":
+    useless = options.up is not None and not options.turned_by_up
+    if useless and up_of(format) != "y":
         raise OptionError(
             f"--up has no effect here: {format.upper()} keeps the axes of the input; leave it out"
         )
     if document.check_target(options, format):
-        if options.up is not None:
+        if useless:
             raise OptionError("--up has no effect here: a glTF stays as it stands; leave it out")
         return
     row = FORMATS[format].function

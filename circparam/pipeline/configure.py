@@ -80,6 +80,7 @@ def write_options(o: Options, uv_double: bool = False, group_by: str | None = No
         ply_uv=o.ply_uv,
         copy_assets=o.copy_assets,
         up=None if o.up == AUTO else o.up,
+        turned_by_up=o.orient == "up",
         uv_double=uv_double,
         set_flag="--uv-set" if o.uv_set is not None else "--lightmap",
         group_by=group_by,

@@ -239,6 +239,40 @@ def density():
     return {"answer": attempt(density=50.0, resolution=1024), "after": state(ob)}
 
 
+def by_name():
+    """A box with two materials: one gets twice the density and each a page; then the mistakes."""
+    box = cube(cuts=1)
+    for name in ("pa int", "metal"):
+        box.data.materials.append(bpy.data.materials.new(name))
+    box.data.polygons.foreach_set("material_index", [int(k >= 12) for k in range(24)])
+    select(box)
+    dense = {"answer": attempt(densities="metal=2"), "after": state(box)}
+    pages = {"answer": attempt(group_by="MATERIAL", group_pages=True), "after": state(box)}
+    unknown = attempt(densities="metall=2")
+    pick(box, [0])
+    return {"dense": dense, "pages": pages, "unknown": unknown, "part": attempt(upright=True)}
+
+
+def stacked():
+    """Three equal cubes on one page: the copies on the first, or a page aside."""
+    objects = [cube(4 * k) for k in range(3)]
+    select(*objects)
+    on = attempt(together=True, stack="IDENTICAL"), [state(ob) for ob in objects]
+    aside = (
+        attempt(together=True, stack="IDENTICAL", stack_offset=True),
+        [state(o) for o in objects],
+    )
+    return {"on": on, "aside": aside}
+
+
+def upright_tube():
+    """A tube that lies along z, upright."""
+    bpy.ops.mesh.primitive_cylinder_add(vertices=16, end_fill_type="NOTHING")
+    ob = bpy.context.object
+    select(ob)
+    return {"answer": attempt(upright=True, straighten="OFF"), "after": state(ob)}
+
+
 def bad_objects():
     """Without faces, in another scene, from a library: a line for each, and the good one is unwrapped."""
     good, linked = cube(), cube(3)
@@ -363,7 +397,8 @@ def main(zip_file, program, *names):
         f.__name__: f
         for f in (
             everything_stays, refused, selected_faces, no_room, nothing_selected, islands, painted, pinned,
-            points, together, pack, density, bad_objects, deleted, edited, page, cancelled, seconds,
+            points, together, pack, density, by_name, stacked, upright_tube,
+            bad_objects, deleted, edited, page, cancelled, seconds,
         )
     } | {seams: lambda seams=seams: marked(seams) for seams in ("MUST", "HINT", "IGNORE")}  # fmt: skip
     if not names:

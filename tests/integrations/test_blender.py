@@ -302,6 +302,42 @@ def test_a_density_is_what_was_asked(answer: dict[str, Any]) -> None:
     assert 1024 * np.sqrt(area / (6 * 4 * 4)) == pytest.approx(50, rel=0.02)
 
 
+def test_densities_and_pages_by_name_of_material(answer: dict[str, Any]) -> None:
+    case = answer["by_name"]
+    dense, material = case["dense"]["after"], np.array(case["dense"]["after"]["materials"])
+    area = signed_areas(layout(dense))
+    assert area[material == 1] / area[material == 0].mean() == pytest.approx(4.0, rel=0.04)
+    u = np.array([ring[:, 0].mean() for ring in layout(case["pages"]["after"])])
+    assert len(np.unique(np.floor(u[material == 0]))) == 1
+    assert len(np.unique(np.floor(u[material == 1]))) == 1
+    assert set(np.floor(u)) == {0.0, 1.0}
+    assert "metall" in case["unknown"][0]
+    assert "metal" in case["unknown"][0].replace("metall", "")  # what was meant
+    assert "--orient places all charts anew" in case["part"][0]
+
+
+def test_copies_are_stacked_or_lie_a_page_aside(answer: dict[str, Any]) -> None:
+    for case, aside in (("on", 0), ("aside", 1)):
+        said, states = answer["stacked"][case]
+        assert said == ["FINISHED"]
+        boxes = [np.concatenate(layout(one)) for one in states]
+        corner = np.array([b.min(0) for b in boxes])
+        spans = np.array([np.ptp(b, axis=0) for b in boxes])
+        assert np.abs(spans - spans[0]).max() < 1e-6
+        assert sorted(np.round(corner[:, 0] - corner[0, 0]).tolist()) == sorted([0, aside, aside])
+        assert np.abs((corner - corner[0]) % 1.0 % (1 - 1e-6)).max() < 1e-5
+
+
+def test_up_is_v_of_upright_charts(answer: dict[str, Any]) -> None:
+    case = answer["upright_tube"]
+    assert case["answer"] == ["FINISHED"]
+    z = np.array(case["after"]["points"])[:, 2]
+    for polygon, ring in zip(case["after"]["polygons"], layout(case["after"]), strict=True):
+        top = z[polygon] > 0
+        assert ring[top, 1].min() > ring[~top, 1].max()
+        assert np.ptp(ring[top, 1]) < 1e-4
+
+
 def test_bad_objects_have_a_line_each_and_the_good_one_its_uv(answer: dict[str, Any]) -> None:
     said = answer["bad_objects"]["answer"][0]
     for line in ("empty mesh: it has no faces", "far away: it is in another scene",

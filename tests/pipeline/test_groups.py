@@ -187,6 +187,15 @@ def test_up_is_that_of_the_file_or_of_the_user() -> None:
     assert np.abs(steep[:, 0]).max() < 1e-6
 
 
+@pytest.mark.parametrize("ending", ["obj", "ply"])
+def test_the_user_names_up_where_the_format_does_not(tmp_path: Any, ending: str) -> None:
+    path = tmp_path / f"up.{ending}"
+    circparam.unwrap(BRACKET, path, orient="up", up="z", **QUICK)
+    assert read(path).uv() is not None
+    with pytest.raises(OptionError, match="up has no effect"):
+        circparam.unwrap(BRACKET, tmp_path / f"b.{ending}", up="z", **QUICK)
+
+
 def test_pack_turns_charts_upright_and_stacks_go_along(tmp_path: Any) -> None:
     path = tmp_path / "bracket.obj"
     circparam.unwrap(BRACKET, path, **QUICK)

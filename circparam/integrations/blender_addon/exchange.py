@@ -34,6 +34,8 @@ class Part:
         self.edge = numbers(mesh.loops, "edge_index")
         self.total = numbers(mesh.polygons, "loop_total")
         self.material = numbers(mesh.polygons, "material_index")
+        slots = [m and " ".join(m.name.split()) for m in mesh.materials]
+        self.materials = dict(enumerate(slots))  # None where a slot is empty
         self.polygon = np.repeat(np.arange(len(self.total)), self.total)
         start = np.cumsum(self.total) - self.total
         self.next = np.arange(len(self.vertex)) + 1
@@ -172,11 +174,13 @@ def mean_stretch(matrices):
 def write_obj(path, parts, axis=2, uv=None):
     """The chosen polygons of all parts, set apart along an axis, with a ``usemtl`` where the material changes.
 
+    Each part is an object (``o``); names of materials and objects are those of Blender, for options by name.
+
     uv: an array (l, 2) for each part, or nothing. Returns the number of the first vertex of each part.
     """
     first, table, faces = [0], [np.zeros((0, 2))], []
     end = 0.0
-    with open(path, "w", encoding="ascii") as out:
+    with open(path, "w", encoding="utf-8") as out:
         for number, part in enumerate(parts):
             at = part.points.astype(np.float64) @ part.stretch.T
             if len(parts) > 1:  # far enough apart that no part hides another, and none touches
@@ -191,27 +195,28 @@ def write_obj(path, parts, axis=2, uv=None):
                 row = row.reshape(-1) + 1 + sum(map(len, table))
                 words = np.char.add(np.char.add(words, "/"), np.char.mod("%d", row))
                 table.append(rows[:, 1:])
-            faces += _face_lines(part, words, number)
+            faces += _face_lines(part, words)
             first.append(first[-1] + len(at))
         np.savetxt(out, np.concatenate(table), fmt="vt %.9g %.9g")
         out.writelines(faces)
     return first[:-1]
 
 
-def _face_lines(part, words, number):
+def _face_lines(part, words):
     material = part.material[part.chosen]
     names = np.split(words, np.cumsum(part.total[part.chosen])[:-1])
     changes = np.diff(material, prepend=-1) != 0
+    yield f"o {' '.join(part.name.split())}\n"
     for name, new, m in zip(names, changes, material, strict=True):
         if new:
-            yield f"usemtl m{number}_{m}\n"
+            yield f"usemtl {part.materials.get(int(m)) or f'slot {m}'}\n"
         yield "f " + " ".join(name) + "\n"
 
 
 def read_uv(path, parts):
     """An array (l, 2) float32 for each part: the uv of the file at chosen corners, the old ones elsewhere."""
     table, corner = [], []
-    with open(path, encoding="ascii") as lines:
+    with open(path, encoding="utf-8") as lines:
         for line in lines:
             if line.startswith("vt "):
                 table.append(line.split()[1:3])

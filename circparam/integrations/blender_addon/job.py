@@ -38,6 +38,13 @@ class Job:
             and asked.pins == "POINTS"
             and any(p.pinned[p.corners].any() for p in self.parts)
         )
+        sorting = sorting_words(asked)
+        if sorting and (self.held or not all(p.whole for p in self.parts)):
+            raise Failure(
+                f"{sorting[0]} places all charts anew: select all faces and hold no points, or switch it off"
+            )
+        words += sorting
+        words += ["--density", asked.densities] if asked.densities else []
         if not self.held:
             words += packing_words(asked)
         if packs:
@@ -124,6 +131,18 @@ def packing_words(asked):
     words = ["--resolution", str(asked.resolution), "--padding", str(asked.padding)]
     words += ["--effort", {"DRAFT": "0", "NORMAL": "1", "HIGH": "4"}[asked.effort]]
     return words + (["--texel-density", f"{asked.density:.9g}"] if asked.density else [])
+
+
+def sorting_words(asked):
+    """Options that place all charts of a page: groups, upright and straight charts, stacks."""
+    kind = {"NONE": "", "MATERIAL": "material", "OBJECT": "node"}[asked.group_by]
+    words = [f"--{'pages' if asked.group_pages else 'group'}-by", kind] if kind else []
+    words += ["--stack", asked.stack.lower()] if asked.stack != "OFF" else []
+    words += ["--stack-offset"] if asked.stack != "OFF" and asked.stack_offset else []
+    words += ["--orient", "up", "--up", "z"] if asked.upright else []
+    return words + (
+        ["--straighten", asked.straighten.lower()] if asked.straighten != "AUTO" else []
+    )
 
 
 def chart_words(asked):

@@ -59,6 +59,26 @@ class OBJECT_OT_circparam(bpy.types.Operator):
         description="Empty texels between charts and at the border")
     density: bpy.props.FloatProperty(name="Texel density", default=0.0, min=0.0,
         description="Texels per unit of length; 0: fill the page")
+    densities: bpy.props.StringProperty(name="Density by name", default="",
+        description="Times the density, by name of a material or an object: face=2,sole=0.5")
+    group_by: bpy.props.EnumProperty(name="Group charts", default="NONE", items=[
+        ("NONE", "None", "Charts lie where they fit"),
+        ("MATERIAL", "By material", "Charts of one material lie together"),
+        ("OBJECT", "By object", "Charts of one object lie together; for One page for all")])
+    group_pages: bpy.props.BoolProperty(name="A page for each group", default=False,
+        description="Each group gets a UDIM tile: 1001, 1002 and so on; otherwise a box on one page")
+    stack: bpy.props.EnumProperty(name="Stack copies", default="OFF", items=[
+        ("OFF", "Off", "Every part gets texels of its own"),
+        ("IDENTICAL", "Identical", "Parts that a motion takes onto each other share texels"),
+        ("MIRRORED", "Mirrored", "Mirror images share texels too")])
+    stack_offset: bpy.props.BoolProperty(name="Copies a page aside", default=False,
+        description="Stacked copies go a page to the right, so that a baker sees one part of each kind")
+    upright: bpy.props.BoolProperty(name="Upright charts", default=False,
+        description="Z of the mesh becomes v where a chart has an up")
+    straighten: bpy.props.EnumProperty(name="Straighten", default="AUTO", items=[
+        ("AUTO", "Auto", "Straight borders along the axes if that costs little"),
+        ("ALL", "All", "Every chart with a straight border lies along the axes"),
+        ("OFF", "Off", "Charts lie at any angle")])
     replace: bpy.props.BoolProperty(name="Replace the active uv map", default=False,
         description="Otherwise the layout becomes a uv map of its own, called circparam")
     mark_seams: bpy.props.BoolProperty(name="Mark new seams", default=False,
