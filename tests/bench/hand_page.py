@@ -146,7 +146,7 @@ def lods() -> list[Line]:
             found, at = one.result.verification, f"{name} at {100 * share:.0f} %"
             out.append(Line(f"{at}: faces turned over", found.flips, "", "<= 0"))
             out.append(Line(f"{at}: overlaps", found.overlap, "", "<= 0"))
-            detail = f"{one.least:.2f} at least, as the mesh folds; {one.anew} faces in free room"
+            detail = f"{one.least:.2f} at least without flips; {one.anew} faces in free room"
             out.append(Line(f"{at}: drift", one.drift, "texels of 2048", "<= 2", detail))
             if share == SHARES[0]:
                 second = make_scene(p, f, one.result.uv, one.result.uv_faces)
