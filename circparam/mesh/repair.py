@@ -11,6 +11,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.plural import counted, plural
 from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
+from circparam.mesh.frame import frame_of
 from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.orientation import Orientation, orient
@@ -32,8 +33,8 @@ class RepairOptions:
 
     weld_eps: distance in units of the mesh up to which vertices count as one (0: exactly the same position
     only). allow: False raises TopologyError if anything would have to be repaired. by_position: faces and
-    their corners enter in an order by positions alone (ties by number). The result of a search then does not
-    depend on the order of the file.
+    their corners enter in an order by places in the frame of the surface alone (ties by number). The result of
+    a search then depends neither on the order nor on the pose of the file.
     """
 
     weld_eps: float = 0.0
@@ -194,15 +195,17 @@ def _joined(
 
     points: (n, 3) as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is.
     """
-    first = None
-    if by_position:
-        kept, first = _by_position(mesh.rank[welded], kept)
-    faces = _rotated(welded[kept], first)
-    polygons = None if mesh.polygons is None else mesh.polygons[kept]
-    drawn = None if uv is None else _rotated(uv[kept], first)
     # by the ranks of their positions, points have the same order however the file numbers them
     ranked = np.empty((int(mesh.rank.max()) + 1, 3))
     ranked[mesh.rank] = points
+    first = None
+    if by_position:
+        place = np.empty(len(ranked), np.int64)
+        place[frame_of(points, welded[kept]).order(ranked)] = np.arange(len(ranked))
+        kept, first = _by_position(place[mesh.rank[welded]], kept)
+    faces = _rotated(welded[kept], first)
+    polygons = None if mesh.polygons is None else mesh.polygons[kept]
+    drawn = None if uv is None else _rotated(uv[kept], first)
     pairs = pair_half_edges(ranked, mesh.rank[faces], polygons, drawn)
     if polygons is not None:
         _refuse_closed(mesh, polygons, pairs, kept)

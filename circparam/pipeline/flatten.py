@@ -11,6 +11,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OutOfTimeError, TopologyError
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.frame import frame_of
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.pipeline.cascade import FAULTY, Cascade, CascadeRules
@@ -21,7 +22,7 @@ from circparam.pipeline.options import DEFAULT_BOUND, Options
 from circparam.pipeline.pinned import pins_of
 from circparam.seams import SEAMS
 from circparam.seams.constraints import constrain
-from circparam.seams.options import Seams
+from circparam.seams.options import SeamOptions, Seams
 
 CHARTS_COST = 10.0  # seconds that charts take at least over those of the repair: 20 on many meshes
 # errors of numerical methods on meshes beyond double precision
@@ -35,7 +36,7 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
     try:
         with clock.bounded(monitor.last if free else None):
             _worth_beginning(monitor)
-            return SEAMS[job.options.cut].function(job.surface, asked, monitor)
+            return _in_own_frame(job.surface, asked, job.options.cut, monitor)
     except (*NUMERICAL, OutOfTimeError) as error:
         if not free:
             raise
@@ -44,6 +45,19 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
         how = "projecting" if isinstance(error, OutOfTimeError) else "halving"
         why = f"charts were made by {how} ({str(error).partition(':')[0]})"
         return Seams(forced, _no_layout(job.surface), [*notes, why])
+
+
+def _in_own_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Monitor) -> Seams:
+    """Seams found in the frame of the surface, where the pose and the unit of a file change nothing.
+
+    The axes of a symmetry are those of the file.
+    """
+    if asked.symmetry is not None:
+        return SEAMS[cut].function(surface, asked, monitor)
+    frame = frame_of(surface.points, surface.faces)
+    own = replace(surface, points=frame.inside(surface.points))
+    seams = SEAMS[cut].function(own, asked, monitor)
+    return seams if seams.uv is None else replace(seams, uv=seams.uv * frame.unit)
 
 
 def _worth_beginning(monitor: Monitor) -> None:
