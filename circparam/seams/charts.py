@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -24,7 +23,6 @@ from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
-from circparam.seams.hard.rival import Rival
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import weighted, with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
@@ -244,17 +242,14 @@ def _first_atlas(
         surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~hard
-    # what needs no seam needs no second way either: a disk may need none; of what is none both are made at once
-    cut_mesh, unit = atlas.cut_mesh(), float(np.sqrt(surface.areas[doubtful].sum()))
+    # a disk may need no seam, and no second way then; of other components both are made at once
+    cut_mesh = atlas.cut_mesh()
     ways = {"hard": hard, "doubtful": doubtful}
-    same = doubtful.any() and not (rest & ~doubtful).any()
     disks = (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any()
     ways[LEFT if disks else "grown"] = rest
-    rival = partial(Rival.of, unit=unit) if same else None
-    made = made_ways(surface, ways, bound, options, monitor, notes, rival)
+    made = made_ways(surface, ways, bound, options, monitor, notes)
     other, parts = made.get("doubtful"), []
     rest = left_by(other, doubtful, rest)
-    outdone = rest.any() and "grown" not in made
     if "hard" in made:
         atlas.put(hard, made["hard"])
         parts.append((hard, made["hard"].prices))
@@ -262,8 +257,8 @@ def _first_atlas(
         atlas.put(rest, made["grown"])
     if other is not None:
         plain = doubtful & ~rest
-        atlas.put(doubtful if outdone else plain, other if outdone else other.part(plain[doubtful]))
-        taken = doubtful if outdone else plain | take_better(atlas, doubtful, other)
+        atlas.put(plain, other.part(plain[doubtful]))
+        taken = plain | take_better(atlas, doubtful, other)
         parts.append((taken, other.part(taken[doubtful]).prices))
     if any(faces.any() for faces, _ in parts):
         atlas.prices = hard_prices(surface, parts)

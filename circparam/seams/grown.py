@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +26,8 @@ from circparam.seams.finish import (
     finish,
     plain_finished,
 )
-from circparam.seams.hidden import prices_beside, with_prices
-from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
+from circparam.seams.hidden import with_prices
+from circparam.seams.multires.decimate import Proxy, decimate, priced, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
@@ -36,7 +35,6 @@ from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import (
-    Starting,
     better_in_all,
     decide,
     merge_on,
@@ -78,11 +76,10 @@ def grown_atlas(
     monitor: Monitor,
     notes: list[str],
     target: int | None = None,
-    check: Callable[[list[Atlas]], None] | None = None,
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
 
-    Components that need no seam are told on the surface itself. check: see ``Starting``; its errors come out.
+    Components that need no seam are found on the surface itself.
     """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
@@ -103,16 +100,17 @@ def grown_atlas(
         if not bent.all():
             monitor.keep(atlas.part(~bent), sound=False)
     if bent.all():
-        decided = _decided(surface, bound, options, worker, monitor, _How(target, check=check))
+        decided = _decided(surface, bound, options, worker, monitor, target)
     else:
         if some := bent.any():  # what is nearly flat needs no seam that could be hidden
             atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if some:
-            own, how = surface.part(bent), _How(target, on=False)
+            own = surface.part(bent)
             if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
                 surface.forget()
-            decided = beside(decided, bent, _decided(own, bound, options, worker, monitor, how))
+            part = _decided(own, bound, options, worker, monitor, target, on=False)
+            decided = beside(decided, bent, part)
     return _finished(decided, bound, options, worker, monitor, notes)
 
 
@@ -174,24 +172,20 @@ def _as_begun(decided: Decided, ahead: DeferredTask, monitor: Monitor) -> Decide
     return decided._replace(atlas=atlas, plain=None, relaxed=relaxed)
 
 
-class _How(NamedTuple):
-    """How seams are decided. target: faces of the proxy, None as its size has it. on: whether charts are merged
-    on there where that may be gone back on. check: see ``grown_atlas``."""
-
-    target: int | None = None
-    on: bool = True
-    check: Callable[[list[Atlas]], None] | None = None
-
-
 def _decided(
     surface: Surface,
     bound: float,
     options: SeamOptions,
     worker: Worker,
     monitor: Monitor,
-    how: _How = _How(),  # noqa: B008
+    target: int | None = None,
+    on: bool = True,
 ) -> Decided:
-    """Seams before the last relaxation, decided on the surface or on its proxy."""
+    """Seams before the last relaxation, decided on the surface or on its proxy.
+
+    target: faces of the proxy, None as its size has it. on: whether charts are merged on there if that may be
+    gone back on.
+    """
     if complexity(surface) > LOOPS:
         surface = with_prices(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
@@ -199,33 +193,29 @@ def _decided(
             found = _decided(closed, bound, options, worker, monitor)
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
-    twice = how.on and how.target is None
+    twice = on and target is None
     twice &= (
         options.max_charts is None and options.min_chart_faces == 1 and not options.search.draft
     )
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
-    prices = prices_beside(surface, options, monitor)
-    proxy = None
+    proxy, most = None, options.max_charts
+
+    def prices() -> FloatArray | None:
+        fine = with_prices(surface, options, monitor)
+        return fine.price if proxy is None else priced(proxy.surface, fine, proxy.cell).price
+
+    how = most, worker, monitor, options.search, prices
     with monitor.stage("charts"):
         if count > (DRAFT_FACES if options.search.draft else DIRECT_FACES):
-            target = how.target or proxy_faces(surface, options.search.draft)
-            proxy = decimate(surface, target) if target < count else None
+            fewer_faces = target or proxy_faces(surface, options.search.draft)
+            proxy = decimate(surface, fewer_faces) if fewer_faces < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            most, starting = (
-                options.max_charts,
-                Starting(prices, how.check, options.search),
-            )
-            atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
-            return Decided(atlas, graph)
-        if prices is not None:
-            prices.proxy = proxy
+            proxy = None
+            return Decided(decide(surface, bound, MARGIN, *how), graph)
         inner = 1 + (bound - 1) * (1 - SLACK)
         with _before_transfer(monitor):
-            most = options.max_charts
-            starting = Starting(prices, how.check, options.search)
-            how_decided = inner, PROXY_MARGIN, most, worker, monitor, starting
-            search = partial(decide, proxy.surface, *how_decided)
+            search = partial(decide, proxy.surface, inner, PROXY_MARGIN, *how)
             coarse = other = in_time(proxy.surface, search, monitor)
             if twice and not monitor.expired:
                 other = in_time(proxy.surface, partial(_merged_on, coarse, inner, monitor), monitor)
@@ -290,13 +280,11 @@ def _from_level(
     with monitor.stage("charts"):
         level = decimate(surface, level_faces(surface))
     middle = level.surface
-    prices = prices_beside(middle, options, monitor)
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
         rough = UNEVEN * roughness(surface, middle, near)
         lost = min(rough, MOST_LOST * (bound - 1))
-    if prices is not None:
-        middle = dataclasses.replace(middle, price=prices.result())
+    middle = with_prices(middle, options, monitor)
     inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
     with _before_transfer(monitor):
         tried = _levels(middle, inner, options, worker, monitor)

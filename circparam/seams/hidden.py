@@ -8,10 +8,9 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import DeferredTask, Worker
+from circparam.core.workers import Worker
 from circparam.geometry.visibility import PARTS, edge_shares
 from circparam.mesh.surface import Surface
-from circparam.seams.multires.decimate import Proxy, priced
 from circparam.seams.options import SeamOptions
 
 DIRECTIONS = 64
@@ -24,42 +23,11 @@ FREE = 1e-3  # least price of an edge, in its lengths
 POWER = 4.0  # of the share in the price, at full strength
 
 
-def asked_beside(surface: Surface, strength: float, monitor: Monitor) -> FloatArray:
-    """As ``hiding_prices``, for a process that has nothing else to do. monitor: not asked, it is soon done."""
-    return hiding_prices(surface, strength)
-
-
 def shares_of_part(
     surface: Surface, count: int, part: int, parts: int, monitor: Monitor
 ) -> FloatArray:
     """(e,) what one of so many parts of the directions has in the share of each edge. monitor: not asked."""
     return edge_shares(surface, count, PIXELS, turn=slice(part, None, parts))
-
-
-class PricesBeside:
-    """Prices of the edges of a surface by what is seen of it: found by an idle process, if any.
-
-    proxy: those of its edges are asked for, where there is one.
-    """
-
-    def __init__(self, surface: Surface, strength: float, monitor: Monitor) -> None:
-        self._surface, self._monitor = surface, monitor
-        self.proxy: Proxy | None = None
-        # what a surface keeps beside its fields need not be sent
-        task = (replace(surface), strength)
-        self._later = DeferredTask(monitor.jobs, asked_beside, task, monitor)
-
-    def begin(self) -> None:
-        """Find them beside what follows, where a process has nothing to do."""
-        self._later.begin()
-
-    def result(self) -> FloatArray | None:
-        """(e,) the prices of the edges, of the proxy where there is one."""
-        with self._monitor.stage("visibility"):
-            fine = replace(self._surface, price=self._later.result())
-            if self.proxy is None:
-                return fine.price
-            return priced(self.proxy.surface, fine, self.proxy.cell).price
 
 
 def hiding_prices(surface: Surface, strength: float, monitor: Monitor | None = None) -> FloatArray:
@@ -107,12 +75,3 @@ def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
     """Whether prices by visibility are asked for, there are none yet, and there is time for them."""
     short = monitor.short(VISIBLE * monitor.seconds.get("repair", 0.0))
     return bool(options.hide_seams) and surface.price is None and not short
-
-
-def prices_beside(surface: Surface, options: SeamOptions, monitor: Monitor) -> PricesBeside | None:
-    """Prices of a surface that has none yet, begun beside what needs none."""
-    if not _wanted(surface, options, monitor):
-        return None
-    prices = PricesBeside(surface, options.hide_seams or 0.0, monitor)
-    prices.begin()
-    return prices

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Mapping
-
-import numpy as np
+from collections.abc import Mapping
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
@@ -14,7 +11,6 @@ from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import hard_atlas, with_seams
-from circparam.seams.hard.rival import Outdone, Rival
 from circparam.seams.options import SeamOptions
 from circparam.seams.reached import in_time
 
@@ -31,29 +27,18 @@ def made_ways(
     options: SeamOptions,
     monitor: Monitor,
     notes: list[str],
-    rival: Callable[[Atlas], Rival] | None = None,
 ) -> dict[str, Atlas]:
     """The atlas of some faces for each way, by its name; all but one made by processes that are idle.
 
     ways: (m,) bool, the faces of each: "grown", or else hard; what is empty, or left out for want of time, is
     missing in the result. In place of "grown" may stand LEFT, of which that is what "doubtful" leaves
-    (``left_by``): it is known and made next, beside what is hard. notes: get what is said of them. rival: made
-    of "doubtful", what "grown" has to beat to be gone on with: else that is missing too.
+    (``left_by``): it is known and made next, beside what is hard. notes: get what is said of them.
     """
     parts = {n: surface.part(faces) for n, faces in ways.items() if faces.any() and n != LEFT}
     later: dict[str, DeferredTask] = {}
 
-    # of the doubtful faces those that are grown as well
-    asked = np.ones(int(ways["doubtful"].sum()), bool)
-
-    def check(merged: list[Atlas]) -> None:
-        way = later["doubtful"].result()
-        if way is not None and rival is not None:
-            rival(Atlas(parts["doubtful"], *way[:-1]).part(asked)).face(merged)
-
     def put_off(name: str) -> None:
-        facing = check if name == "grown" and rival is not None else None
-        task = (name, parts[name], bound, options, facing)
+        task = name, parts[name], bound, options
         later[name] = DeferredTask(monitor.jobs, one_way, task, monitor)
 
     for name in parts:
@@ -61,24 +46,21 @@ def made_ways(
     order = sorted(parts, key=lambda name: len(parts[name].faces))
     here = "doubtful" if LEFT in ways else order[-1]
     for name in reversed(order):
-        small = len(parts[name].faces) <= SENT
-        if name != here and small and (name != "grown" or rival is None):
+        if name != here and len(parts[name].faces) <= SENT:
             later[name].begin()
     if LEFT in ways:
         way = later[here].result()
         other = None if way is None else Atlas(parts[here], *way[:-1])
         faces = left_by(other, ways[here], ways[LEFT])
-        asked = faces[ways[here]]
         if faces.any():
             parts["grown"] = surface.part(faces)
             put_off("grown")
     found = {}
     for name in sorted(parts, key=lambda name: (later[name].begun, name == "hard")):
-        with contextlib.suppress(Outdone):
-            way = later[name].result()
-            if way is not None:
-                found[name] = way
-                monitor.keep(Atlas(parts[name], *way[:-1]))  # as processes do not
+        way = later[name].result()
+        if way is not None:
+            found[name] = way
+            monitor.keep(Atlas(parts[name], *way[:-1]))  # as processes do not
     for name in ORDER:
         notes += found[name][-1] if name in found else []
     return {name: Atlas(parts[name], *way[:-1]) for name, way in found.items()}
@@ -100,20 +82,16 @@ def one_way(
     surface: Surface,
     bound: float,
     options: SeamOptions,
-    check: Callable[[list[Atlas]], None] | None,
     monitor: Monitor,
 ) -> tuple[BoolArray, FloatArray, SeamPrices | None, list[str]] | None:
-    """(cut, corners, prices, notes) of an atlas; None where it can be done without and time is up.
-
-    check: as ``grown_atlas`` has it; what it raises comes out here.
-    """
+    """(cut, corners, prices, notes) of an atlas; None where it can be done without and time is up."""
     if name in SPARE and monitor.expired:
         return None
     notes: list[str] = []
 
     def search() -> Atlas:
         if name == "grown":
-            return grown_atlas(surface, bound, options, monitor, notes, check=check)
+            return grown_atlas(surface, bound, options, monitor, notes)
         worker = Worker(monitor.jobs if len(surface.faces) > PARTED else 1)
         return hard_atlas(surface, bound, options, worker, monitor, notes)
 

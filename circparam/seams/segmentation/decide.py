@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +14,6 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FAIR, ROUGH
-from circparam.seams.hidden import PricesBeside
 from circparam.seams.options import USUAL, Search
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
@@ -40,19 +37,6 @@ FEW_STEPS = 15  # that maps onto a circle need which are nearly flat: of ten mes
 ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
 
 
-class Starting(NamedTuple):
-    """What goes beside a search. prices: of the edges of the surface, found meanwhile where it has none yet.
-    check: called with the atlases of all starts when their charts have merged, where they are of all the
-    surface; it may raise what ends the search. search: see ``Search``."""
-
-    prices: PricesBeside | None = None
-    check: Callable[[list[Atlas]], None] | None = None
-    search: Search = USUAL
-
-
-ALONE = Starting()
-
-
 def decide(
     surface: Surface,
     bound: float,
@@ -60,38 +44,31 @@ def decide(
     max_charts: int | None,
     worker: Worker,
     monitor: Monitor,
-    starting: Starting = ALONE,
+    search: Search = USUAL,
+    prices: Callable[[], FloatArray | None] | None = None,
 ) -> Atlas:
-    """Decide seams on the surface itself: components that are good charts as they are stay whole."""
-    prices = starting.prices
+    """Decide seams on the surface itself: components that are good charts as they are stay whole.
+
+    prices: gives those of the edges of a surface without, asked for once there are seams to move.
+    """
     atlas = Atlas(surface.unpriced(), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
     if not rest.all():
         monitor.keep(atlas.part(~rest))
     if rest.any():
         part = surface.part(rest)
-        # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
-        plain = part.unpriced()
-        begin = partial(_begin, starting, bool(rest.all()))
-        merging = MergeOptions(bound, margin=margin, search=starting.search)
-        best = searched(plain, merging, worker, monitor, begin)
-        if prices is not None:
-            part = replace(surface, price=prices.result()).part(rest)
-        if part.price is not None:
+        # visibility does not predict which charts merge: charts are decided by length alone
+        merging = MergeOptions(bound, margin=margin, search=search)
+        best = searched(part.unpriced(), merging, worker, monitor)
+        if not search.draft:
+            if prices is not None and surface.price is None:
+                part = replace(surface, price=prices()).part(rest)
             best = Atlas(part, best.cut, best.corners)
             move_seams(best, bound, margin, monitor)
         atlas.put(rest, best)
     if max_charts is not None:
         reach_count(atlas, bound, max_charts, monitor)
     return atlas
-
-
-def _begin(starting: Starting, whole: bool, merged: list[Atlas]) -> None:
-    """What is done when charts of all starts have merged. whole: they are of all the surface."""
-    if whole and starting.check is not None:
-        starting.check(merged)
-    if starting.prices is not None:
-        starting.prices.begin()
 
 
 def whole_components(atlas: Atlas, bound: float) -> BoolArray:

@@ -15,9 +15,6 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    edge_keys,
-    group_max,
-    group_min,
     group_sum,
 )
 from circparam.core.graph import matching
@@ -32,7 +29,7 @@ from circparam.seams.segmentation.glues import (
     rings_of,
 )
 from circparam.seams.segmentation.layout import chart_parts
-from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
+from circparam.seams.segmentation.state import Arcs, arcs_of
 from circparam.seams.segmentation.unions import (
     MANY,
     MergeOptions,
@@ -49,7 +46,6 @@ HARDLY = 50  # if fewer than one in so many charts was merged in them
 FREE_WORK = 60_000  # faces: what trials on small surfaces hold costs little
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
 SHARE = 0.5  # of the search for charts that merging is
-SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
 DRAFT_ROUNDS = 8  # of a draft: most charts that merge at all have done so by then
 TIE = 0.2  # candidates whose scores differ by less are tried in another order by another draw
 
@@ -181,29 +177,6 @@ class Merger:
         of_arc = np.zeros(len(arcs.left))
         of_arc[chosen[alone]] = lower_bound[alone]
         self.lower_bound[arcs.edge] = np.maximum(self.lower_bound[arcs.edge], of_arc[arcs.arc])
-
-    def seams_moved(self, before: IntArray, arcs: Arcs) -> None:
-        """Transfer what was learnt over to seams that were shortened.
-
-        before: (m,) charts when ``arcs`` were taken. What is known of all arcs of a pair of charts holds,
-        less SLACK, for the arcs that the same pair has now.
-        """
-        c = self.atlas
-        n, chart = c.charts()
-        width = int(before.max()) + 1
-        lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
-        pairs, pair = np.unique(arcs.left * width + arcs.right, return_inverse=True)
-        least = group_min(lower_bound, pair.reshape(-1), len(pairs))
-        main = main_parts(chart, before, c.surface.areas)
-        was = np.zeros(n, np.int64)
-        was[chart[main]] = before[main]
-        now = arcs_of(c, chart, self.options.cone)
-        left, right = was[now.left], was[now.right]
-        key = edge_keys(left, right, width)
-        at = np.minimum(np.searchsorted(pairs, key), len(pairs) - 1)
-        known = np.where(pairs[at] == key, least[at], 0.0)
-        self.lower_bound[:] = 0
-        self.lower_bound[now.edge] = (1 - SLACK) * known[now.arc]
 
     def _try(
         self,
