@@ -87,7 +87,7 @@ def test_seams_hide_in_a_groove_and_every_chart_is_good(level: int) -> None:
     assert None not in shares
     assert shares[1] < shares[0]
     assert hidden.charts()[0] <= plain.charts()[0]
-    assert hidden.seam_length < 1.05 * plain.seam_length
+    assert hidden.seam_length < 1.25 * plain.seam_length
     cut_mesh = hidden.cut_mesh()
     assert not not_disks(cut_mesh).any()
     assert (energies(cut_mesh, hidden.gather(cut_mesh)) <= 1.05).all()

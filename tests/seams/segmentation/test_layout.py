@@ -14,7 +14,6 @@ from circparam.seams.segmentation.layout import (
     lay_out_again,
     lay_out_fresh,
 )
-from circparam.seams.segmentation.shorten_seams import shorten_seams
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import (
@@ -143,48 +142,6 @@ def test_faces_that_changed_their_chart_are_laid_out_beside_their_new_neighbours
     flat = atlas.surface.points[atlas.surface.faces][:, :, :2]
     own = np.where((chart == 1)[:, None, None], flat @ np.array([[0.0, 1], [-1, 0]]), flat)
     assert np.allclose(edge, np.diff(own, axis=1), atol=1e-6)
-
-
-def test_seams_are_shortened_where_all_charts_stay_good() -> None:
-    atlas = jagged()
-    laid = shorten_seams(atlas, 1.01, FINE)
-    assert np.array_equal(atlas.cut, straight(atlas))
-    assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-9)
-    pinned = jagged()
-    was = pinned.cut.copy()
-    shorten_seams(pinned, 1.01, FINE, pinned=np.ones(len(was), bool))
-    assert np.array_equal(pinned.cut, was)
-
-
-def test_seams_that_would_spoil_a_chart_stay_and_so_does_its_layout() -> None:
-    """Beside a half ball, bad before and after, and part of the same layout."""
-    flat = shapes.grid(9, 9)
-    round_ = shapes.hemisphere(4)
-    surface = surface_of(*shapes.join(flat, (round_[0] + [3.0, 0, 0], round_[1])))
-    one = jagged()
-    cut = np.zeros(len(surface.edges), bool)
-    cut[: len(one.cut)] = one.cut
-    atlas = Atlas(surface, cut)
-    assert np.array_equal(surface.edges[: len(one.cut)], one.surface.edges)
-    lay_out_fresh(atlas, None, FINE)
-    corners = atlas.corners.copy()
-    laid = shorten_seams(atlas, 1.0001, FINE)
-    # the half ball is above the bound before and after, and no seam of its own moves
-    assert laid.bad(1.0001).sum() == 1
-    ball = np.arange(len(surface.faces)) >= len(one.surface.faces)
-    assert np.array_equal(atlas.corners[ball], corners[ball])
-    assert np.array_equal(atlas.cut[: len(one.cut)], straight(one))
-
-
-def test_a_bound_that_no_chart_can_keep_moves_nothing() -> None:
-    """Every chain would end beside a bad chart: the seams and the layout are what they were."""
-    atlas = jagged()
-    bound = 1.0 - 1e-9  # nothing is below it
-    was, corners = atlas.cut.copy(), atlas.corners.copy()
-    laid = shorten_seams(atlas, bound, FINE)
-    assert np.array_equal(atlas.cut, was)
-    assert np.array_equal(atlas.corners, corners)
-    assert laid.energy == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize("spoilt", [[True, True], [True, False], [False, False]])
