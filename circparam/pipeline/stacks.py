@@ -11,12 +11,15 @@ from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.formats.document import Document
 from circparam.geometry.congruent import Congruent, find_congruent
+from circparam.geometry.distortion import measure
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.groups import Groups
 from circparam.pipeline.options import Options
 from circparam.pipeline.seam_weights import edge_weights
-from circparam.pipeline.verify import Declared, Verification
+from circparam.pipeline.verify import BOUND_SLACK, Declared, Verification, corners_of, uv_seams
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +149,16 @@ def _named(
         weights = edge_weights(document, surface, report, options.seam_weights)
         inside[surface.edges[weights != 1] // 3] = True
     return surface.whole_components(inside)
+
+
+def copies_hold(stacks: Stacks, uvmap: UVMap, bound: float) -> bool:
+    """Whether copies keep to the bound where they lie.
+
+    Flats of a copy may be drawn with other diagonals than those that were relaxed.
+    """
+    whole = stacks.whole.at_density()
+    cut_mesh, uv = Atlas(whole, uv_seams(whole, uvmap), corners_of(whole, uvmap)[0]).open()
+    return bool(measure(cut_mesh, uv).charts["sd"].max() <= bound * (1 + BOUND_SLACK))
 
 
 def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:

@@ -42,6 +42,7 @@ from circparam.pipeline.result import Effort, Result, status_of, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.seam_visibility import SeamVisibility
 from circparam.pipeline.searches import best_layout, with_room
+from circparam.pipeline.stacks import copies_hold
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 
 # Time after a stage as a multiple of the seconds of the repair, which visits the same mesh on the same
@@ -116,8 +117,22 @@ def _unwrapped(
 def _searched(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
     """The layout as it will be stored, and the searches.
 
-    Charts of a draft may be longer than pages of a size that is fixed; those of a full search may fit.
+    Copies drawn with other diagonals may come above the bound, unless their original keeps to half its excess.
     """
+    options = job.options
+    fitted, effort = _searched_to_fit(job, monitor)
+    if options.bound is None or job.stacks is None or monitor.expired:
+        return fitted, effort
+    if copies_hold(job.stacks, fitted.uvmap, options.bound):
+        return fitted, effort
+    checkpoint.forget(job)
+    stricter = replace(options, max_distortion=(1 + options.bound) / 2)
+    return _searched_to_fit(replace(job, options=stricter), monitor)
+
+
+def _searched_to_fit(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
+    """As ``_searched``. Charts of a draft may be longer than pages of a size that is fixed; those of a full
+    search may fit."""
     options = job.options
     try:
         return _searched_once(job, monitor)

@@ -45,7 +45,7 @@ from circparam.seams.segmentation.decide import (
 from circparam.seams.segmentation.enforce import breaks_up
 from circparam.seams.segmentation.grow import DualGraph, dual_graph
 from circparam.seams.segmentation.starts import LOOPS
-from circparam.seams.segmentation.unions import ENOUGH
+from circparam.seams.segmentation.unions import ENOUGH, MergeOptions
 from circparam.seams.stretch import best_held, held_level
 from circparam.solvers.newton import RelaxOptions
 
@@ -205,17 +205,19 @@ def _decided(
         fine = with_prices(surface, options, monitor)
         return fine.price if proxy is None else priced(proxy.surface, fine, proxy.cell).price
 
-    how = most, worker, monitor, options.search, prices
+    how = most, worker, monitor, prices
     with monitor.stage("charts"):
         if count > (DRAFT_FACES if options.search.draft else DIRECT_FACES):
             fewer_faces = target or proxy_faces(surface, options.search.draft)
             proxy = decimate(surface, fewer_faces) if fewer_faces < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             proxy = None
-            return Decided(decide(surface, bound, MARGIN, *how), graph)
+            merging = MergeOptions(bound, margin=MARGIN, search=options.search)
+            return Decided(decide(surface, merging, *how), graph)
         inner = 1 + (bound - 1) * (1 - SLACK)
+        merging = MergeOptions(inner, margin=PROXY_MARGIN, search=options.search)
         with _before_transfer(monitor):
-            search = partial(decide, proxy.surface, inner, PROXY_MARGIN, *how)
+            search = partial(decide, proxy.surface, merging, *how)
             coarse = other = in_time(proxy.surface, search, monitor)
             if twice and not monitor.expired:
                 other = in_time(proxy.surface, partial(_merged_on, coarse, inner, monitor), monitor)

@@ -41,9 +41,8 @@ def test_floaters_get_a_patch_of_their_own_and_the_file_stays_whole(
     assert (report["dropped_components"], report["dropped_faces"]) == (12, 48)
     assert any(note.startswith("12 components left out") for note in result.notes)
     assert report["charts"] == alone.measures["charts"]
-    assert (report["pack"], report["gap_texels"]) == pytest.approx(
-        (alone.measures["pack"], alone.measures["gap_texels"])
-    )
+    assert report["seam_length"] == pytest.approx(alone.measures["seam_length"])
+    assert report["gap_texels"] is None or report["gap_texels"] >= padding + 1
     back = read(path)
     assert len(back.mesh.faces) == len(f)
     uvmap = back.uv()

@@ -167,7 +167,7 @@ def test_numbers_count_polygons_as_the_file_does(tmp_path: Path) -> None:
         "f 1/1 2/2 5/5 4/4\nf 2/2 3/3 6/6 5/5\n"
     )
     result = circparam.unwrap(path, only=[1], **QUICK)
-    assert result.surface.source[result.kept.fresh].tolist() == [2, 3]
+    assert sorted(result.surface.source[result.kept.fresh].tolist()) == [2, 3]
 
 
 def test_pack_moves_no_locked_chart_and_packs_the_others_round_it(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FAIR, ROUGH
-from circparam.seams.options import USUAL, Search
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.move import move_seams
@@ -39,12 +38,10 @@ ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may n
 
 def decide(
     surface: Surface,
-    bound: float,
-    margin: float,
+    merging: MergeOptions,
     max_charts: int | None,
     worker: Worker,
     monitor: Monitor,
-    search: Search = USUAL,
     prices: Callable[[], FloatArray | None] | None = None,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole.
@@ -52,22 +49,21 @@ def decide(
     prices: gives those of the edges of a surface without, asked for once there are seams to move.
     """
     atlas = Atlas(surface.unpriced(), np.zeros(len(surface.edges), bool))
-    rest = ~whole_components(atlas, bound)
+    rest = ~whole_components(atlas, merging.bound)
     if not rest.all():
         monitor.keep(atlas.part(~rest))
     if rest.any():
         part = surface.part(rest)
         # visibility does not predict which charts merge: charts are decided by length alone
-        merging = MergeOptions(bound, margin=margin, search=search)
         best = searched(part.unpriced(), merging, worker, monitor)
-        if not search.draft:
+        if not merging.search.draft:
             if prices is not None and surface.price is None:
                 part = replace(surface, price=prices()).part(rest)
             best = Atlas(part, best.cut, best.corners)
-            move_seams(best, bound, margin, monitor)
+            move_seams(best, merging.bound, merging.margin, monitor)
         atlas.put(rest, best)
     if max_charts is not None:
-        reach_count(atlas, bound, max_charts, monitor)
+        reach_count(atlas, merging.bound, max_charts, monitor)
     return atlas
 
 
