@@ -6,15 +6,22 @@ from typing import Any
 
 from circparam.core.imports import alone
 
-with alone("scipy.fft"):
-    from scipy.fft._pocketfft import (  # type: ignore[import-not-found]
-        ifft,
-        irfft,
-        irfftn,
-        rfft,
-        rfftn,
-    )
-    from scipy.fft._pocketfft.helper import good_size  # type: ignore[import-not-found]
+try:
+    with alone("scipy.fft"):
+        from scipy.fft._pocketfft import (  # type: ignore[import-not-found]
+            ifft,
+            irfft,
+            irfftn,
+            rfft,
+            rfftn,
+        )
+        from scipy.fft._pocketfft.helper import good_size  # type: ignore[import-not-found]
+except ImportError:  # modules that are private to SciPy, in a version that has them elsewhere
+    from scipy.fft import ifft, irfft, irfftn, next_fast_len, rfft, rfftn
+
+    def good_size(target: int, real: bool) -> int:
+        """A size from ``target`` on whose transform is fast."""
+        return int(next_fast_len(target, real))
 
 
 def rfft2(a: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import islice
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sps
@@ -58,12 +58,19 @@ class Factor:
 
 def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
     """As ``scipy.sparse.linalg.splu`` with diagonal pivots, which would import 80 modules."""
-    matrix.sum_duplicates()
     n = matrix.shape[0]
+    panel = 1 if n <= SMALL else None  # panels pay on large matrices only
+    if gstrf is None:
+        from scipy.sparse.linalg import splu
+
+        columns: Any = order
+        whole: SuperLU = splu(matrix, columns, 0.0, None, panel, {"SymmetricMode": True})
+        return whole
+    matrix.sum_duplicates()
     options = {
         "ColPerm": order,
         "DiagPivotThresh": 0.0,
-        "PanelSize": 1 if n <= SMALL else None,  # panels pay on large matrices only
+        "PanelSize": panel,
         "Relax": None,
         "SymmetricMode": True,
     }

@@ -103,3 +103,36 @@ def test_a_mesh_of_one_chart_loads_nothing_that_only_others_need(tmp_path: Path)
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip().splitlines()[-1] == "[]"
+
+
+ELSEWHERE = """
+import builtins
+import sys
+
+found = builtins.__import__
+
+def found_elsewhere(name, scope=None, *rest):
+    mine = (scope or {}).get("__name__", "").startswith("circparam.")
+    if mine and name.startswith("scipy.") and "._" in name:
+        raise ModuleNotFoundError(name)
+    return found(name, scope, *rest)
+
+if sys.argv[1] == "moved":
+    builtins.__import__ = found_elsewhere
+import circparam
+from circparam.core import linalg
+from tests.support import shapes
+result = circparam.unwrap(shapes.noisy(*shapes.icosphere(2), amount=0.1), jobs=1, resolution=256)
+print(linalg.gstrf is None, sorted(result.measures.items()))
+"""
+
+
+def test_a_scipy_whose_private_modules_are_elsewhere_gives_the_same() -> None:
+    outputs = []
+    for where in ("here", "moved"):
+        command = [sys.executable, "-c", ELSEWHERE, where]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        outputs.append(done.stdout.split(maxsplit=1))
+    assert [fallback for fallback, _ in outputs] == ["False", "True"]
+    assert outputs[0][1] == outputs[1][1]
