@@ -36,7 +36,7 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
     try:
         with clock.bounded(monitor.last if free else None):
             _worth_beginning(monitor)
-            return _in_own_frame(job.surface, asked, job.options.cut, monitor)
+            return seams_in_frame(job.surface, asked, job.options.cut, monitor)
     except (*NUMERICAL, OutOfTimeError) as error:
         if not free:
             raise
@@ -47,7 +47,7 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
         return Seams(forced, _no_layout(job.surface), [*notes, why])
 
 
-def _in_own_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Monitor) -> Seams:
+def seams_in_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Monitor) -> Seams:
     """Seams found in the frame of the surface, where the pose and the unit of a file change nothing.
 
     The axes of a symmetry are those of the file.

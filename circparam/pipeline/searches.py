@@ -22,11 +22,10 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import seam_options
-from circparam.pipeline.flatten import rules, with_straight
+from circparam.pipeline.flatten import rules, seams_in_frame, with_straight
 from circparam.pipeline.job import Job
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Effort
-from circparam.seams import SEAMS
 from circparam.seams.cost import COST
 from circparam.seams.options import SeamOptions, Search
 from circparam.seams.segmentation.weigh import share_over
@@ -109,7 +108,7 @@ def searched(
     )  # a late search here does not make the first search late
     try:
         asked = replace(asked, search=Search(asked.search.draft, number))
-        seams = SEAMS[options.cut].function(surface, asked, own)
+        seams = seams_in_frame(surface, asked, options.cut, own)
         atlas = with_straight(Atlas(surface.at_density(), seams.cut, seams.uv), options)
         cascade = Cascade(atlas, rules(options), notes=tuple(seams.notes))
         cascade = with_room(cascade, options, own)
