@@ -62,16 +62,16 @@ def select(*objects):
     bpy.context.view_layer.objects.active = objects[0]
 
 
-def pick(ob, faces):
-    """Select these polygons and no others, and edit the object."""
+def pick(faces, *objects):
+    """Select these polygons of each object and no others, and edit the objects."""
     bpy.context.tool_settings.mesh_select_mode = (False, False, True)
-    mesh = ob.data
-    for collection in (mesh.vertices, mesh.edges):
-        collection.foreach_set("select", np.zeros(len(collection), bool))
-    chosen = np.zeros(len(mesh.polygons), bool)
-    chosen[faces] = True
-    mesh.polygons.foreach_set("select", chosen)
-    select(ob)
+    for mesh, own in zip((ob.data for ob in objects), faces, strict=True):
+        for collection in (mesh.vertices, mesh.edges):
+            collection.foreach_set("select", np.zeros(len(collection), bool))
+        chosen = np.zeros(len(mesh.polygons), bool)
+        chosen[own] = True
+        mesh.polygons.foreach_set("select", chosen)
+    select(*objects)
     bpy.ops.object.mode_set(mode="EDIT")
 
 
@@ -123,9 +123,66 @@ def selected_faces():
     ob = cube(cuts=3)
     attempt()
     before = state(ob)
-    pick(ob, range(16))
+    pick([range(16)], ob)
     answer = attempt(replace=True)
     return {"before": before, "answer": answer, "after": edit_state(ob)}
+
+
+def part_of_an_island(**options):
+    """Odd uv of two objects on one page; of the first, half of an island is selected, of the other nothing."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=8, location=(4, 0, 0))
+    ball, box = bpy.context.object, cube(cuts=2)
+    for shift, ob in enumerate((ball, box)):
+        layer = ob.data.uv_layers.active
+        uv = corners(ob.data, layer) * np.float32(1 / 3) + np.float32([0.1 + shift / 2, 1 / 7])
+        layer.uv.foreach_set("vector", uv.ravel())
+        for edge in ob.data.edges:
+            edge.use_seam = edge.index % 7 == 0
+    before = [state(ob) for ob in (ball, box)]
+    pick([range(40), []], ball, box)
+    answer = attempt(replace=True, together=True, mark_seams=True, **options)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return {"before": before, "answer": answer, "after": [state(ob) for ob in (ball, box)]}
+
+
+def beside():
+    """The same with options of seams and of straight borders, and for whole islands."""
+    return {
+        "plain": part_of_an_island(),
+        "hint": part_of_an_island(seams="HINT", straighten="OFF"),
+        "straight": part_of_an_island(straighten="ALL", seams="IGNORE"),
+        "island": part_of_an_island(action="ISLANDS"),
+        "pack": part_of_an_island(action="PACK"),
+    }
+
+
+def scarce(keep_page):
+    """A box whose charts cover most of the page, and two of its faces that only fit a little smaller."""
+    ob = cube(cuts=1)
+    u, v = np.divmod(np.arange(24), 5)
+    low = np.stack([u, v], 1)[:, None] / 5
+    uv = (low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) / 5).astype(np.float32)
+    ob.data.uv_layers.active.uv.foreach_set("vector", uv.ravel())
+    before = state(ob)
+    pick([[0, 7]], ob)
+    answer = attempt(replace=True, keep_page=keep_page)
+    return {"before": before, "answer": answer, "after": edit_state(ob)}
+
+
+def shrunk():
+    return scarce(False)
+
+
+def not_shrunk():
+    return scarce(True)
+
+
+def without_uv():
+    """Selected faces of a mesh that has no uv get the whole page."""
+    ob = cube(cuts=1)
+    ob.data.uv_layers.remove(ob.data.uv_layers[0])
+    pick([range(12)], ob)
+    return {"answer": attempt(upright=True), "after": edit_state(ob)}
 
 
 def no_room():
@@ -134,13 +191,13 @@ def no_room():
     uv = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (24, 1))
     ob.data.uv_layers.active.uv.foreach_set("vector", uv.ravel())
     before = state(ob)
-    pick(ob, [0, 1])
+    pick([[0, 1]], ob)
     return {"before": before, "answer": attempt(replace=True), "after": edit_state(ob)}
 
 
 def nothing_selected():
     ob = cube()
-    pick(ob, [])
+    pick([[]], ob)
     return {"answer": attempt(), "mode": ob.mode}
 
 
@@ -148,7 +205,7 @@ def islands():
     """One face of an island stands for the whole of it."""
     ob = cube(cuts=1)
     before = state(ob)
-    pick(ob, [0])
+    pick([[0]], ob)
     answer = attempt(action="ISLANDS", replace=True)
     return {"before": before, "answer": answer, "after": edit_state(ob)}
 
@@ -211,6 +268,30 @@ def points():
     return {"before": before, "answer": answer, "after": state(ob), "held": held.tolist()}
 
 
+def points_beside():
+    """A grid with two pinned corners, a box without pins, and another box that is not selected: one mesh."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4)
+    grid, boxes = bpy.context.object, (cube(4, cuts=1), cube(8, cuts=1))
+    for k, ob in enumerate((grid, *boxes)):
+        layer = ob.data.uv_layers.active
+        uv = corners(ob.data, layer) * np.float32(0.3) + np.float32([0.02 + 0.33 * k, 0.05])
+        layer.uv.foreach_set("vector", uv.ravel())
+    select(grid, *boxes)
+    bpy.ops.object.join()
+    layer = grid.data.uv_layers.active
+    held = np.zeros(len(grid.data.loops), bool)
+    held[[0, 61]] = True  # of two opposite corners of the grid
+    layer.pin_ensure()
+    layer.pin.foreach_set("value", held)
+    before = state(grid)
+    pick([range(16 + 24)], grid)
+    answer = attempt(pins="POINTS", replace=True)
+    return {
+        "before": before, "answer": answer, "after": edit_state(grid), "held": held.tolist(),
+        "straight": attempt(pins="POINTS", straighten="OFF"),
+    }  # fmt: skip
+
+
 def together():
     """Two linked copies at scales 1 and 3, and another cube: one page, one density."""
     one, other = cube(), cube(5)
@@ -249,8 +330,9 @@ def by_name():
     dense = {"answer": attempt(densities="metal=2"), "after": state(box)}
     pages = {"answer": attempt(group_by="MATERIAL", group_pages=True), "after": state(box)}
     unknown = attempt(densities="metall=2")
-    pick(box, [0])
-    return {"dense": dense, "pages": pages, "unknown": unknown, "part": attempt(upright=True)}
+    pick([[0]], box)
+    part = [attempt(upright=True), attempt(densities="metal=2"), attempt(group_by="MATERIAL")]
+    return {"dense": dense, "pages": pages, "unknown": unknown, "part": part}
 
 
 def stacked():
@@ -396,9 +478,9 @@ def main(zip_file, program, *names):
     scenarios = {
         f.__name__: f
         for f in (
-            everything_stays, refused, selected_faces, no_room, nothing_selected, islands, painted, pinned,
-            points, together, pack, density, by_name, stacked, upright_tube,
-            bad_objects, deleted, edited, page, cancelled, seconds,
+            everything_stays, refused, selected_faces, beside, shrunk, not_shrunk, without_uv, no_room,
+            nothing_selected, islands, painted, pinned, points, points_beside, together, pack, density,
+            by_name, stacked, upright_tube, bad_objects, deleted, edited, page, cancelled, seconds,
         )
     } | {seams: lambda seams=seams: marked(seams) for seams in ("MUST", "HINT", "IGNORE")}  # fmt: skip
     if not names:

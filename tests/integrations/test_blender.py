@@ -226,6 +226,54 @@ def test_only_selected_faces_get_new_uv_beside_the_others(answer: dict[str, Any]
     kept_to_the_bit(case, set(range(16, len(case["after"]["polygons"]))))
 
 
+@pytest.mark.parametrize("how", ["plain", "hint", "straight", "island", "pack"])
+def test_a_part_moves_no_other_corner_by_a_bit(answer: dict[str, Any], how: str) -> None:
+    """The first 40 polygons of the ball are selected; its uv are one island, with odd last digits."""
+    case = answer["beside"][how]
+    assert case["answer"] == ["FINISHED"]
+    (ball, box), (ball_after, box_after) = case["before"], case["after"]
+    assert box["maps"] == box_after["maps"]
+    before, after = layout(ball), layout(ball_after)
+    moved = [bool((old != new).any()) for old, new in zip(before, after, strict=True)]
+    free = range(len(before)) if how in ("island", "pack") else range(40)
+    assert moved == [k in free for k in range(len(before))]
+    kept = covered([r for k, r in enumerate(after) if k not in free] + layout(box_after))
+    assert not (kept.astype(bool) & covered([after[k] for k in free]).astype(bool)).any()
+
+
+def test_a_part_is_cut_as_the_whole_is(answer: dict[str, Any]) -> None:
+    """Seams are marked where the uv part round what was selected; elsewhere the marks stay."""
+    for how in ("plain", "hint", "straight"):
+        ball = answer["beside"][how]["before"][0], answer["beside"][how]["after"][0]
+        near = {
+            (min(e), max(e))
+            for p in ball[1]["polygons"][:40]
+            for e in zip(p, p[1:] + p[:1], strict=True)
+        }
+        assert marked_edges(ball[1]) & near == cut_edges(ball[1]) & near
+        assert marked_edges(ball[1]) - near == marked_edges(ball[0]) - near
+
+
+def test_scarce_room_shrinks_new_charts_or_is_refused(answer: dict[str, Any]) -> None:
+    case = answer["shrunk"]
+    assert case["answer"] == ["FINISHED"]
+    kept_to_the_bit(case, set(range(24)) - {0, 7})
+    before, after = (signed_areas(layout(case[when]))[[0, 7]] for when in ("before", "after"))
+    assert (after < 0.99 * before).all()
+    refused = answer["not_shrunk"]
+    assert "no room for 2 charts" in refused["answer"][0]
+    assert refused["before"]["maps"] == refused["after"]["maps"]
+
+
+def test_a_part_of_a_mesh_without_uv_gets_the_whole_page(answer: dict[str, Any]) -> None:
+    case = answer["without_uv"]
+    assert case["answer"] == ["FINISHED"]  # options of a whole page too
+    rings = layout(case["after"])
+    assert covered(rings[:12]).max() == 1
+    assert np.abs(np.concatenate(rings[12:])).max() == 0
+    assert np.ptp(np.concatenate(rings[:12]), axis=0).max() > 0.95
+
+
 def test_a_full_page_is_said_and_left_alone(answer: dict[str, Any]) -> None:
     case = answer["no_room"]
     assert "no room" in case["answer"][0]
@@ -281,6 +329,21 @@ def test_pinned_points_hold(answer: dict[str, Any]) -> None:
     assert np.abs(before - after)[held].max() < 1e-6
 
 
+def test_charts_without_held_points_go_beside_all_others(answer: dict[str, Any]) -> None:
+    """16 polygons of a grid with pins, then 24 of a box without any, then 24 that are not selected."""
+    case = answer["points_beside"]
+    assert case["answer"] == ["FINISHED"]
+    before, after = (layout(case[when]) for when in ("before", "after"))
+    gone = np.abs(np.concatenate(before) - np.concatenate(after)).max(1)
+    assert gone[np.array(case["held"])].max() < 1e-6
+    assert all((a == b).all() for a, b in zip(before[40:], after[40:], strict=True))
+    assert covered(after[16:40]).max() == 1
+    stay = covered(after[:16] + after[40:])
+    assert not (stay.astype(bool) & covered(after[16:40]).astype(bool)).any()
+    assert stay.any()
+    assert "--straighten lays out a whole page" in case["straight"][0]
+
+
 def test_linked_copies_share_a_page_at_the_scale_of_all(answer: dict[str, Any]) -> None:
     case = answer["together"]
     linked, single = layout(case["linked"]), layout(case["single"])
@@ -313,7 +376,8 @@ def test_densities_and_pages_by_name_of_material(answer: dict[str, Any]) -> None
     assert set(np.floor(u)) == {0.0, 1.0}
     assert "metall" in case["unknown"][0]
     assert "metal" in case["unknown"][0].replace("metall", "")  # what was meant
-    assert "--orient places all charts anew" in case["part"][0]
+    for said, option in zip(case["part"], ("--orient", "--density", "--group-by"), strict=True):
+        assert f"{option} lays out a whole page" in said[0]
 
 
 def test_copies_are_stacked_or_lie_a_page_aside(answer: dict[str, Any]) -> None:

@@ -60,6 +60,12 @@ class Part:
         """(l,) bool: corners of the chosen polygons."""
         return self.chosen[self.polygon]
 
+    @property
+    def page_in_use(self):
+        """Whether polygons that are not chosen cover some of the page."""
+        a, b, c = self.triangles(self.uv, ~self.corners).swapaxes(0, 1)
+        return bool(((b - a)[:, 0] * (c - a)[:, 1] != (b - a)[:, 1] * (c - a)[:, 0]).any())
+
     def again(self):
         """The whole mesh as it is now, in the same size."""
         return Part(self.objects)
@@ -171,13 +177,15 @@ def mean_stretch(matrices):
     return vectors @ np.diag(np.sqrt(np.maximum(values, 0.0))) @ vectors.T
 
 
-def write_obj(path, parts, axis=2, uv=None):
-    """The chosen polygons of all parts, set apart along an axis, with a ``usemtl`` where the material changes.
+def write_obj(path, parts, axis=2, uv=None, polygons=None):
+    """Polygons of all parts, set apart along an axis, with a ``usemtl`` where the material changes.
 
     Each part is an object (``o``); names of materials and objects are those of Blender, for options by name.
 
-    uv: an array (l, 2) for each part, or nothing. Returns the number of the first vertex of each part.
+    uv: an array (l, 2) for each part, or nothing. polygons: those to write, (p,) bool for each part, or the
+    chosen ones. Returns the number of the first vertex of each part.
     """
+    polygons = [p.chosen for p in parts] if polygons is None else polygons
     first, table, faces = [0], [np.zeros((0, 2))], []
     end = 0.0
     with open(path, "w", encoding="utf-8") as out:
@@ -188,23 +196,24 @@ def write_obj(path, parts, axis=2, uv=None):
                 at[:, axis] += end + size - at[:, axis].min()
                 end = at[:, axis].max() + size
             np.savetxt(out, at, fmt="v %.10g %.10g %.10g")
-            words = np.char.mod("%d", part.vertex[part.corners] + 1 + first[-1])
+            corners = polygons[number][part.polygon]
+            words = np.char.mod("%d", part.vertex[corners] + 1 + first[-1])
             if uv is not None:
-                rows = np.c_[part.vertex, uv[number]][part.corners]
+                rows = np.c_[part.vertex, uv[number]][corners]
                 rows, row = np.unique(rows, axis=0, return_inverse=True)
                 row = row.reshape(-1) + 1 + sum(map(len, table))
                 words = np.char.add(np.char.add(words, "/"), np.char.mod("%d", row))
                 table.append(rows[:, 1:])
-            faces += _face_lines(part, words)
+            faces += _face_lines(part, polygons[number], words)
             first.append(first[-1] + len(at))
         np.savetxt(out, np.concatenate(table), fmt="vt %.9g %.9g")
         out.writelines(faces)
     return first[:-1]
 
 
-def _face_lines(part, words):
-    material = part.material[part.chosen]
-    names = np.split(words, np.cumsum(part.total[part.chosen])[:-1])
+def _face_lines(part, polygons, words):
+    material = part.material[polygons]
+    names = np.split(words, np.cumsum(part.total[polygons])[:-1])
     changes = np.diff(material, prepend=-1) != 0
     yield f"o {' '.join(part.name.split())}\n"
     for name, new, m in zip(names, changes, material, strict=True):
@@ -213,8 +222,12 @@ def _face_lines(part, words):
         yield "f " + " ".join(name) + "\n"
 
 
-def read_uv(path, parts):
-    """An array (l, 2) float32 for each part: the uv of the file at chosen corners, the old ones elsewhere."""
+def read_uv(path, parts, polygons=None):
+    """An array (l, 2) float32 for each part: the uv of the file at chosen corners, the old ones elsewhere.
+
+    polygons: those in the file, (p,) bool for each part, or the chosen ones.
+    """
+    polygons = [p.chosen for p in parts] if polygons is None else polygons
     table, corner = [], []
     with open(path, encoding="utf-8") as lines:
         for line in lines:
@@ -226,8 +239,8 @@ def read_uv(path, parts):
     number = np.array([c[1] or "1" for c in corner], np.int64) - 1
     got = np.array(table, np.float32)[number]
     out, first, start = [], 0, 0
-    for part in parts:
-        own = part.corners
+    for part, there in zip(parts, polygons, strict=True):
+        own = there[part.polygon]
         end = start + int(own.sum())
         if (
             len(vertex[start:end]) != end - start
@@ -235,7 +248,7 @@ def read_uv(path, parts):
         ):
             raise Failure("what came back has other corners than the object")
         uv = part.uv.copy()
-        uv[own] = got[start:end]
+        uv[part.corners] = got[start:end][part.corners[own]]
         out.append(uv)
         first, start = first + len(part.points), end
     return out

@@ -4,50 +4,51 @@ import numpy as np
 
 from .exchange import numbers, read_uv, write_obj
 from .failure import Failure
-from .room import find_room, turned
 
 
 class Job:
     """Some parts that share a page, from the file that the program reads to uv in Blender.
 
-    asked: the properties of the operator. Where not all polygons are chosen, the others keep their uv to the
-    bit, and the new charts go where those leave room.
+    asked: the properties of the operator. Polygons that are not chosen keep their uv to the bit. Where they
+    cover some of the page, the whole meshes go to the program, which finds room beside them.
     """
 
     def __init__(self, parts, asked):
         self.parts, self.asked = parts, asked
-        self.names = ", ".join(p.name for p in parts)
+        self.names = ", ".join(p.name for p in parts if p.chosen.any())
+        self._packs = asked.action == "PACK"
+        self._held = (
+            not self._packs
+            and asked.pins == "POINTS"
+            and any(p.pinned[p.corners].any() for p in parts)
+        )
+        self._beside = not self._held and any(p.page_in_use for p in parts)
+        self._polygons = [p.chosen | self._beside for p in parts]
 
     def words(self, stem):
         """Write the files of the job; returns the words after the program's name."""
         asked, self._output = self.asked, stem + "_uv.obj"
-        packs = asked.action == "PACK"
-        hints = not packs and asked.seams == "HINT" and any(p.marks().any() for p in self.parts)
-        uv = None
-        if packs:
-            uv = [p.uv for p in self.parts]
-        elif hints:  # only where uv differ is read of them
-            label = [p.sectors() for p in self.parts]
-            uv = [np.c_[k % 4096, k // 4096] / 4096 for k in label]
-        axis = 1 if asked.symmetry == "Z" else 2
-        first = write_obj(stem + ".obj", self.parts, axis, uv)
-        command = "pack" if packs else "unwrap"
-        words = [command, stem + ".obj", "-o", self._output, "--json"]
-        self.held = (
-            not packs
-            and asked.pins == "POINTS"
-            and any(p.pinned[p.corners].any() for p in self.parts)
+        self._refuse()
+        hints = (
+            not self._packs and asked.seams == "HINT" and any(p.marks().any() for p in self.parts)
         )
-        sorting = sorting_words(asked)
-        if sorting and (self.held or not all(p.whole for p in self.parts)):
-            raise Failure(
-                f"{sorting[0]} places all charts anew: select all faces and hold no points, or switch it off"
-            )
-        words += sorting
-        words += ["--density", asked.densities] if asked.densities else []
-        if not self.held:
+        uv = [p.uv for p in self.parts] if self._packs or self._beside else None
+        if hints:
+            uv = [_hinted(p) for p in self.parts]
+        axis = 1 if asked.symmetry == "Z" else 2
+        first = write_obj(stem + ".obj", self.parts, axis, uv, self._polygons)
+        command = "pack" if self._packs else "unwrap"
+        words = [command, stem + ".obj", "-o", self._output, "--json"]
+        words += sorting_words(asked) + straight_words(asked) + density_words(asked)
+        if not self._held:
             words += packing_words(asked)
-        if packs:
+        if asked.density and not self._held and not (self._packs and self._beside):
+            words += ["--texel-density", f"{asked.density:.9g}"]
+        if self._beside:
+            chosen = np.concatenate([p.chosen for p in self.parts])
+            flag, faces = ("--lock", ~chosen) if self._packs else ("--only", chosen)
+            words += _file(flag, stem + ".faces", np.flatnonzero(faces), "%d") + room_words(asked)
+        if self._packs:
             return words
         words += chart_words(asked)
         if hints:
@@ -58,91 +59,117 @@ class Job:
         if asked.seam_group:
             rows = _weight_rows(self.parts, first, asked.seam_group)
             words += _file("--seam-weights", stem + ".weights", rows, "%d %.9g")
-        if self.held:
+        if self._held:
             rows = [_pin_rows(p, n) for p, n in zip(self.parts, first, strict=True)]
             words += _file("--pin", stem + ".pins", np.concatenate(rows), "%d %.9g %.9g")
         return words
 
     def take(self, report):
-        """Put the answer into Blender; returns its line. Raises Failure, and then nothing has changed."""
-        if gone := [p.name for p in self.parts if _lost(p)]:
-            which = "it" if len(self.parts) == 1 else " and ".join(gone)
-            raise Failure(f"{which} was changed or deleted while circparam worked: run it again")
-        uv = read_uv(self._output, self.parts)
-        smaller = ""
-        if self.held or not all(p.whole for p in self.parts):
-            uv, share = self._placed(uv)
-            if share < 0.999:
-                smaller = f", at {100 * share:.0f} % of the density of the others for want of room"
+        """Put the answer into Blender; returns its line, or the job that ends this one.
+
+        Raises Failure, and then nothing has changed.
+        """
+        refuse_lost(self.parts)
+        uv = read_uv(self._output, self.parts, self._polygons)
+        if self._held:
+            free = [_without_pins(p, new) for p, new in zip(self.parts, uv, strict=True)]
+            if any(polygons.any() for polygons in free):
+                return Rest(self, uv, free, report)
+        return self.put(uv, report)
+
+    def put(self, uv, report, notes=()):
+        """Write uv, an array (l, 2) for each part, into Blender; returns the line about them."""
         for part, new in zip(self.parts, uv, strict=True):
-            part.put(new, self.asked.replace, self.asked.mark_seams)
+            if part.chosen.any():
+                part.put(new, self.asked.replace, self.asked.mark_seams)
         if "distortion" not in report:
             return f"{self.names}: done"
-        return f"{self.names}: {report['charts']} charts, distortion {report['distortion']:.3f}{smaller}"
+        charts = (report.get("kept") or report)["charts"]
+        smaller = [n for n in [*report.get("notes", ()), *notes] if "for want of room" in n]
+        said = f"{self.names}: {charts} charts, distortion {report['distortion']:.3f}"
+        return ", ".join([said, *smaller])
 
-    def _placed(self, uv):
-        """The charts where nothing else lies: ([(l, 2)], their size as a share of the one wanted)."""
-        wanted, others = 1.0, density(self.parts, [p.uv for p in self.parts], chosen=False)
-        if self.asked.action == "PACK":
-            uv = [p.uv for p in self.parts]  # at the size that they have
-        elif others and not self.held and not self.asked.density:
-            wanted = others / density(self.parts, uv, chosen=True)
-        used = [p.triangles(p.uv, ~p.corners) for p in self.parts if others]
-        charts, owners = [], []
-        for number, (part, new) in enumerate(zip(self.parts, uv, strict=True)):
-            island = np.where(part.corners, part.islands(new), -1)
-            for label in np.unique(island[island >= 0]):
-                mask = island == label
-                if self.held and part.pinned[mask].any():
-                    used.append(part.triangles(new, mask))
-                else:
-                    charts.append(part.triangles(new, mask).astype(np.float64))
-                    owners.append((number, mask))
-        if not sum(map(len, used)) or not charts:
-            return uv, 1.0
-        padding = self.asked.padding / self.asked.resolution
-        exact = bool(self.asked.density) and not self.held
-        places = find_room(charts, np.concatenate(used), wanted, padding, exact)
-        if places is None:
+    def _refuse(self):
+        """Raise Failure for options that lay out a whole page, where only some of its charts are."""
+        words = sorting_words(self.asked)
+        words += straight_words(self.asked) if self._held else []
+        words += density_words(self.asked) if self._beside else []
+        if words and (self._held or self._beside):
             raise Failure(
-                "the page has no room beside the charts that stay: free some, or pack all"
+                f"{words[0]} lays out a whole page: select all faces and hold no points, or switch it off"
             )
-        out = [u.astype(np.float64) for u in uv]
-        for (number, mask), (scale, shift, turns) in zip(owners, places, strict=True):
-            out[number][mask] = turned(out[number][mask], turns) * scale + shift
-        return [u.astype(np.float32) for u in out], places[0][0] / wanted
 
 
-def density(parts, uv, chosen):
-    """Uv units a unit of length over the chosen polygons of all parts, or over the others; 0 without uv."""
-    plane = space = 0.0
-    for part, at in zip(parts, uv, strict=True):
-        corners = part.corners == chosen
-        a, b, c = part.triangles(at.astype(np.float64), corners).swapaxes(0, 1)
-        plane += abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum()
-        points = part.points.astype(np.float64) @ part.stretch.T
-        a, b, c = part.triangles(points[part.vertex], corners).swapaxes(0, 1)
-        space += np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    return float(np.sqrt(plane / space)) if space > 0 else 0.0
+class Rest:
+    """The end of a job with held points: charts without any are packed round those that have some.
+
+    uv: what came back, an array (l, 2) for each part. free: (p,) bool for each part, the polygons to move.
+    report: of the first run.
+    """
+
+    def __init__(self, job, uv, free, report):
+        self.parts, self.names = job.parts, job.names
+        self._job, self._uv, self._free, self._report = job, uv, free, report
+        self._polygons = [np.ones(len(p.total), bool) for p in self.parts]
+
+    def words(self, stem):
+        """Write the whole meshes with their new uv; returns the words after the program's name."""
+        self._output = stem + "_rest_uv.obj"
+        write_obj(stem + "_rest.obj", self.parts, uv=self._uv, polygons=self._polygons)
+        stay = np.flatnonzero(~np.concatenate(self._free))
+        words = ["pack", stem + "_rest.obj", "-o", self._output, "--json"]
+        words += _file("--lock", stem + "_rest.faces", stay, "%d")
+        return words + packing_words(self._job.asked) + room_words(self._job.asked)
+
+    def take(self, report):
+        """Put the answer into Blender; returns its line. Raises Failure, and then nothing has changed."""
+        refuse_lost(self.parts)
+        uv = read_uv(self._output, self.parts, self._polygons)
+        return self._job.put(uv, self._report, report.get("notes", ()))
+
+
+def _hinted(part):
+    """uv (l, 2) that differ between the sectors of chosen polygons, which is all that is read of them there."""
+    label = part.sectors()
+    return np.where(part.corners[:, None], np.c_[label % 4096, label // 4096] / 4096, part.uv)
+
+
+def _without_pins(part, uv):
+    """(p,) bool: chosen polygons of the islands of uv (l, 2) in which no corner is pinned."""
+    island = part.islands(uv)
+    out = np.zeros(len(part.total), bool)
+    out[part.polygon[part.corners & ~np.isin(island, island[part.pinned & part.corners])]] = True
+    return out
+
+
+def room_words(asked):
+    """Options of charts that go beside others."""
+    return ["--keep-page"] if asked.keep_page else []
 
 
 def packing_words(asked):
     """Options of packing."""
     words = ["--resolution", str(asked.resolution), "--padding", str(asked.padding)]
-    words += ["--effort", {"DRAFT": "0", "NORMAL": "1", "HIGH": "4"}[asked.effort]]
-    return words + (["--texel-density", f"{asked.density:.9g}"] if asked.density else [])
+    return [*words, "--effort", {"DRAFT": "0", "NORMAL": "1", "HIGH": "4"}[asked.effort]]
 
 
 def sorting_words(asked):
-    """Options that place all charts of a page: groups, upright and straight charts, stacks."""
+    """Options that place all charts of a page: groups, upright charts, stacks."""
     kind = {"NONE": "", "MATERIAL": "material", "OBJECT": "node"}[asked.group_by]
     words = [f"--{'pages' if asked.group_pages else 'group'}-by", kind] if kind else []
     words += ["--stack", asked.stack.lower()] if asked.stack != "OFF" else []
     words += ["--stack-offset"] if asked.stack != "OFF" and asked.stack_offset else []
-    words += ["--orient", "up", "--up", "z"] if asked.upright else []
-    return words + (
-        ["--straighten", asked.straighten.lower()] if asked.straighten != "AUTO" else []
-    )
+    return words + (["--orient", "up", "--up", "z"] if asked.upright else [])
+
+
+def straight_words(asked):
+    """Options of straight borders."""
+    return ["--straighten", asked.straighten.lower()] if asked.straighten != "AUTO" else []
+
+
+def density_words(asked):
+    """Options of densities by name."""
+    return ["--density", asked.densities] if asked.densities else []
 
 
 def chart_words(asked):
@@ -187,6 +214,13 @@ def _weight_rows(parts, first, group):
             with np.errstate(divide="ignore"):
                 rows.append(np.c_[at + n, 1 / (1 - np.minimum(weight[at], 1))])
     return np.concatenate(rows) if rows else np.zeros((0, 2))
+
+
+def refuse_lost(parts):
+    """Raise Failure where a mesh is another one now, or gone."""
+    if gone := [p.name for p in parts if _lost(p)]:
+        which = "it" if len(parts) == 1 else " and ".join(gone)
+        raise Failure(f"{which} was changed or deleted while circparam worked: run it again")
 
 
 def _lost(part):

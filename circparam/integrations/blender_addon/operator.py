@@ -59,6 +59,9 @@ class OBJECT_OT_circparam(bpy.types.Operator):
         description="Empty texels between charts and at the border")
     density: bpy.props.FloatProperty(name="Texel density", default=0.0, min=0.0,
         description="Texels per unit of length; 0: fill the page")
+    keep_page: bpy.props.BoolProperty(name="Keep the density", default=False,
+        description="Without room at the density of the charts that stay, nothing changes; "
+        "otherwise new charts shrink")
     densities: bpy.props.StringProperty(name="Density by name", default="",
         description="Times the density, by name of a material or an object: face=2,sole=0.5")
     group_by: bpy.props.EnumProperty(name="Group charts", default="NONE", items=[
@@ -151,7 +154,7 @@ class OBJECT_OT_circparam(bpy.types.Operator):
                 self._failures.append(f"{ob.name}: it is in another scene")
                 continue
             shown.setdefault(ob.data, [ob])
-        parts, empty = [], []
+        parts = []
         for mesh, (ob,) in shown.items():
             try:
                 part = Part([ob, *(o for o in scene if o.data == mesh and o != ob)])
@@ -159,12 +162,13 @@ class OBJECT_OT_circparam(bpy.types.Operator):
                 self._failures.append(f"{ob.name}: {failure}")
                 continue
             self._choose(part, editing)
-            (parts if part.chosen.any() else empty).append(part)
-        if empty and not parts:
+            parts.append(part)
+        chosen = [p for p in parts if p.chosen.any()]
+        if parts and not chosen:
             raise Failure(
-                f"{', '.join(p.name for p in empty)}: no face is selected that is free to move"
+                f"{', '.join(p.name for p in parts)}: no face is selected that is free to move"
             )
-        return parts
+        return parts if self.together else chosen  # the others of a shared page keep their place
 
     def _choose(self, part, editing):
         if editing:
@@ -191,7 +195,11 @@ class OBJECT_OT_circparam(bpy.types.Operator):
                 return True
             report = self._run.answer()
             with out_of_edit_mode(context):
-                self._reports.append(job.take(report))
+                said = job.take(report)
+            if not isinstance(said, str):  # a second run ends the job
+                self._jobs[self._done], self._run = said, None
+                return True
+            self._reports.append(said)
             self._parts += job.parts
         except (Failure, OSError, ValueError) as failure:
             self._failures.append(f"{job.names}: {failure}")
