@@ -29,7 +29,7 @@ def moved(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same surface: turned in space, in another order, or each point a millionth of an edge away.
 
-    points (n, 3), faces (m, 3); kind: rotation, shuffle or jitter.
+    points (n, 3), faces (m, 3); kind: rotation, shuffle or jitter. Points at one position stay together.
     """
     rng = np.random.default_rng(seed)
     if kind == "rotation":
@@ -41,7 +41,9 @@ def moved(
         place = np.argsort(new)
         return points[new], place[faces[order]]
     edge = float(np.linalg.norm(points[faces[:, 0]] - points[faces[:, 1]], axis=1).mean())
-    return points + JITTER_EDGES * edge * rng.standard_normal(points.shape), faces
+    places, place = np.unique(points, axis=0, return_inverse=True)
+    away = JITTER_EDGES * edge * rng.standard_normal(places.shape)
+    return points + away[place.reshape(-1)], faces
 
 
 def seconds() -> float:
