@@ -28,13 +28,15 @@ SMALLER = 0.999  # of the density of the others: from there on a smaller one is 
 @dataclass(frozen=True, eq=False)
 class Kept:
     """whole: the surface with all faces; fresh: (m,) bool, its faces that are laid out anew; uvmap: the layout
-    of the file; density: uv units per unit of the mesh, of the kept faces.
+    of the file; density: factor for charts laid out anew, so that they have the density of the kept ones; unit:
+    uv units per unit of the mesh that they have before.
     """
 
     whole: Surface
     fresh: BoolArray
     uvmap: UVMap
     density: float
+    unit: float = 1.0
 
     def merged(self, uvmap: UVMap) -> UVMap:
         """A layout of the new charts over the faces of the file, with the old uv of all other faces."""
@@ -108,7 +110,9 @@ def find_lock(
         raise OptionError("--lock keeps every chart in place: nothing is left to pack")
     if not locked.any():
         raise OptionError("--lock: the faces selected have no area, no chart holds them")
-    return surface.part(~locked), Kept(surface, ~locked, uvmap, 1.0)
+    corners, ok = corners_of(surface, uvmap)
+    unit = _density(surface.areas, corners, ok & ~locked)
+    return surface.part(~locked), Kept(surface, ~locked, uvmap, 1.0, unit)
 
 
 def _density(areas: FloatArray, corners: FloatArray, faces: BoolArray) -> float:
@@ -127,13 +131,13 @@ def put_into_room(
     """
     density = kept.density
     if options.texel_density is not None:
-        density = options.texel_density / asked.resolution
+        density = options.texel_density / (asked.resolution * kept.unit)
     shapes = shapes_of(cut_mesh.faces, uv * density, cut_mesh.chart)
     pages = kept.pages()
     exact = bool(options.keep_page) or options.texel_density is not None
     found = find_room(shapes, pages, asked, exact)
     if found is None:
-        raise NoResultError(_missing(shapes, pages, asked, density))
+        raise NoResultError(_missing(shapes, pages, asked, density * kept.unit))
     if found.scale > SMALLER:
         return found.uv, []
     note = (
@@ -144,7 +148,7 @@ def put_into_room(
 
 
 def _missing(shapes: Shapes, pages: list[FloatArray], asked: PackOptions, density: float) -> str:
-    """The message on the missing room for charts, in units of a page."""
+    """The message on the missing room for charts, in units of a page. density: uv per unit of the mesh."""
     need, free = float(shapes.area.sum()), free_share(pages, asked)
     fits: Room | None = find_room(shapes, pages, asked, exact=False)
     what = (

@@ -185,6 +185,8 @@ def test_pack_moves_no_locked_chart_and_packs_the_others_round_it(tmp_path: Path
     assert np.linalg.norm(np.diff(after, axis=1), axis=2) == pytest.approx(edge, rel=1e-5)
     assert result.verification.overlap == 0
     assert result.verification.coverage.gap >= 9
+    dense = circparam.repack(path, lock=[0], texel_density=80, padding=8, resolution=512, jobs=1)
+    assert summarise(dense)["kept"]["texel_density"] == pytest.approx(80, rel=1e-3)
     with pytest.raises(OptionError, match="every chart"):
         circparam.repack(path, lock=np.ones(len(faces), bool))
 
