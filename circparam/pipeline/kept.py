@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, cross2, group_count
+from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.errors import NoResultError, OptionError
@@ -59,10 +60,19 @@ class Kept:
         return group_count(cut_mesh.chart[self.fresh], cut_mesh.n_charts) > 0
 
     def pages(self) -> list[FloatArray]:
-        """(t, 3, 2) triangles that stay on each page, in its unit square."""
+        """(t, 3, 2) triangles that stay on each page, in its unit square.
+
+        Raises OptionError for more pages than there may be.
+        """
         corners, ok = corners_of(self.whole, self.uvmap)
         corners = corners[ok & ~self.fresh]
-        page = np.maximum(np.floor(corners[:, :, 0].mean(1)), 0).astype(np.int64)
+        page = np.maximum(np.floor(corners[:, :, 0].mean(1)), 0)
+        if page.max(initial=0) >= PAGES.high:
+            raise OptionError(
+                f"uv that stay reach u = {corners[:, :, 0].max():.4g}: at most {PAGES.high:g} pages, "
+                "each 1 wide, can be kept. Lay all charts out anew, without --only and --lock"
+            )
+        page = page.astype(np.int64)
         return [corners[page == k] - [k, 0] for k in range(int(page.max(initial=0)) + 1)]
 
     def notes(self, uvmap: UVMap) -> list[str]:
@@ -93,7 +103,9 @@ def find_only(
     density = _density(surface.areas, corners, ok & ~fresh)
     if not density > 0:
         raise OptionError("--only: the faces that stay have no uv: unwrap the whole mesh")
-    return surface.part(fresh), Kept(surface, fresh, uvmap, density)
+    kept = Kept(surface, fresh, uvmap, density)
+    kept.pages()  # too many are refused before the search
+    return surface.part(fresh), kept
 
 
 def find_lock(

@@ -170,6 +170,17 @@ def test_numbers_count_polygons_as_the_file_does(tmp_path: Path) -> None:
     assert sorted(result.surface.source[result.kept.fresh].tolist()) == [2, 3]
 
 
+def test_faces_that_stay_far_away_are_refused(tmp_path: Path) -> None:
+    """Pages up to them would be looked at one by one."""
+    path = tmp_path / "far.obj"
+    path.write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 400000 0\nvt 400000.5 0\nvt 400000 .5\n"
+        "f 1/1 2/2 3/3\nf 2/2 4/1 3/3\n"
+    )
+    with pytest.raises(OptionError, match="at most 100 pages"):
+        circparam.unwrap(path, only=[1], **QUICK)
+
+
 def test_pack_moves_no_locked_chart_and_packs_the_others_round_it(tmp_path: Path) -> None:
     parts = [shapes.grid(3, 3), shapes.grid(4, 3, 1.5), shapes.grid(3, 5, 0.7)]
     points, faces = shapes.join(*parts)
