@@ -86,3 +86,12 @@ def test_a_turned_mesh_gets_the_same_seams(name: str, effort: float) -> None:
     assert one["charts"] == other["charts"]
     assert one["seam_length"] == pytest.approx(other["seam_length"], rel=1e-6)
     np.testing.assert_array_equal(found[0].charts, found[1].charts)
+
+
+def test_a_part_that_only_the_origin_of_the_file_holds_ends_no_run() -> None:
+    """In another frame its points would be one."""
+    ball = shapes.icosphere(1)
+    points, faces = shapes.join((ball[0] * 1e-20, ball[1]), (ball[0] + 3.0, ball[1]))
+    result = unwrap((points, faces), effort="draft", normalize=False)
+    assert result.measures["flips"] == 0
+    assert result.measures["distortion"] < 1.06
