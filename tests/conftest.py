@@ -1,7 +1,5 @@
 """Shared fixtures: where the real meshes are, and reproducible random numbers."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The rooms of the package: imports go downwards only, families stay apart, the library stays silent."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The documentation runs: the reference is current, links resolve, examples do what they say."""
 
-from __future__ import annotations
-
 import doctest
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The invocations of README and docs run as typed, on small meshes under the names that they use."""
 
-from __future__ import annotations
-
 import glob
 import re
 import shlex

@@ -1,7 +1,5 @@
 """A few fuzz cases on every run; ``make fuzz`` runs thousands."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import tempfile

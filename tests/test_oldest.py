@@ -1,7 +1,5 @@
 """The oldest versions that pyproject.toml allows: stated for all, and tried by make test-oldest."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from importlib.metadata import version

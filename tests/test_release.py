@@ -1,8 +1,6 @@
 """What goes into a release: the sdist, README as a package index shows it, the addresses, one version
 everywhere."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

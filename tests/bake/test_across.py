@@ -1,7 +1,5 @@
 """One surface's looks and shape on another: along rays, and through maps that are known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Colours carried into a layout: known surfaces, what comes back, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every image of every material in one new layout: what the surface shows stays, map by map."""
 
-from __future__ import annotations
-
 from io import BytesIO
 from typing import Any
 

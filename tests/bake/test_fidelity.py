@@ -1,7 +1,5 @@
 """Textures of real meshes after the way into a new layout of the same density."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``unwrap --rebake`` and ``bake --all``: files whose textures go along, and what is refused."""
 
-from __future__ import annotations
-
 import io
 import json
 import shutil

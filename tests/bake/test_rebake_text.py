@@ -1,7 +1,5 @@
 """OBJ with MTL, and PLY with TextureFile: their images go along as those of glTF do."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

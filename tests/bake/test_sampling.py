@@ -1,7 +1,5 @@
 """Colours at places of a surface: texels, corners, the closest point of another surface."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Textures that KHR_texture_transform moves: read, baked and shown where the extension puts them."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Baked images on the disk, alone or inside a GLB."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """A cluster that tests share where they are not about starting or losing one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """What is due, in which order, and which results collide."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The manifest: torn lines, a full disk, two batches at once."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """One mesh in a process of its own: the bytes of ``unwrap``, and whatever harm it does stays there."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import pickle

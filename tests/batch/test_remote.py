@@ -1,7 +1,5 @@
 """Sources and results in an S3 store that fails now and then; archives."""
 
-from __future__ import annotations
-
 import json
 import logging
 import zipfile

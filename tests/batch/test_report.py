@@ -1,7 +1,5 @@
 """The report: its size, its figures, names that could do harm, pictures of results."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import json

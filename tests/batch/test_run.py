@@ -1,7 +1,5 @@
 """Whole batches on a real cluster: continued, poisoned, workers, clients and schedulers killed, disks full."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import json

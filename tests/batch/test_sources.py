@@ -1,7 +1,5 @@
 """What is listed, by what name, and what is refused."""
 
-from __future__ import annotations
-
 import os
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``python -m tests.bench [NAME] ...``: one of NAMES, or solve."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 

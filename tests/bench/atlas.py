@@ -9,8 +9,6 @@ verification, and the report says which. Peers run under the Python that has the
 CIRCPARAM_OPEN3D_PYTHON for uvatlas, CIRCPARAM_BPY_PYTHON for blender.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import json

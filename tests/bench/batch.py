@@ -8,8 +8,6 @@ machine alone; processor seconds are told beside. empty: tasks that do nothing, 
 scheduler cost.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import pickle

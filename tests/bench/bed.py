@@ -1,7 +1,5 @@
 """The bed of ``make bench-noise``: real meshes of the corpus folder, others named, shapes made here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """What every benchmark shares: machine facts, lines with a wanted value, a report as Markdown."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

@@ -9,8 +9,6 @@ with the facts of the machine. Figures are those of the written files, seconds w
 in ``tests.bench.atlas``.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import statistics

@@ -3,8 +3,6 @@
 python -m tests.bench hand [CASE ...] [--no-report]
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Callable

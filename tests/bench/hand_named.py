@@ -1,7 +1,5 @@
 """``make bench-hand``: density by what a face is, groups, upright charts."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Cases of ``make bench-hand``: pages in use, straight borders, and levels of detail."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -8,8 +8,6 @@ the distortion that xatlas reached (at least 1.01). In flats: seams between face
 √(surface area). Figures are those of the written files, as in ``tests.bench.atlas``.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import statistics

@@ -8,8 +8,6 @@ that share no code with the package (tests/support/looks.py). Needs node with th
 playwright-core (make node), and Chromium.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

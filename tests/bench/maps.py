@@ -8,8 +8,6 @@ is known where every vertex belongs: the error is the distance from there, in si
 weights are compared by the distortion of the composed convex maps as they are, before relaxation.
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import sys

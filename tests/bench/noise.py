@@ -14,8 +14,6 @@ a rule has to stand out of is sampled by jitter. Rows go to FOLDER/rows.jsonl an
 run that was ended goes on.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import hashlib

@@ -11,8 +11,6 @@ figures are those of its JSON; processor seconds are those of its workers too, p
 written file, for an opinion of its own. 4.7 and 10 million faces take minutes and 7 and 17 GB.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

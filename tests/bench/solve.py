@@ -6,8 +6,6 @@ Every figure is a ratio of two times of the same run, or a peak memory; each met
 own. Meshes are generated, and those of the corpus folder (CIRCPARAM_CORPUS) are added where it exists.
 """
 
-from __future__ import annotations
-
 import statistics
 from pathlib import Path
 from typing import Any

@@ -11,8 +11,6 @@ the meshes named) tells which functions of this package the processor was in, wo
 Peers run under the Python that has them, as in ``atlas``.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """What the benchmarks run in processes of their own: functions (arrays, settings) → (arrays, info)."""
 
-from __future__ import annotations
-
 import importlib
 import time
 from typing import Any

@@ -1,7 +1,5 @@
 """What is told of peers: nothing that they did not do, and limits as what they are."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.bench.speed import FREE, LARGE, LIMITS, Peer, Run, ends, rows, verdicts

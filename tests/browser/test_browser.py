@@ -4,8 +4,6 @@ Needs chromium and node (``apt install chromium nodejs npm``) and playwright-cor
 one is missing. Screenshots stay under test-artefacts/.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import os

@@ -1,7 +1,5 @@
 """``circparam bake``: files in, files out, and every reason why there is none."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``circparam batch``: options, refusals, codes, what is printed."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """``circparam check``: topology with known answers, uv with planted faults."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Shared options: names out of tables, older flags, and the keywords of the library."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``circparam compare``: tables of 80 columns, JSON, CSV, exit codes."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import json

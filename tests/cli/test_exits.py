@@ -1,7 +1,5 @@
 """Every exception has a documented code and one line."""
 
-from __future__ import annotations
-
 import errno
 
 import pytest

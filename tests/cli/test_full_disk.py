@@ -1,7 +1,5 @@
 """Every command that writes, on a disk that is full: one line, the documented code, nothing left behind."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Callable, Iterator

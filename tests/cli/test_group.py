@@ -1,7 +1,5 @@
 """The command line as a whole: help, did-you-mean."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of gigabytes that are cut short, and memory that ends at any step: one line, the code, nothing left."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """``circparam map``: the file, the report, and errors with their codes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``circparam methods``: what the table of methods says is what is printed."""
 
-from __future__ import annotations
-
 import json
 
 from click.testing import CliRunner, Result

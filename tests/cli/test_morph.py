@@ -1,7 +1,5 @@
 """``circparam morph``: files in, a GLB out, and every reason why there is none."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

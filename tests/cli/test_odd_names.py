@@ -1,7 +1,5 @@
 """map, morph and bake in the hands of somebody careless: odd names, folders as files, damaged maps."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """``unwrap --one-atlas``: several files on one page, with one set of images; and what is refused."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """``circparam pack``: charts keep their shape, the page its padding."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Where outputs go, and what is refused before any work begins."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

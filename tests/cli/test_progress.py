@@ -1,7 +1,5 @@
 """Warnings and bars go to stderr, and nowhere where nobody would see them."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``circparam samples``: the list, a copy, and refusals."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM end the work soon, with a code and one line, and no file is left behind."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

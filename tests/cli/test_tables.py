@@ -1,7 +1,5 @@
 """Tables: 80 columns where there is no terminal, plain text, every value in its place."""
 
-from __future__ import annotations
-
 import io
 import subprocess
 import sys

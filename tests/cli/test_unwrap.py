@@ -1,7 +1,5 @@
 """``circparam unwrap`` from the outside: outputs, reports, exit codes, and nothing left behind."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

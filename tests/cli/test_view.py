@@ -1,7 +1,5 @@
 """``circparam view``: every kind of picture from a file, and every reason why there is none."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The baselines: their layouts are undistorted by their pages, and nobody needs them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Methods side by side: the same cut for all, rows that can be trusted, failures that are rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Table 1 of the source: the meshes, the timing, and what the report says about the ratio."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Names of rows: lists, all, baselines, and what is near an unknown one."""
 
-from __future__ import annotations
-
 import pytest
 
 from circparam import errors

@@ -1,7 +1,5 @@
 """A process of its own: what goes in, what comes back, what it took."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

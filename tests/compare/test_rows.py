@@ -1,7 +1,5 @@
 """Rows as plain values: every figure there, none that JSON cannot hold."""
 
-from __future__ import annotations
-
 import json
 import math
 

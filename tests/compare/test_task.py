@@ -1,7 +1,5 @@
 """One method as a task: what goes over to another process, and what it measures there."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What every row of METHODS promises, and what its tags promise on top."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 

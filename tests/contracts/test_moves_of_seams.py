@@ -1,7 +1,5 @@
 """Whatever moves the seams of an atlas, on whatever shape, keeps what is promised of every atlas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """New files from any mesh: what each format holds, what it loses and says so, judged by others too."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A command is one module and one row: added from here it is in the help, runs, and fails as others do."""
 
-from __future__ import annotations
-
 import sys
 from types import ModuleType
 from typing import Any

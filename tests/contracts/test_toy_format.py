@@ -1,7 +1,5 @@
 """One file and one row: a format made here is all that the package needs to read, unwrap and write it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

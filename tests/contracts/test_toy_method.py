@@ -1,7 +1,5 @@
 """A method is one row: added from here it is a choice, is listed, suggested, compared, run and tested."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path

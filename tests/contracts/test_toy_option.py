@@ -1,7 +1,5 @@
 """An option is one field: a dataclass with one more is checked, has its flags, its help and its keywords."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A packer is one function and one row: used where it applies, checked on the raster like the others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Array operations against loops over their members."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Work that has nothing to show is broken off at its last moment, wherever it is."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ranges and the words of an option (tests/contracts/test_toy_option.py has the rest)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

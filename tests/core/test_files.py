@@ -1,7 +1,5 @@
 """The list of temporary files, which cli/signals knows by the name of this module only."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

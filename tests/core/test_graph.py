@@ -1,7 +1,5 @@
 """Graphs: components, cycles, paths, forests and matchings against plain Python."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sps

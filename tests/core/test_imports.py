@@ -1,7 +1,5 @@
 """What loads at its first use."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Linear systems: factorisations and conjugate gradients against dense solves, and where they stop."""
 
-from __future__ import annotations
-
 from itertools import islice
 
 import numpy as np

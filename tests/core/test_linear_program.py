@@ -1,7 +1,5 @@
 """Linear programs against SciPy's own interface."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sps

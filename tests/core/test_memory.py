@@ -1,7 +1,5 @@
 """Memory as the system tells it: more where more is held, nothing of a process that is not there."""
 
-from __future__ import annotations
-
 import mmap
 import os
 import platform

@@ -1,7 +1,5 @@
 """Stages, progress and the deadline."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

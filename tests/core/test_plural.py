@@ -1,7 +1,5 @@
 """Numbers as messages say them."""
 
-from __future__ import annotations
-
 import pytest
 
 from circparam.core.plural import counted, percent

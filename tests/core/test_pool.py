@@ -1,7 +1,5 @@
 """Worker processes end with whoever opened them."""
 
-from __future__ import annotations
-
 import sys
 import time
 

@@ -1,7 +1,5 @@
 """Classes of ``core.records`` behave as those of the standard library: each test holds for both decorators."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import pickle

@@ -1,7 +1,5 @@
 """Tables: rows by name, tags that are known, and the nearest name for one that is not."""
 
-from __future__ import annotations
-
 import pytest
 
 from circparam.core.registry import TAGS, Row, Table, unknown_name

@@ -1,7 +1,5 @@
 """Worker processes change seconds, never results, and are gone when the work is over."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import signal

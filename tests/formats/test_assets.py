@@ -1,7 +1,5 @@
 """The files that an output refers to: copied when asked, named when they will not resolve."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

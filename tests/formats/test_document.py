@@ -1,7 +1,5 @@
 """What every document has in common: layouts that fit, uv sets that may be replaced, notes on what is lost."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lines without an end: refused while they are read, with the memory of a few blocks; long legal lines pass."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import sys

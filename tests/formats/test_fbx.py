@@ -1,7 +1,5 @@
 """FBX is refused with the line that makes a GLB of it in Blender; the line works, where Blender is."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

@@ -1,7 +1,5 @@
 """Formats that come through trimesh: geometry as trimesh has it, a clear line where something is missing."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

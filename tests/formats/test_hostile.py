@@ -1,7 +1,5 @@
 """Files that lie or are garbage, in every format: one clear line, bounded memory, nothing written."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os

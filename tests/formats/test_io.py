@@ -1,7 +1,5 @@
 """Reading and writing by name: formats told, whole files or none, standard streams."""
 
-from __future__ import annotations
-
 import io
 import sys
 from pathlib import Path

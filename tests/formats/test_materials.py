@@ -1,7 +1,5 @@
 """Images of a file: decoded, told by their media type, each read once; linear light as sRGB."""
 
-from __future__ import annotations
-
 import io
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Meshes that come from memory: copied, checked, with the uv that came with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """OFF: points and polygons kept, files that lie refused."""
 
-from __future__ import annotations
-
 import pytest
 
 from circparam.errors import InputError

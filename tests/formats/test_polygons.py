@@ -1,7 +1,5 @@
 """Polygons and the triangles made inside them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Small text files: read as written, refused with the line that is wrong."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where bytes come from: errors that name the file, and names that stay inside its folder."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

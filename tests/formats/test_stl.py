@@ -1,7 +1,5 @@
 """STL: three points a face, in the order of the file."""
 
-from __future__ import annotations
-
 import io
 import sys
 

@@ -1,7 +1,5 @@
 """What content tells of its format, and what it does not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

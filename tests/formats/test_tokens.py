@@ -1,7 +1,5 @@
 """Text as arrays, against the same done word by word with Python's own strings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

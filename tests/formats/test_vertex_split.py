@@ -1,7 +1,5 @@
 """One uv a vertex: duplicates behind the input's vertices, in the order of first appearance."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -3,8 +3,6 @@
 python -m tests.fuzz --cases 5000 --seed 0 --minutes 30
 """
 
-from __future__ import annotations
-
 import argparse
 import collections
 import shutil

@@ -1,7 +1,5 @@
 """One case: a file, and a command to run on it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Run a case through the command line in this process, and say what is wrong with how it went."""
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import json

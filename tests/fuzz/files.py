@@ -1,7 +1,5 @@
 """Small mesh files written the plain way, and ways to spoil them."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

@@ -5,8 +5,6 @@ were opened. A kind writes its file into a folder and names the words of the com
 lies a secret, and in it a pipe that nobody writes to and links that lead out.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -5,8 +5,6 @@ u, backs odd ones unless they lie on their fronts, so no front borders on a back
 is counted face by face and pair by pair, in integers.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Boundaries as segments: their order, their sides, their lengths, and loops that lie folded out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

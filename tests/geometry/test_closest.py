@@ -1,7 +1,5 @@
 """Closest points of triangles, beside all points of a fine grid on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Collapses of edges: what is left of a mesh, wherever the work is done."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

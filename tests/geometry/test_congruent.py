@@ -1,7 +1,5 @@
 """Components of one shape: every copy is found, none wrongly, whatever the order; corners lie on corners."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

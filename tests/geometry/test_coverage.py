@@ -1,7 +1,5 @@
 """Rasters from the boundary alone, against brute force."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Measures against maps whose distortion is known."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

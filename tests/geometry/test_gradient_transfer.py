@@ -1,7 +1,5 @@
 """Gradients of a layout in space: what they say of the layout, and how they turn from face to face."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

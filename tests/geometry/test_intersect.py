@@ -1,7 +1,5 @@
 """Where the insides beside boundaries meet or come near, against angles and all pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings

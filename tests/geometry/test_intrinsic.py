@@ -1,7 +1,5 @@
 """Angles, Jacobians and Laplacians: formulas against angles, known triangles and affine maps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

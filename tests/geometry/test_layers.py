@@ -1,7 +1,5 @@
 """Layers over very many points: what a ray from each of them would tell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

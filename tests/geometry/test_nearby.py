@@ -1,7 +1,5 @@
 """Points near places: by comparing all, and by a tree."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st

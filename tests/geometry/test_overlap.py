@@ -1,7 +1,5 @@
 """Exact signs, and overlap of charts against brute force over all pairs of faces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings

@@ -1,7 +1,5 @@
 """Figures of a page: what is thin, how long seams are in texels, what they add, how dense charts lie."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

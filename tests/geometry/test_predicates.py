@@ -1,7 +1,5 @@
 """Exact signs, against rationals."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st

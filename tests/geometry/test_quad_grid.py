@@ -1,7 +1,5 @@
 """Grids of quads: which charts are some, and that rows and columns are straight at right angles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

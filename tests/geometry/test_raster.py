@@ -1,7 +1,5 @@
 """Scan conversion: every pixel belongs to the face it should; runs, crossings, gaps and free borders."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings

@@ -1,7 +1,5 @@
 """First hits of many rays, beside a tracer that tries every face."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Pairs of segments that may meet: none is missed, and their number grows with that of the segments."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Straight borders: the directions of a chart, and what of them lies along the axes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

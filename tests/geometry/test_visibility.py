@@ -1,7 +1,5 @@
 """From how many directions edges are seen: known answers, and what no motion of the mesh may change."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -4,8 +4,6 @@ CIRCPARAM_BPY names a Python that has Blender's module (``pip install bpy``); wi
 has none, the tests inside Blender are skipped.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib.util
 import io

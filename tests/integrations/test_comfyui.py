@@ -1,7 +1,5 @@
 """The nodes for ComfyUI, called as ComfyUI calls them: class, INPUT_TYPES, FUNCTION, RETURN_TYPES."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 import tomllib

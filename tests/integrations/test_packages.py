@@ -1,7 +1,5 @@
 """GitHub Action, conda recipe and Containerfile: they say what pyproject.toml says, and their commands run."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """xatlas' one call: the same code runs with either package, and gets a valid layout."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

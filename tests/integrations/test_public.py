@@ -1,7 +1,5 @@
 """``circparam.bake``, ``view`` and ``compare`` in Python, results in a notebook, scenes of trimesh."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The functions of ``import circparam``: every option in the signature, degrees as in the command line."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 

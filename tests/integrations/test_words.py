@@ -1,7 +1,5 @@
 """Errors name keywords where a Python caller reads them, flags where a shell user does."""
 
-from __future__ import annotations
-
 import pytest
 
 import circparam

@@ -1,7 +1,5 @@
 """Maps chart on chart: layouts whose charts correspond, and what is told where they do not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

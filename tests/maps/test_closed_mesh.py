@@ -1,7 +1,5 @@
 """Closed meshes whose edges are split, and the vertices of a file on them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.maps.map_input import map_input_of

@@ -1,7 +1,5 @@
 """The geometry of a triangulation of a surface with handles: flat or hyperbolic, smooth at every node."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

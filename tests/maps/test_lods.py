@@ -1,7 +1,5 @@
 """One layout for all levels of detail: known answers on sheets and tubes, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Maps between surfaces of every topology: one to one, landmarks met exactly, known answers, one result."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

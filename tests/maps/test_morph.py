@@ -1,7 +1,5 @@
 """Morphs: where the vertices go, how they are lit on the way, and what of the file stays."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The common refinement of two surfaces: a partition of both, closed, and morphs that end as B itself."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

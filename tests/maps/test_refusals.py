@@ -1,7 +1,5 @@
 """Pairs that have no map, and landmarks and paths that name nothing: one line with cause and place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

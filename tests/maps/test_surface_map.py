@@ -1,7 +1,5 @@
 """The map as data: interpolation at places, the file, and meshes that do not fit."""
 
-from __future__ import annotations
-
 import contextlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The surface cut open: lengths, loops, Euler characteristics, parts and closed holes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

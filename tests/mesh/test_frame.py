@@ -1,7 +1,5 @@
 """The frame of a surface: it turns, moves and grows with the shape, so coordinates in it stay as they are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Half-edges sorted, paired and joined, against plain Python over random triangle soups."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

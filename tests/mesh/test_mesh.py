@@ -1,7 +1,5 @@
 """What a mesh refuses, which vertices stand in one place, and the charts of a layout."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Windings that agree, and surfaces with one side only."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Repair in front of the solve: what is set aside, paired and turned, and that the layout comes back whole."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings

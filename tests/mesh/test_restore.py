@@ -1,7 +1,5 @@
 """A layout of the surface back on all faces of the file."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.geometry.overlap import signs

@@ -1,7 +1,5 @@
 """The surface: its copies, and the charts it remembers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The report on topology, against shapes with known answers and the manifest of the real meshes."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Coincident vertices, degenerate and duplicate faces, as maps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

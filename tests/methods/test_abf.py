@@ -1,7 +1,5 @@
 """Angle based flattening: the conditions hold, the linear form is its first step, failure is told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

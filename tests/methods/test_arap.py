@@ -1,7 +1,5 @@
 """As-rigid-as-possible maps: the gradient, the energy against other maps, pins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

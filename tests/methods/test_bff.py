@@ -1,7 +1,5 @@
 """Boundary first flattening: the automatic map, the disk, and lengths of the user."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Charts with holes: planes and developable surfaces come back exactly, curved ones keep their angles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Least squares conformal maps: spectral, pinned, and pins of the user."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

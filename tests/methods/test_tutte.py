@@ -1,7 +1,5 @@
 """Convex maps: convergence to a known answer, holes, many charts, and what a user is told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

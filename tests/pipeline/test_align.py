@@ -1,7 +1,5 @@
 """``--align-texels``: straight borders on whole texels or blocks, gaps and bounds kept."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

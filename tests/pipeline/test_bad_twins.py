@@ -1,7 +1,5 @@
 """What is bad about a file costs little more than the mesh: work is counted, not seconds."""
 
-from __future__ import annotations
-
 import sys
 from types import FrameType
 

@@ -1,7 +1,5 @@
 """The state of a layout in the cascade: every step makes a new one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.monitor import Monitor

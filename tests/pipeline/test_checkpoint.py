@@ -1,7 +1,5 @@
 """A stopped run goes on after its seams, with the bytes of an unbroken one, and never with others' seams."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the boundary of an outline reaches between its anchors."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The options of an unwrap become those of its stages, and fit the file or are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

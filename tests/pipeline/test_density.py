@@ -1,7 +1,5 @@
 """Density by what a face is: asked is got, names that are none are refused, parts never share a chart."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The chain that always ends: whatever a method returns, the cascade that comes out is sound."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The first layout: pins by vertex of the mesh, and what the cascade is told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Components left out of a layout: which, what their faces get, and that the file stays whole."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

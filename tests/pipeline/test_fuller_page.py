@@ -1,7 +1,5 @@
 """Cuts for a fuller page: made where a page so much fuller is worth the seam, and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

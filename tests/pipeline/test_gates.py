@@ -1,7 +1,5 @@
 """Gates: conditions read from a line, and held against the numbers of a report."""
 
-from __future__ import annotations
-
 import pytest
 
 from circparam import samples

@@ -1,7 +1,5 @@
 """Groups: a page for each, or a box for each; charts whose up is v."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A look at a mesh: what it is, what its uv are worth, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What all stages share: the repaired surface, and layouts for every face of the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

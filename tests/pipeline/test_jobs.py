@@ -1,7 +1,5 @@
 """However many processes work, and whatever happens to them, the result is the same."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """A page in use: what is selected gets new charts where room is, every other corner stays to the last bit."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

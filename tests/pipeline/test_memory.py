@@ -1,7 +1,5 @@
 """A bound on the memory is judged before the work: enough, enough for one process, or not enough."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Charts cut for several pages, and for pages that are too small for them at a fixed texel density."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Options are checked when they are made, and none is ignored in silence."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from typing import Any

@@ -1,7 +1,5 @@
 """Cuts that were asked for (--pack-splits N): so many at most, through flats and without a seam before too."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

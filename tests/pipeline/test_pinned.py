@@ -1,7 +1,5 @@
 """Pins hold in the written file, whatever the method and format, or the run is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

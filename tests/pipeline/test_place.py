@@ -1,7 +1,5 @@
 """Charts at one texel density, packed, or side by side."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

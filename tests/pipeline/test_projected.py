@@ -1,7 +1,5 @@
 """Charts for want of time: projected, never flipped, and sound in the end."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Spoilt faces mended among the representable uv."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """The judgement on a layout: ok, repaired or degraded, with reasons."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Crushed needles get their shape back: loads fall, nothing flips, boundaries hardly move."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Out to disk and back: numbers, index maps and seams of the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

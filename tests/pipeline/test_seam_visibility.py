@@ -1,7 +1,5 @@
 """What is seen of the seams: the same whoever looks, and left out where no time is left."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a seam costs where the user says so: never means never, free draws seams, bad weights are told."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One dial for the search: a draft keeps all promises, more effort never costs more."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from typing import Any

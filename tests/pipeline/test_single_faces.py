@@ -1,7 +1,5 @@
 """Faces laid down one by one, and what stands in for those that no number holds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Arms cut off sprawling charts: where boxes tell that it is worth the seam, and nowhere else."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stacks: copies lie on the texels of one part, told and verified; nothing else may lie on anything."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

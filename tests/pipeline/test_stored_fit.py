@@ -1,7 +1,5 @@
 """Layouts whose numbers, as the format stores them, have no flip."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

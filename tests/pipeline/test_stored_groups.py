@@ -1,7 +1,5 @@
 """Atlases that share the plane: the file says which, and check, view and pack know it."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

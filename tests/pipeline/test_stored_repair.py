@@ -1,7 +1,5 @@
 """Charts rounded to what a format stores: upright, and free of overlap at their boundaries."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """``--straighten``: straight borders lie along the axes, belts and tubes are rectangles to the last digits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

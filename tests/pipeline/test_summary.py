@@ -1,7 +1,5 @@
 """The report as plain values: what JSON holds, and what it says."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

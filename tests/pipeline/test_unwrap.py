@@ -1,7 +1,5 @@
 """The whole way as a library: what goes in stays as it is, what comes out is verified."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Verification finds every planted fault, and trusts nothing but the layout it is given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Which sides of a surface are shown, and what is up."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

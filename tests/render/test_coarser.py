@@ -1,7 +1,5 @@
 """Fewer faces for a page: lines, charts, flips and what the layout covers stay; small scenes stay whole."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

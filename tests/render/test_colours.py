@@ -1,7 +1,5 @@
 """Colours that can be told apart, and the ends of scales."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

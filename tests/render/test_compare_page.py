@@ -1,7 +1,5 @@
 """A comparison as a page and as an image."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass

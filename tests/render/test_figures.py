@@ -1,7 +1,5 @@
 """Measures in words."""
 
-from __future__ import annotations
-
 from circparam.render.figures import as_figures
 
 

@@ -1,7 +1,5 @@
 """The page: small, well-formed, safe against its texts; one layout, or two beside each other."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Thick lines, and averaging down."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.render.lines import draw_lines, shrink

@@ -1,7 +1,5 @@
 """The geometry of a page comes back as it was, within its quantisation, and takes few bytes."""
 
-from __future__ import annotations
-
 import base64
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Whole pictures, and writing them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Distortion, flips, charts and seams of known scenes."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a page takes along of a file: its textures, small enough."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Layouts of one mesh drawn alike, and their figures in words."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

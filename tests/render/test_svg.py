@@ -1,7 +1,5 @@
 """The layout as SVG."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 

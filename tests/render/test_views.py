@@ -1,7 +1,5 @@
 """The surface and the layout as pictures, pixel by pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

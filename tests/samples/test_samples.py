@@ -1,7 +1,5 @@
 """The bundled samples: made again byte for byte, and what the manifest says is what is in them."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

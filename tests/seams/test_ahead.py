@@ -1,7 +1,5 @@
 """The stretch held beside merging on: the same as held after it, and never of what has changed since."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """The atlas: charts that are disks under the bound, none overlapping itself, on shapes with known answers."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Edges that must be seams, or may not be: named, sharp, between groups, or those of the file."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

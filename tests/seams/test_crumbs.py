@@ -1,7 +1,5 @@
 """Charts of thousands of tiny components keep what is promised of all charts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Opening surfaces: every component one disk but for holes, along short seams, never inside a polygon."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings

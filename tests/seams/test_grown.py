@@ -1,7 +1,5 @@
 """Large surfaces: charts made on a smaller surface first, a level, keep everything that is promised of them."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Seams that go where they are hardly seen: their prices, and what they do to an atlas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@ The default is a full search, which a draft does not beat either. A draft ends w
 option may happen to lead it to less, so of drafts only the number of charts is asserted.
 """
 
-from __future__ import annotations
-
 import os
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is asked of the seams when nothing is said, and what a way of cutting gives at least."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.monitor import Monitor

@@ -1,7 +1,5 @@
 """A search that runs out of time gives what it has reached; a longer time never gives a worse answer."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The stretch of the level of a large surface: which of several atlases is held."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Seams on both sides of a mirror plane: found, kept, and refused where there is none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

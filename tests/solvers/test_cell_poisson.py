@@ -1,7 +1,5 @@
 """The layout that Jacobians ask for, from one that is nearly it: the direct solve is the judge."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

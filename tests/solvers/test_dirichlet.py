@@ -1,7 +1,5 @@
 """The symmetric Dirichlet energy face by face: its derivatives and the largest step without a collapse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

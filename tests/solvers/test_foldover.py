@@ -1,7 +1,5 @@
 """The foldover-free energy and its descent."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

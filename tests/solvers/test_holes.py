@@ -1,7 +1,5 @@
 """Charts with holes, cut open along the shortest tree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Descent on many independent problems at once."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.monitor import Monitor

@@ -1,7 +1,5 @@
 """The symmetric Dirichlet energy, its derivatives, the maximal step, and the relaxation of whole charts."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

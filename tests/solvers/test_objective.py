@@ -1,7 +1,5 @@
 """The energies of many charts as one objective."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

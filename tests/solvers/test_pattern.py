@@ -1,7 +1,5 @@
 """Matrices over the vertices of a cut mesh: the numbers of the plain assembly, whatever the order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

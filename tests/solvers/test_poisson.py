@@ -1,7 +1,5 @@
 """Layouts from the Jacobians that faces should have."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

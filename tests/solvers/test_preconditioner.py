@@ -1,7 +1,5 @@
 """The block matrix of all charts, and the two-level preconditioner."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

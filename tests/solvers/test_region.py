@@ -1,7 +1,5 @@
 """Parts of a cut mesh that move while the rest stays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

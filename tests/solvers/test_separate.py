@@ -1,7 +1,5 @@
 """Parts of one chart that lie on each other are pushed apart; the law of the springs that do it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sps

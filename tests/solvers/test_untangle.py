@@ -1,7 +1,5 @@
 """Unfolding: the energy's gradient, flips that were planted, and what must not move."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """An assembly as a CAD kernel exports one: a few kinds of parts, each many times, anywhere and in any order."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

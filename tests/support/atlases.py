@@ -1,7 +1,5 @@
 """Surfaces and atlases of shapes, cut where the test says."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.graph import nearest, undirected

@@ -1,7 +1,5 @@
 """Parts as bad files hold them: as soup, with T-junctions, doubled faces, needles or noise, tiny."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Sheets with colours and textures, and what a renderer shows of a baked layout."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

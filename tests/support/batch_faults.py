@@ -1,7 +1,5 @@
 """Meshes that do harm, tasks that fail, and small sets of files for batches; workers import this module."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

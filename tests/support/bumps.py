@@ -1,7 +1,5 @@
 """Balls with bumps, dense and coarse, with uv; and a ray tracer that knows nothing of trees."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray

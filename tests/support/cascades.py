@@ -1,7 +1,5 @@
 """Layouts at the head of the fallback cascade."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.mesh.atlas import Atlas

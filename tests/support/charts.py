@@ -1,7 +1,5 @@
 """Shapes as cut mesh, and comparisons up to a similarity, for the tests of weights, borders and methods."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.mesh.cut_mesh import CutMesh

@@ -1,7 +1,5 @@
 """How far an atlas bends the flats of a part, seen with the eye of somebody who paints them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray

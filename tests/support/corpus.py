@@ -1,7 +1,5 @@
 """Where the real meshes are: tests that need them skip, saying so, where the folder is absent."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

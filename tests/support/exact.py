@@ -1,7 +1,5 @@
 """Signs in rational arithmetic, for tests of what promises to be exact."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 

@@ -1,7 +1,5 @@
 """What every row of FORMATS promises: used for the rows that are there, and for one added by a test."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A disk that fills up while a file is written."""
 
-from __future__ import annotations
-
 import errno
 import os
 from typing import NoReturn

@@ -1,7 +1,5 @@
 """What common loaders make of a glTF file: three.js' GLTFLoader, and assimp."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

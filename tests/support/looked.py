@@ -1,7 +1,5 @@
 """Two meshes with one texture, drawn by the same cameras: how alike they look."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates
 

@@ -3,8 +3,6 @@
 The look-up reads the JSON by itself and samples with scipy's ``map_coordinates``, face by face.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from typing import Any

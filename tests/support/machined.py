@@ -1,7 +1,5 @@
 """More machine parts: with rows of holes, fillets and bosses, cones, steps and keyways."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

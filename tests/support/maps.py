@@ -1,7 +1,5 @@
 """Maps between meshes that are known without solving anything, and a cube with normals."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

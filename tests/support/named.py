@@ -1,7 +1,5 @@
 """A small mesh whose parts have names in every way that files name them."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Flat meshes with faces that single precision cannot tell apart, and what formats do to their numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import Delaunay
 

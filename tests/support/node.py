@@ -1,7 +1,5 @@
 """Programs of the npm packages that tests/browser/package.json lists, where they are installed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """An OBJ file with a bit of everything, a naive reader, and what a file is without its uv."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Charts to pack, and everything that is promised of a packed layout, by means of this file only."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

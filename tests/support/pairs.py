@@ -1,7 +1,5 @@
 """Pairs of surfaces for maps: closed blobs and sheets in several meshes, and places that correspond."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

@@ -4,8 +4,6 @@ Every part knows which surface of the model (a flat, a tube ...) each of its tri
 tests and benchmarks can ask whether an atlas cuts one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """PLY files made property by property, and an independent reader that goes value by value."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

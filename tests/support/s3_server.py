@@ -1,7 +1,5 @@
 """An S3 server on the loopback that fails every so many calls, as stores do."""
 
-from __future__ import annotations
-
 import os
 import threading
 import urllib.request

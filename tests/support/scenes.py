@@ -1,7 +1,5 @@
 """Small meshes with uv, as scenes to draw."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.render.scene import make_scene

@@ -4,8 +4,6 @@ All are wound counter-clockwise seen from outside (or from +z), and the same arg
 arrays. Topology is in the name or the docstring, so a test can say what it expects.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 from scipy.sparse.csgraph import connected_components

@@ -1,7 +1,5 @@
 """A mesh with layouts of every kind, to be shown side by side."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.mesh.mesh import Mesh, UVMap

@@ -4,8 +4,6 @@ Every strategy yields (points (n, 3) float64, faces (m, 3) int64). Sizes stay sm
 cases fit in a minute; deterministic shapes with known answers are in ``tests.shapes``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 

@@ -1,7 +1,5 @@
 """What every repaired surface and every completed layout promises."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.mesh.restore import complete

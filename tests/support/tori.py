@@ -1,7 +1,5 @@
 """Pairs of surfaces with handles: tori whose places are two angles, and plates with holes in several meshes."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

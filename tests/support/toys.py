@@ -1,7 +1,5 @@
 """Rows added to a table from inside a test, and taken away again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

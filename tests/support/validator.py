@@ -1,7 +1,5 @@
 """The Khronos validator of glTF, where node and its package are installed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pictures of docs/artists.md that show what an option changes: ``python -m tests.tools.artists``."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 usage: python -m tests.tools.extension FOLDER [PLATFORM ...], where FOLDER holds the wheel of circparam
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -7,8 +7,6 @@ three whose flats the bound bends or not. two-surfaces-NAME.png: what one surfac
 another. Every file stays below 200 kB; no time is printed in them, so the same code makes the same pictures.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 usage: ``python -m tests.tools.hand``
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ below and writes the SHA-256 of each file and of each JSON document (without its
 SciPy and on the processor, so the two runs belong on one machine; that is why no hashes are tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -3,8 +3,6 @@
 usage: ``python -m tests.tools.keywords [--check]``
 """
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 from pathlib import Path

@@ -9,8 +9,6 @@ each survivor has a judgement that is kept from run to run. Real meshes are left
 what every machine has.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -5,8 +5,6 @@ and a change of it may lead to other seams or another page. Not counted: 0, ±1,
 sets; tolerances below a millionth, which precision sets; and masks and multipliers of hashes.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The oldest versions that pyproject.toml allows, as constraints for pip: ``python -m tests.tools.oldest``."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -6,8 +6,6 @@ which packs charts of its own only. Others run in processes of their own under a
 (``tests/bench``; CIRCPARAM_OPEN3D_PYTHON for UVAtlas); one that has no Python is left out.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -3,8 +3,6 @@
 usage: ``python -m tests.tools.reference [--check]``
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

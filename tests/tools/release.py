@@ -6,8 +6,6 @@ them, and the address in the metadata. ``--url`` gives it (https://HOST/OWNER/ci
 plain text.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The pictures of docs/two-surfaces.md: two heads, the creature and its pose, a part dense and coarse."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

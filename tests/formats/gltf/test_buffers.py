@@ -1,7 +1,5 @@
 """New data in a tree: nothing piles up, nothing that may be in use is touched, files are whole."""
 
-from __future__ import annotations
-
 import base64
 import itertools
 import json

@@ -1,7 +1,5 @@
 """glTF: what accessors say is what is read, and only what uv touches changes in the tree."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Uv put into a glTF tree: only what uv touches changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

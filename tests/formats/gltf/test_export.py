@@ -1,7 +1,5 @@
 """A new GLB or glTF from any mesh: one primitive a group, index types, what float32 cannot hold."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

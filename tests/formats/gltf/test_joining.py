@@ -1,7 +1,5 @@
 """Primitives whose materials became one are one primitive, with every vertex, target and index of before."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

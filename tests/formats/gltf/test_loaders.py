@@ -1,7 +1,5 @@
 """Interleaved, quantised and WebP files: what is written loads in three.js and assimp, with the uv in place."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """COLOR_0 as sRGB, and the base colour of materials: images in views, data URIs and files."""
 
-from __future__ import annotations
-
 import base64
 from pathlib import Path
 

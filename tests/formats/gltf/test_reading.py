@@ -1,7 +1,5 @@
 """Accessors, buffers and chunks: what the tree says is what is read, and trees that lie are refused."""
 
-from __future__ import annotations
-
 import copy
 import json
 import struct

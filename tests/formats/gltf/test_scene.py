@@ -1,7 +1,5 @@
 """Nodes place meshes, modes make triangles, shared meshes are read once or copied."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

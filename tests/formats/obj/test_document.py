@@ -1,7 +1,5 @@
 """OBJ: read as an independent, naive reader reads it, and written back with every other byte kept."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Uv put into the text of an OBJ file: every other byte is kept."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

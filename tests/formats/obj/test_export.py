@@ -1,7 +1,5 @@
 """A new OBJ file from any mesh: points, polygons, uv and groups as lines of text."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

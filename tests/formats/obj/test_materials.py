@@ -1,7 +1,5 @@
 """Colours behind v, material files, and which material a face has."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where lines, words and corners of an OBJ file are: against a naive reader, and bad files by their line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

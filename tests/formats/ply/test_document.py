@@ -1,7 +1,5 @@
 """PLY: every element and property kept in all three encodings, compared by an independent reader."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Uv put into a PLY file: every other property is kept, strips and index types hold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A new PLY file from any mesh: where uv go, which types hold what, read by an independent reader."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from pathlib import Path

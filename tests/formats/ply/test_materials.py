@@ -1,7 +1,5 @@
 """Colours of vertices and faces by the range of their type, and the image of a TextureFile comment."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

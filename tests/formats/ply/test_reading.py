@@ -1,7 +1,5 @@
 """Where every value of a PLY file is: rows of any length, headers that lie, files cut short."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

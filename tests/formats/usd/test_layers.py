@@ -1,7 +1,5 @@
 """USD opens layers by name: those outside the folder of the file are refused before they are opened."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

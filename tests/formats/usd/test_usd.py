@@ -1,7 +1,5 @@
 """USD in and out, judged by USD itself: what is composed, which layers changed, what uv each mesh shows."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

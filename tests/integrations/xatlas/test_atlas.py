@@ -1,8 +1,6 @@
 """The surface of xatlas-python with layouts of circparam: attributes, defaults, errors, several meshes,
 pages."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``export`` of circparam.xatlas writes what xatlas writes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

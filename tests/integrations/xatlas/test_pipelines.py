@@ -6,8 +6,6 @@ Hunyuan3D), a page of a given size for baking (TripoSR), a few iterations and th
 (stable-dreamfusion), several meshes in one atlas.
 """
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The proxy: its topology, and the cell of every fine vertex."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Small holes closed while seams are decided, components that need no seam, and a chart alone on its page."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How much of the bound noise costs: nothing on smooth meshes, what whole charts tell on rough ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

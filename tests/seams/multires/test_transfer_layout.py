@@ -1,7 +1,5 @@
 """Charts and layout of a coarse surface on the fine one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

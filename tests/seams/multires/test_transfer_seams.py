@@ -1,7 +1,5 @@
 """Seams of a coarse surface on the fine one."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

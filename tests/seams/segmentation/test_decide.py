@@ -1,7 +1,5 @@
 """Seams decided on one surface."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

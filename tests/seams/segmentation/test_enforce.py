@@ -1,7 +1,5 @@
 """Charts held to the bound: slit, split, pushed apart or laid out anew."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

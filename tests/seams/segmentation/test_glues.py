@@ -1,7 +1,5 @@
 """Merging where unions may add hardly any energy: room, and what is tried again where there is more."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.monitor import Monitor

@@ -1,7 +1,5 @@
 """Regions round seeds far apart, and charts that are disks."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Layouts judged, and charts laid out anew after their seams have moved."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

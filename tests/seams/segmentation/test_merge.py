@@ -1,7 +1,5 @@
 """Merging charts: what is glued, what never is, and what is not tried again."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

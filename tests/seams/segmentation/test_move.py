@@ -1,7 +1,5 @@
 """Pieces of seams that move to where they cost less, as far as charts stay good."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

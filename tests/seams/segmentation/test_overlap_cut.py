@@ -1,7 +1,5 @@
 """Charts that lie on themselves: pushed apart where little is needed, else cut between the two layers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Chains of seam edges, and the shortest paths that take their place."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.seams.segmentation.paths import Bands, Chains, chains_of, route

@@ -1,7 +1,5 @@
 """Seams that become shortest paths inside bands round them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

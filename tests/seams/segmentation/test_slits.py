@@ -1,7 +1,5 @@
 """Slits from a chart's boundary to where it is distorted most."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

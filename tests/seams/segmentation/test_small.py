@@ -1,7 +1,5 @@
 """Small charts that join their neighbours, or stay as they were."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.monitor import Monitor

@@ -1,7 +1,5 @@
 """Arcs of the seams between junctions, and what charts were before a change."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

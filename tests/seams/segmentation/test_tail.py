@@ -1,7 +1,5 @@
 """The tail of the distortion: all but 0.1 % of the surface keep to the stretch that is asked for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

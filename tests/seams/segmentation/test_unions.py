@@ -1,7 +1,5 @@
 """Unions of two charts laid out together: exact where they fit, relaxed where they do not."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

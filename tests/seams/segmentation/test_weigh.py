@@ -1,7 +1,5 @@
 """Weights on the faces that are stretched too much: a shorter tail without a seam."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Boundaries: where the fixed vertices lie, and that nothing collapses on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Convex combination maps: means of neighbours, on a convex boundary, for disks with or without holes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Long protrusions: where convex maps fail in double precision, and graded weights do not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The outer boundary of every chart, in order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

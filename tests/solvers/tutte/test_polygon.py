@@ -1,7 +1,5 @@
 """Convex polygons as boundaries: corners, bent sides, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

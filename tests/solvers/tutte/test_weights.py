@@ -1,7 +1,5 @@
 """Weight schemes: the plane, signs, and the formulas written out for one vertex."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
