@@ -16,7 +16,6 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.ahead import LOCAL, StretchAhead, level_ahead
 from circparam.seams.constraints import constrain
-from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
 from circparam.seams.grown import grown_atlas
@@ -39,6 +38,7 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.stretch import STRETCH, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
+from circparam.seams.tiny_components import debris
 from circparam.seams.ways import LEFT, left_by, made_ways
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried

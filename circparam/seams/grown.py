@@ -16,7 +16,6 @@ from circparam.core.workers import PARTED, DeferredTask, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
-from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.decided import Decided, beside
 from circparam.seams.finish import (
     LEVEL_FACES,
@@ -47,6 +46,7 @@ from circparam.seams.segmentation.grow import DualGraph, dual_graph
 from circparam.seams.segmentation.starts import LOOPS
 from circparam.seams.segmentation.unions import ENOUGH, MergeOptions
 from circparam.seams.stretch import best_held, held_level
+from circparam.seams.tiny_components import tiny_atlas, tiny_components
 from circparam.solvers.newton import RelaxOptions
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
@@ -83,11 +83,11 @@ def grown_atlas(
     """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
-        tiny = crumbs(surface)
+        tiny = tiny_components(surface)
         if tiny.any():
             surface = with_prices(surface, options, monitor, LEVEL_FACES)
             atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-            atlas.put(tiny, crumb_atlas(surface.part(tiny), bound, worker, monitor))
+            atlas.put(tiny, tiny_atlas(surface.part(tiny), bound, worker, monitor))
             monitor.keep(atlas.part(tiny))
             if not tiny.all():
                 rest = surface.part(~tiny)

@@ -16,39 +16,38 @@ from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.unions import MergeOptions
 
-CRUMB = 300  # faces that a tiny component has at most
-MANY = 200  # of them: fewer are decided with all others, where every step is tried
-NOTHING = 2e-4  # of the area of the surface, up to which a crumb is debris
-SPLITS = 10  # rounds of halving: a component of CRUMB faces is single faces then
-MERGES = 4  # rounds of merging; three quarters of all unions come in the first two
-MARGIN = 0.002  # share of the root of its area that parts of one chart keep apart
+TINY_FACES = 300  # faces: components up to this size are laid out directly
+# components: so many tiny ones skip the search; fewer are searched with all others
+MANY_COMPONENTS = 200
+# of the area of the surface: a tiny component below this share is searched neither as hard nor as doubtful
+DEBRIS_AREA_SHARE = 2e-4
 
 
-def crumbs(surface: Surface) -> BoolArray:
-    """(m,) bool: faces of tiny components, where there are many of those."""
+def tiny_components(surface: Surface) -> BoolArray:
+    """(m,) bool: faces of components with few faces, where the surface has many such components."""
     _, component = surface.components
-    tiny = np.bincount(component) <= CRUMB
-    if tiny.sum() < MANY:
+    tiny = np.bincount(component) <= TINY_FACES
+    if tiny.sum() < MANY_COMPONENTS:
         return np.zeros(len(component), bool)
     result: BoolArray = tiny[component]
     return result
 
 
 def debris(surface: Surface) -> BoolArray:
-    """(m,) bool: crumbs so small in the whole that it does not matter what they are: hard surfaces or not."""
-    tiny = crumbs(surface)
+    """(m,) bool: faces of tiny components whose area does not justify asking whether they are hard surfaces."""
+    tiny = tiny_components(surface)
     if not tiny.any():
         return tiny
     n, component = surface.components
     share = group_sum(surface.areas, component, n) / surface.areas.sum()
-    result: BoolArray = tiny & (share <= NOTHING)[component]
+    result: BoolArray = tiny & (share <= DEBRIS_AREA_SHARE)[component]
     return result
 
 
-def crumb_atlas(surface: Surface, bound: float, worker: Worker, monitor: Monitor) -> Atlas:
-    """Charts of tiny components: whole where that is good, else in halves that are merged where they fit.
+def tiny_atlas(surface: Surface, bound: float, worker: Worker, monitor: Monitor) -> Atlas:
+    """Charts of tiny components: whole where that is within the bound, else halved and merged again.
 
-    No proxy, no shortening and no second start: what is a twentieth of the page in all is not worth more.
+    There is no proxy, no shortening and no second start: they cover a twentieth of a page.
     """
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     with monitor.stage("charts"):
@@ -70,18 +69,15 @@ def halved(atlas: Atlas, bound: float, monitor: Monitor) -> Atlas:
     split_charts(part, graph, chart, np.ones(n, bool))
     make_disks(part, graph)
     layouts = lay_out_fresh(part, None, ROUGH)
-    for _ in range(SPLITS):
-        bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
-        if not bad.any():
+    while (bad := layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)).any():
+        halves = bad[layouts.cut_mesh.chart]
+        if not split_charts(part, graph, layouts.cut_mesh.chart, bad).any():
             break
-        was = bad[layouts.cut_mesh.chart]
-        split_charts(part, graph, layouts.cut_mesh.chart, bad)
         make_disks(part, graph)
         n, chart = part.charts()
         again = np.zeros(n, bool)
-        again[chart[was]] = True
+        again[chart[halves]] = True
         layouts = lay_out_fresh(part, again, ROUGH)
-    options = MergeOptions(bound, margin=MARGIN, rounds=MERGES)
-    Merger(part, options, np.zeros(len(part.cut), bool)).run(monitor)
+    Merger(part, MergeOptions(bound), np.zeros(len(part.cut), bool)).run(monitor)
     atlas.put(rest, part)
     return atlas

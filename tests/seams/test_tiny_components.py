@@ -5,7 +5,7 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.surface import Surface
-from circparam.seams import crumbs, grown
+from circparam.seams import grown, tiny_components
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
 from tests.support.atlases import assert_promises, surface_of
@@ -25,16 +25,16 @@ def debris(count: int, body: bool = True) -> Surface:
     return surface_of(*shapes.join(*parts))
 
 
-def test_tiny_components_are_told_where_there_are_many() -> None:
-    surface = debris(crumbs.MANY)
-    found = crumbs.crumbs(surface)
+def test_tiny_components_are_found_where_there_are_many() -> None:
+    surface = debris(tiny_components.MANY_COMPONENTS)
+    found = tiny_components.tiny_components(surface)
     assert found.sum() == len(surface.faces) - 1280
-    assert not crumbs.crumbs(debris(crumbs.MANY - 1)).any()
+    assert not tiny_components.tiny_components(debris(tiny_components.MANY_COMPONENTS - 1)).any()
 
 
 @pytest.mark.parametrize("body", [True, False])
 def test_their_charts_are_good_and_as_few_as_their_shapes_allow(body: bool) -> None:
-    surface = debris(crumbs.MANY, body)
+    surface = debris(tiny_components.MANY_COMPONENTS, body)
     atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
     assert_promises(atlas, BOUND)
     cut_mesh = atlas.cut_mesh()
@@ -52,7 +52,11 @@ def test_debris_is_tiny_in_the_whole_whatever_it_is() -> None:
     """Cubes of a thousandth of the area are parts of something; of a ten-thousandth they are debris."""
     for side, found in ((0.04, False), (0.004, True)):
         points, faces = shapes.cube(1)
-        parts = [(points * side + [3 + k, 0, 0], faces) for k in range(crumbs.MANY)]
+        parts = [
+            (points * side + [3 + k, 0, 0], faces) for k in range(tiny_components.MANY_COMPONENTS)
+        ]
         surface = surface_of(*shapes.join(shapes.icosphere(3), *parts))
-        assert crumbs.crumbs(surface).sum() == crumbs.MANY * len(faces)
-        assert crumbs.debris(surface).any() is np.bool_(found)
+        assert tiny_components.tiny_components(
+            surface
+        ).sum() == tiny_components.MANY_COMPONENTS * len(faces)
+        assert tiny_components.debris(surface).any() is np.bool_(found)
