@@ -15,7 +15,6 @@ import pickle
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -139,36 +138,13 @@ class DeferredTask:
         self._pool: Pool | None = None
         self._future: Future[bytes] | None = None
         self._result: tuple[Any] | None = None
-        self._packed: bytes | None = None  # while it waits for a process
-        self._lock = threading.Lock()
 
     def begin(self) -> None:
         """Give the task to a process that is idle; where none is, nothing happens."""
         pool = current() if self._jobs > 1 and self._pool is None else None
         if pool is None or not pool.claim():
             return
-        self._send(pool, pickle.dumps((self._function, self._task), 5))
-
-    def begin_soon(self) -> None:
-        """As ``begin``; where no process is idle, the first that is gets it as it is now."""
-        pool = current() if self._jobs > 1 and self._pool is None else None
-        if pool is None:
-            return
-        self._packed = pickle.dumps((self._function, self._task), 5)
-        self._send_waiting(pool)
-
-    def _send_waiting(self, pool: Pool) -> None:
-        if not pool.claim(partial(self._send_waiting, pool)):
-            return
-        with self._lock:
-            packed, self._packed = self._packed, None
-            if packed is not None:
-                self._send(pool, packed)
-        if packed is None:  # asked for meanwhile
-            pool.release()
-
-    def _send(self, pool: Pool, packed: bytes) -> None:
-        """To a process that was claimed."""
+        packed = pickle.dumps((self._function, self._task), 5)
         self._pool, self._future = pool, _submitted(pool, packed, self._monitor)
         if self._future is None:
             pool.release()
@@ -182,8 +158,6 @@ class DeferredTask:
 
     def result(self) -> Any:
         """The value of the function, computed there or here, once."""
-        with self._lock:
-            self._packed = None  # who still waits for a process waits no more
         if self._result is None:
             if self._pool is not None:
                 self._result = _answered(self._pool, self._future, self._monitor)

@@ -52,7 +52,7 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import AtlasCutter, ChartCutter
 from circparam.pipeline.place import chart_signs, sized
 from circparam.pipeline.sprawl import Trimmer
-from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
 from circparam.seams.stretch import STRETCH, stretch_asked
@@ -283,7 +283,7 @@ def stretch_kept(
     allowed = max(_stretched(before, limits.most), SPARED)
     if _stretched(atlas, limits.most) <= allowed:
         return True
-    hold_stretch(atlas, limits, monitor, slits=False, splits=False)
+    limit_stretch(atlas, limits, monitor, slits=False, splits=False)
     return _stretched(atlas, limits.most) <= allowed
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams.ahead import LOCAL, StretchAhead, level_ahead
 from circparam.seams.constraints import constrain
 from circparam.seams.decided import Decided
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
@@ -36,10 +34,10 @@ from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.starts import CROWD
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
-from circparam.seams.stretch import STRETCH, stretch_limits
+from circparam.seams.stretch import LOCAL_STEPS, STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris
-from circparam.seams.ways import LEFT, left_by, made_ways
+from circparam.seams.ways import left_by, made_ways
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
@@ -79,15 +77,13 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     limits, slits, splits = stretch_limits(bound, options)
     if options.search.draft:
-        limits = dataclasses.replace(limits, local=LOCAL)
-    stretch = StretchAhead(limits, slits and mirror is None, splits, monitor)
+        limits = dataclasses.replace(limits, local=LOCAL_STEPS)
 
     def search() -> Atlas:
         if mirror is not None:
             halved = mirror.without(forced)
             return mirrored_atlas(opened, halved, bound, options, monitor, notes)
-        with level_ahead(opened, options, monitor):
-            return bounded_atlas(opened, bound, options, monitor, notes, stretch.begin)
+        return bounded_atlas(opened, bound, options, monitor, notes)
 
     atlas = in_time(opened, search, monitor, partly=True)
     best = Atlas(opened, atlas.cut, atlas.corners)
@@ -95,7 +91,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         with monitor.stage("stretch"):
             if monitor.expired:
                 return _seams(best, forced, notes)
-            stretch.hold(atlas)
+            limit_stretch_of_all(atlas, limits, monitor, slits and mirror is None, splits)
         best = Atlas(opened, atlas.cut, atlas.corners)
         if mirror is None and not options.search.draft:
             with monitor.stage("charts"):
@@ -167,16 +163,14 @@ def bounded_atlas(
     options: SeamOptions,
     monitor: Monitor,
     notes: list[str],
-    almost: Callable[[Atlas], None] | None = None,
 ) -> Atlas:
     """Decide the seams of a surface and lay its charts out: hard components from their regions.
 
-    A number of charts is reached from the atlas without one, so that it never leads to more. almost: told the
-    atlas that only merging on may still change.
+    A number of charts is reached from the atlas without one, so that it never leads to more.
     """
     most = options.max_charts
     if most is None:
-        return free_atlas(surface, bound, options, monitor, notes, almost)
+        return free_atlas(surface, bound, options, monitor, notes)
     free = dataclasses.replace(options, max_charts=None)
     atlas = free_atlas(surface, bound, free, monitor, notes)
     count = atlas.charts()[0]
@@ -200,12 +194,9 @@ def free_atlas(
     options: SeamOptions,
     monitor: Monitor,
     notes: list[str],
-    almost: Callable[[Atlas], None] | None = None,
 ) -> Atlas:
     """As many charts as the bound needs, and no more than can be had at the same distortion."""
     atlas = _first_atlas(surface, bound, options, monitor, notes)
-    if almost is not None:
-        almost(atlas)
     if options.min_chart_faces > 1:  # small charts are what decides who joins whom then
         return atlas
     if atlas.merged_on or options.search.draft:
@@ -246,10 +237,13 @@ def _first_atlas(
     cut_mesh = atlas.cut_mesh()
     ways = {"hard": hard, "doubtful": doubtful}
     disks = (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any()
-    ways[LEFT if disks else "grown"] = rest
+    if not disks:
+        ways["grown"] = rest
     made = made_ways(surface, ways, bound, options, monitor, notes)
     other, parts = made.get("doubtful"), []
     rest = left_by(other, doubtful, rest)
+    if disks:
+        made |= made_ways(surface, {"grown": rest}, bound, options, monitor, notes)
     if "hard" in made:
         atlas.put(hard, made["hard"])
         parts.append((hard, made["hard"].prices))

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.seams.cost import COST
+from circparam.seams.finish import LEVEL_FACES
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits, share_over
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
 HARDLY_MORE = 1.1  # times: seams for the stretch add half of that to the cost of an atlas
+# of the root of the area of a chart, and in roots of the area of a face: where a level has settled what is
+# further away, weights change no more than this round a face
+NEARBY, NEAR_FACES = 0.05, 4.0
+LOCAL_STEPS = 8  # iterations of a step there
+# faces of such charts, above which no seam is added: a slit takes as long as to carry them, a split more yet
+MOST_SLIT = 5_000_000
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 
 
@@ -47,8 +56,8 @@ def held_level(
         limits, slits, splits = stretch_limits(bound, options)
         with monitor.shown_as("level"), monitor.stage("stretch"):
             if weigh:
-                hold_stretch(out, _stricter(limits), monitor, slits=False)
-            hold_stretch(out, limits, monitor, slits, splits)
+                limit_stretch(out, _stricter(limits), monitor, slits=False)
+            limit_stretch(out, limits, monitor, slits, splits)
     return out.cut, out.corners
 
 
@@ -71,7 +80,7 @@ def best_held(
     if others and COST.seams(others[0]) <= HARDLY_MORE * COST.seams(first) and not monitor.expired:
         limits, slits, _ = stretch_limits(bound, options)
         with monitor.shown_as("level"), monitor.stage("stretch"):
-            hold_stretch(best, _stricter(limits), monitor, slits=False)
+            limit_stretch(best, _stricter(limits), monitor, slits=False)
             cut_mesh, uv = best.open()
             left = float(share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most).sum())
         tasks = [(best, bound, options, False)]
@@ -81,3 +90,28 @@ def best_held(
     if len(held) > 1 and COST.seams(held[1]) < COST.seams(held[0]):
         return held[1], first
     return held[0], others[0] if others else None
+
+
+def limit_stretch_of_all(
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
+) -> None:
+    """As ``limit_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
+    if len(atlas.surface.faces) <= LEVEL_FACES and limits.local is None:
+        limit_stretch(atlas, limits, monitor, slits, splits)
+        return
+    cut_mesh, uv = atlas.open()
+    over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
+    if over.sum() <= limits.allowed:
+        return
+    order = np.argsort(over, kind="stable")
+    which = np.ones(cut_mesh.n_charts, bool)
+    which[order[np.cumsum(over[order]) <= limits.allowed / 2]] = False
+    rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
+    faces = which[cut_mesh.chart]
+    part = atlas.part(faces)
+    # on a rough mesh such faces are everywhere: what is near is told in faces
+    face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
+    near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
+    slits = slits and len(part.surface.faces) <= MOST_SLIT
+    limit_stretch(part, replace(rest, near=near, local=LOCAL_STEPS), monitor, slits, splits)
+    atlas.put(faces, part)

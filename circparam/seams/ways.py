@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, DeferredTask, Worker
+from circparam.core.workers import PARTED, Worker
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
@@ -14,10 +14,7 @@ from circparam.seams.hard.charts import hard_atlas, with_seams
 from circparam.seams.options import SeamOptions
 from circparam.seams.reached import in_time
 
-ORDER = ("hard", "doubtful", "grown")  # of what is said of them
-LEFT = "left"
 SPARE = ("doubtful",)  # ways that are left out where time is up
-SENT = 50_000  # faces: of more, each way has work enough in parts for all processes
 
 
 def made_ways(
@@ -28,42 +25,24 @@ def made_ways(
     monitor: Monitor,
     notes: list[str],
 ) -> dict[str, Atlas]:
-    """The atlas of some faces for each way, by its name; all but one made by processes that are idle.
+    """The atlas of some faces for each way, by its name; by several processes.
 
-    ways: (m,) bool, the faces of each: "grown", or else hard; what is empty, or left out for want of time, is
-    missing in the result. In place of "grown" may stand LEFT, of which that is what "doubtful" leaves
-    (``left_by``): it is known and made next, beside what is hard. notes: get what is said of them.
+    ways: (m,) bool, the faces of each: "grown", or else hard. Ways without faces, and those left out for want
+    of time, are missing in the result. notes: get those of the ways.
     """
-    parts = {n: surface.part(faces) for n, faces in ways.items() if faces.any() and n != LEFT}
-    later: dict[str, DeferredTask] = {}
-
-    def put_off(name: str) -> None:
-        task = name, parts[name], bound, options
-        later[name] = DeferredTask(monitor.jobs, one_way, task, monitor)
-
-    for name in parts:
-        put_off(name)
-    order = sorted(parts, key=lambda name: len(parts[name].faces))
-    here = "doubtful" if LEFT in ways else order[-1]
-    for name in reversed(order):
-        if name != here and len(parts[name].faces) <= SENT:
-            later[name].begin()
-    if LEFT in ways:
-        way = later[here].result()
-        other = None if way is None else Atlas(parts[here], *way[:-1])
-        faces = left_by(other, ways[here], ways[LEFT])
-        if faces.any():
-            parts["grown"] = surface.part(faces)
-            put_off("grown")
-    found = {}
-    for name in sorted(parts, key=lambda name: (later[name].begun, name == "hard")):
-        way = later[name].result()
-        if way is not None:
-            found[name] = way
-            monitor.keep(Atlas(parts[name], *way[:-1]))  # as processes do not
-    for name in ORDER:
-        notes += found[name][-1] if name in found else []
-    return {name: Atlas(parts[name], *way[:-1]) for name, way in found.items()}
+    parts = {name: surface.part(faces) for name, faces in ways.items() if faces.any()}
+    # the caller makes the largest, whose parts other processes share as they become idle
+    order = sorted(parts, key=lambda name: -len(parts[name].faces))
+    tasks = [(name, parts[name], bound, options) for name in order]
+    made = zip(order, Worker(monitor.jobs).map(one_way, tasks, monitor), strict=True)
+    found = {name: way for name, way in made if way is not None}
+    out = {}
+    for name in (name for name in ways if name in found):
+        cut, corners, prices, own = found[name]
+        out[name] = Atlas(parts[name], cut, corners, prices)
+        monitor.keep(out[name])  # processes keep none
+        notes += own
+    return out
 
 
 def left_by(other: Atlas | None, doubtful: BoolArray, rest: BoolArray) -> BoolArray:

@@ -10,7 +10,7 @@ from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.move import move_seams
-from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
@@ -36,7 +36,7 @@ MOVES = {
     "straighten": lambda atlas, bound: straighten(atlas, Limits(bound, 2.0), Monitor()),
 }
 CUTS = {
-    "hold stretch": lambda atlas, bound: hold_stretch(atlas, Limits(bound, 1.5), Monitor()),
+    "hold stretch": lambda atlas, bound: limit_stretch(atlas, Limits(bound, 1.5), Monitor()),
     "enforce": cut,
 }
 

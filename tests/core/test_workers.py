@@ -116,44 +116,6 @@ def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> 
     assert current() is None
 
 
-def until(there: str, monitor: Monitor) -> int:
-    """The process, once this file is there."""
-    while not Path(there).exists():
-        os.sched_yield()
-    return os.getpid()
-
-
-@pytest.mark.parametrize("asked", [False, True])
-def test_a_task_that_waits_for_a_process_is_sent_as_it_was(tmp_path: Path, asked: bool) -> None:
-    """Unless it is asked for before: then it is done here, and by nobody else."""
-    pool = opened(2)
-    first = DeferredTask(2, until, (str(tmp_path / "go"),), Monitor())
-    first.begin()
-    numbers = np.arange(3)
-    second = DeferredTask(2, total, (numbers,), Monitor())
-    second.begin_soon()
-    numbers += 1
-    assert not second.begun
-    if asked:
-        assert second.result() == (6, os.getpid())
-    (tmp_path / "go").touch()
-    process = first.result()
-    assert process != os.getpid()
-    while pool.free < 1 or (not asked and not second.begun):
-        os.sched_yield()
-    assert second.begun is not asked
-    assert second.result() == ((6, os.getpid()) if asked else (3, process))
-    third = DeferredTask(2, square, (4, ""), Monitor())
-    third.begin_soon()
-    assert third.begun, "a process is idle"
-    assert third.result() == (16, process)
-
-
-def total(numbers: np.ndarray, monitor: Monitor) -> tuple[int, int]:
-    """The sum, and the process."""
-    return int(numbers.sum()), os.getpid()
-
-
 @pytest.mark.parametrize("seconds", [-1.0, 1000.0])
 def test_what_a_process_was_too_late_for_is_known_here(seconds: float) -> None:
     opened(2)

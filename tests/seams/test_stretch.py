@@ -43,7 +43,7 @@ def held(
                 y = middles(atlas.surface)[:, 1]
                 atlas.cut |= cut_between(atlas.surface, (y > np.median(y)).astype(int)).cut
 
-    monkeypatch.setattr(stretch, "hold_stretch", hold)
+    monkeypatch.setattr(stretch, "limit_stretch", hold)
     best, other = stretch.best_held(tried, 1.05, SeamOptions(), Worker(1), Monitor())
     return best, other, asked
 

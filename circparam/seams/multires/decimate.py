@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -21,7 +18,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.records import dataclass
-from circparam.geometry.collapse import Collapse
+from circparam.geometry.collapse import collapsed
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
 from circparam.mesh.surface import Surface
@@ -72,45 +69,6 @@ def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
     return surface, np.sort(ends, axis=1)
 
 
-class _Large:
-    """The components of a surface that are collapsed, on their way to about ``target`` faces in all.
-
-    used: (k,) their vertices. centre, size: where they lie; what is collapsed lies about the origin.
-    """
-
-    def __init__(self, surface: Surface, large: BoolArray, target: int) -> None:
-        points, faces = surface.vertex_points, surface.corner_vertex
-        self.target = target
-        self.used = sorted_distinct(faces[large])
-        local = np.full(len(points), -1)
-        local[self.used] = np.arange(len(self.used))
-        self.centre = points[self.used].mean(0)
-        self.size = float(np.abs(points[self.used] - self.centre).max())
-        unit = (points[self.used] - self.centre) / self.size
-        number = len(sorted_distinct(surface.components[1][large]))
-        share = max(int(target * large.mean()), 4 * number)
-        simple = local[faces[large]].astype(np.int32)
-        self.collapse = Collapse(unit, simple, min(share, int(large.sum())))
-
-
-_ahead: WeakKeyDictionary[Surface, _Large] = WeakKeyDictionary()  # begun, and not asked for yet
-
-
-@contextmanager
-def decimating(surface: Surface, target: int) -> Iterator[None]:
-    """Inside, a process makes what ``decimate`` of this surface and target takes longest for, of large ones."""
-    large = _large(surface)
-    if large.any():
-        _ahead[surface] = _Large(surface, large, target)
-        _ahead[surface].collapse.begin()
-    try:
-        yield
-    finally:
-        left = _ahead.pop(surface, None)
-        if left is not None:
-            left.collapse.stop()
-
-
 def _large(surface: Surface) -> BoolArray:
     """(m,) bool: faces of components that are collapsed."""
     _, component = surface.components
@@ -131,21 +89,22 @@ def decimate(surface: Surface, target: int) -> Proxy:
     root = np.arange(n)
     position = points.copy()
     if large.any():
-        begun = _ahead.get(surface)
-        if begun is None or begun.target != target:
-            begun = _Large(surface, large, target)
-        used = begun.used
-        moved, into = begun.collapse.result()
-        if begun is _ahead.get(surface):
-            del _ahead[surface]
+        used = sorted_distinct(faces[large])
+        local = np.full(n, -1)
+        local[used] = np.arange(len(used))
+        centre = points[used].mean(0)
+        size = float(np.abs(points[used] - centre).max())
+        pieces = len(sorted_distinct(component[large]))
+        share = min(max(int(target * large.mean()), 4 * pieces), int(large.sum()))
+        simple = local[faces[large]].astype(np.int32)
+        moved, into = collapsed((points[used] - centre) / size, simple, share)
         # each coarse vertex is named by the first fine vertex that went into it
         order = stable_order(into)
-        first = used[order[first_of_runs(into[order])]]
-        found = np.zeros(len(moved), bool)
-        found[into] = True
-        root[used] = first[(np.cumsum(found) - 1)[into]]
-        place = moved[into[order[first_of_runs(into[order])]]]
-        position[first] = place * begun.size + begun.centre
+        heads = order[first_of_runs(into[order])]
+        first_vertex = np.full(len(moved), -1)
+        first_vertex[into[heads]] = used[heads]
+        root[used] = first_vertex[into]
+        position[used[heads]] = moved[into[heads]] * size + centre
     coarse = root[faces]
     alive = (
         (coarse[:, 0] != coarse[:, 1])

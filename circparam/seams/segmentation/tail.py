@@ -24,7 +24,7 @@ from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
 from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
-from circparam.seams.segmentation.weigh import Limits, even_out, share_over
+from circparam.seams.segmentation.weigh import Limits, relax_weighted, share_over
 from circparam.solvers.newton import relax
 
 PEAK = 0.3  # logarithm of how much areas grow or shrink, below which a vertex is no peak of it
@@ -40,7 +40,7 @@ STRETCHED = 0.1  # share of a smooth region, from which on it is cut off as a wh
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
-def hold_stretch(
+def limit_stretch(
     atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
 ) -> None:
     """Bring the share of the surface that is stretched or shrunk too much below what is allowed.
@@ -95,7 +95,9 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     part, left = uv[vid], np.full(sub.n_charts, np.inf)
     hopeless = over.sum() > LOST * limits.allowed or limits.local is not None
     aims = (rest,) if hopeless else (replace(rest, spared=0.0), rest)
-    tries = [DeferredTask(monitor.jobs, even_out, (sub, uv[vid], aim), monitor) for aim in aims]
+    tries = [
+        DeferredTask(monitor.jobs, relax_weighted, (sub, uv[vid], aim), monitor) for aim in aims
+    ]
     large = len(sub.faces) >= PARTED and len(in_parts(sub.chart)) == 1
     if large and len(tries) > 1:
         tries[1].begin()  # one large chart keeps one process busy, and often both are needed
@@ -186,7 +188,7 @@ def _slit(
     sub, vid, fid = after.subset(changed)
     over = share_over(cut_mesh, face_stretch(cut_mesh, atlas.gather(cut_mesh)), limits.most)
     limits = limits.without(over[~slit].sum(), cut_mesh, sub)
-    uv, fine = even_out(sub, atlas.gather(after)[vid], limits, monitor)
+    uv, fine = relax_weighted(sub, atlas.gather(after)[vid], limits, monitor)
     atlas.corners[fid] = uv[sub.faces]
     back = which[cut_mesh.chart] & ~faces
     back[fid] = ~fine[sub.chart]
@@ -244,7 +246,7 @@ def _split(
     enforce(part, graph, layouts, limits.bound, FAIR, monitor)
     after, uv = part.open()
     rest = limits.without(over[~long].sum(), cut_mesh, after)
-    uv, _ = even_out(after, uv, rest, monitor)
+    uv, _ = relax_weighted(after, uv, rest, monitor)
     part.scatter(after, uv)
     left = share_over(after, face_stretch(after, uv), limits.most).sum() * share[long].sum()
     if judge(after, uv).bad(limits.bound).any() or left >= over[long].sum():

@@ -67,7 +67,7 @@ def share_over(cut_mesh: CutMesh, stretch: FloatArray, most: float) -> FloatArra
     return share
 
 
-def even_out(
+def relax_weighted(
     cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
 ) -> tuple[FloatArray, BoolArray]:
     """Relax charts with more weight, round by round, on faces that are stretched or shrunk about too much.

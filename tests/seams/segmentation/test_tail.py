@@ -12,7 +12,7 @@ from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams import SEAMS
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits
 from tests.support import shapes
 from tests.support.atlases import assert_promises
@@ -75,7 +75,7 @@ def test_charts_are_not_split_where_their_number_counts():
 def test_no_seam_is_added_where_none_may_be():
     atlas = charts_of(SPIKE, max_stretch=NONE)
     before = atlas.cut.copy()
-    hold_stretch(atlas, Limits(1.05, 1.5), Monitor(), slits=False)
+    limit_stretch(atlas, Limits(1.05, 1.5), Monitor(), slits=False)
     assert np.array_equal(atlas.cut, before)
     assert_promises(atlas, 1.05)
 
@@ -84,7 +84,7 @@ def test_locked_edges_stay_whole():
     atlas = charts_of(SPIKE, max_stretch=NONE)
     atlas.surface.locked[:] = True
     before = atlas.cut.copy()
-    hold_stretch(atlas, Limits(1.05, 1.5), Monitor(), splits=False)
+    limit_stretch(atlas, Limits(1.05, 1.5), Monitor(), splits=False)
     assert np.array_equal(atlas.cut, before)
 
 

@@ -6,7 +6,7 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.geometry.overlap import self_overlapping, signs
-from circparam.seams.segmentation.weigh import Limits, even_out, share_over
+from circparam.seams.segmentation.weigh import Limits, relax_weighted, share_over
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
@@ -38,7 +38,7 @@ def test_weights_shorten_the_tail_and_keep_to_the_bound(shape, local):
     most = 0.8 * float(np.quantile(face_stretch(cut_mesh, uv), 0.995)) + 0.2
     before = tail(cut_mesh, uv, most)
     bound = float(chart_distortion(cut_mesh, uv)[0]) * 1.05
-    out, better = even_out(cut_mesh, uv, Limits(bound, most, 0.0, local=local), Monitor())
+    out, better = relax_weighted(cut_mesh, uv, Limits(bound, most, 0.0, local=local), Monitor())
     assert better.tolist() == [True]
     assert tail(cut_mesh, out, most)[0] < 0.7 * before[0]
     assert chart_distortion(cut_mesh, out)[0] <= bound
@@ -50,7 +50,7 @@ def test_nothing_moves_where_the_bound_leaves_no_room_or_nothing_is_to_be_done()
     cut_mesh, uv = relaxed(shapes.spiked_disk(400, 2.0))
     most = 0.8 * float(np.quantile(face_stretch(cut_mesh, uv), 0.995)) + 0.2
     for limits in (Limits(1.0, most, 0.0), Limits(9.0, most, 0.5), Limits(9.0, 1e3, 0.0)):
-        out, better = even_out(cut_mesh, uv, limits, Monitor())
+        out, better = relax_weighted(cut_mesh, uv, limits, Monitor())
         assert np.array_equal(out, uv)
         assert not better.any()
 
@@ -61,7 +61,7 @@ def test_charts_that_are_good_stay_bit_by_bit():
     cut_mesh, uv = relaxed(shape)
     spiked = face_stretch(cut_mesh, uv)[cut_mesh.chart == 0]
     most = 0.8 * float(np.quantile(spiked, 0.995)) + 0.2
-    out, better = even_out(cut_mesh, uv, Limits(9.0, most, 0.0), Monitor())
+    out, better = relax_weighted(cut_mesh, uv, Limits(9.0, most, 0.0), Monitor())
     assert better.tolist() == [True, False]
     calm = cut_mesh.vertex_chart == 1
     assert np.array_equal(out[calm], uv[calm])
