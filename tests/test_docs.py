@@ -175,6 +175,5 @@ def test_make_help_lists_every_target() -> None:
 def test_the_version_stands_once() -> None:
     """The citation names the version of the code, and the changes have a section for it."""
     cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.M)
-    assert cited is not None
     assert cited[1] == __version__
     assert f"\n## {__version__}" in (ROOT / "CHANGELOG.md").read_text("utf-8")

@@ -120,8 +120,6 @@ def space_normals(document: GltfDocument, face: np.ndarray, bary: FloatArray) ->
     texel[:, :2] *= info.get("scale", 1)
     normal = document.normals()
     layout = document.uv(info.get("texCoord", 0))
-    assert normal is not None
-    assert layout is not None
     tangent, sign = document.tangents(), None
     if tangent is None:
         corners = document.mesh.points[document.mesh.faces]
@@ -184,7 +182,6 @@ def test_an_anisotropic_surface_keeps_its_direction() -> None:
 
         normal, layout = document.normals(), document.uv(0)
         assert normal is not None
-        assert layout is not None
         corners = document.mesh.points[document.mesh.faces]
         made = frames(corners, layout.uv[layout.uv_faces], document.mesh.faces, normal)
         t, b = ((axis[face] * bary[..., None]).sum(1) for axis in (made.tangent, made.bitangent))
@@ -275,7 +272,6 @@ def test_faces_without_uv_take_the_factor() -> None:
     for number in (0, 1):
         del made.tree["meshes"][1]["primitives"][0]["attributes"][f"TEXCOORD_{number}"]
     before = read_data(made.glb())
-    assert isinstance(before, GltfDocument)
     after = carried(before, 256)
     face, bary = surface_points(after)
     bare = face >= len(before.primitives[0].triangles)

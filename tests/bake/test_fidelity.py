@@ -20,19 +20,17 @@ TEXTURED = ("fuze.obj", None, *(("CesiumMan.glb", "CesiumMilkTruck.glb") if WHOL
 
 @pytest.mark.parametrize(
     "path",
-    [p for p in corpus_files(".obj", ".glb") if p.id in TEXTURED],  # type: ignore[attr-defined]
+    [p for p in corpus_files(".obj", ".glb") if p.id in TEXTURED],
 )
 def test_a_picture_keeps_40_db_at_equal_density(path: Path, tmp_path: Path) -> None:
     """Between the old and the new texture, at random places of the surface."""
     source = read(path)
     textures = source.textures()
-    assert textures is not None
     old = source.texture_layout(textures)
     number = 1 if source.format == "glb" else 0
     out = tmp_path / f"o{path.suffix}"
     circparam.unwrap(source, out, uv_set=number or None, jobs=1, effort=0.05)
     new = read(out).uv(number)
-    assert new is not None
     side = np.mean(
         [max(decode(*p).size) for p in zip(textures.images, textures.names, strict=True)]
     )

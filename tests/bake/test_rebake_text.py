@@ -47,7 +47,6 @@ def shown(path: Path, word: str, face: IntArray, bary: FloatArray) -> FloatArray
     """What the images of a keyword show at points, sampled pixel by pixel."""
     document = read(path)
     layout = document.uv()
-    assert layout is not None
     library = (path.parent / next(
         line.split()[1] for line in path.read_text().splitlines() if line.startswith("mtllib")
     )).read_text()  # fmt: skip
@@ -164,12 +163,10 @@ def test_a_coloured_bump_map_holds_normals(folder: Path) -> None:
     """Many programs write normal maps as map_Bump; grey ones hold heights."""
     document = read(folder / "m.obj")
     looks = document.looks()
-    assert looks is not None
     kinds = {s.kind for m in looks.materials for s in m.uses if s.page == "map_bump"}
     assert kinds == {"normal"}
     Image.fromarray(waves(4)[..., 0]).save(folder / "n.png")
     looks = read(folder / "m.obj").looks()
-    assert looks is not None
     kinds = {s.kind for m in looks.materials for s in m.uses if s.page == "map_bump"}
     assert kinds == {"product"}
 

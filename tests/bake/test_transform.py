@@ -73,7 +73,6 @@ def test_the_example_of_the_extension() -> None:
 def test_every_material_shows_its_own_part_of_one_image() -> None:
     document = textured(TRANSFORMS)
     found = document.textures()
-    assert found is not None
     assert not found.notes
     assert len(set(found.images)) == 1
     plain, placed = corners(document.require_uv()), corners(document.texture_layout(found))
@@ -96,7 +95,6 @@ def test_colours_come_from_where_the_transform_points(transform: dict[str, Any])
     baked = bilinear(again.tiles[0, 0][..., :3].astype(float), middle)
     assert np.abs(baked - wanted).max() < 8
     shown, _, notes = page_images(document, 0)
-    assert shown is not None
     assert not notes
     page = Image.open(io.BytesIO(shown.files[0][0])).convert("RGB")
     assert np.abs(bilinear(np.asarray(page, float), middle) - wanted).max() < 16

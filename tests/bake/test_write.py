@@ -78,7 +78,6 @@ def test_second_uv_set_of_a_glb(files: Path):
     old, new = read(files / "old.obj"), read(files / "new.obj")
     layout = new.uv()
     before = old.uv()
-    assert layout is not None
     assert before is not None
     first = bake_document(new, "texture", source=old, size=64)
     write_baked(files / "one.glb", first, new, 0, "texture")
@@ -163,7 +162,6 @@ def test_gloss_alpha_and_tint_are_kept(tmp_path: Path, image: int | None):
     new = read_data(data)
     baked = Baked({(0, 0): np.zeros((2, 2, 3), np.uint8)}, 1.0)
     found = new.textures()
-    assert found is not None
     baked = replace(baked, tints=found.tints)
     paths, notes = write_baked(tmp_path / "a.glb", baked, new, 0, "texture")
     tree, _ = chunks(paths[0].read_bytes())

@@ -36,7 +36,6 @@ def index() -> Iterator[Index]:
 
 def data_of(page: str) -> dict[str, Any]:
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
-    assert found is not None
     data: dict[str, Any] = json.loads(found[1])
     return data
 
@@ -100,7 +99,6 @@ def test_the_bars_hold_all_values(index: Index) -> None:
     index.add_lines([line(f"{k}.obj", seconds=v) for k, v in enumerate(values)])
     page = report_page(Folder("/nowhere"), index)
     figure = re.search(r"<h3>seconds</h3>(.*?)</figure>", page, re.S)
-    assert figure is not None
     bars = re.findall(r"<title>(\S+) to (\S+): (\d+)</title>", figure[1])
     assert sum(int(n) for *_, n in bars) == len(values)
     assert (bars[0][0], bars[0][2], bars[-1][1]) == ("1", "2", "1,000")

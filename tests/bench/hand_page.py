@@ -104,8 +104,6 @@ def page() -> list[Line]:
             chosen = x > np.quantile(x, 0.8)
             report = summarise(circparam.unwrap(a, b, only=chosen, jobs=1))
             old, new = (d.uv() for d in (first, read(b)))
-            assert old is not None
-            assert new is not None
             before, after = old.uv[old.uv_faces[~chosen]], new.uv[new.uv_faces[~chosen]]
             moved += int((before != after).any(2).sum())
             wrong += report["overlap"] + report["flips"]

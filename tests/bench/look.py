@@ -117,7 +117,6 @@ def from_package(name: str, folder: Path) -> bytes:
         found = sorted(folder.glob("*.tgz"))
     with tarfile.open(found[0]) as archive:
         member = archive.extractfile(INSIDE.format(name))
-        assert member is not None
         return member.read()
 
 

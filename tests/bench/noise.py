@@ -250,7 +250,7 @@ def main() -> None:
         for mesh in meshes:
             some = [rows.get(key, mesh.name, chosen.kind, t) for t in turns]
             if all(some):
-                found[name][mesh.name] = some  # type: ignore[assignment]
+                found[name][mesh.name] = some
     both = [m for m in found["base"] if m in found["variant"]]
     if not both:
         raise SystemExit("no mesh was unwrapped by both builds")

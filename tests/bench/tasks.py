@@ -181,7 +181,7 @@ def profile(arrays: Arrays, settings: dict[str, Any]) -> Answer:
     profiler.disable()
     package = str(Path(circparam.__file__).parent)
     own: dict[str, float] = {}
-    for (file, _, function), row in pstats.Stats(profiler).stats.items():  # type: ignore[attr-defined]
+    for (file, _, function), row in pstats.Stats(profiler).stats.items():
         seconds, callers = row[2], row[4]
         if file.startswith(package):
             name = f"{Path(file).stem}.{function}"

@@ -65,7 +65,7 @@ def full(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path]:
 Words = Callable[[dict[str, str], Path], list[str]]
 COMMANDS: dict[str, Words] = {
     **{
-        f"unwrap {kind}": lambda m, at, kind=kind: [  # type: ignore[misc]
+        f"unwrap {kind}": lambda m, at, kind=kind: [
             "unwrap", m["plain"], "-o", str(at / f"new.{kind}"), *QUICK,
         ]
         for kind in ("obj", "ply", "glb", "gltf")
@@ -75,18 +75,18 @@ COMMANDS: dict[str, Words] = {
     ],
     "pack": lambda m, at: ["pack", m["done"], "-o", str(at / "new.obj")],
     **{
-        f"view {kind}": lambda m, at, kind=kind: ["view", m["done"], "-o", str(at / f"new.{kind}")]  # type: ignore[misc]
+        f"view {kind}": lambda m, at, kind=kind: ["view", m["done"], "-o", str(at / f"new.{kind}")]
         for kind in ("png", "svg", "html")
     },
     **{
-        f"bake {kind}": lambda m, at, kind=kind: [  # type: ignore[misc]
+        f"bake {kind}": lambda m, at, kind=kind: [
             *("bake", m["done"], "--from", "vertex-colors", "--size", "256"),
             *("-o", str(at / f"new.{kind}")),
         ]
         for kind in ("png", "glb")
     },
     **{
-        f"bake normals {kind} through {way}": lambda m, at, kind=kind, way=way: [  # type: ignore[misc]
+        f"bake normals {kind} through {way}": lambda m, at, kind=kind, way=way: [
             *("bake", m["done"], "--from", "normals", "--source", m["plain"], "--size", "256"),
             *("--map", m.get(way, way), "-o", str(at / f"new.{kind}")),
         ]

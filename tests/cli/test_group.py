@@ -40,7 +40,6 @@ def test_every_command_has_help_with_an_example(name: str) -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_option_is_explained(name: str) -> None:
     command = cli.get_command(click.Context(cli), name)
-    assert command is not None
     assert command.help
     for param in command.params:
         if isinstance(param, click.Option):
@@ -98,7 +97,6 @@ def test_the_help_of_unwrap_has_sections() -> None:
     found = sections("unwrap")
     assert list(found) == list(common.SECTIONS)
     command = cli.get_command(click.Context(cli), "unwrap")
-    assert command is not None
     given = [p.opts for p in command.params if isinstance(p, click.Option)]
     flags = [opts[0] if opts[0][:2] == "--" else opts[-1] for opts in given]
     assert sorted(f for names in found.values() for f in names) == sorted([*flags, "--help"])

@@ -39,7 +39,6 @@ def test_charts_keep_shape_and_relative_size(tmp_path: Path) -> None:
     before, after = read(mesh), read(tmp_path / "o.obj")
     a, b = before.uv(0), after.uv(0)
     assert a is not None
-    assert b is not None
     length = [
         np.linalg.norm(u.uv[u.uv_faces][:, [1, 2, 0]] - u.uv[u.uv_faces], axis=2) for u in (a, b)
     ]
@@ -95,9 +94,6 @@ def test_a_further_uv_set_is_packed_in_its_place(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     before, after = read(mesh).uv(0), read(out)
     kept, packed = after.uv(0), after.uv(1)
-    assert before is not None
-    assert kept is not None
-    assert packed is not None
     np.testing.assert_array_equal(kept.uv[kept.uv_faces], before.uv[before.uv_faces])
     assert not np.array_equal(packed.uv[packed.uv_faces], before.uv[before.uv_faces])
 

@@ -53,11 +53,10 @@ def test_a_bar_appears_on_a_terminal_after_the_delay(
     clock = iter([0.0, progress.DELAY - 0.1, progress.DELAY, progress.DELAY + 1])
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock, 99.0))
     with progress.listener("m.obj", False, (2, 6)) as listener:
-        assert listener is not None
         listener("solve", 0.1, "")
-        assert listener.bar is None  # type: ignore[attr-defined]
+        assert listener.bar is None
         listener("solve", 0.5, "half way")
-        (task,) = listener.bar.tasks  # type: ignore[attr-defined]
+        (task,) = listener.bar.tasks
         assert (task.fields["stage"], task.fields["note"]) == ("solve", "half way")
         assert task.description == "m.obj (2 of 6)"
         place = task.completed
@@ -66,7 +65,7 @@ def test_a_bar_appears_on_a_terminal_after_the_delay(
         assert task.completed == place, "never back"
         listener("write", 1.0, "")
         assert task.completed == pytest.approx(1.0)
-    assert listener.bar.finished or not listener.bar.live.is_started  # type: ignore[attr-defined]
+    assert listener.bar.finished or not listener.bar.live.is_started
     assert capsys.readouterr().out == ""
 
 

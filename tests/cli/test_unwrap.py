@@ -31,7 +31,7 @@ def obj(path: Path, shape: tuple[np.ndarray, np.ndarray]) -> Path:
 
 
 def run(*args: object, **keywords: object) -> Result:
-    return CliRunner().invoke(cli, [str(a) for a in args], **keywords)  # type: ignore[arg-type]
+    return CliRunner().invoke(cli, [str(a) for a in args], **keywords)
 
 
 def report(*args: object) -> dict[str, object]:
@@ -248,7 +248,7 @@ def test_angles_are_degrees_and_flags_switch_off(tmp_path: Path) -> None:
     assert (got["scale"], got["cut_materials"]) == (False, False)
     assert "normalize" not in got
     got = report(disk, "-o", tmp_path / "p.obj", "--cut", "none", "--no-normalize")
-    assert got["options"]["normalize"] is False  # type: ignore[index]
+    assert got["options"]["normalize"] is False
 
 
 # gates, standard streams, failures --------------------------------------------------------------------
@@ -411,7 +411,7 @@ def test_out_of_memory_is_one_line(disk: Path, monkeypatch: pytest.MonkeyPatch) 
 # in a process of its own -------------------------------------------------------------------------------
 
 
-def python(*args: object, env: dict[str, str] | None = None, **keywords: object):  # type: ignore[no-untyped-def]
+def python(*args: object, env: dict[str, str] | None = None, **keywords: object):
     return subprocess.run(
         [sys.executable, "-m", "circparam", *map(str, args)],
         capture_output=True,

@@ -27,7 +27,7 @@ def disk() -> Comparison:
 
 def quick(source: object, methods: str, **keywords: object) -> Comparison:
     """In this process: the same rows without a peak memory."""
-    return compare(source, methods, isolate=False, **keywords)  # type: ignore[arg-type]
+    return compare(source, methods, isolate=False, **keywords)
 
 
 def row(c: Comparison, name: str) -> dict[str, Any]:

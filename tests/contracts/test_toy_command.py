@@ -31,7 +31,7 @@ def command(times: int, **given: Any) -> int:
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
     module = ModuleType("toy_module_of_the_tests")
-    module.command = command  # type: ignore[attr-defined]
+    module.command = command
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setitem(COMMANDS, "toy", Entry(module.__name__, "Say a word."))
 

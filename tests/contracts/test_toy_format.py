@@ -92,7 +92,6 @@ def test_it_is_unwrapped_and_written(tmp_path: Path, output: str) -> None:
     back = read(tmp_path / output)
     assert back.format == output.split(".")[1]
     uvmap = back.uv()
-    assert uvmap is not None
     np.testing.assert_array_equal(
         uvmap.uv[uvmap.uv_faces], result.uv[result.uv_faces][result.face_map]
     )

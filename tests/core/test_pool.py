@@ -23,7 +23,6 @@ def test_a_result_that_is_cut_short_keeps_no_program_from_ending() -> None:
     pool.stop()
     pool.start(2)
     opened = pool.current()
-    assert opened is not None
     opened.ready.result()
     opened.executor.submit(bytes, RESULT_BYTES)
     receiver = opened.executor._executor_manager_thread

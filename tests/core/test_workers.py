@@ -52,7 +52,6 @@ def opened(jobs: int = 2, module: str = HERE) -> Pool:
     """Workers that are up, so that they get tasks however slow the machine is."""
     workers.start(jobs, module)
     pool = current()
-    assert pool is not None
     pool.ready.result()
     return pool
 
@@ -77,7 +76,6 @@ def outer(k: int, monitor: Monitor) -> list[tuple[int, int]]:
     """What a task finds that hands out tasks itself: the first here, in the end with all processes idle."""
     if k == 0:
         pool = current()
-        assert pool is not None
         while pool.free < 1:  # until the other task is done
             os.sched_yield()
     return Worker(monitor.jobs).map(square, [(k, ""), (k + 1, "")], monitor)

@@ -140,7 +140,7 @@ def test_a_glb_takes_the_images_in(tmp_path: Path) -> None:
     out.mkdir()
     written = write(out / "new.glb", document, smooth_layout(document))
     assert [p.name for p in written.files] == ["new.glb"]
-    tree = read(out / "new.glb").tree  # type: ignore[attr-defined]
+    tree = read(out / "new.glb").tree
     (image,) = tree.json["images"]
     assert image == {"bufferView": image["bufferView"], "mimeType": "image/png", "name": "t"}
     assert tree.view(image["bufferView"], "")[0].tobytes() == b"\x89PNG and more"

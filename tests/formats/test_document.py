@@ -11,7 +11,6 @@ from circparam.formats.document import (
     Replaced,
     WriteOptions,
     check_layout,
-    check_new_set,
     check_uv_set,
     not_carried,
 )
@@ -26,7 +25,7 @@ UV = np.array([[0.0, 0.0], [1, 0], [0, 1]])
 
 
 def document(**given: object) -> Document:
-    return Document(Source("m.x", Path("m.x")), "obj", MESH, **given)  # type: ignore[arg-type]
+    return Document(Source("m.x", Path("m.x")), "obj", MESH, **given)
 
 
 def test_a_layout_that_fits_gets_clean_types() -> None:
@@ -65,19 +64,6 @@ def test_uv_sets_are_replaced_only_when_asked() -> None:
     ):
         with pytest.raises(OptionError, match=says):
             check_uv_set(two, options, only_first=only_first)
-
-
-def test_a_new_file_gets_one_set() -> None:
-    check_new_set(WriteOptions(uv_set=0), "ply")
-    check_new_set(WriteOptions(), "ply")
-    with pytest.raises(OptionError, match="uv set 1: a new PLY file"):
-        check_new_set(WriteOptions(uv_set=1), "ply")
-
-
-def test_what_is_lost_is_noted() -> None:
-    rich = document(features=("polygons", "normals", "groups"))
-    assert not_carried(rich, "obj", "polygons") == (["not carried into OBJ: normals, groups"], [])
-    assert not_carried(rich, "obj", "polygons", "normals", "groups") == ([], [])
 
 
 def test_what_changes_the_looks_is_a_warning(tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_missing_empty_directory_unreadable(tmp_path: Path, format: str) -> None
         (lambda: path.write_bytes(SAMPLES[format][:40]), "."),
         (lambda: (path.unlink(), path.mkdir()), "directory"),
     ):
-        make()  # type: ignore[no-untyped-call]
+        make()
         with pytest.raises(InputError, match=says) as caught:
             read(path)
         assert str(caught.value).startswith(str(path))

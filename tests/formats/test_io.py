@@ -9,7 +9,7 @@ import pytest
 
 from circparam.core import files
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
-from circparam.formats import DEFAULT_OUTPUT, FORMATS
+from circparam.formats import FORMATS
 from circparam.formats.io import encode, format_of, read, stored, write
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import UVMap
@@ -24,16 +24,6 @@ from tests.support.formats_tools import (
 def document():
     points, faces = grid(4)
     return from_arrays(points, faces)
-
-
-@pytest.mark.parametrize("format", ["stl", "off"])
-def test_no_uv_in_stl_and_off(tmp_path: Path, format: str) -> None:
-    assert DEFAULT_OUTPUT[format] == "glb"
-    with pytest.raises(OptionError, match="no place for uv"):
-        write(tmp_path / f"x.{format}", document(), smooth_layout(document()))
-    with pytest.raises(OptionError, match="no place for uv"):
-        stored(smooth_layout(document()), format)
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("format", ["obj", "ply", "glb"])
@@ -144,11 +134,10 @@ def test_standard_streams(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(sys, "stdout", pipe)
         written = write("-", doc, uvmap, format=format)
         assert written.path is None
-        data = pipe.buffer.getvalue()  # type: ignore[attr-defined]
+        data = pipe.buffer.getvalue()
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
         again = read("-", format=format)
         got = again.uv()
-        assert got is not None
         np.testing.assert_array_equal(corners(got), corners(stored(uvmap, format)))
         assert again.path is None
 

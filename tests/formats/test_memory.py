@@ -20,7 +20,6 @@ def test_arrays_are_copied_and_checked() -> None:
     uv[0] = 99
     assert doc.mesh.points[0].tolist() == [0, 0, 0]
     given = doc.uv()
-    assert given is not None
     assert given.uv[0].tolist() == [0, 0]
     for bad in (uv[:, :1], uv[:3]):
         with pytest.raises(InputError):
@@ -41,7 +40,6 @@ def test_trimesh_objects() -> None:
     np.testing.assert_array_equal(doc.mesh.points, points)
     np.testing.assert_array_equal(doc.mesh.faces, faces)
     given = doc.uv()
-    assert given is not None
     np.testing.assert_array_equal(given.uv, uv)
     with pytest.raises(InputError, match="no faces"):
         from_trimesh(trimesh.PointCloud(points))
@@ -64,7 +62,6 @@ def test_a_texture_of_a_trimesh_object_is_there_to_bake(mode: str, kind: str) ->
     uv = np.random.default_rng(0).random((9, 2))
     visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
     found = from_trimesh(trimesh.Trimesh(points, faces, process=False, visual=visual)).textures()
-    assert found is not None
     assert found.face.tolist() == [0] * len(faces)
     shown = np.asarray(decode(found.images[0], found.names[0]).convert("RGB"))
     assert shown.shape == (4, 8, 3)
@@ -95,7 +92,6 @@ def test_uv_with_faces_of_their_own() -> None:
     uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [5, 5]])
     doc = from_arrays(points, faces, uv, [[0, 1, 2], [4, 2, 3]])
     given = doc.uv()
-    assert given is not None
     assert given.uv_faces.tolist() == [[0, 1, 2], [4, 2, 3]]
     assert doc.uv_sets == (0,)
     assert doc.uv(1) is None

@@ -29,14 +29,25 @@ def test_names_inside_the_folder(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["../a", "b/../../a", "/a", "\\a", "..\\b", "C:/a", "file:a", "x\0", "%2e%2e/a", "http://h/a"],
+    [
+        "../a",
+        "b/../../a",
+        "/a",
+        "\\a",
+        "..\\b",
+        "C:/a",
+        "file:a",
+        "x\0",
+        "%2e%2e/a",
+        "http://h/a",
+        "a\ud800.png",
+        "tex\\..\\..\\a.png",
+        "\\\\server\\a.png",
+        "C:\\a.png",
+    ],
 )
 def test_names_that_lead_elsewhere(tmp_path: Path, name: str) -> None:
     assert safe_path(tmp_path, name) is None
-
-
-def test_half_a_character_names_no_file(tmp_path: Path) -> None:
-    assert safe_path(tmp_path, "a\ud800.png") is None
 
 
 def test_names_of_a_file_are_found_in_a_locale_of_ascii(tmp_path: Path) -> None:
@@ -87,12 +98,6 @@ def test_names_with_a_percent_sign_are_names(tmp_path: Path) -> None:
     assert safe_path(tmp_path, "50%20grey.png") == (tmp_path / "50%20grey.png").resolve()
     assert safe_path(tmp_path, "two%20words.png") == (tmp_path / "two words.png").resolve()
     assert safe_path(tmp_path, "%2e%2e/x") is None
-
-
-def test_backslashes_are_slashes_and_lead_nowhere_else(tmp_path: Path) -> None:
-    assert safe_path(tmp_path, "tex\\a.png") == (tmp_path / "tex" / "a.png").resolve()
-    for bad in ("..\\a.png", "tex\\..\\..\\a.png", "\\\\server\\a.png", "C:\\a.png"):
-        assert safe_path(tmp_path, bad) is None
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")

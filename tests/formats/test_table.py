@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from circparam.formats.table import FORMATS, sniff
+from circparam.formats.table import sniff
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -62,10 +62,3 @@ def test_content(data: bytes, format: str | None) -> None:
 def test_what_tells_more_is_asked_first(data: bytes, format: str) -> None:
     """A line with a vertex may stand in any text, and any text before the triangles of an STL."""
     assert sniff(data) == format
-
-
-def test_a_row_is_called_to_read() -> None:
-    from circparam.formats.source import Source
-
-    row = FORMATS["obj"].function
-    assert row(TRIANGLE, Source("x")).mesh.faces.tolist() == [[0, 1, 2]]

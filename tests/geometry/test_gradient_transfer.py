@@ -21,8 +21,8 @@ from tests.support import shapes
 
 def atlas_of(shape: object, flatten: object = None) -> Atlas:
     """An uncut shape; flatten: a function from points (…, 3) to uv (…, 2)."""
-    surface, _ = repair(Mesh(*shape), RepairOptions())  # type: ignore[misc]
-    corners = None if flatten is None else flatten(surface.points[surface.faces])  # type: ignore[operator]
+    surface, _ = repair(Mesh(*shape), RepairOptions())
+    corners = None if flatten is None else flatten(surface.points[surface.faces])
     return Atlas(surface, np.zeros(len(surface.edges), bool), corners)
 
 

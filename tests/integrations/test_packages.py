@@ -102,10 +102,8 @@ def test_the_conda_recipe_says_what_the_project_says(tmp_path: Path) -> None:
 def test_the_container_runs_what_the_project_installs() -> None:
     text = (FOLDER / "container" / "Containerfile").read_text("utf-8")
     base = re.search(r"^FROM \S+/python:(\d+)\.(\d+)", text, re.M)
-    assert base is not None
     least = tuple(map(int, PROJECT["requires-python"].removeprefix(">=").split(".")))
     assert tuple(map(int, base.groups())) >= least
     entry = re.search(r'^ENTRYPOINT \["(\w+)"\]', text, re.M)
-    assert entry is not None
     assert entry[1] in PROJECT["scripts"]
     assert "docs/integrations/container/Containerfile" in text

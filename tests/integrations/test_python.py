@@ -31,4 +31,4 @@ def test_sharp_is_degrees() -> None:
 
 def test_unknown_names_have_a_cure() -> None:
     with pytest.raises(circparam.OptionError, match="did you mean max_distortion"):
-        circparam.unwrap(shapes.cube(1), max_distorsion=2)  # type: ignore[call-arg]
+        circparam.unwrap(shapes.cube(1), max_distorsion=2)

@@ -123,7 +123,6 @@ def test_vertex_colours_plain_colours_and_missing_images(tmp_path: Path):
     (tmp_path / "m.mtl").write_text("newmtl m\nKd 0.5 0.25 1\n")
     plain = stored(tmp_path, "plain", mesh, layout, mtl="m.mtl")
     looks = reopened(morph(plain, plain, same_map(mesh)).data).textures()
-    assert looks is not None
     assert np.allclose(looks.plain, [0.5, 0.25, 1], atol=1e-4)
     (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd gone.png\n")
     gone = morph(stored(tmp_path, "gone", mesh, layout, mtl="m.mtl"), one, same_map(mesh))

@@ -42,7 +42,7 @@ def bars() -> circparam.Document:
 def test_what_is_asked_of_names_is_got(asked: str) -> None:
     result = circparam.unwrap(BRACKET, density=asked, **QUICK)
     assert result.status == "ok"
-    for name, number in named_numbers(asked).items():  # type: ignore[union-attr]
+    for name, number in named_numbers(asked).items():
         assert rows(result)[name]["asked"] == pytest.approx(number)
         assert rows(result)[name]["got"] == pytest.approx(number, rel=0.02)
 
@@ -153,7 +153,6 @@ def test_colours_are_names(tmp_path: Path) -> None:
     path = tmp_path / "painted.obj"
     path.write_text("\n".join(lines) + "\n")
     found = find_density(read(path), "#ff0000=4")
-    assert found is not None
     assert np.array_equal(found.value == 4.0, red[faces].all(1))
     with pytest.raises(OptionError, match="painted #00ff00"):
         find_density(read(path), "#00ff00=4")

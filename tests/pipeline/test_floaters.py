@@ -44,7 +44,6 @@ def test_floaters_get_a_patch_of_their_own_and_the_file_stays_whole(
     back = read(path)
     assert len(back.mesh.faces) == len(f)
     uvmap = back.uv()
-    assert uvmap is not None
     small = np.arange(len(f)) >= len(f) - 48
     corners = uvmap.uv[uvmap.uv_faces]
     np.testing.assert_array_equal(result.charts == -1, small)
@@ -75,7 +74,6 @@ def test_polygons_keep_one_uv_a_corner(tmp_path: Path) -> None:
     assert result.floaters is not None
     assert (result.floaters.components, int(result.floaters.faces.sum())) == (1, 3)
     back = read(out).uv()
-    assert back is not None
     assert (signs(back.uv, back.uv_faces) > 0).all()
     assert len(out.read_text().split("f ")[-1].split()) == 5
 

@@ -183,7 +183,6 @@ def test_processes_share_the_search_and_change_nothing() -> None:
         if n > 1:
             workers.start(n, *jobs.MODULES)
             pool = current()
-            assert pool is not None
             pool.ready.result()
         cascade = Cascade(roll(200), CascadeRules(bound=1.05))
         found.append(fill_page(cascade, Options(resolution=512), Monitor(jobs=n)))
@@ -205,8 +204,8 @@ def test_processes_share_the_search_and_change_nothing() -> None:
 def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
     shape = shapes.grid(3, 3, 1.0, 1.0)
     with pytest.raises(OptionError, match="pack_splits has no effect"):
-        circparam.unwrap(shape, pack_splits="auto", **more)  # type: ignore[arg-type]
-    assert not any("page" in n for n in circparam.unwrap(shape, **more).notes)  # type: ignore[arg-type]
+        circparam.unwrap(shape, pack_splits="auto", **more)
+    assert not any("page" in n for n in circparam.unwrap(shape, **more).notes)
 
 
 def test_a_word_that_is_none() -> None:

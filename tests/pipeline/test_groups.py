@@ -226,7 +226,6 @@ def test_orient_tells_what_it_costs_of_the_page() -> None:
 def test_several_files_on_one_page_keep_their_names() -> None:
     joined = join([read(BRACKET), read(samples.path("knot")), read(BRACKET)])
     found = joined.named("material")
-    assert found is not None
     names = {label: name for name, label in found.names}
     counts = np.bincount(found.label)
     steel = sum(n for label, n in enumerate(counts.tolist()) if names.get(label) == "steel")
@@ -240,7 +239,7 @@ def test_gltf_names_its_pages(tmp_path: Any, ending: str) -> None:
     circparam.unwrap(BRACKET, path, pages_by="material", **QUICK)
 
     def said() -> Any:
-        extras = read(path).tree.json["asset"].get("extras", {})  # type: ignore[attr-defined]
+        extras = read(path).tree.json["asset"].get("extras", {})
         return extras.get("circparam", {}).get("pages")
 
     assert said() == {"0": {"1001": "steel", "1002": "paint"}}

@@ -44,7 +44,7 @@ def test_a_set_that_is_not_there(number: int) -> None:
 @pytest.mark.parametrize("keywords", [{"resolution": 0}, {"resolution": 16385}, {"padding": -1}])
 def test_pages_that_do_not_exist(keywords: dict[str, int]) -> None:
     with pytest.raises(errors.OptionError, match=f"--{next(iter(keywords))}"):
-        inspect(read(samples.path("vase")), uv_set=0, **keywords)  # type: ignore[arg-type]
+        inspect(read(samples.path("vase")), uv_set=0, **keywords)
 
 
 def test_charts_hang_together_as_the_layout_shows_them() -> None:

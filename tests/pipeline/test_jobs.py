@@ -39,7 +39,6 @@ def ready(n: int) -> None:
     """Processes that are up before there is anything to do."""
     workers.start(n, *jobs.MODULES)
     pool = current()
-    assert pool is not None
     pool.ready.result()
 
 
@@ -168,7 +167,7 @@ def test_they_stay_for_the_next_mesh() -> None:
 @pytest.mark.parametrize("number", [0, -1, True])
 def test_a_number_of_jobs_is_a_positive_one(number: object) -> None:
     with pytest.raises(OptionError, match="jobs"):
-        Options(jobs=number)  # type: ignore[arg-type]
+        Options(jobs=number)
 
 
 def test_as_many_processes_as_asked_for() -> None:

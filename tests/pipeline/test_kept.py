@@ -21,7 +21,6 @@ QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
 
 def corners(path: Path) -> np.ndarray:
     uvmap = read(path).uv()
-    assert uvmap is not None
     return np.where(uvmap.uv_faces[:, :, None] >= 0, uvmap.uv[uvmap.uv_faces], np.nan)
 
 

@@ -84,4 +84,4 @@ def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
 )
 def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
     with pytest.raises(OptionError, match="pack_splits has no effect"):
-        circparam.unwrap(star(), pack_splits=1, **more)  # type: ignore[arg-type]
+        circparam.unwrap(star(), pack_splits=1, **more)

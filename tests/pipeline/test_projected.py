@@ -26,8 +26,8 @@ QUICK = {"effort": 0.01}
 
 
 def uncut(surface: object) -> Cascade:
-    corners = np.full((len(surface.faces), 3, 2), np.nan)  # type: ignore[attr-defined]
-    return Cascade(Atlas(surface, np.zeros(len(surface.edges), bool), corners))  # type: ignore[attr-defined]
+    corners = np.full((len(surface.faces), 3, 2), np.nan)
+    return Cascade(Atlas(surface, np.zeros(len(surface.edges), bool), corners))
 
 
 def test_a_cube_falls_into_its_sides_as_they_are() -> None:

@@ -38,7 +38,6 @@ def told(result: Result, monitor: Monitor) -> Result:
 def test_a_process_that_looks_finds_what_is_found_here(torus: Result) -> None:
     workers.start(2, seam_visibility.__name__)
     pool = workers.current()
-    assert pool is not None
     pool.ready.result()
     beside = told(torus, Monitor(jobs=2)).verification
     assert isinstance(beside.seen, seam_visibility.KnownFigure)

@@ -90,7 +90,6 @@ def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -
     assert result.verification.valid
     assert result.status == "ok"
     back = read(tmp_path / f"o.{ending}").uv()
-    assert back is not None
     assert (signs(back.uv, back.uv_faces) > 0).all()
     spoilt = rounding(ending)(before.uv)
     if ending in ("ply", "glb"):

@@ -49,7 +49,6 @@ def two_materials(images: bool = False) -> bytes:
 
 def overlaps(document: Document, **options: str) -> int:
     found = inspect(document, uv_set=0, resolution=256, **options).uv
-    assert found is not None
     return found.overlap
 
 
@@ -98,13 +97,11 @@ def test_textures_tell_atlases_apart_where_charts_overlap() -> None:
 def test_an_overlap_inside_a_group_is_one() -> None:
     document = read_data(two_materials(images=True))
     layout = document.uv()
-    assert layout is not None
     uv = layout.uv.copy()
     first = np.unique(layout.uv_faces[:50])
     uv[first] = np.abs(uv[first] - 0.5) + 0.1  # folded in four
     folded = encode(document, UVMap(uv, layout.uv_faces), "glb", options=WriteOptions()).data
     found = inspect(read_data(folded), uv_set=0, resolution=256).uv
-    assert found is not None
     assert found.flips > 0
 
 

@@ -30,7 +30,6 @@ def test_page_is_one_file_that_asks_for_nothing():
     assert text.count("</script>") == text.count("<script")
     assert "%STYLE%" not in text
     title = re.search(r"<title>(.*?)</title>", text)
-    assert title is not None
     assert (
         title.group(1) == "a &lt;b&gt; &amp; &quot;c&quot; %META%"
     )  # a title is text, not a place to fill
@@ -77,7 +76,6 @@ def test_large_meshes_stay_small():
 
 def meta_of(text: str) -> dict:
     found = re.search(r'id="meta">(.*?)</script>', text, re.S)
-    assert found is not None
     out: dict = json.loads(found.group(1))
     return {**out, **out["layouts"][-1]}
 

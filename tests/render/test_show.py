@@ -42,6 +42,5 @@ def test_small_textures_go_as_they_are(tmp_path: Path):
     write_obj(tmp_path / "a.obj", points, UVMap(points[:, :2].copy(), faces), faces, mtl="m.mtl")
     document = read(tmp_path / "a.obj")
     found, _, _ = page_images(document, 0)
-    assert found is not None
     assert found.files == [((tmp_path / "skin.png").read_bytes(), "image/png")]
     assert page_images(document, 1)[:2] == (None, "the texture belongs to uv set 0")

@@ -70,7 +70,6 @@ def test_messy_holds_what_it_promises() -> None:
 def test_vase_has_uv_of_its_own_that_repeat() -> None:
     document = samples.load("vase")
     uvmap = document.uv()
-    assert uvmap is not None
     assert (uvmap.uv_faces >= 0).all()
     corners = uvmap.uv[uvmap.uv_faces]
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -200,7 +200,7 @@ WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 
 @pytest.mark.parametrize(
     "path",
-    [p for p in corpus_files() if WHOLE or p.id in (*FEW, None)],  # type: ignore[attr-defined]
+    [p for p in corpus_files() if WHOLE or p.id in (*FEW, None)],
 )
 def test_real_meshes(path: Path) -> None:
     """All of them by ``make test-corpus``, five by ``make test``."""

@@ -34,7 +34,7 @@ SAMPLES = samples.names() if WHOLE else ("ribbon",)
 # all of them by ``make test-corpus``, some that were beaten by ``make test``
 MESHES = [
     *(pytest.param(samples.path(name), id=name) for name in SAMPLES),
-    *(p for p in corpus_files() if WHOLE or p.id in FEW),  # type: ignore[attr-defined]
+    *(p for p in corpus_files() if WHOLE or p.id in FEW),
 ]
 
 

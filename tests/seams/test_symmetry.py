@@ -30,7 +30,7 @@ def bumpy(n: int = 12) -> shapes.Shape:
 
 def seams_of(shape: shapes.Shape, **options: object) -> tuple[Surface, np.ndarray]:
     surface = repair(Mesh(*shape))[0]
-    wanted = SeamOptions(**options)  # type: ignore[arg-type]
+    wanted = SeamOptions(**options)
     return surface, SEAMS["charts"].function(surface, wanted, Monitor()).cut
 
 

@@ -42,7 +42,7 @@ class Poison(Gates):
 def settings(out: Path | str, gates: Gates | None = None, **keywords: Any) -> Settings:
     """Settings of a quick unwrap."""
     known = {k: keywords.pop(k) for k in ("max_memory", "extras", "fork") if k in keywords}
-    options = Options(**{**QUICK, **keywords})  # type: ignore[arg-type]
+    options = Options(**{**QUICK, **keywords})
     return Settings(options, gates or Gates(), str(out), exits.exit_of, **known)
 
 

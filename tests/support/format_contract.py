@@ -77,7 +77,6 @@ def check_written_to_disk(name: str, folder: Path) -> None:
     write(path, doc, uvmap, overwrite=True)
     assert path.read_bytes() == before
     again = read(path).uv()
-    assert again is not None
     wanted = corners(stored(uvmap, name))[written.face_map]
     np.testing.assert_array_equal(corners(again), wanted)
 

@@ -35,7 +35,7 @@ def some_corpus_files(*names: str) -> list[object]:
     found = corpus_files()
     if os.environ.get("CIRCPARAM_WHOLE_CORPUS"):
         return found
-    return [p for p in found if p.id is None or p.id in names]  # type: ignore[attr-defined]
+    return [p for p in found if p.id is None or p.id in names]
 
 
 def layout_with_seams(document: Document, seed: int = 0, parts: int = 3) -> UVMap:
@@ -69,7 +69,6 @@ def assert_round_trip(
     out = encode(document, uvmap, format, options=options)
     again = read_data(out.data, format=format)
     result = again.uv(options.uv_set or 0)
-    assert result is not None
     expected = stored(uvmap, format, document if document.format == format else None)
     np.testing.assert_array_equal(corners(result), corners(expected)[out.face_map])
     mesh, new = document.mesh, again.mesh

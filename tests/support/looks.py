@@ -136,7 +136,6 @@ def look_up(
         image = np.concatenate([linear(image[..., :3]), image[..., 3:]], 2)
     moved = info.get("extensions", {}).get("KHR_texture_transform", {})
     layout = document.uv(moved.get("texCoord", info.get("texCoord", 0)))
-    assert layout is not None
     uv = (layout.uv[layout.uv_faces[face]] * bary[..., None]).sum(1)
     uv[:, 1] = 1 - uv[:, 1]
     uv = uv * moved.get("scale", [1, 1])
@@ -210,7 +209,6 @@ def texel_levels(
     face_map: face of the old document of each face of the new one. side: texels of the page.
     """
     layout = new.uv()
-    assert layout is not None
     face, bary = surface_points(new, 40 * n)
     corners = layout.uv[layout.uv_faces[face]] * side
     texel = np.floor((corners * bary[..., None]).sum(1))

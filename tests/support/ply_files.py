@@ -51,7 +51,7 @@ def naive(data: bytes) -> dict[str, list[dict[str, object]]]:
             row: dict[str, object] = {}
             for p in properties:
                 if p[0] == "list":
-                    row[p[3]] = [value(p[2]) for _ in range(int(value(p[1])))]  # type: ignore[call-overload]
+                    row[p[3]] = [value(p[2]) for _ in range(int(value(p[1])))]
                 else:
                     row[p[1]] = value(p[0])
             rows.append(row)
@@ -72,8 +72,8 @@ def build(encoding: str, elements: dict[str, tuple[list[str], list[list[object]]
             for p, cell in zip(properties, row, strict=True):
                 kinds = p.split()
                 if kinds[0] == "list":
-                    words += [(kinds[1], len(cell))]  # type: ignore[arg-type]
-                    words += [(kinds[2], x) for x in cell]  # type: ignore[attr-defined]
+                    words += [(kinds[1], len(cell))]
+                    words += [(kinds[2], x) for x in cell]
                 else:
                     words.append((kinds[0], cell))
             if order:

@@ -13,7 +13,7 @@ def noted_processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[by
     popen = subprocess.Popen
 
     def noted(*given: object, **rest: object) -> subprocess.Popen[bytes]:
-        started.append(popen(*given, **rest))  # type: ignore[call-overload]
+        started.append(popen(*given, **rest))
         return started[-1]
 
     monkeypatch.setattr(subprocess, "Popen", noted)

@@ -59,7 +59,7 @@ def settings(tree: ast.Module) -> Iterator[ast.expr]:
 def numbers(path: Path) -> list[tuple[int, float]]:
     """(line, value) of each number of a module that steers."""
     return sorted(
-        (node.lineno, float(node.value))  # type: ignore[arg-type]
+        (node.lineno, float(node.value))
         for setting in settings(ast.parse(path.read_text("utf-8")))
         for node in ast.walk(setting)
         if isinstance(node, ast.Constant) and steers(node.value)

@@ -49,7 +49,7 @@ def run(python: str, script: str, peer: str, **given: object) -> tuple[np.ndarra
     """Corners (m, 3, 2) of another packer's page in units of the page, and the chart of each."""
     with tempfile.TemporaryDirectory() as folder:
         source, target = f"{folder}/in.npz", f"{folder}/out.npz"
-        np.savez(source, **given)  # type: ignore[arg-type]
+        np.savez(source, **given)
         command = [python, str(BENCH / script), peer, source, target]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         json.loads(done.stdout.splitlines()[-1])

@@ -62,7 +62,6 @@ def row(panels: list[tuple[str, Image.Image]]) -> Image.Image:
 def scene_of(document: Document) -> Scene:
     """A document with its uv."""
     layout = document.uv()
-    assert layout is not None
     return make_scene(document.mesh.points, document.mesh.faces, layout.uv, layout.uv_faces)
 
 
@@ -76,7 +75,6 @@ def unwrapped(name: str) -> Document:
 def baked_colour(document: Document, baked: Baked) -> Colour:
     """What a baked image shows on its mesh."""
     layout, image = document.uv(), baked.tiles[0, 0] / 255
-    assert layout is not None
 
     def colour(face: IntArray, bary: FloatArray) -> FloatArray:
         return bilinear(image, np.einsum("pk,pkc->pc", bary, layout.uv[layout.uv_faces[face]]))
@@ -125,7 +123,6 @@ def creatures() -> Image.Image:
     mapped = known("creature", "creature-pose", "creature-pose")
     baked = bake_document(second, "vertex-colors", source=painted, across=Across(mapped), size=512)
     corners = painted.colours()
-    assert corners is not None
 
     def skin(face: IntArray, bary: FloatArray) -> FloatArray:
         return np.einsum("pk,pkc->pc", bary, corners[face])

@@ -19,7 +19,6 @@ from tests.support.formats_tools import (
 from tests.support.gltf_files import (
     assert_same_but_uv,
     full_mesh,
-    instanced,
     small,
     unused_entries,
 )
@@ -79,7 +78,7 @@ def test_generated_trees_come_back(data: bytes, seed: int, uv_set: int | None) -
     for uvmap in (smooth_layout(document, seed), layout_with_seams(document, seed)):
         for format in ("glb", "gltf"):
             again = assert_round_trip(document, uvmap, format, options)
-            assert_same_but_uv(document, again, f"TEXCOORD_{uv_set or 0}")  # type: ignore[arg-type]
+            assert_same_but_uv(document, again, f"TEXCOORD_{uv_set or 0}")
             assert again.uv_sets[: (uv_set or 0) + 1] == tuple(range((uv_set or 0) + 1))
     for format in ("obj", "ply"):
         assert_round_trip(document, layout_with_seams(document, seed), format)
@@ -93,8 +92,8 @@ def test_real_files_keep_everything_else(path: Path, uv_set: int | None, seams: 
     uvmap = layout_with_seams(document) if seams else smooth_layout(document)
     again = assert_round_trip(document, uvmap, "glb", WriteOptions(uv_set=uv_set))
     lost = () if uv_set else ("TANGENT",)
-    assert_same_but_uv(document, again, f"TEXCOORD_{uv_set or 0}", *lost)  # type: ignore[arg-type]
-    assert unused_entries(again.tree.json) == unused_entries(document.tree.json)  # type: ignore[attr-defined]
+    assert_same_but_uv(document, again, f"TEXCOORD_{uv_set or 0}", *lost)
+    assert unused_entries(again.tree.json) == unused_entries(document.tree.json)
 
 
 @pytest.mark.parametrize("path", corpus_files(".glb"))
@@ -121,13 +120,6 @@ def test_real_files_read_as_trimesh_reads_them(path: Path) -> None:
     # a set of triangles: the nodes may come in another order, and one of several instances may differ
     if document.instances == 0:
         np.testing.assert_allclose(key(theirs), key(ours), atol=1e-6 * size)
-
-
-def test_meshes_are_shared_unless_asked() -> None:
-    data = instanced().glb()
-    for unshare, instances, faces in ((False, 1, 16), (True, 0, 24)):
-        document = read_data(data, unshare=unshare)
-        assert (document.instances, len(document.mesh.faces)) == (instances, faces)
 
 
 def test_features() -> None:

@@ -43,7 +43,6 @@ def test_colours_are_linear_light_and_white_where_a_mesh_has_none() -> None:
                          "indices": g.accessor(faces.ravel().astype("u2"))}]}
     )  # fmt: skip
     colours = read_data(g.scene({"mesh": 0}, {"mesh": 1}).glb()).colours()
-    assert colours is not None
     assert (colours[:8] == 1).all()
     np.testing.assert_allclose(colours[8:], srgb(linear[:, :3] / 255)[faces])
 
@@ -68,7 +67,6 @@ def test_factors_and_images_of_primitives() -> None:
         {"bufferView": g.view(b"one"), "name": "n"},
     ]
     found = read_data(g.glb()).textures()
-    assert found is not None
     assert found.face.tolist() == [-1] * 3 + [0] * 5
     np.testing.assert_allclose(found.plain[0], [1, 1, 1])
     np.testing.assert_allclose(found.plain[3], srgb(np.array([0.5, 0, 1])))
@@ -84,7 +82,6 @@ def test_one_image_for_two_materials_and_uv_sets_that_differ() -> None:
     g.tree["textures"] = [{"source": 0}]
     g.tree["images"] = [{"bufferView": g.view(b"zero")}]
     found = read_data(g.glb()).textures()
-    assert found is not None
     assert found.face.tolist() == [0] * 8
     assert (found.images, found.names, found.uv_set) == ((b"zero",), ("image 0",), 2)
     assert found.notes == ["textures refer to several uv sets: all are read with set 2"]
@@ -104,7 +101,6 @@ def test_images_beside_the_file_and_in_the_json(tmp_path: Path) -> None:
         g.tree["images"] = [{"uri": uri}]
         (tmp_path / "m.glb").write_bytes(g.glb())
         found = read(tmp_path / "m.glb").textures()
-        assert found is not None
         assert (found.images, found.notes) == (image, notes)
         assert found.face.tolist() == [-1] * 3 + [len(image) - 1] * 5
 
@@ -122,7 +118,6 @@ def test_colours_without_an_image_go_with_the_first_uv_set() -> None:
     g = two_primitives(material=0)
     g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.0, 0.25, 0.5]}}]
     textures = read_data(g.glb()).textures()
-    assert textures is not None
     assert textures.uv_set == 0
     assert textures.images == ()
 
@@ -136,7 +131,6 @@ def test_specular_glossiness_of_older_exports() -> None:
     g.tree["materials"] = [{"extensions": {"KHR_materials_pbrSpecularGlossiness": gloss}}]
     document = read_data(g.glb())
     found = document.textures()
-    assert found is not None
     assert found.images == (b"picture",)
     assert (found.face == 0).all()
     np.testing.assert_allclose(found.plain, np.tile([1.0, 0, 0], (len(found.plain), 1)), atol=1e-9)
@@ -183,5 +177,4 @@ def test_a_transform_may_name_another_uv_set() -> None:
     info = {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}
     g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": info}}]
     found = read_data(g.glb()).textures()
-    assert found is not None
     assert (found.uv_set, found.notes) == (1, [])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circparam.formats.gltf.scene import node_matrix, transform, triangles_of
+from circparam.formats.gltf.scene import node_matrix, triangles_of
 from circparam.formats.io import encode, read_data
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
@@ -112,7 +112,7 @@ def test_primitives_that_share_their_vertices_keep_sharing_them() -> None:
     assert document.labels("primitive").tolist() == [0] * 7 + [1] * 11
     assert set(document.labels("mesh").tolist()) == {0}
     again = assert_round_trip(document, layout_with_seams(document), "glb")
-    first, second, third = again.tree.json["meshes"][0]["primitives"]  # type: ignore[attr-defined]
+    first, second, third = again.tree.json["meshes"][0]["primitives"]
     assert first["attributes"] == second["attributes"]
     assert "TEXCOORD_0" not in third["attributes"]
     assert any("no triangles" in note for note in document.notes)
@@ -170,14 +170,6 @@ def test_unit_quaternions_are_rotations(q: list[float]) -> None:
     assert np.trace(r) == pytest.approx(4 * unit[3] ** 2 - 1)  # 1 + 2 cos of the angle
 
 
-def test_transform_is_the_matrix() -> None:
-    rng = np.random.default_rng(0)
-    points, matrix = rng.normal(size=(5, 3)), np.vstack([rng.normal(size=(3, 4)), [0, 0, 0, 1]])
-    expected = (np.insert(points, 3, 1.0, axis=1) @ matrix.T)[:, :3]
-    np.testing.assert_allclose(transform(points, matrix), expected)
-    assert transform(points, np.eye(4)) is points
-
-
 @pytest.mark.parametrize("n", range(8))
 def test_an_incomplete_rest_is_dropped(n: int) -> None:
     index = np.arange(10, 10 + n)
@@ -197,8 +189,8 @@ def test_pools_are_numbered_through_all_meshes() -> None:
     document = read_data(g.scene({"mesh": 0}, {"mesh": 1}).glb())
     np.testing.assert_array_equal(document.mesh.points, np.concatenate(parts))
     assert document.mesh.faces.ravel().tolist() == list(range(21))
-    assert [p.pool for p in document.primitives] == [0, 1, 2, 3]  # type: ignore[attr-defined]
-    assert [p.first for p in document.pools] == [0, 3, 9, 12]  # type: ignore[attr-defined]
+    assert [p.pool for p in document.primitives] == [0, 1, 2, 3]
+    assert [p.first for p in document.pools] == [0, 3, 9, 12]
     assert document.labels("mesh").tolist() == [0] * 3 + [1] * 4
     assert document.labels("primitive").tolist() == [0, 1, 1, 2, 3, 3, 3]
 
@@ -223,7 +215,7 @@ def test_the_default_scene_comes_first_and_a_root_of_two_is_shown_once() -> None
     for scene, first in ((0, 1), (1, 0)):
         g.tree["scene"] = scene
         document = read_data(g.glb())
-        assert document.primitives[0].mesh == first  # type: ignore[attr-defined]
+        assert document.primitives[0].mesh == first
         assert document.instances == 1
     for key in ("scene", "scenes"):
         g.tree.pop(key)

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.errors import NoResultError, OptionError
-from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
@@ -32,16 +31,6 @@ def test_two_uv_with_the_same_numbers_are_no_seam() -> None:
     m = len(document.mesh.faces)
     unrolled = UVMap(smooth.uv[smooth.uv_faces].reshape(-1, 2), np.arange(3 * m).reshape(-1, 3))
     assert_round_trip(document, unrolled, "obj")
-
-
-def test_one_uv_set_only() -> None:
-    document = read_data(CUBE, format="obj")
-    uvmap = smooth_layout(document)
-    with pytest.raises(OptionError, match="one uv set"):
-        encode(document, uvmap, "obj", options=WriteOptions(uv_set=1))
-    with pytest.raises(OptionError, match="overwrite-uv"):
-        encode(document, uvmap, "obj", options=WriteOptions(uv_set=0))
-    assert "replaced" in encode(document, uvmap, "obj").notes[0]
 
 
 def test_groups_stand_in_where_no_material_is_named() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.formats.io import encode, read, read_data
-from circparam.formats.obj.editing import compact, vt_lines
+from circparam.formats.obj.editing import compact
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
@@ -55,7 +55,6 @@ def test_the_shortest_digits_read_back_to_the_same_number() -> None:
     out = encode(document, uvmap, "obj").data
     assert b"vt 0.1 0.3333333333333333\n" in out
     again = read_data(out).uv()
-    assert again is not None
     np.testing.assert_array_equal(again.uv, uvmap.uv)
 
 
@@ -113,11 +112,6 @@ def test_only_the_uv_in_use_are_kept_in_order() -> None:
     none, corner = compact(np.array([-1, -1]), 3)
     assert (none.tolist(), corner.tolist()) == ([], [-1, -1])
     assert compact(np.array([0, 2]), 3)[0].tolist() == [0, 2]
-
-
-def test_vt_lines_have_the_shortest_digits() -> None:
-    uv = np.array([[0.1, 1e-7], [1 / 3, -2.0]])
-    assert vt_lines(uv, "\r\n") == b"vt 0.1 1e-07\r\nvt 0.3333333333333333 -2.0\r\n"
 
 
 @pytest.mark.parametrize(

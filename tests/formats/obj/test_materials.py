@@ -14,7 +14,6 @@ FACES = b"f 1 2 3\nf 3 2 1\n"
 def test_colours_of_some_vertices() -> None:
     mesh = b"v 0 0 0 1 0 0.5\nv 1 0 0\nv 0 1 0 0 1 0\n" + FACES
     colours = read_data(mesh).colours()
-    assert colours is not None
     rows = [[1, 0, 0.5], [1, 1, 1], [0, 1, 0]]
     assert colours.tolist() == [rows, rows[::-1]]
     assert read_data(b"v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\n" + FACES).colours() is None  # x y z w
@@ -23,11 +22,9 @@ def test_colours_of_some_vertices() -> None:
 def test_bytes_become_fractions() -> None:
     mesh = b"v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 0 1 0 1 1 1\n" + FACES
     colours = read_data(mesh).colours()
-    assert colours is not None
     np.testing.assert_allclose(colours[0, 0], [1, 0, 0.2])
     np.testing.assert_allclose(colours[0, 2], [1 / 255] * 3)
     one = read_data(b"v 0 0 0 1 1 1\nv 1 0 0 0 0 0\nv 0 1 0 -1 0 0\n" + FACES).colours()
-    assert one is not None
     assert one[0].tolist() == [[1, 1, 1], [0, 0, 0], [0, 0, 0]]  # 1 is no byte, −1 is cut off
 
 

@@ -23,7 +23,6 @@ def test_a_cube_reads_as_the_naive_reader_reads_it() -> None:
     np.testing.assert_array_equal(document.mesh.points, points)
     assert document.polygons().corners.tolist() == [k for p in polygons for k in p]
     read = document.uv()
-    assert read is not None
     triangles = document.polygons().triangles
     flat = [k for p in uv for k in p]
     for face, corner in zip(corners(read).reshape(-1, 2), triangles.ravel(), strict=True):
@@ -32,7 +31,7 @@ def test_a_cube_reads_as_the_naive_reader_reads_it() -> None:
     assert document.group_names == ("red", "blue")
     assert document.mesh.groups is not None
     assert document.mesh.groups.tolist() == [0] * 4 + [1] * 4
-    assert document.scan.libraries() == ["cube.mtl"]  # type: ignore[attr-defined]
+    assert document.scan.libraries() == ["cube.mtl"]
 
 
 def test_negative_indices_count_back_from_where_they_stand() -> None:
@@ -40,7 +39,6 @@ def test_negative_indices_count_back_from_where_they_stand() -> None:
     document = read_data(part + part, format="obj")
     assert document.mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
     uvmap = document.uv()
-    assert uvmap is not None
     assert uvmap.uv_faces.tolist() == [[0, 1, 0], [2, 3, 2]]
     assert_round_trip(document, layout_with_seams(document), "obj")
 

@@ -27,14 +27,12 @@ from tests.support.ply_files import (
 @pytest.mark.parametrize("encoding", ORDERS)
 def test_the_uv_of_the_file_is_read(encoding: str) -> None:
     at_vertices = read_data(sample(encoding, uv="vertex")).uv()
-    assert at_vertices is not None
     np.testing.assert_array_equal(
         at_vertices.uv, np.stack([np.arange(7) / 8, np.arange(7) / 16], 1)
     )
     document = read_data(sample(encoding, uv="face"))
     at_faces = document.uv()
-    assert at_faces is not None
-    expected = np.concatenate([r["texcoord"] for r in naive(sample(encoding, uv="face"))["face"]])  # type: ignore[misc]
+    expected = np.concatenate([r["texcoord"] for r in naive(sample(encoding, uv="face"))["face"]])
     got = corners(at_faces).reshape(-1, 2)
     np.testing.assert_array_equal(
         got, expected.reshape(-1, 2)[document.polygons().triangles.ravel()]
@@ -116,7 +114,7 @@ def test_generated_files_come_back(data: bytes, seed: int, mode: str | None) -> 
         assert plain(new["vertex"])[: len(old["vertex"])] == plain(old["vertex"])
         assert new.get("other") == old.get("other")
         for a, b in zip(plain(old["face"]), plain(new["face"]), strict=True):
-            assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")  # type: ignore[attr-defined]
+            assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")
             assert a == b
         assert_round_trip(document, uvmap, "ply", WriteOptions(ply_uv=mode))
 
@@ -129,7 +127,7 @@ def test_real_files_keep_every_property(path, seams: bool) -> None:
         pytest.skip("one layout is enough for a file of this size")
     uvmap = layout_with_seams(document, parts=8) if seams else smooth_layout(document)
     again = assert_round_trip(document, uvmap, "ply")
-    old, new = document.layout, again.layout  # type: ignore[attr-defined]
+    old, new = document.layout, again.layout
     assert [e.name for e in new.elements] == [e.name for e in old.elements]
     out = encode(document, uvmap, "ply")
     for e in old.elements:
@@ -192,7 +190,6 @@ def test_a_face_whose_list_does_not_fit_has_no_uv() -> None:
         },
     )
     uvmap = read_data(data).uv()
-    assert uvmap is not None
     assert (uvmap.uv_faces >= 0).all(1).tolist() == [True, False, False, False, True]
     assert (uvmap.uv_faces[1:4] == -1).all()
     assert uvmap.uv[uvmap.uv_faces[0]].tolist() == [[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]]

@@ -48,7 +48,7 @@ def test_everything_but_uv_is_kept(encoding: str, uv: str, mode: str | None, sea
     assert duplicates == [plain(old["vertex"])[k] for k in out.vertex_map[n:]]
     assert bool(duplicates) == (seams and not at_faces)
     for a, b in zip(plain(old["face"]), plain(new["face"]), strict=True):
-        assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")  # type: ignore[attr-defined]
+        assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")
         assert a == b
     assert {k: v for k, v in new.items() if k not in ("vertex", "face")} == {
         k: v for k, v in old.items() if k not in ("vertex", "face")
@@ -109,22 +109,6 @@ def test_any_strips_come_back(rows: list[list[int]], seed: int) -> None:
     assert_round_trip(document, layout_with_seams(document, seed), "ply")
 
 
-def test_indices_outgrow_their_type() -> None:
-    """300 separate corners do not fit a uchar: the list gets a wider type."""
-    n = 200
-    points: list[list[object]] = [[float(k), float(k * k % 17), 0.0] for k in range(n)]
-    faces: list[list[object]] = [[[k, k + 1, k + 2]] for k in range(n - 2)]
-    data = build("binary_big_endian", {
-        "vertex": (["float x", "float y", "float z"], points),
-        "face": (["list uchar uchar vertex_indices"], faces),
-    })  # fmt: skip
-    document = read_data(data)
-    m = len(document.mesh.faces)
-    uvmap = UVMap(np.random.default_rng(0).random((3 * m, 2)), np.arange(3 * m).reshape(-1, 3))
-    again = assert_round_trip(document, uvmap, "ply", WriteOptions(ply_uv="vertex"))
-    assert len(again.mesh.points) == 3 * m
-
-
 @pytest.mark.parametrize(
     ("count", "kind", "longest", "n", "expected"),
     [
@@ -171,7 +155,7 @@ def test_texcoord_lists_outgrow_a_byte(corners: int, kind: bytes) -> None:
     document = read_data(data)
     out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv="face")).data
     assert b"property " + kind + b" float texcoord\n" in out
-    assert len(naive(out)["face"][0]["texcoord"]) == 2 * corners  # type: ignore[arg-type]
+    assert len(naive(out)["face"][0]["texcoord"]) == 2 * corners
 
 
 def test_what_lies_behind_the_elements_is_kept() -> None:

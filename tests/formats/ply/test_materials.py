@@ -39,7 +39,6 @@ def test_colours_of_faces_and_of_the_triangles_of_polygons() -> None:
         "tristrips": (["list int int vertex_indices"], [[[0, 1, 2]]]),
     })  # fmt: skip
     colours = read_data(data).colours()
-    assert colours is not None
     red, blue, white = [1, 0, 0], [0, 0, 1], [1, 1, 1]
     assert colours.tolist() == [[red] * 3, [red] * 3, [blue] * 3, [white] * 3]
 
@@ -51,7 +50,6 @@ def test_vertices_come_before_faces_and_two_channels_are_none() -> None:
     )
     both = {"vertex": (XYZ + channels("uchar"), [[*p, 255, 0, 0] for p in POINTS]), "face": face}
     colours = read_data(build("ascii", both)).colours()
-    assert colours is not None
     assert colours[0].tolist() == [[1, 0, 0]] * 3
     two = (XYZ + channels("uchar")[:2], [[*p, 255, 0] for p in POINTS])
     without = {"vertex": two, "face": ([INDEX], [[[0, 1, 2]]])}
@@ -65,11 +63,9 @@ def test_the_image_of_a_comment(tmp_path: Path) -> None:
     named = data.replace(b"comment made by a test", b"comment TextureFile  a b.png ")
     (tmp_path / "p.ply").write_bytes(named)
     found = read(tmp_path / "p.ply").textures()
-    assert found is not None
     assert found.face.tolist() == [-1, -1]
     assert found.notes == ["texture a b.png is missing: put it beside the mesh"]
     (tmp_path / "a b.png").write_bytes(b"p")
     found = read(tmp_path / "p.ply").textures()
-    assert found is not None
     assert (found.face.tolist(), found.images, found.notes) == ([0, 0], (b"p",), [])
     assert found.plain.tolist() == [[1, 1, 1]] * 2

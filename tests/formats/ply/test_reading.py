@@ -158,15 +158,15 @@ def test_every_value_where_it_stands(encoding: str) -> None:
             cells = [row[p.name] for row in expected[e.name]]
             if p.count_type:
                 values, counts = layout.list(e, p.name)
-                assert counts.tolist() == [len(c) for c in cells]  # type: ignore[arg-type]
-                flat = [x for c in cells for x in c]  # type: ignore[attr-defined]
+                assert counts.tolist() == [len(c) for c in cells]
+                flat = [x for c in cells for x in c]
                 np.testing.assert_allclose(values, flat, rtol=1e-7)
             else:
                 np.testing.assert_allclose(layout.scalar(e, p.name), cells, rtol=1e-7)
     with pytest.raises(InputError, match="no scalar property 'vertex_indices'"):
-        layout.scalar(layout.element("face"), "vertex_indices")  # type: ignore[arg-type]
+        layout.scalar(layout.element("face"), "vertex_indices")
     with pytest.raises(InputError, match="no list property 'x'"):
-        layout.list(layout.element("vertex"), "x")  # type: ignore[arg-type]
+        layout.list(layout.element("vertex"), "x")
 
 
 @pytest.mark.parametrize("kind", ["char", "short", "int"])
