@@ -62,8 +62,8 @@ demo: $(VENV)/.installed ## unwrap a textured sample and say where mesh, picture
 	@echo "Turn it in a browser: $(CURDIR)/demo-output/head_uv.html"
 	@echo "Try your own:         $(VENV)/bin/circparam unwrap MESH"
 
-test: $(VENV)/.dev node ## all tests
-	$(RUN) -m pytest -n $(WORKERS) --dist worksteal
+test: $(VENV)/.dev node ## all tests but those on real meshes
+	$(RUN) -m pytest -n $(WORKERS) --dist worksteal -m "not corpus"
 
 test-oldest: ## files, USD and batches with the oldest versions that pyproject.toml allows
 	rm -rf .venv-oldest

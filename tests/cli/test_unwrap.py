@@ -572,11 +572,11 @@ def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
     except OSError:
         pytest.skip("this file system takes UTF-8 only")
     flat = ("--cut", "none", "--method", "mean-value", "-q", *QUICK)
-    for kind in ("obj", "ply", "glb", "gltf"):
+    for kind in ("obj", "gltf"):
         out = tmp_path / f"out-{name}.{kind}"
         assert run("unwrap", mesh, "-o", out, *flat).exit_code == 0
         assert run("check", out, "--uv").exit_code == 0
-    for kind in ("png", "svg", "html"):
+    for kind in ("svg", "html"):
         assert (
             run("view", tmp_path / f"out-{name}.obj", "-o", tmp_path / f"{name}.{kind}").exit_code
             == 0

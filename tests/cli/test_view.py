@@ -94,7 +94,7 @@ def test_a_large_texture_is_scaled_down(quad: Path):
 def test_uv_outside_the_square_and_other_options(quad: Path):
     quad.write_text(QUAD + UV.replace("vt 1 1", "vt 2.5 1") + FACES)
     words = ("--up", "z", "--padding", "0.01", "--scale", "3")
-    assert run(quad, "-o", quad.with_suffix(".png"), *words).exit_code == 0
+    assert run(quad, "-o", quad.with_suffix(".svg"), *words).exit_code == 0
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_the_bound_of_charts_is_kept_to_half_a_percent_of_its_excess(shape, shar
 
 
 def test_a_lower_bound_gives_more_seam_and_less_distortion() -> None:
-    shape = shapes.icosphere(3)
+    shape = shapes.icosphere(2)
     lengths = [atlas_of(shape, max_distortion=d)[1].seam_length for d in (1.01, 1.2)]
     assert lengths[0] > lengths[1]
 
@@ -90,8 +90,8 @@ def test_max_charts_is_kept_where_the_bound_is_not() -> None:
 
 @pytest.mark.parametrize(
     "shape",
-    [shapes.cube(4), shapes.row_of(shapes.icosphere(2), 3)],
-    ids=["cube", "three balls"],
+    [shapes.cube(4), shapes.row_of(shapes.icosphere(2), 2)],
+    ids=["cube", "two balls"],
 )
 def test_a_number_of_charts_never_leads_to_more(shape) -> None:
     """Nor, where the free atlas has no more, to any other atlas."""
@@ -180,7 +180,7 @@ def test_forced_seams_are_cut_and_forbidden_ones_are_not() -> None:
 
 
 def test_the_same_input_gives_the_same_bytes() -> None:
-    a, b = (atlas_of(shapes.torus(24, 12))[1] for _ in range(2))
+    a, b = (atlas_of(shapes.torus(16, 8))[1] for _ in range(2))
     assert np.array_equal(a.cut, b.cut)
     assert a.corners.tobytes() == b.corners.tobytes()
 
@@ -208,7 +208,10 @@ def test_real_meshes(path: Path) -> None:
     atlas_of((mesh.points, mesh.faces))
 
 
-@pytest.mark.parametrize("name", samples.names())
+LIKE_OTHERS = {"creature-pose", "head-2", "cover-coarse"}  # the second of a pair
+
+
+@pytest.mark.parametrize("name", [n for n in samples.names() if n not in LIKE_OTHERS])
 def test_samples(name: str) -> None:
     mesh = read(samples.path(name)).mesh
     atlas_of((mesh.points, mesh.faces))
