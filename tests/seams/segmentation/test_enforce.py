@@ -32,26 +32,6 @@ def test_enforcing_holds_the_bound_to_half_a_percent_of_its_excess(shape, share:
     assert judge(cut_mesh, atlas.gather(cut_mesh)).energy.max() <= bound
 
 
-@pytest.mark.parametrize("vain", [False, True])
-def test_what_is_vain_is_not_cut(vain: bool) -> None:
-    """Asked with the number of charts that are bad, before each round."""
-    atlas, energy = relaxed(shapes.hemisphere(8))
-    cut_mesh = atlas.cut_mesh()
-    laid = judge(cut_mesh, atlas.gather(cut_mesh))
-    asked: list[tuple[int, int]] = []
-
-    def told(now: Atlas, bad: int) -> bool:
-        asked.append((now.charts()[0], bad))
-        return vain
-
-    bound, graph = 1 + (energy - 1) * 0.5, grow.dual_graph(atlas.surface)
-    enforce(atlas, graph, laid, bound, module.FINAL, Monitor(), told)
-    assert asked[0] == (1, 1)
-    assert atlas.cut.any() is np.bool_(not vain)
-    after = atlas.cut_mesh()
-    assert judge(after, atlas.gather(after)).bad(bound).any() is np.bool_(vain)
-
-
 GAPS = RelaxOptions(tolerance=1e-6, max_iterations=40)
 
 
@@ -160,17 +140,6 @@ def test_good_charts_and_single_cells_are_left_as_they_are() -> None:
     assert not free.cut.any()
 
 
-def test_few_cells_that_are_bad_are_taken_apart_at_once() -> None:
-    """A pyramid of four faces: each then is a chart without distortion."""
-    points = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 3]])
-    atlas = uncut(points, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))
-    laid = lay_out_fresh(atlas, None, GAPS)
-    assert laid.energy[0] > 1.2
-    enforce(atlas, grow.dual_graph(atlas.surface), laid, 1.001, GAPS, Monitor())
-    assert not judged(atlas).bad(1.001).any()
-    assert atlas.cut.any()
-
-
 def layouts() -> tuple[CutMesh, np.ndarray]:
     """A flat sheet, a bumped disk and one face alone, with good layouts."""
     single = shapes.triangle()
@@ -248,18 +217,3 @@ def test_nearly_collapsed_faces_are_widened_before_the_chart_moves() -> None:
     found = lay_out_sound(cut_mesh, uv, one, Monitor())
     assert chart_energies(cut_mesh, found)[0] < 1.001
     assert np.abs(found[far] - exact[far]).max() < 1e-4
-
-
-@pytest.mark.parametrize(
-    ("low", "bound", "breaks"), [(0, 1.001, True), (0, 9, False), (0.9, 1.001, False)]
-)
-def test_a_second_atlas_breaks_up_where_more_than_one_chart_would_be_split(
-    low: float, bound: float, breaks: bool
-) -> None:
-    """Two halves of a ball are both above a low bound; of a small cap and the rest only the rest is."""
-    ball = surface_of(*shapes.icosphere(3))
-    atlas = cut_between(ball, (middles(ball)[:, 2] > low).astype(np.int64))
-    lay_out_fresh(atlas, None, GAPS)
-    graph = grow.dual_graph(ball)
-    bad = module.breaks_up(atlas, graph, bound, module.FINAL, Monitor())
-    assert (bad > 1) == breaks

@@ -43,17 +43,3 @@ def test_room_bounds_what_all_unions_add_together() -> None:
     Merger(atlas, MergeOptions(1.2, rise=1e-6), np.zeros(len(atlas.cut), bool)).run(Monitor())
     assert energy_of(atlas) <= most
     assert atlas.charts()[0] == 9
-
-
-def test_what_there_was_no_room_for_is_tried_again_where_there_is_more_and_nothing_else() -> None:
-    atlas = sheet_and_ball()
-    merger = Merger(atlas, MergeOptions(1.2, rise=1e-6), np.zeros(len(atlas.cut), bool))
-    merger.run(Monitor())
-    assert merger.tally["merged"] == 3
-    assert 0 < len(merger.dear) < len(merger.tried)
-    left = np.setdiff1d(merger.tried, merger.dear)
-    merger.more_room(0.05 * float(atlas.surface.areas.sum()))
-    np.testing.assert_array_equal(merger.tried, left)
-    assert merger.work == 0
-    merger.run(Monitor())
-    assert merger.tally["merged"] > 3

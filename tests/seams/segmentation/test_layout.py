@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.layout import (
     ChartLayouts,
-    chart_parts,
     judge,
     lay_out_again,
     lay_out_fresh,
@@ -92,20 +90,6 @@ def test_fresh_layouts_are_isometric_where_that_is_possible_and_others_stay() ->
     atlas.corners = moved
     lay_out_fresh(atlas, np.zeros(3, bool), FINE)
     assert np.array_equal(atlas.corners, moved)
-
-
-def test_parts_hold_every_chart_once_and_a_worker_changes_nothing() -> None:
-    atlas = three()
-    parts = chart_parts(atlas.cut_mesh())
-    assert np.sum([part for part, *_ in parts], axis=0).tolist() == [1, 1, 1]
-    for part, sub, vid, fid in parts:
-        cut_mesh = atlas.cut_mesh()
-        assert sub.n_charts == part.sum()
-        assert np.array_equal(np.flatnonzero(part[cut_mesh.chart]), fid)
-        assert np.array_equal(np.flatnonzero(part[cut_mesh.vertex_chart]), vid)
-    plain = lay_out_fresh(atlas, None, FINE)
-    in_parts = lay_out_fresh(atlas, None, FINE, Worker())
-    assert np.allclose(plain.uv, in_parts.uv, atol=1e-9)
 
 
 def jagged() -> Atlas:

@@ -14,7 +14,6 @@ from tests.support import shapes
 from tests.support.atlases import (
     as_it_lies,
     cut_between,
-    cut_where,
     middles,
     surface_of,
     uncut,
@@ -73,38 +72,6 @@ def test_seams_that_are_fixed_are_never_glued_nor_in_a_pair() -> None:
     assert merger.tally["trials"] == 0
 
 
-def test_flat_strips_merge_in_few_rounds_and_keep_their_shape() -> None:
-    """Eight strips of a sheet: at most half of them vanish in a round, all in the end."""
-    surface = surface_of(*shapes.grid(9, 3, 8.0, 1.0))
-    atlas = as_it_lies(cut_between(surface, np.floor(middles(surface)[:, 0]).astype(np.int64)))
-    merger = merger_of(atlas)
-    assert merger.round(Monitor())
-    first = atlas.charts()[0]
-    assert 4 <= first < 8
-    assert merger.tally["merged"] == 8 - first
-    merger.run(Monitor())
-    assert not atlas.cut.any()
-    assert judged(atlas).energy == pytest.approx([1.0])
-    assert merger.tally["merged"] == 7
-    assert merger.work >= len(surface.faces)
-    assert not merger.round(Monitor())
-
-
-def test_a_union_above_the_bound_is_refused_and_not_tried_again() -> None:
-    surface = surface_of(*shapes.icosphere(2))
-    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
-    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-5))
-    before = atlas.cut.copy(), atlas.corners.copy()
-    merger = merger_of(atlas, bound=1.5)
-    merger.run(Monitor())
-    assert np.array_equal(atlas.cut, before[0])
-    assert np.array_equal(atlas.corners, before[1])
-    trials = merger.tally["trials"] + merger.tally["topology"]
-    assert trials >= 1
-    assert not merger.round(Monitor())
-    assert merger.tally["trials"] + merger.tally["topology"] == trials
-
-
 def test_a_cube_becomes_a_net_and_one_chart_is_left() -> None:
     surface = surface_of(*shapes.cube(2))
     normal = np.round(surface.normals).astype(np.int64)
@@ -160,29 +127,6 @@ def test_the_longest_common_seam_is_glued_first() -> None:
     _, chart = atlas.charts()
     low, high, side = (chart[(x < 4) & (y < 3)][0], chart[(x < 4) & (y > 3)][0], chart[x > 4][0])
     assert low == high != side
-
-
-def test_a_slit_is_zipped_up_from_its_tip() -> None:
-    atlas = as_it_lies(uncut(*shapes.grid(9, 9)))
-    surface = atlas.surface
-    x, y = surface.points[:, 0], surface.points[:, 1]
-    atlas.cut = cut_where(surface, (np.abs(y - 0.5) < 1e-9) & (x < 0.6))
-    assert atlas.cut.sum() == 4
-    merger = merger_of(atlas)
-    merger.run(Monitor())
-    assert not atlas.cut.any()
-    assert merger.tally["merged"] == 1
-
-
-def test_what_is_known_to_be_worse_than_the_bound_is_not_tried() -> None:
-    """The floor of a union that failed stays on its arcs."""
-    surface = surface_of(*shapes.icosphere(2))
-    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
-    area = surface.areas.sum()
-    for least, tried in ((1.01, False), (0.99, True)):
-        merger = merger_of(atlas, bound=1.5)
-        merger.lower_bound[atlas.cut] = 0.5 * area * least
-        assert merger.round(Monitor()) == tried
 
 
 def mean_energy(atlas: Atlas) -> float:

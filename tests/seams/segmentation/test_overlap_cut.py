@@ -98,40 +98,6 @@ def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
     assert 3 <= laid.cut_mesh.n_charts <= 6
 
 
-def test_enforcing_leaves_good_charts_as_they_are() -> None:
-    """A ring that winds on itself beside a large flat sheet: work goes on with the ring alone."""
-    ring, sheet = winding_ring(10.0), winding_ring(5.0, around=600)
-    n, k = len(ring.surface.points), len(ring.surface.faces)
-    points = np.concatenate([ring.surface.points, sheet.surface.points + np.array([3.0, 0, 0])])
-    faces = np.concatenate([ring.surface.faces, sheet.surface.faces + n])
-    atlas = Atlas(repair(Mesh(points, faces))[0], np.zeros(len(ring.cut) + len(sheet.cut), bool))
-    atlas.corners = np.concatenate([ring.corners, sheet.corners])
-    cut_mesh = atlas.cut_mesh()
-    laid = judge(cut_mesh, atlas.gather(cut_mesh))
-    assert laid.overlapping.tolist() == [True, False]
-    enforce(atlas, dual_graph(atlas.surface), laid, 1.01, FINAL, Monitor())
-    cut_mesh = atlas.cut_mesh()
-    assert not judge(cut_mesh, atlas.gather(cut_mesh)).bad(1.01).any()
-    assert np.array_equal(atlas.corners[k:], sheet.corners)
-    assert not atlas.cut[atlas.surface.edges[:, 0] // 3 >= k].any()
-
-
-def test_a_part_is_taken_out_and_put_back() -> None:
-    atlas = winding_ring(5.0)
-    m = len(atlas.surface.faces)
-    faces = np.arange(m) % 48 < 20
-    part = atlas.part(faces)
-    assert np.array_equal(part.surface.areas, atlas.surface.areas[faces])
-    inside = faces[atlas.surface.edges // 3].all(1)
-    assert np.array_equal(part.surface.edge_lengths, atlas.surface.edge_lengths[inside])
-    part.cut[:] = True
-    part.corners += 1
-    before = atlas.corners.copy()
-    atlas.put(faces, part)
-    assert np.array_equal(atlas.cut, inside)
-    assert np.array_equal(atlas.corners, before + faces[:, None, None])
-
-
 def test_what_pushing_does_not_separate_stays_as_it_was() -> None:
     """The bound has no room for what pushing would cost."""
     atlas = winding_ring(2 * np.pi + 0.012)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas, SeamPrices
-from circparam.seams.segmentation.paths import chains_of
-from circparam.seams.segmentation.shorten import bands, edge_costs, propose
+from circparam.seams.segmentation.shorten import edge_costs, propose
 from tests.support import shapes
 from tests.support.atlases import cut_between, cut_where, middles, surface_of, uncut
 
@@ -43,33 +42,6 @@ def test_two_sides_of_a_face_become_the_third(rings: int) -> None:
     atlas = jagged()
     assert atlas.seam_length == pytest.approx(1 + 2 * 0.125 * np.sqrt(2))
     assert np.array_equal(moved(atlas, rings), on_line(atlas))
-
-
-def test_a_wider_band_lets_a_path_get_shorter() -> None:
-    """With none but its own vertices a path only cuts corners; none goes further away than its band."""
-    surface = surface_of(*shapes.delaunay_disk(400))
-    middle = middles(surface)
-    wave = 0.3 * np.sin(7 * middle[:, 0])
-    atlas = cut_between(surface, (middle[:, 1] > wave).astype(np.int64))
-    length = surface.edge_lengths
-    found = [moved(atlas, rings) for rings in (0, 1, 3)]
-    lengths = [length[cut].sum() for cut in found]
-    assert lengths[2] <= lengths[1] < lengths[0] < length[atlas.cut].sum()
-    a, b = atlas.ends
-    own = np.unique(np.r_[a[atlas.cut], b[atlas.cut]])
-    assert np.isin(np.r_[a[found[0]], b[found[0]]], own).all()
-    near = np.unique(np.r_[a[np.isin(b, own)], b[np.isin(a, own)]])
-    assert np.isin(np.r_[a[found[1]], b[found[1]]], near).all()
-
-
-def test_chains_that_stay_keep_their_path_and_the_proposal_tells_both() -> None:
-    atlas = jagged()
-    proposal = propose(atlas, 2)
-    assert proposal.n == 1
-    assert np.array_equal(proposal.old == 0, atlas.cut)
-    assert np.array_equal(proposal.new == 0, on_line(atlas))
-    assert np.array_equal(proposal.cut(np.zeros(1, bool)), atlas.cut)
-    assert not proposal.kept.any()
 
 
 def test_without_seams_there_is_nothing_to_propose() -> None:
@@ -147,29 +119,6 @@ def test_seams_along_sharp_edges_cost_less() -> None:
     none = np.zeros(len(length), bool)
     atlas.prices = SeamPrices(np.full(len(length), 3.0), none, none, none)
     assert edge_costs(atlas) == pytest.approx(3 * length)
-
-
-def test_bands_are_rings_round_chains_that_end_at_junctions_and_boundaries() -> None:
-    """A row of a lattice: each vertex goes with the nearest of the chain, ends and closed ones with none."""
-    index = np.arange(35).reshape(5, 7)
-    ends = (
-        np.r_[index[:, :-1].ravel(), index[:-1].ravel()],
-        np.r_[index[:, 1:].ravel(), index[1:].ravel()],
-    )
-    row = index[2]
-    chains = chains_of(row[:-1], row[1:], 35, np.zeros(35, bool))
-    closed = np.zeros(35, bool)
-    closed[index[0]] = closed[row[[0, -1]]] = True
-    for rings, rows in ((0, [2]), (1, [1, 2, 3]), (2, [1, 2, 3, 4])):
-        owner, value = bands(ends, 35, chains, closed, rings)
-        owner, value = owner.reshape(5, 7), value.reshape(5, 7)
-        inside = owner[:, 1:-1] == 0
-        assert np.flatnonzero(inside.all(1)).tolist() == rows
-        assert inside.any(1).sum() == len(rows)
-        steps = value[rows][:, 1:-1]
-        away = np.arange(1, 6) if chains.start[0] == row[0] else np.arange(5, 0, -1)
-        assert (steps == away).all()
-        assert (owner[2, [0, -1]] == -1).all()
 
 
 def test_chains_that_find_no_way_keep_their_path() -> None:

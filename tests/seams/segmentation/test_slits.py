@@ -135,28 +135,6 @@ def test_a_slit_is_the_shortest_way_or_the_part_of_it_that_is_wanted(reach, step
     assert atlas.cut_mesh().euler().tolist() == [1]
 
 
-def test_a_slit_leads_where_it_may():
-    atlas, cut_mesh, place, rim = opened(shapes.grid(9, 9))
-    peak = np.flatnonzero(np.abs(place[:, :2] - [3 / 8, 4 / 8]).max(1) < 1e-9)
-    slit_to(atlas, cut_mesh, peak, rim & (place[:, 0] > 0.99))
-    assert length(atlas) == pytest.approx(5 / 8)
-    nowhere = slit_to(atlas, cut_mesh, peak, np.zeros_like(rim))
-    assert nowhere.tolist() == [False]
-    assert length(atlas) == pytest.approx(5 / 8)
-
-
-def test_a_slit_from_a_hole_to_the_outer_boundary_opens_a_ring():
-    atlas, cut_mesh, place, rim = opened(shapes.annulus(24, 5))
-    radius = np.hypot(place[:, 0], place[:, 1])
-    inner = rim & (radius < radius[rim].mean())
-    peak = np.flatnonzero(inner)[:1]
-    assert cut_mesh.euler().tolist() == [0]
-    slit_to(atlas, cut_mesh, peak, rim & ~inner)
-    after = atlas.cut_mesh()
-    assert after.euler().tolist() == [1]
-    assert after.n_charts == 1
-
-
 def test_slits_to_several_peaks_do_not_cut_anything_off():
     atlas, cut_mesh, _, rim = opened(shapes.bumped_disk(800))
     inside = np.flatnonzero(~rim)

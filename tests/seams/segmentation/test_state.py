@@ -8,19 +8,6 @@ from tests.support import shapes
 from tests.support.atlases import cut_between, cut_where, middles, surface_of, uncut
 
 
-def test_a_seam_across_a_sheet_is_one_arc() -> None:
-    surface = surface_of(*shapes.grid(9, 9, 4.0, 2.0))
-    atlas = cut_between(surface, (middles(surface)[:, 1] > 1).astype(np.int64))
-    _, chart = atlas.charts()
-    arcs = arcs_of(atlas, chart)
-    assert len(arcs.left) == 1
-    assert arcs.length == pytest.approx([4.0])
-    assert (arcs.left.tolist(), arcs.right.tolist()) == ([0], [1])
-    assert not arcs.tip.any()
-    assert np.array_equal(np.sort(arcs.edge), np.flatnonzero(atlas.cut))
-    assert arcs.arc.tolist() == [0] * 8
-
-
 def test_four_quarters_meet_in_a_junction_of_four_arcs() -> None:
     surface = surface_of(*shapes.grid(9, 9, 4.0, 2.0))
     middle = middles(surface)
@@ -74,12 +61,6 @@ def test_arcs_end_at_vertices_of_more_curvature_than_asked_for() -> None:
     assert np.abs(steep.angle_defects[tip]) > CONE
     steep.cut = atlas.cut
     assert sorted(arcs_of(steep, chart).length) == pytest.approx([0.25 + np.hypot(0.25, 1.5)] * 2)
-
-
-def test_no_seam_has_no_arc() -> None:
-    atlas = uncut(*shapes.grid(3, 3))
-    arcs = arcs_of(atlas, atlas.charts()[1])
-    assert len(arcs.left) == len(arcs.edge) == len(arcs.tip) == 0
 
 
 def test_a_chart_comes_mainly_from_where_most_of_its_area_was() -> None:

@@ -9,7 +9,7 @@ from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.unions import MergeOptions, Tried, Unions, lay_out
+from circparam.seams.segmentation.unions import MergeOptions, Unions, lay_out
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
@@ -136,23 +136,3 @@ def test_a_slit_is_sewn_without_turning_anything() -> None:
         tried = lay_out(Unions(cut_mesh, atlas.corners, none), options, False, Monitor())
         away = tried.uv - tried.uv.mean(0) - (atlas.gather(cut_mesh) - 0.5)
         assert np.abs(away).max() < 1e-6
-
-
-def test_what_is_known_of_some_unions_is_taken_over() -> None:
-    surface = surface_of(*shapes.row_of(shapes.grid(3, 3), 2))
-    cut_mesh = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
-    tried = Tried.nothing(cut_mesh)
-    assert np.isinf(tried.energy).all()
-    assert tried.floor.tolist() == [1.0, 1.0]
-    assert not (tried.distorted | tried.overlapping).any()
-    sub, vid, _ = cut_mesh.subset(np.array([False, True]))
-    part = Tried(
-        np.ones((sub.n_vertices, 2)), np.array([1.5]), np.array([1.2]), np.array([True]),
-        np.array([False]), np.array([True]),
-    )  # fmt: skip
-    tried.put(np.array([False, True]), vid, part)
-    assert tried.energy.tolist() == [np.inf, 1.5]
-    assert tried.floor.tolist() == [1.0, 1.2]
-    assert tried.distorted.tolist() == [False, True]
-    assert tried.dear.tolist() == [False, True]
-    assert np.array_equal(tried.uv[:, 0] == 1, cut_mesh.vertex_chart == 1)
