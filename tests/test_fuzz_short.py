@@ -20,7 +20,7 @@ needs_alarm = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="the bou
 
 
 @needs_alarm
-@settings(max_examples=25, database=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, database=None, suppress_health_check=list(HealthCheck))
 @given(cases())
 def test_whatever_comes_in_ends_as_documented(case: Case) -> None:
     with tempfile.TemporaryDirectory() as name:

@@ -75,7 +75,10 @@ def test_unshare_changes_nothing_where_nothing_is_shared(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_garbage_is_refused_in_one_line(name: str) -> None:
-    for data in (b"x", b"\0" * 200, b"ply\nx\n", b"{}", b"glTF" + b"\xff" * 20, b"OFF\n1 1\n"):
+    own = (b"x", b"{}", b"ply\nx\n", b"glTF" + b"\xff" * 20, b"OFF\n1 1\n", b"\0" * 200)
+    for data in (
+        own if name in (*WRITABLE, "stl", "off") else own[:1]
+    ):  # a process for each of others
         with pytest.raises(InputError) as caught:
             read_data(data, format=name)
         assert "\n" not in str(caught.value)

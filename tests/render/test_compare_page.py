@@ -23,7 +23,6 @@ from circparam.render.side_by_side import (
     caption,
 )
 from circparam.render.text import drawable, has_glyph
-from tests.support.full_disk import STEPS, fill_up
 from tests.support.side_by_side import compared_sheet
 
 
@@ -170,16 +169,3 @@ def test_from_the_shell(tmp_path: Path):
     for option, name in (("--report", "r.txt"), ("--plot", "p.jpg"), ("--report", "r.html")):
         again = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
         assert again.exit_code == 2
-
-
-@pytest.mark.parametrize("step", STEPS)
-def test_a_full_disk_leaves_nothing(
-    step: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fill_up(monkeypatch, step)
-    words = ["compare", str(samples.path("ribbon")), "--methods", "circle", "-q"]
-    for option, name in (("--report", "a.html"), ("--plot", "a.png")):
-        result = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
-        assert result.exit_code == 8
-        assert f"{name}: cannot be written (No space left" in result.stderr
-    assert list(tmp_path.iterdir()) == []
