@@ -21,7 +21,14 @@ PAGES = ("README.md", "docs/cli.md", "docs/maps.md", "docs/blender.md")
 # tests/compare/test_kim2019.py, tests/bake/test_across.py, tests/maps/test_charts.py and test_lods.py
 ELSEWHERE = (
     *("s3://", "tcp://", " batch ", " transfer ", "COMMAND"),
-    *("compare --methods", "compare *.obj", "--cage 0.05", "--charts", "--map a_to_b", "--map nearest"),
+    *(
+        "compare --methods",
+        "compare *.obj",
+        "--cage 0.05",
+        "--charts",
+        "--map a_to_b",
+        "--map nearest",
+    ),
 )
 OBJ = (
     *("mesh", "disk", "mesh_uv", "a", "b", "left", "a_uv", "b_uv", "spot", "spot_uv", "low_uv"),

@@ -14,8 +14,7 @@ from PIL import Image
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.sampling import Closest
 from circparam.bake.write import GLOSS, SLOTS, embed, png, write_baked
-from circparam.core.files import TEMPORARIES
-from circparam.errors import InputError, OptionError, OutputError
+from circparam.errors import InputError, OptionError
 from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.normals import with_frames
@@ -32,7 +31,6 @@ from tests.support.baking import (
 )
 from tests.support.bumps import belt
 from tests.support.formats_tools import grid
-from tests.support.full_disk import STEPS, fill_up
 from tests.support.maps import cube_obj
 from tests.support.validator import validate
 
@@ -225,21 +223,6 @@ def test_the_ending_says_what_is_written(files: Path):
         write_baked(files / "a.jpg", baked, read(files / "new.obj"), 0, "texture")
     with pytest.raises(InputError, match="no uv set 4"):
         write_baked(files / "a.glb", baked, read(files / "new.obj"), 4, "texture")
-
-
-@pytest.mark.parametrize("step", STEPS)
-@pytest.mark.parametrize(("name", "tiles"), [("a.png", 1), ("a.png", 3), ("a.glb", 1)])
-def test_a_full_disk_leaves_nothing(
-    name: str, tiles: int, step: str, tmp_path: Path, files: Path, monkeypatch: pytest.MonkeyPatch
-):
-    document = read(files / "new.obj")
-    baked = Baked({(k, 0): np.zeros((4, 4, 3), np.uint8) for k in range(tiles)}, 1.0)
-    before = sorted(tmp_path.iterdir())
-    fill_up(monkeypatch, step)
-    with pytest.raises(OutputError, match=r"a(\.1003)?\.(png|glb).*No space left"):
-        write_baked(tmp_path / name, baked, document, 0, "texture")
-    assert sorted(tmp_path.iterdir()) == before
-    assert TEMPORARIES == []
 
 
 def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path):

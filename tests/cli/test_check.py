@@ -159,11 +159,6 @@ def test_an_option_that_needs_uv(tmp_path: Path) -> None:
     one_line_error(check(mesh, "--fail-if", "flips>0"), 2, "--uv")
 
 
-def test_bad_input(tmp_path: Path) -> None:
-    one_line_error(check(tmp_path / "none.obj"), 3, "none.obj")
-    one_line_error(check(tmp_path), 3, "directory")
-
-
 def test_several_files_have_a_line_each(tmp_path: Path) -> None:
     good = obj(tmp_path / "disk.obj", shapes.grid())
     torus = obj(tmp_path / "torus.obj", shapes.torus(10, 8))

@@ -100,19 +100,6 @@ def test_the_defaults_are_isometric_charts(tmp_path: Path) -> None:
     assert got["border_texels"] >= 4
 
 
-def test_several_meshes_into_a_folder(tmp_path: Path) -> None:
-    names = ["a", "b", "c"]
-    meshes = [
-        obj(tmp_path / f"{n}.obj", shapes.bumped_disk(40, seed=i)) for i, n in enumerate(names)
-    ]
-    (tmp_path / "out").mkdir()
-    result = run("unwrap", *meshes, "--out-dir", tmp_path / "out", *CONVEX, "--json")
-    assert result.exit_code == 0, result.stderr
-    documents = [json.loads(line) for line in result.stdout.splitlines()]
-    assert [Path(d["input"]).stem for d in documents] == names
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["a.obj", "b.obj", "c.obj"]
-
-
 def test_a_format_names_the_outputs_of_several_meshes(tmp_path: Path) -> None:
     """STL went to GLB, each OBJ to OBJ; with --format all go to one format, without -o for each."""
     one = obj(tmp_path / "a.obj", shapes.grid(4, 4))
@@ -229,13 +216,6 @@ def test_older_names_of_flags_keep_working(name: str, disk: Path, tmp_path: Path
     assert plain.read_bytes() != files[0]  # the flag had an effect
 
 
-def test_older_names_of_flags_are_not_shown() -> None:
-    text = run("unwrap", "--help").stdout
-    assert "--border" not in text
-    assert "--bff-border" not in text
-    assert "--boundary" in text
-
-
 def test_angles_are_degrees_and_flags_switch_off(tmp_path: Path) -> None:
     points, faces = shapes.bumped_disk(100)
     disk = obj(tmp_path / "small.obj", (0.2 * points, faces))  # fits on a page as it is
@@ -327,10 +307,6 @@ def test_bad_input(name: str, tmp_path: Path) -> None:
     before = sorted(p.name for p in tmp_path.iterdir())
     one_line_error(run("unwrap", path, *CONVEX), 3, file)
     assert sorted(p.name for p in tmp_path.iterdir()) == before
-
-
-def test_a_directory(tmp_path: Path) -> None:
-    one_line_error(run("unwrap", tmp_path, *CONVEX, "-o", tmp_path / "o.obj"), 3, "directory")
 
 
 def test_output_that_cannot_be_written(disk: Path, tmp_path: Path) -> None:
@@ -453,21 +429,6 @@ def test_the_same_bytes_whatever_the_surroundings(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["unwrap", "pack"])
 def test_a_number_of_jobs_is_a_positive_one(disk: Path, command: str, number: str) -> None:
     one_line_error(run(command, disk, "-j", number), 2, "jobs")
-
-
-def test_a_closed_pipe_is_one_line() -> None:
-    """The reader is gone before anything is written."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "circparam", "methods"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.close()
-        error = process.stderr.read()
-    assert error == b"circparam: error: standard output was closed before everything was written\n"
-    assert process.returncode == 8
 
 
 needs_posix = pytest.mark.skipif(os.name != "posix", reason="pipes with names, streams by number")

@@ -33,41 +33,6 @@ def test_the_fan_starts_at_the_first_corner_that_fits() -> None:
             np.testing.assert_allclose(area.sum(0), normal)
 
 
-def test_a_concave_polygon_is_cut_inside() -> None:
-    """An arrowhead whose first corner sees not all others: the fan starts elsewhere, areas add up."""
-    arrow = b"v 0 0 0\nv 2 -1 0\nv 0.5 0 0\nv 2 1 0\nf 2 3 4 1\n"
-    mesh = read_data(arrow, format="obj").mesh
-    p = mesh.points[mesh.faces]
-    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])[:, 2] / 2
-    assert (area < 0).all() or (area > 0).all()
-    assert abs(area.sum()) == pytest.approx(0.5)
-
-
-def test_a_comb_needs_ear_clipping() -> None:
-    """A polygon that no fan fits: triangles still agree with it and tile it."""
-    comb = [
-        (0, 0),
-        (5, 0),
-        (5, 2),
-        (4, 2),
-        (4, 1),
-        (3, 1),
-        (3, 2),
-        (2, 2),
-        (2, 1),
-        (1, 1),
-        (1, 2),
-        (0, 2),
-    ]
-    text = "".join(f"v {x} {y} 0\n" for x, y in comb) + "f " + " ".join(map(str, range(1, 13)))
-    mesh = read_data(text.encode(), format="obj").mesh
-    p = mesh.points[mesh.faces]
-    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])[:, 2] / 2
-    assert len(mesh.faces) == 10
-    assert (area > 0).all()
-    assert area.sum() == pytest.approx(8.0)
-
-
 def areas(p: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     q = p[triangles]
     return np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])[:, 2] / 2

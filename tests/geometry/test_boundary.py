@@ -76,22 +76,6 @@ def test_fans_that_share_a_vertex_are_followed_for_themselves() -> None:
     assert boundary.following.tolist() == [1, 2, 0, 4, 5, 3]
 
 
-def test_a_loop_is_as_long_as_its_segments() -> None:
-    uv, faces = ring(37, 1.0, 2.0)
-    boundary = segments(faces, uv, np.zeros(len(faces), np.int64))
-    follows(boundary)
-    loop, position, total = boundary.along
-    side = 2 * np.sin(np.pi / 37)
-    radius = np.linalg.norm(boundary.start, axis=1)
-    np.testing.assert_allclose(total, 37 * side * radius)
-    for k in set(loop.tolist()):
-        inside = loop == k
-        assert inside.sum() == 37
-        np.testing.assert_allclose(
-            np.sort(position[inside]), np.arange(37) * side * radius[inside][0], atol=1e-12
-        )
-
-
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_a_second_loop_counter_clockwise_is_turned_out(scale: float) -> None:
     """A ring's hole runs clockwise; drawn wider than the outer loop it is folded out, and so are both."""
@@ -139,12 +123,6 @@ def test_a_slit_has_no_area_but_for_rounding() -> None:
             np.ones(1),
         )
         assert turned_out(boundary, 1).tolist() == [False]
-
-
-def test_two_loops_of_two_charts_are_not_turned_out() -> None:
-    uv = np.concatenate([SQUARE, SQUARE + 5])
-    boundary = segments(np.r_[HALVES, HALVES + 4], uv, np.array([0, 0, 1, 1]))
-    assert turned_out(boundary, 3).tolist() == [False, False, False]
 
 
 def test_no_faces_have_no_boundary() -> None:

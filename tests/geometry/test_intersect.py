@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry.boundary import BoundarySegments, boundary_of
+from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.intersect import (
     NEIGHBOURS,
     meeting,
@@ -16,7 +16,6 @@ from circparam.geometry.intersect import (
     winding_pairs,
     windings,
 )
-from circparam.mesh.halfedge import shared_edges
 
 direction = st.tuples(st.integers(-2, 2), st.integers(-2, 2)).filter(any)
 
@@ -225,19 +224,6 @@ def test_chamfers_part_only_segments_with_more_boundary_between_them():
             assert ((i == 2) & (j == 4)).sum() == expected
 
 
-def test_nearness_counts_for_the_charts_asked_for_only():
-    slit = [box(0, 0, 20, 10), box(5, 0.05, 10, 5)[::-1]]
-    both = loops(slit, [p + np.array([50, 0]) for p in slit])
-    reach = np.full(2, 0.06)
-    for charts in ([True, True], [True, False], [False, True]):
-        i, j = nearby(both, reach, np.array(charts))
-        assert np.unique(both.chart[i]).tolist() == np.flatnonzero(charts).tolist()
-        assert (both.chart[i] == both.chart[j]).all()
-    assert len(nearby(both, reach, np.array([False, False]))[0]) == 0
-    i, _ = nearby(both, np.array([0.06, 0.04]), np.array([True, True]))
-    assert set(both.chart[i].tolist()) == {0}
-
-
 def test_winding_numbers_inside_outside_and_in_holes():
     ring = [box(0, 0, 9, 9), box(3, 3, 3, 3)[::-1]]
     boundary = loops(ring, box(20, 0, 2, 2))
@@ -268,23 +254,6 @@ def test_rays_through_corners_count_them_once():
         boundary = loops(shape)
         k, _, turns = windings(boundary, points, np.zeros(5, np.int64), True)
         assert np.bincount(k, turns, 5).tolist() == inside
-
-
-def test_winding_pairs_name_who_lies_in_whom():
-    boundary = loops(box(0, 0, 9, 9), box(2, 2, 3, 3), box(3, 3), box(20, 20))
-    points = np.array([[8.0, 8.1], [2.5, 2.6], [3.5, 3.6], [20.5, 20.6]])
-    inside, outside = winding_pairs(boundary, np.arange(4), points)
-    assert sorted(zip(inside.tolist(), outside.tolist(), strict=True)) == [(1, 0), (2, 0), (2, 1)]
-
-
-def test_faces_and_loops_by_hand_agree():
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    uv = box(0, 0, 3, 2)
-    made = boundary_of(faces, uv, np.zeros(2, np.int64), shared_edges(faces), 1)
-    hand = loops(uv)
-    np.testing.assert_allclose(made.start, hand.start)
-    np.testing.assert_allclose(made.end, hand.end)
-    np.testing.assert_array_equal(made.following, hand.following)
 
 
 def test_winding_pairs_of_many_boxes_are_those_of_their_corners():

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry import segment_grid
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates
 
@@ -114,27 +113,6 @@ def test_pairs_beyond_a_chunk_are_all_handed_out_once():
     keys = np.concatenate(parts)
     assert len(np.unique(keys)) == len(keys) == n * (n - 1) // 2
     assert not candidates.cut_short
-
-
-@pytest.mark.parametrize("few", [0, 1, 3])
-def test_what_is_left_out_of_a_crowd_is_told(monkeypatch, few):
-    """A crowd in group 1 and two segments in group 3: beyond the limit only the next few are looked at."""
-    n = 20
-    start = np.zeros((n + 2, 2))
-    end = np.ones((n + 2, 2))
-    group = np.r_[np.ones(n, int), 3, 3]
-    monkeypatch.setattr(segment_grid, "LIMIT", 10)
-    monkeypatch.setattr(segment_grid, "FEW", few)
-    candidates, pairs = found_pairs(start, end, group)
-    assert candidates.cut_short
-    assert 1 in candidates.crowded.tolist()
-    assert (3 in candidates.crowded.tolist()) == (few == 0)
-    expected = {(i, j) for i in range(n) for j in range(i + 1, min(i + 1 + few, n))}
-    assert {p for p in pairs if p[1] < n} == expected
-    monkeypatch.undo()
-    candidates, pairs = found_pairs(start, end, group)
-    assert not candidates.cut_short
-    assert len(set(pairs)) == n * (n - 1) / 2 + 1
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, np.pi / 2, 2.0])

@@ -11,7 +11,7 @@ from circparam.geometry.distortion import measure
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from tests.support import shapes
-from tests.support.charts import apart, patches_of
+from tests.support.charts import patches_of
 
 # method, options of unwrap
 FREE = [
@@ -125,21 +125,3 @@ def test_angle_based_flattening_converges_round_holes():
     layout = METHODS["abf"].function(cut_mesh, MethodOptions(), Monitor())
     assert layout.stopped == ["converged"]
     assert layout.notes == []
-
-
-@pytest.mark.parametrize("name", ["bff", "abf"])
-def test_charts_with_and_without_holes_do_not_disturb_each_other(name):
-    parts = [
-        shapes.waved(shapes.planar_holes(k, seed=k, n=300), h)
-        for k, h in ((3, 0.2), (0, 0.2), (5, 0.0))
-    ]
-    together, points = patches_of(shapes.join(*((p + 10 * k, f) for k, (p, f) in enumerate(parts))))
-    uv = METHODS[name].function(together, MethodOptions(), Monitor()).uv
-    for chart, (p, f) in enumerate(parts):
-        alone, own = patches_of((p + 10 * chart, f))
-        inside = np.flatnonzero(together.vertex_chart == chart)
-        inside = inside[np.lexsort(points[inside].T)]
-        order = np.lexsort(own.T)
-        np.testing.assert_array_equal(points[inside], own[order])
-        single = METHODS[name].function(alone, MethodOptions(), Monitor()).uv
-        assert apart(uv[inside], single[order]) < 1e-8

@@ -13,7 +13,6 @@ from circparam.errors import OptionError
 from circparam.formats.io import read
 from circparam.formats.joined import join
 from circparam.formats.memory import from_arrays
-from circparam.formats.page_names import in_ply_header
 from circparam.pipeline.groups import find_groups, group_rows
 from circparam.pipeline.result import Result
 from circparam.pipeline.summary import summarise
@@ -272,16 +271,3 @@ def test_other_formats_name_their_pages_too(tmp_path: Any, ending: str) -> None:
     assert result.status == "ok"
     repack(new, new, overwrite=True, resolution=256)
     assert pages_named(new) == {}
-
-
-@pytest.mark.parametrize("newline", [b"\n", b"\r\n", b"\r"])
-def test_names_of_pages_in_ply_headers(newline: bytes) -> None:
-    lines = [b"ply", b"format ascii 1.0", b"comment circparam page 1001 old", b"comment kept"]
-    lines += [b"element vertex 0", b"end_header", b"comment circparam page 1001 no header"]
-    data = newline.join(lines)
-    said = in_ply_header(data, ["steel", "a\n b"])
-    assert said.count(b"circparam page 1001 steel" + newline) == 1
-    assert b"comment circparam page 1002 a b" + newline in said
-    assert b"old" not in said
-    assert said.endswith(newline.join(lines[3:]))
-    assert in_ply_header(said, []) == newline.join([*lines[:2], *lines[3:]])

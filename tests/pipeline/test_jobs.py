@@ -17,7 +17,6 @@ import circparam
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.pool import current
-from circparam.errors import OptionError
 from circparam.pipeline import jobs
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.options import Options
@@ -155,12 +154,6 @@ def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) ->
     file.write_bytes(b"#" * jobs.BYTES)
     jobs.start_for_file(Options(jobs=2), os.fspath(file))
     assert current() is not None
-
-
-@pytest.mark.parametrize("number", [0, -1, True])
-def test_a_number_of_jobs_is_a_positive_one(number: object) -> None:
-    with pytest.raises(OptionError, match="jobs"):
-        Options(jobs=number)
 
 
 def test_as_many_processes_as_asked_for() -> None:

@@ -38,13 +38,6 @@ def test_no_normalize_keeps_the_solver_coordinates() -> None:
     assert result.measures["pack"] is None
 
 
-def test_several_charts_side_by_side_without_packing() -> None:
-    shape = shapes.row_of(shapes.bumped_disk(30), 3)
-    result = circparam.unwrap(shape, cut="none", method="circle", normalize=False)
-    assert result.verification.valid
-    assert result.measures["charts"] == 3
-
-
 def test_atlases_by_group() -> None:
     """Each group fills a page of its own; what shares texels across groups is no overlap."""
     p, f = shapes.row_of(shapes.grid(5, 5), 2)

@@ -1,9 +1,8 @@
 """Programs of the kind that calls xatlas, written for these tests: they run unchanged but for what they import.
 
 The patterns are those of public pipelines: a single mesh with options out of a configuration (threestudio),
-``parametrize`` with casts of its arrays (nvdiffrec), ``parametrize`` on a trimesh object (TRELLIS,
-Hunyuan3D), a page of a given size for baking (TripoSR), a few iterations and the first mesh
-(stable-dreamfusion), several meshes in one atlas.
+``parametrize`` on a trimesh object (TRELLIS, Hunyuan3D), a few iterations and the first mesh
+(stable-dreamfusion).
 """
 
 import sys
@@ -75,20 +74,6 @@ def test_configured_as_threestudio_does(installed: str, mesh: trimesh.Trimesh) -
     check(points, faces, *out)
 
 
-def test_cast_as_nvdiffrec_does(installed: str, mesh: trimesh.Trimesh) -> None:
-    """uint32 indices become int64 of the same size by a cast and a view; vmapping is left aside."""
-    import xatlas
-
-    _, indices, uvs = xatlas.parametrize(mesh.vertices, mesh.faces)
-    faces_uv = indices.astype(np.uint64, casting="same_kind").view(np.int64)
-    assert faces_uv.shape == mesh.faces.shape
-    assert faces_uv.max() == len(uvs) - 1
-    assert (uvs.dtype, indices.dtype) == (np.float32, np.uint32)
-    assert uvs.flags["C_CONTIGUOUS"]  # torch.from_numpy takes it as it is
-    assert indices.flags["C_CONTIGUOUS"]
-    assert uvs.flags["WRITEABLE"]
-
-
 def test_a_trimesh_object_as_hunyuan_and_trellis_do(installed: str, tmp_path: Path) -> None:
     """A scene is joined, unwrapped in place and exported; what is read back has the uv."""
     import xatlas
@@ -105,25 +90,6 @@ def test_a_trimesh_object_as_hunyuan_and_trellis_do(installed: str, tmp_path: Pa
     again = trimesh.load(tmp_path / "out.obj", process=False)
     np.testing.assert_allclose(again.triangles, before, atol=1e-6)
     assert again.visual.uv.shape[1] == 2
-
-
-def test_a_page_for_baking_as_triposr_does(installed: str, mesh: trimesh.Trimesh) -> None:
-    """The page has the size that was asked for, with its padding, and the atlas is asked by item."""
-    import xatlas
-
-    def make_atlas(mesh: trimesh.Trimesh, resolution: int, padding: int) -> dict[str, Any]:
-        atlas = xatlas.Atlas()
-        atlas.add_mesh(mesh.vertices, mesh.faces)
-        options = xatlas.PackOptions()
-        options.resolution = resolution
-        options.padding = padding
-        options.bilinear = True
-        atlas.generate(pack_options=options)
-        vmapping, indices, uvs = atlas[0]
-        return {"vmapping": vmapping, "indices": indices, "uvs": uvs}
-
-    baked = make_atlas(mesh, 256, round(max(8, 256) / 128))
-    check(mesh.vertices, mesh.faces, *baked.values())
 
 
 def test_a_few_iterations_as_stable_dreamfusion_does(
@@ -145,20 +111,6 @@ def test_a_few_iterations_as_stable_dreamfusion_does(
     kept = np.load(tmp_path / "uv.npz")
     check(mesh.vertices, mesh.faces, kept["vmapping"], kept["ft"], kept["vt"])
     assert atlas.chart_image.shape == (atlas.height, atlas.width, 3)
-
-
-def test_several_meshes_in_one_atlas_as_the_readme_of_xatlas_does(installed: str) -> None:
-    import xatlas
-
-    parts = [trimesh.creation.box(), trimesh.creation.box(), trimesh.creation.cylinder(1, 2)]
-    atlas = xatlas.Atlas()
-    for part in parts:
-        atlas.add_mesh(part.vertices, part.faces, part.vertex_normals)
-    atlas.generate(xatlas.ChartOptions(), xatlas.PackOptions(), False)
-    assert len(atlas) == len(parts)
-    for i, part in enumerate(parts):
-        check(part.vertices, part.faces, *atlas[i])
-    assert atlas.chart_count >= len(parts)
 
 
 def test_what_is_handed_out_has_no_flip_and_fewer_charts_than_xatlas() -> None:
