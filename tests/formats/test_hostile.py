@@ -51,7 +51,7 @@ def read_or_refuse(data: bytes, format: str | None, output: str) -> None:
     assert "\n" not in message
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(
     st.sampled_from(sorted(SAMPLES)),
     st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 255)), max_size=6),
@@ -69,7 +69,7 @@ def test_spoiled_files_are_read_or_refused(
     read_or_refuse(text, format if known else None, "obj")
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.sampled_from(sorted(SAMPLES)), st.binary(max_size=300))
 def test_garbage_is_refused(format: str, data: bytes) -> None:
     for name in (format, None):
@@ -98,7 +98,7 @@ any_json = st.recursive(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(any_json, st.sampled_from(TOP))
 def test_trees_of_any_shape_are_refused(value: object, key: str) -> None:
     g = small()

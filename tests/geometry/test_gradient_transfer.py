@@ -5,7 +5,6 @@ import pytest
 
 from circparam.core.arrays import FloatArray
 from circparam.geometry.gradient_transfer import (
-    face_axes,
     space_gradients,
     spread,
     targets_beside,
@@ -35,15 +34,6 @@ def bent(points: FloatArray, angle: float) -> FloatArray:
     return out
 
 
-def test_gradients_of_a_linear_layout_are_its_rows() -> None:
-    rotation = shapes.rotation(2)
-    points, faces = shapes.delaunay_square(40)
-    rows = np.array([[2.0, 1.0, 0.0], [-1.0, 3.0, 0.0]]) @ rotation.T  # in the plane of the sheet
-    atlas = atlas_of((points @ rotation.T, faces), lambda p: p @ rows.T + [4.0, 5.0])
-    found = space_gradients(atlas)
-    np.testing.assert_allclose(found, np.broadcast_to(rows, found.shape), atol=1e-9)
-
-
 def test_targets_are_the_jacobians_of_the_layout() -> None:
     atlas = atlas_of(shapes.bumped_disk(200), lambda p: p[..., :2] * [1.5, 0.7])
     cut_mesh, uv = atlas.open()
@@ -62,15 +52,6 @@ def test_what_moved_takes_the_targets_of_what_lies_beside_it() -> None:
     np.testing.assert_array_equal(found[..., moved], whole[..., moved])
     assert not found[..., ~moved].any()
     assert np.linalg.det(found[..., moved].transpose(2, 0, 1)).min() > 0
-
-
-def test_axes_are_those_of_the_rest_triangles() -> None:
-    surface = atlas_of(shapes.hemisphere(6)).surface
-    x, y = face_axes(surface.points, surface.faces, surface.normals)
-    p = surface.points[surface.faces]
-    for axis, k in ((x, 0), (y, 1)):
-        coordinate = np.einsum("fcx,fx->fc", p - p[:, :1], axis)
-        np.testing.assert_allclose(coordinate, surface.rest_triangles[:, :, k], atol=1e-12)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.5, 2.8])
@@ -151,13 +132,3 @@ def test_spread_takes_the_nearest_known_face_and_stays_in_the_chart() -> None:
     assert have.tolist() == strip.tolist()
     np.testing.assert_array_equal(found[strip & (x < 6)][:, 0, 0], 1.0)
     np.testing.assert_array_equal(found[strip & (x > 6)][:, 0, 0], 2.0)
-
-
-def test_spread_leaves_what_is_known_and_knows_nothing_of_itself() -> None:
-    atlas = atlas_of(shapes.hemisphere(5))
-    m = len(atlas.surface.faces)
-    gradients = np.random.default_rng(0).normal(size=(m, 2, 3))
-    found, have = spread(atlas, gradients, np.ones(m, bool))
-    assert have.all()
-    np.testing.assert_array_equal(found, gradients)
-    assert not spread(atlas, gradients, np.zeros(m, bool))[1].any()

@@ -53,7 +53,7 @@ def angle_of(d):
 MANY = np.arange(3600) * 2 * np.pi / 3600 + 1e-5
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(direction, direction, direction, direction)
 @example((1, 0), (1, 0), (0, 1), (0, 2))
 @example((1, 0), (0, -1), (1, -1), (1, 0))
@@ -65,7 +65,7 @@ def test_wedges_meet_where_they_share_a_direction(out_a, back_a, out_b, back_b):
     assert got == expected.any()
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(direction, direction, direction)
 @example((1, 0), (-1, 0), (-1, 0))
 @example((1, 0), (1, -1), (-1, 0))

@@ -9,9 +9,7 @@ from circparam.geometry.intrinsic import (
     corner_products,
     cotangent_laplacian,
     cotangents,
-    jacobians,
     signed_areas,
-    singular_values,
     tan_half_angles,
     vertex_angle_sums,
 )
@@ -73,29 +71,6 @@ def test_angles_round_inner_vertices_of_a_plane_are_a_full_turn() -> None:
     np.testing.assert_allclose(sums[inner], 2 * np.pi)
     # Gauss and Bonnet: the boundary of a disk turns once
     assert (np.pi - sums[~inner]).sum() == pytest.approx(2 * np.pi)
-
-
-def test_the_jacobian_of_an_affine_map_is_its_matrix() -> None:
-    cut_mesh = random_triangles(20)
-    matrix = np.array([[2.0, -1.0], [0.5, 3.0]])
-    uv = cut_mesh.rest_triangles.reshape(-1, 2) @ matrix.T + [5.0, -7.0]
-    np.testing.assert_allclose(
-        jacobians(cut_mesh, uv), np.broadcast_to(matrix, (20, 2, 2)), atol=1e-7
-    )
-
-
-def test_singular_values_are_those_of_a_decomposition() -> None:
-    j = np.random.default_rng(1).normal(size=(200, 2, 2))
-    large, small = singular_values(j)
-    expected = np.linalg.svd(j, compute_uv=False)
-    np.testing.assert_allclose(large, expected[:, 0])
-    np.testing.assert_allclose(small, expected[:, 1] * np.sign(np.linalg.det(j)), atol=1e-12)
-    # rank one, and none at all
-    large, small = singular_values(np.array([[[3.0, 0], [4, 0]], [[0, 0], [0, 0]]]))
-    np.testing.assert_allclose(large, [5, 0])
-    np.testing.assert_allclose(small, [0, 0])
-    large, small = singular_values(np.array([[[0.25, 0], [0, 0.5]]]))
-    assert (large[0], small[0]) == (0.5, 0.25)
 
 
 def test_signed_areas_follow_the_winding() -> None:

@@ -71,7 +71,7 @@ def brute_force(uv, faces):
     return any(faces_overlap(uv, faces[i], faces[j]) for i in range(m) for j in range(i))
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.lists(step, min_size=1, max_size=14), st.sampled_from([1.0, -1.0]))
 def test_self_overlap_agrees_with_all_pairs_of_faces(steps, mirror):
     uv, faces = grow(steps)
@@ -81,7 +81,7 @@ def test_self_overlap_agrees_with_all_pairs_of_faces(steps, mirror):
     assert len(got.pairs) == 0
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.lists(step, min_size=1, max_size=6), st.lists(step, min_size=1, max_size=6))
 def test_overlap_of_two_charts_agrees_with_all_pairs_of_faces(first, second):
     (uv, f), (uv2, g) = grow(first), grow(second)
@@ -104,16 +104,6 @@ def together(*charts):
     uv = np.concatenate([uv for uv, _ in charts])
     faces = np.concatenate([f + o for (_, f), o in zip(charts, offset, strict=False)])
     return faces, uv, np.repeat(np.arange(len(charts)), [len(f) for _, f in charts])
-
-
-def test_a_chart_inside_another_overlaps_it_and_neighbours_do_not():
-    inside = overlaps(*together(square(0, 9), square(3, 4), square(9, 12)))
-    assert inside.pairs.tolist() == [[0, 1]]
-    assert not inside.self_overlapping.any()
-
-
-def test_stacked_charts_overlap():
-    assert overlaps(*together(square(0, 1), square(0, 1))).pairs.tolist() == [[0, 1]]
 
 
 def ring(inner, outer, n=12):

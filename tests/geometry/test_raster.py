@@ -130,18 +130,6 @@ def test_runs_that_are_found_in_blocks_are_those_of_each_triangle() -> None:
     assert not list(covered_runs(np.zeros((0, 3, 2)), 30))
 
 
-@pytest.mark.parametrize("centre", [0.0, 0.5])
-def test_crossings_of_a_square(centre: float) -> None:
-    p = np.array([[1.0, 2.0], [4.0, 2.0], [5.0, 6.0], [1.0, 6.0]]) + centre
-    edge, row, x = row_crossings(p, np.roll(p, -1, axis=0), 20, centre)
-    assert edge.tolist() == [1] * 4 + [3] * 4, "rows of the lower end, not of the upper"
-    assert row.tolist() == [2, 3, 4, 5] * 2
-    assert np.allclose(x, [*(np.array([4, 4.25, 4.5, 4.75]) + centre), *[1 + centre] * 4])
-    assert row_crossings(p, np.roll(p, -1, axis=0), 4, centre)[1].tolist() == [2, 3] * 2
-    lower = p - [0, 4]
-    assert row_crossings(lower, np.roll(lower, -1, axis=0), 9, centre)[1].tolist() == [0, 1] * 2
-
-
 @settings(max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 0.5]))
 def test_each_row_is_crossed_where_an_edge_passes_its_centre(seed: int, centre: float) -> None:
@@ -166,13 +154,6 @@ def test_a_gap_is_found_in_every_direction(search: int) -> None:
         grid = np.full((2 * search + 1, 2 * search + 1), -1, np.int32)
         grid[search, search], grid[search + dy, search + dx] = 3, 1
         assert smallest_gap(grid, search) == (np.hypot(dy, dx), (1, 3))
-
-
-def test_a_gap_as_wide_as_the_search_is_found() -> None:
-    grid = np.full((9, 9), -1, np.int32)
-    grid[1, 1], grid[4, 5] = 2, 1
-    assert smallest_gap(grid, 5) == (5.0, (1, 2))
-    assert smallest_gap(grid, 4) == (np.inf, None)
 
 
 @settings(max_examples=60)
@@ -230,17 +211,6 @@ def test_the_nearer_face_is_seen_at_its_depth() -> None:
     assert rasterise(xy, 8, 8, np.full((2, 3), 5.0))[1][0, 0] == pytest.approx(5)
 
 
-def test_pixels_of_a_rectangle_are_those_whose_centres_lie_inside() -> None:
-    for low, high, columns in ((0.0, 3.0, [0, 1, 2]), (0.5, 2.5, [0, 1]), (0.6, 2.6, [1, 2])):
-        a, b, c, d = [low, 1.0], [high, 1.0], [high, 3.0], [low, 3.0]
-        face, _, layers = rasterise(np.array([[a, b, c], [a, c, d]]), 5, 6)
-        assert layers.shape == (6, 5)
-        rows, found = np.nonzero(face >= 0)
-        assert sorted(set(rows.tolist())) == [1, 2]
-        assert sorted(set(found.tolist())) == columns
-        assert layers.max() == 1
-
-
 def test_triangles_beyond_the_picture_are_clipped() -> None:
     xy = np.array([[[-50.0, -50.0], [90.0, -50.0], [-50.0, 90.0]]])
     face, _, layers = rasterise(xy, 7, 4)
@@ -252,19 +222,6 @@ def test_triangles_beyond_the_picture_are_clipped() -> None:
         [[0.0, 6], [7, 6], [0, 9]],
     ]
     assert not rasterise(np.array(beside), 7, 4)[2].any()
-
-
-def test_runs_of_a_rectangle_and_of_its_mirror_image() -> None:
-    low, high = np.array([1.5, 2.5]), np.array([4.5, 3.5])
-    corners = np.array([[low, [high[0], low[1]], high], [low, high, [low[0], high[1]]]])
-    for winding in (corners, corners[:, ::-1]):
-        cells = set()
-        for triangle, row, first, length in covered_runs(winding, 9):
-            assert (length > 0).all()
-            assert (np.diff(triangle) >= 0).all()
-            for r, f, n in zip(row.tolist(), first.tolist(), length.tolist(), strict=True):
-                cells |= {(r, f + k) for k in range(n)}
-        assert cells == {(r, c) for r in (2, 3) for c in (1, 2, 3, 4)}
 
 
 def test_runs_outside_the_page_leave_no_owner() -> None:

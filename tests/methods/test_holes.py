@@ -54,22 +54,21 @@ def test_the_figures_have_the_holes_they_are_asked_for():
 
 
 @pytest.mark.parametrize(("method", "keywords"), FREE, ids=NAMES)
-@pytest.mark.parametrize("holes", range(7))
+@pytest.mark.parametrize("holes", [0, 1, 3, 6])
 def test_a_plane_figure_comes_back(method, keywords, holes):
     p, f = shapes.planar_holes(holes, seed=holes + 10)
-    turned = p @ shapes.rotation(holes).T + [3, -2, 5]
+    p = p @ shapes.rotation(holes).T + [3, -2, 5]
     for cut in ("disk", "none") if holes == 0 else ("disk",):
-        for points in (p, turned):
-            result = circparam.unwrap((points, f), method=method, cut=cut, **keywords)
-            assert result.status in ("ok", "repaired")  # holes may touch in a vertex
-            assert result.measures["charts"] == 1
-            assert result.measures["flips"] == 0
-            assert result.measures["distortion"] <= 1 + 1e-5
+        result = circparam.unwrap((p, f), method=method, cut=cut, **keywords)
+        assert result.status in ("ok", "repaired")  # holes may touch in a vertex
+        assert result.measures["charts"] == 1
+        assert result.measures["flips"] == 0
+        assert result.measures["distortion"] <= 1 + 1e-5
 
 
 @pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES[:4])
 @given(holes=st.integers(0, 6), seed=st.integers(0, 2**20), turn=moved)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_any_plane_figure_comes_back_by_one_solve(method, keywords, holes, seed, turn):
     p, f = shapes.planar_holes(holes, seed, n=300)
     result = circparam.unwrap((p @ turn.T, f), method=method, cut="disk", **keywords)
@@ -78,7 +77,7 @@ def test_any_plane_figure_comes_back_by_one_solve(method, keywords, holes, seed,
 
 
 @pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES[:4])
-@pytest.mark.parametrize("holes", [1, 3, 6])
+@pytest.mark.parametrize("holes", [1, 6])
 @pytest.mark.parametrize("bend", [lambda s: bent(s, 1.0), lambda s: bent(s, 5.0), conical])
 def test_a_developable_surface_with_holes_comes_back(method, keywords, holes, bend):
     shape = bend(shapes.ruled_holes(holes, seed=holes))
@@ -89,7 +88,7 @@ def test_a_developable_surface_with_holes_comes_back(method, keywords, holes, be
 
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize("height", [0.1, 0.3])
-@pytest.mark.parametrize("holes", [1, 2, 4, 6])
+@pytest.mark.parametrize("holes", [1, 4])
 def test_curved_charts_with_holes_keep_angles_about_as_well_as_lscm(holes, height, linear):
     """With virtual faces over its holes bff lost three times as many angles as lscm, abf twice as many."""
     cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(holes, seed=holes), height))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.errors import OptionError, TopologyError
+from circparam.errors import OptionError
 from circparam.geometry.intrinsic import signed_areas
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
@@ -58,12 +58,6 @@ def test_the_rows_of_the_system_are_means():
     _, report = tutte_embedding(cut_mesh, "mean-value")
     total = np.asarray(report.system.matrix.sum(1)).ravel()
     np.testing.assert_allclose(total, np.asarray(report.system.to_fixed.sum(1)).ravel(), atol=1e-12)
-
-
-def test_what_is_no_disk_is_refused_with_its_cure():
-    cut_mesh, _ = patches_of(shapes.icosphere(1))
-    with pytest.raises(TopologyError, match=r"chart 0 has 0 boundaries and genus 0.*--cut disk"):
-        tutte_embedding(cut_mesh)
 
 
 def test_unknown_names_are_met_with_the_nearest():

@@ -120,16 +120,6 @@ def test_flipped_and_collapsed_faces_have_infinite_energy(bad: list[list[float]]
         assert dirichlet.energy(j, blend)[0] == np.inf
 
 
-def test_the_largest_step_is_the_smaller_positive_root() -> None:
-    """Corner 2 at height 1 sinks to −1 and the base shrinks: zero at t = 1 and again at t = 2."""
-    corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
-    direction = np.array([[0.0, -0.5, 0.0], [0.0, 0.0, -1.0]])[:, :, None]
-    assert dirichlet.largest_step(corners, direction)[0] == pytest.approx(1.0)
-    assert dirichlet.largest_step(corners, direction * [[[2.0]], [[0.5]]])[0] == pytest.approx(1.0)
-    # backwards both roots are negative: it never collapses
-    assert dirichlet.largest_step(corners, -direction)[0] == np.inf
-
-
 def test_edge_blocks_are_the_off_diagonal_blocks_of_the_hessian_of_a_face() -> None:
     j = _jacobians(7, 5)
     values, modes = dirichlet.newton_modes(j)
@@ -143,30 +133,3 @@ def test_edge_blocks_are_the_off_diagonal_blocks_of_the_hessian_of_a_face() -> N
             "mabcd,bm,dm->acm", hessian, gradients[:, k], gradients[:, (k + 1) % 3]
         )
         np.testing.assert_allclose(blocks[:, :, k], expected, atol=1e-9)
-
-
-def test_the_jacobian_of_an_affine_map_is_its_matrix() -> None:
-    """Hat gradients of the unit triangle and of one twice as wide, far from the origin."""
-    gradients = np.array([[[-1, -0.5], [1, 0.5], [0, 0]], [[-1, -1], [0, 0], [1, 1]]], float)
-    rest = np.array([[[0, 0], [1, 2], [0, 0]], [[0, 0], [0, 0], [1, 1]]], float)
-    matrix = np.array([[2.0, -1.0], [0.5, 3.0]])
-    corners = np.einsum("dc,ckm->dkm", matrix, rest) + np.array([1e6, -2e6])[:, None, None]
-    found = dirichlet.jacobians(gradients, corners)
-    np.testing.assert_allclose(found, np.repeat(matrix[:, :, None], 2, 2), atol=1e-8)
-    np.testing.assert_allclose(dirichlet.determinants(found), 6.5)
-    assert dirichlet.determinants(found[[1, 0]])[0] == pytest.approx(-6.5)
-
-
-def test_the_modes_at_a_stretch_along_the_axes() -> None:
-    """σ = (2, 1/2): second derivatives of (σ² + σ⁻²)/4 along the axes, which are its first two modes."""
-    j = np.diag([2.0, 0.5])[:, :, None]
-    values, modes = dirichlet.newton_modes(j)
-    np.testing.assert_allclose(values[:2, 0], [(2 + 6 / 16) / 4, (2 + 6 * 16) / 4])
-    np.testing.assert_allclose(np.abs(modes[0, :, :, 0]), [[1, 0], [0, 0]], atol=1e-12)
-    np.testing.assert_allclose(np.abs(modes[1, :, :, 0]), [[0, 0], [0, 1]], atol=1e-12)
-    gram = np.einsum("kabm,labm->kl", modes, modes)
-    np.testing.assert_allclose(gram, np.eye(4), atol=1e-12)
-    # similarities have no reflection part: modes stay finite and orthonormal
-    values, modes = dirichlet.newton_modes(np.array([[0.0, -3.0], [3.0, 0.0]])[:, :, None], 0.3)
-    assert np.isfinite(modes).all()
-    np.testing.assert_allclose(np.einsum("kabm,labm->kl", modes, modes), np.eye(4), atol=1e-12)

@@ -69,16 +69,6 @@ def test_the_barrier_is_smooth_and_keeps_its_digits(epsilon):
     assert chi[4] == pytest.approx(1000, rel=1e-6)
 
 
-def test_what_is_held_has_no_gradient():
-    cut_mesh, uv = tangled(60)
-    hold = np.arange(len(uv)) % 3 == 0
-    part = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), hold, uv)
-    _, gradient = FoldoverEnergy(part, np.ones(part.n_groups)).energy(uv[part.source])
-    assert part.fixed.any()
-    assert not gradient[part.fixed].any()
-    assert gradient[~part.fixed].any(1).all()
-
-
 def test_lowering_turns_every_face_upright_and_moves_nothing_that_is_held():
     cut_mesh, uv = tangled(200)
     hold = rim(cut_mesh)

@@ -58,19 +58,6 @@ def test_groups_are_independent_to_the_last_bit():
         assert together.reasons[k] == alone.reasons[0]
 
 
-def test_the_exact_inverse_hessian_needs_one_step_and_two_to_see_it():
-    target = np.random.default_rng(1).normal(size=(6, 2))
-    weight = np.linspace(1, 100, 6)[:, None]
-    group = np.zeros(6, int)
-    one = descended(1, weight, target, group, DescentOptions(1e-9, 1), lambda g: g / weight)
-    np.testing.assert_allclose(one.x, target, rtol=1e-12)
-    assert one.steps.tolist() == [1]
-    assert one.reasons == ["iterations"]
-    more = descended(1, weight, target, group, DescentOptions(1e-9, 50), lambda g: g / weight)
-    assert more.steps[0] <= 3
-    assert more.reasons[0] in ("converged", "no lower step")
-
-
 def test_a_start_in_the_minimum_stays_there_while_others_descend():
     target = np.zeros((4, 2))
     target[2:] = 1.0

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
@@ -44,23 +42,6 @@ def blocks_of(cut_mesh: CutMesh, uv: np.ndarray) -> np.ndarray:
 def weights(cut_mesh: CutMesh) -> np.ndarray:
     g = cut_mesh.gradients
     return (-(g * g[:, :, [1, 2, 0]]).sum(1) * cut_mesh.areas[:, None]).T.ravel()
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_numbers_and_blocks_stand_in_the_rows_of_the_order(seed: int) -> None:
-    cut_mesh, uv = charts()
-    n = cut_mesh.n_vertices
-    order = np.random.default_rng(seed).permutation(n)
-    pattern = VertexPattern(cut_mesh, order)
-    numbers = pattern.numbers(weights(cut_mesh), np.arange(n) * 1.0).toarray()
-    plain = laplacian(cut_mesh).toarray() + np.diag(np.arange(n))
-    np.testing.assert_allclose(numbers, plain[np.ix_(order, order)], atol=1e-9)
-    blocks = blocks_of(cut_mesh, uv)
-    both = (2 * order[:, None] + [0, 1]).ravel()
-    whole = BlockPattern(cut_mesh).assemble(blocks).toarray()
-    for _ in range(2):  # the second time it is filled in place
-        got = pattern.blocks(blocks).toarray()
-        np.testing.assert_allclose(got, whole[np.ix_(both, both)], atol=1e-9 * np.abs(whole).max())
 
 
 @pytest.mark.parametrize("order", [None, np.array([2, 0, 1])])

@@ -1,7 +1,6 @@
 """The block matrix of all charts, and the two-level preconditioner."""
 
 import numpy as np
-import pytest
 
 from circparam.core.graph import components
 from circparam.core.linalg import conjugate_gradients
@@ -17,19 +16,7 @@ from circparam.solvers.preconditioner import (
 )
 from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
-from tests.support.charts import developable, patches_of
-
-
-def test_the_assembled_matrix_is_symmetric_and_blind_to_translations() -> None:
-    cut_mesh = developable("cone")
-    uv, _ = tutte_embedding(cut_mesh, "mean-value")
-    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
-    blocks = dirichlet.edge_blocks(*dirichlet.newton_modes(jac), gradients)
-    matrix = BlockPattern(cut_mesh).assemble(blocks).toarray()
-    assert np.allclose(matrix, matrix.T, atol=1e-9 * np.abs(matrix).max())
-    shift = np.tile([1.0, 0.0], cut_mesh.n_vertices)
-    assert np.abs(matrix @ shift).max() <= 1e-7 * np.abs(matrix).max()
+from tests.support.charts import patches_of
 
 
 def hessian(cut_mesh, uv):
@@ -81,47 +68,6 @@ def test_conjugate_gradients_with_two_levels_equal_a_direct_solve():
     assert rough @ g.ravel() > 0, "a descent direction"
     gap = [np.abs(matrix @ y - g.ravel()).max() for y in (x.ravel(), rough)]
     assert gap[0] < 1e-3 * gap[1], "the tolerance is heeded"
-
-
-def test_both_levels_are_of_use():
-    """Steps to a tolerance: fewer with the coarse space than with block Jacobi alone."""
-    cut_mesh, uv = layout()
-    pattern, matrix = hessian(cut_mesh, uv)
-    g = balanced(cut_mesh, np.random.default_rng(0).normal(size=uv.shape)).ravel()
-    two = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
-
-    def error(precondition, steps):
-        x = conjugate_gradients(matrix, g, precondition, 1e-14, steps)
-        return np.sqrt(np.sum((matrix @ x - g) ** 2))
-
-    assert error(two, 20) < 0.1 * error(two.jacobi, 20)
-
-
-def test_blocks_and_rows_lead_to_the_same_bits():
-    cut_mesh, uv = layout()
-    pattern, matrix = hessian(cut_mesh, uv)
-    groups, r = aggregates(cut_mesh, pattern, uv), np.random.default_rng(2).normal(size=2 * len(uv))
-    by_blocks, by_rows = TwoLevel(matrix, groups, uv), TwoLevel(matrix.tocsr(), groups, uv)
-    np.testing.assert_array_equal(by_blocks.inverse, by_rows.inverse)
-    np.testing.assert_array_equal(by_blocks(r), by_rows(r))
-
-
-def test_the_preconditioner_is_symmetric_and_positive():
-    cut_mesh, uv = layout()
-    pattern, matrix = hessian(cut_mesh, uv)
-    precondition = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
-    a, b = np.random.default_rng(1).normal(size=(2, 2 * len(uv)))
-    assert precondition(a) @ b == pytest.approx(precondition(b) @ a, rel=1e-8)
-    assert precondition(a) @ a > 0
-
-
-def test_no_step_is_taken_without_steps_or_curvature():
-    cut_mesh, uv = layout()
-    pattern, matrix = hessian(cut_mesh, uv)
-    precondition = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
-    g = np.ones(2 * len(uv))
-    assert not conjugate_gradients(matrix, g, precondition, 1e-9, 0).any()
-    assert not conjugate_gradients(-matrix.tocsr(), g, precondition, 1e-9, 9).any()
 
 
 def test_aggregates_are_connected_parts_of_one_chart_of_about_the_size_asked_for():

@@ -68,29 +68,6 @@ def test_a_chart_that_is_separate_stays_where_it_is() -> None:
     np.testing.assert_allclose(pushed, uv, atol=1e-12)
 
 
-def spring(t: float = 0.25, distance: float = 0.5, weight: float = 3.0) -> _Springs:
-    """Vertex 2 against a point between vertices 0 and 1, along y."""
-    at = [np.array([k]) for k in (2, 0, 1)]
-    normal = np.array([[0.0, 1.0]])
-    numbers = [np.array([x]) for x in (distance, weight)]
-    return _Springs(*at, np.array([t]), normal, *numbers, np.array([0]))
-
-
-@pytest.mark.parametrize(
-    ("height", "strain"), [(0.6, 0.0), (0.5, 0.0), (0.25, 0.5), (0.0, 1.0), (-0.5, 2.0)]
-)
-def test_a_spring_pulls_below_its_distance_only(height: float, strain: float) -> None:
-    uv = np.array([[0.0, 0.0], [1.0, 0.0], [0.25, height]])
-    assert spring().strain(uv) == pytest.approx(strain, abs=1e-12)
-
-
-def test_the_foot_of_a_spring_lies_between_tail_and_head() -> None:
-    uv = np.array([[0.0, 0.0], [1.0, 0.4], [0.7, 0.3]])
-    # the foot is at height 0.1, or 0.4 at the head itself
-    assert spring(0.25).strain(uv) == pytest.approx(1 - 0.2 / 0.5)
-    assert spring(1.0).strain(uv) == pytest.approx(1 + 0.1 / 0.5)
-
-
 def test_energy_gradient_and_hessian_of_springs_fit_together() -> None:
     cut_mesh, points = patches_of(shapes.delaunay_disk(30))
     uv = points[:, :2] + 0.01 * np.random.default_rng(0).normal(size=(len(points), 2))

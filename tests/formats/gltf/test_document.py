@@ -70,7 +70,7 @@ def gltf_files(draw: st.DrawFn) -> bytes:
     return g.glb() if draw(st.booleans()) else g.gltf()
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(gltf_files(), st.integers(0, 9), st.sampled_from([None, 0, 1, 2]))
 def test_generated_trees_come_back(data: bytes, seed: int, uv_set: int | None) -> None:
     document = read_data(data)

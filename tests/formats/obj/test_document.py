@@ -86,7 +86,7 @@ def obj_files(draw: st.DrawFn) -> bytes:
     return newline.join(line for line in lines).encode()
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(obj_files(), st.integers(0, 9))
 def test_generated_files_come_back(data: bytes, seed: int) -> None:
     document = read_data(data, format="obj")

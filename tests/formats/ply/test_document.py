@@ -104,7 +104,7 @@ def ply_files(draw: st.DrawFn) -> bytes:
     return build(draw(st.sampled_from(list(ORDERS))), elements)
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(ply_files(), st.integers(0, 9), st.sampled_from(["vertex", "face", None]))
 def test_generated_files_come_back(data: bytes, seed: int, mode: str | None) -> None:
     document = read_data(data)
