@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, dot2, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 
@@ -40,7 +40,7 @@ class Groups:
 
     def dot(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """(count,) inner product of vectors (v, 2) in each group."""
-        return group_sum((a * b).sum(1), self.of, self.count)
+        return group_sum(dot2(a, b), self.of, self.count)
 
     def spread(self, values: FloatArray) -> FloatArray:
         """(v, 1) the value (count,) of its group for every vertex."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, dot2, group_min, group_sum
 from circparam.core.clock import tick
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -212,11 +212,11 @@ def newton_step(
     jacobian = np.where(sound[part.chart], before.jacobian, np.eye(2)[:, :, None])
     g = objective.gradient(jacobian, u)
     d = objective.direction(u, jacobian, g, proxy)
-    slope = group_sum((g * d).sum(1), part.vertex_chart, n)
+    slope = group_sum(dot2(g, d), part.vertex_chart, n)
     bad = ~(slope <= 0)
     if bad.any():  # the model failed (rounding): go down the gradient instead
         d = np.where(bad[part.vertex_chart][:, None], -g, d)
-        slope = group_sum((g * d).sum(1), part.vertex_chart, n)
+        slope = group_sum(dot2(g, d), part.vertex_chart, n)
     collapse = objective.first_collapse(u, d)
     reach = SAFETY * group_min(collapse, part.chart, n)
     t = np.where(active & sound, np.minimum(1.0, reach), 0.0)
