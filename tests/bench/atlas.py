@@ -123,23 +123,28 @@ def unwrap(
     return Atlas("circparam", seconds, peak, bound, done.info["status"], judged(out, judge))
 
 
-def peer(name: str, path: Path, folder: Path, judge: Path | None, limit: float) -> Atlas:
-    """A peer, under its own Python."""
+def peer_process(
+    name: str, path: Path, folder: Path, limit: float
+) -> tuple[subprocess.CompletedProcess[str], Path]:
+    """A peer under its own Python on the welded mesh of a file, and where its layout goes."""
     mesh = formats.read(path).mesh
-    points, faces = mesh.points, mesh.weld[mesh.faces]
+    faces = mesh.weld[mesh.faces]
     faces = faces[(faces != np.roll(faces, 1, 1)).all(1)]
     used, index = np.unique(faces, return_inverse=True)
-    source, target, out = (folder / f"{path.stem}-{name}.{s}" for s in ("in.npz", "out.npz", "obj"))
-    np.savez(source, points=points[used], faces=index.reshape(-1, 3))
-    command = [
-        PYTHONS[name],
-        str(Path(__file__).with_name("peers.py")),
-        name,
-        str(source),
-        str(target),
-    ]
+    source, target = (folder / f"{path.stem}-{name}.{s}.npz" for s in ("in", "out"))
+    target.unlink(missing_ok=True)
+    np.savez(source, points=mesh.points[used], faces=index.reshape(-1, 3))
+    script = Path(__file__).with_name("peers.py")
+    command = [PYTHONS[name], str(script), name, str(source), str(target)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+    return done, target
+
+
+def peer(name: str, path: Path, folder: Path, judge: Path | None, limit: float) -> Atlas:
+    """A peer, under its own Python."""
+    out = folder / f"{path.stem}-{name}.obj"
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+        done, target = peer_process(name, path, folder, limit)
     except subprocess.TimeoutExpired:
         return Atlas(name, why=f"more than {limit:g} s")
     if done.returncode != 0 or not target.exists():

@@ -22,14 +22,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from circparam import formats
 from circparam.compare import process
 from circparam.errors import CircparamError
 from circparam.samples import samples
 from tests.bench import common
-from tests.bench.atlas import PYTHONS
+from tests.bench.atlas import PYTHONS, peer_process
 from tests.bench.common import Line, say
 from tests.support.corpus import CORPUS
 
@@ -38,13 +36,6 @@ PROFILED = (
     "spot.obj", "cow.obj", "rocker-arm.obj", "boot.obj", "stanford-bunny.obj", "ogre.obj", "CesiumMan.glb",
     "bunny_1hole.obj", "fuze.obj",
 )  # fmt: skip
-# what stages took before the work on small meshes
-BEFORE = Path(__file__).with_name("speed_before.json")
-GROUPS = {
-    "charts": ("charts", "seams"), "carry": ("carry",), "relax": ("relax", "flatten"), "enforce": ("enforce",),
-    "stretch": ("stretch",), "visibility": ("visibility",), "pack": ("pack",),
-    "check": ("repair", "check", "verify"),
-}  # fmt: skip
 LARGE = 20_000  # faces from which on other things are wanted
 SLOW = 2.0  # seconds of xatlas: from there on, on large meshes, it is never to be faster
 FREE = 0.6  # seconds that no ratio is taken of
@@ -114,17 +105,9 @@ def beside(peer: str, path: Path, faces: int, folder: Path) -> Peer:
     """What a peer says that it took."""
     if faces >= UP_TO.get(peer, faces + 1):
         return Peer(None, "not run")
-    mesh = formats.read(path).mesh
-    welded = mesh.weld[mesh.faces]
-    welded = welded[(welded != np.roll(welded, 1, 1)).all(1)]
-    used, index = np.unique(welded, return_inverse=True)
-    source, target = folder / "in.npz", folder / "out.npz"
-    np.savez(source, points=mesh.points[used], faces=index.reshape(-1, 3))
-    script = Path(__file__).with_name("peers.py")
-    command = [PYTHONS[peer], str(script), peer, str(source), str(target)]
     limit = LIMITS[peer]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+        done, _ = peer_process(peer, path, folder, limit)
     except subprocess.TimeoutExpired:
         return Peer(limit, "limit")
     if done.returncode != 0:
@@ -204,25 +187,6 @@ def rows(runs: list[Run], names: list[str]) -> list[list[str]]:
     return out
 
 
-def by_stage(runs: list[Run], earlier: dict[str, Any]) -> list[list[str]]:
-    """Two rows a mesh that was measured before: seconds of groups of stages then and now, charts and seam."""
-
-    def row(name: str, which: str, stages: dict[str, float], figures: dict[str, Any]) -> list[str]:
-        own = {k: v for k, v in stages.items() if k not in ("read", "write")}
-        groups = {k: sum(own.pop(s, 0.0) for s in some) for k, some in GROUPS.items()}
-        total = sum(groups.values()) + sum(own.values())
-        cells = [f"{x:.2f}" for x in (total, *groups.values(), sum(own.values()))]
-        return [name, which, *cells, str(figures["charts"]), f"{figures['seam_length']:.2f}"]
-
-    out = []
-    for r in sorted(runs, key=lambda r: r.faces):
-        was = earlier.get(r.name)
-        if was is not None:
-            out.append(row(r.name, "before", was["stages"], was))
-            out.append(row("", "now", r.stages, r.figures))
-    return out
-
-
 def main() -> None:
     """Run the set."""
     parser = argparse.ArgumentParser(description="How long whole atlases take beside peers.")
@@ -299,20 +263,11 @@ def report(
     """The blocks of the report."""
     head = ["mesh", "faces", "s", *[x for n in names for x in (f"{n} s", f"/ {n}")]]
     head += ["charts", "seam", "stages of 5 % and more, s"]
-    earlier = json.loads(BEFORE.read_text(encoding="utf-8"))
-    stages = ["mesh", "", "s", *GROUPS, "other", "charts", "seam"]
     peers = ["peer", "limit a mesh", "ended", "at its limit", "failed", "not run"]
     return [
         ["## Wanted and measured", "", *common.figures(lines)],
         ["## Peers", "", *common.table(peers, ends(runs, names))],
         ["## All meshes", "", *common.table(head, rows(runs, names))],
-        [
-            "## Before and now, by stage",
-            "",
-            f"Seconds of wall time. Before: {earlier['what']}.",
-            "",
-            *common.table(stages, by_stage(runs, earlier["meshes"])),
-        ],
         ["## Hot spots", "", *common.table(["mesh", "functions"], hot)],
     ]
 
