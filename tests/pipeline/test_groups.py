@@ -23,6 +23,13 @@ QUICK: dict[str, Any] = {"effort": "draft", "resolution": 512, "hide_seams": 0}
 BRACKET = samples.path("bracket")
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    """The bracket without any option, and the file of it."""
+    path = tmp_path_factory.mktemp("plain") / "bracket.obj"
+    return circparam.unwrap(BRACKET, path, **QUICK), path
+
+
 def boxes(result: Result) -> list[dict[str, Any]]:
     assert result.groups is not None
     return list(group_rows(result.groups, result.verification))
@@ -63,13 +70,12 @@ def test_a_fixed_density_holds_in_boxes_and_pages() -> None:
         circparam.unwrap(BRACKET, texel_density=60.0, group_by="material", **QUICK)
 
 
-def test_pack_sorts_what_is_there(tmp_path: Any) -> None:
-    path = tmp_path / "bracket.obj"
-    circparam.unwrap(BRACKET, path, **QUICK)
-    pages = repack(path, pages_by="material", resolution=512)
+def test_pack_sorts_what_is_there(plain: tuple[Result, Path]) -> None:
+    path = plain[1]
+    pages = repack(path, pages_by="material", resolution=512, effort="draft")
     assert [row["pages"] for row in boxes(pages)] == [[1001], [1002]]
     assert pages.measures["distortion"] == pytest.approx(1, abs=0.02)
-    together = repack(path, group_by="material", resolution=512)
+    together = repack(path, group_by="material", resolution=512, effort="draft")
     a, b = (np.array(row["box"]) for row in boxes(together))
     assert np.maximum(b[:2] - a[2:], a[:2] - b[2:]).max() > 0
 
@@ -193,10 +199,8 @@ def test_the_user_names_up_where_the_format_does_not(tmp_path: Any, ending: str)
         circparam.unwrap(BRACKET, tmp_path / f"b.{ending}", up="z", **QUICK)
 
 
-def test_pack_turns_charts_upright_and_stacks_go_along(tmp_path: Any) -> None:
-    path = tmp_path / "bracket.obj"
-    circparam.unwrap(BRACKET, path, **QUICK)
-    found = rise(repack(path, orient="up", resolution=512))
+def test_pack_turns_charts_upright_and_stacks_go_along(plain: tuple[Result, Path]) -> None:
+    found = rise(repack(plain[1], orient="up", resolution=512))
     steep = found[np.hypot(*found.T) > 0.3]
     assert np.abs(steep[:, 0]).max() < 1e-5
     points, faces = shapes.row_of(shapes.cube(2), 4)
@@ -208,10 +212,10 @@ def test_pack_turns_charts_upright_and_stacks_go_along(tmp_path: Any) -> None:
     assert both.stacks.copies == 3
 
 
-def test_orient_tells_what_it_costs_of_the_page() -> None:
+def test_orient_tells_what_it_costs_of_the_page(plain: tuple[Result, Path]) -> None:
     """Against the cover that the same charts have without the option, by an unwrap of its own."""
     up = circparam.unwrap(BRACKET, orient="up", **QUICK)
-    free = circparam.unwrap(BRACKET, **QUICK)
+    free = plain[0]
     cost = summarise(up)["orient"]
     assert cost["pack"] == pytest.approx(up.measures["pack"], abs=0.02)
     assert cost["pack_free"] == pytest.approx(free.measures["pack"], rel=0.1)

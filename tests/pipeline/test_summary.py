@@ -60,7 +60,8 @@ def test_a_half_empty_page_gets_advice_that_keeps_its_word() -> None:
     points, faces = shapes.grid(131, 3, 60.0, 1.0)
     roll = np.stack([np.cos(points[:, 0]), np.sin(points[:, 0]), points[:, 1]], 1)
     roll *= 1 + points[:, :1] / 60  # a spiral: no turn lies on another
-    report = circparam.summarise(circparam.unwrap((roll, faces), effort=1, jobs=1))
+    page = {"effort": 1, "jobs": 1, "resolution": 512}
+    report = circparam.summarise(circparam.unwrap((roll, faces), **page))
     (line,) = report["warnings"]
     found = re.fullmatch(
         r"(\d+) % of the page is covered: (\d+) cuts? across charts would cover (\d+) % \((.*)\)",
@@ -70,7 +71,7 @@ def test_a_half_empty_page_gets_advice_that_keeps_its_word() -> None:
     before, cuts, told = (int(found[k]) for k in (1, 2, 3))
     assert found[4] == "--pack-splits 10"
     assert before == round(100 * report["pack"])
-    again = circparam.unwrap((roll, faces), effort=1, jobs=1, pack_splits=10)
+    again = circparam.unwrap((roll, faces), pack_splits=10, **page)
     assert again.measures["charts"] == report["charts"] + cuts
     assert 100 * float(again.measures["pack"] or 0) == pytest.approx(told, abs=1)
     assert not circparam.summarise(again)["warnings"]
