@@ -123,15 +123,3 @@ def test_a_slit_has_no_area_but_for_rounding() -> None:
             np.ones(1),
         )
         assert turned_out(boundary, 1).tolist() == [False]
-
-
-def test_no_faces_have_no_boundary() -> None:
-    none = boundary_of(
-        np.zeros((0, 3), np.int64),
-        np.zeros((0, 2)),
-        np.zeros(0, np.int64),
-        np.zeros((0, 2), np.int64),
-        0,
-    )
-    assert len(none.half_edge) == 0
-    assert all(len(a) == 0 for a in none.along)

@@ -51,15 +51,6 @@ def test_the_boundary_alone_tells_what_faces_cover(seed: int, resolution: int) -
     assert (got != inside(uv, f, resolution)).sum() <= 2
 
 
-def test_a_hole_is_not_covered() -> None:
-    p, f = shapes.annulus(48, 4, 0.5)
-    cut_mesh, uv = flat_patches(p * 0.4 + [0.5, 0.5, 0], f, np.zeros(len(f), np.int64))
-    grid = label_grid(cut_mesh, uv, 64)
-    assert grid[32, 32] == -1
-    ring = np.pi * 0.4**2 * (1 - 0.5**2)
-    assert (grid >= 0).mean() == pytest.approx(ring, rel=0.03)
-
-
 @pytest.mark.parametrize(("texels", "gap"), [(4, 4.0), (5, 5.0), (1, 1.0)])
 def test_gap_between_two_squares(texels: int, gap: float) -> None:
     n = 100

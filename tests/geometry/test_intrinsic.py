@@ -11,11 +11,10 @@ from circparam.geometry.intrinsic import (
     cotangents,
     signed_areas,
     tan_half_angles,
-    vertex_angle_sums,
 )
 from circparam.mesh.cut_mesh import CutMesh
 from tests.support import shapes
-from tests.support.charts import patches_of, rim
+from tests.support.charts import patches_of
 
 
 def loose(triangles: object) -> CutMesh:
@@ -62,15 +61,6 @@ def test_half_angles_keep_their_digits_at_needles_and_caps() -> None:
     assert t[0] == pytest.approx(5e-10, rel=1e-12)
     assert t[1] == pytest.approx(2e9, rel=1e-6)
     np.testing.assert_allclose(corner_angles(cut_mesh).sum(1), np.pi)
-
-
-def test_angles_round_inner_vertices_of_a_plane_are_a_full_turn() -> None:
-    cut_mesh, _ = patches_of(shapes.delaunay_disk(60))
-    sums = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
-    inner = ~rim(cut_mesh)
-    np.testing.assert_allclose(sums[inner], 2 * np.pi)
-    # Gauss and Bonnet: the boundary of a disk turns once
-    assert (np.pi - sums[~inner]).sum() == pytest.approx(2 * np.pi)
 
 
 def test_signed_areas_follow_the_winding() -> None:

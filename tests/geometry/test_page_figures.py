@@ -82,14 +82,6 @@ def test_seams_of_sides_of_other_sizes_count_with_their_mean() -> None:
     assert v.numbers()["seam_vertices"] == 2
 
 
-def test_without_pages_there_are_no_texels() -> None:
-    points, faces = band(0.6, 0.1)
-    surface, _ = repair(Mesh(points, faces), RepairOptions())
-    found = verify(surface, UVMap(points[:, :2], faces)).numbers()
-    assert [found[k] for k in ("thin", "seam_texels", "density_min", "density_max")] == [None] * 4
-    assert found["seam_vertices"] == 0
-
-
 def test_charts_without_uv_have_no_figures() -> None:
     points, faces = shapes.row_of(shapes.grid(3, 3), 2, gap=0.5)
     uv_faces = np.where(np.arange(len(faces))[:, None] < len(faces) // 2, faces, -1)

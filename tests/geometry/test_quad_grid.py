@@ -92,14 +92,6 @@ def test_other_charts_are_no_grid(shape: tuple[np.ndarray, np.ndarray], why: str
     assert not uv.any()
 
 
-def test_charts_are_judged_each_for_itself() -> None:
-    parts = [wavy(), shapes.delaunay_square(80), wavy(5, 5)]
-    mesh = opened(*shapes.join(*((p + np.array([0, 0, k]), f) for k, (p, f) in enumerate(parts))))
-    uv, grid = laid_out(mesh)
-    assert grid.tolist() == [True, False, True]
-    assert not uv[mesh.vertex_chart == 1].any()
-
-
 def test_an_inner_edge_of_a_polygon_is_the_diagonal() -> None:
     """A sheared sheet: the longest sides of its triangles are rows, and only the file tells the quads."""
     points, faces = shapes.grid(6, 4)

@@ -51,21 +51,6 @@ def test_the_direct_solve_and_conjugate_gradients_agree(far: float) -> None:
     assert np.abs(centred(cut_mesh, start) - centred(cut_mesh, wanted)).max() > 5e-2 * size
 
 
-def test_cells_settle_what_is_far_from_right_in_few_iterations() -> None:
-    """Without cells a change passes on by an edge an iteration, and a sheet of 100 edges takes as many."""
-    cut_mesh, points = patches_of(shapes.grid(100, 100))
-    uv = points[:, :2]
-    targets = np.moveaxis(jacobians(cut_mesh, uv), 0, -1)
-    start = uv * [1.3, 0.8]
-    left = []
-    for side in (0.05, 10.0):
-        system = CellPoisson(cut_mesh, cells_of(cut_mesh, uv, side))
-        found = centred(cut_mesh, system.towards(targets, start, 25))
-        left.append(np.abs(found - centred(cut_mesh, uv)).max())
-    assert left[0] < 0.01
-    assert left[0] < 0.2 * left[1]
-
-
 def test_unfolding_leaves_few_flips_and_little_else_changed() -> None:
     cut_mesh, uv, _ = two_bumps()
     system = CellPoisson(cut_mesh, cells_of(cut_mesh, uv, 0.2))

@@ -122,15 +122,6 @@ def test_every_chart_stops_for_a_reason_of_its_own() -> None:
     assert short.iterations.tolist() == [1, 2, 0]
 
 
-def test_a_chart_takes_the_same_steps_alone_and_beside_others() -> None:
-    cut_mesh, uv = mixed_charts()
-    together = relax(cut_mesh, uv, RelaxOptions())
-    part, vertices, _ = cut_mesh.subset(np.array([False, True, False]))
-    alone = relax(part, uv[vertices], RelaxOptions())
-    assert together.iterations[1] == alone.iterations[0]
-    assert together.energy[1] == pytest.approx(alone.energy[0], rel=1e-9)
-
-
 def test_a_chart_stops_at_the_bound_and_not_before() -> None:
     cut_mesh, uv = mixed_charts()
     least = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10)).energy[1]
@@ -188,20 +179,6 @@ def test_weights_move_the_energy_to_the_faces_that_weigh_more() -> None:
     share = cut_mesh.areas / cut_mesh.areas.sum()
     assert heavy.energy[0] == pytest.approx((share * weight * after).sum())
     assert (share * weight * after).sum() < (share * weight * before).sum()
-
-
-def test_weights_stay_with_their_faces_when_other_charts_are_done() -> None:
-    flat, bumped = shapes.delaunay_disk(200), shapes.bumped_disk(300)
-    alone, _ = patches_of(bumped)
-    both, _ = patches_of(shapes.join((flat[0] + [9, 0, 0], flat[1]), bumped))
-    rng = np.random.default_rng(3)
-    own = rng.uniform(0.2, 5.0, len(alone.chart))
-    weight = np.r_[np.ones(len(both.chart) - len(own)), own]
-    results = []
-    for cut_mesh, w in ((alone, own), (both, weight)):
-        start, _ = tutte_embedding(cut_mesh, "mean-value")
-        results.append(relax(cut_mesh, start, RelaxOptions(tolerance=1e-12, weight=w)).energy)
-    assert results[1][1] == pytest.approx(results[0][0], rel=1e-9)
 
 
 class Misled(Objective):

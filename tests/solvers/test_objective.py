@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from circparam.core.arrays import AT_ONCE
 from circparam.solvers.objective import Objective, chart_energies, in_units_of_faces
 from tests.support import shapes
 from tests.support.charts import patches_of
@@ -79,37 +78,3 @@ def test_directions_descend_and_move_no_chart_as_a_whole(sizes, proxy):
         alone = Objective(part, None, 0.0)
         own = alone.direction(uv[vertices], jacobian[:, :, faces], g[vertices], proxy)
         assert np.abs(d[vertices] - own).max() < 0.05 * np.abs(own).max()
-
-
-def test_a_chart_beside_many_faces_has_what_it_has_alone() -> None:
-    """Faces are gone through in pieces, which end anywhere in a chart."""
-    small, large = shapes.grid(40, 30), shapes.grid(90, 70)
-    cut_mesh, _ = patches_of(shapes.join(small, large, small))
-    assert len(cut_mesh.faces) > AT_ONCE > len(small[1])
-    rng = np.random.default_rng(0)
-    uv = np.zeros((cut_mesh.n_vertices, 2))
-    uv[cut_mesh.faces.ravel()] = cut_mesh.rest_triangles.reshape(-1, 2)
-    uv += 1e-4 * rng.standard_normal(uv.shape)
-    whole = Objective(cut_mesh, None, 0.0)
-    towards = rng.standard_normal(uv.shape)
-
-    def found(of: Objective, at: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
-        energy, jacobian = of.energies(at)
-        steep = np.where(np.isfinite(jacobian), jacobian, 0)
-        sound = np.abs(steep - np.eye(2)[:, :, None]) * 0.1 + np.eye(2)[:, :, None]
-        return [
-            jacobian.T,
-            of.first_collapse(at, d),
-            of.free_gradient(sound, at),
-            energy,
-        ]
-
-    together = found(whole, uv, towards)
-    for chart in range(cut_mesh.n_charts):
-        only = np.arange(cut_mesh.n_charts) == chart
-        part, vertices, faces = cut_mesh.subset(only)
-        alone = found(Objective(part, None, 0.0), uv[vertices], towards[vertices])
-        for values, own in zip(together[:2], alone[:2], strict=True):
-            assert np.array_equal(values[faces], own)
-        assert np.array_equal(together[2][vertices], alone[2])
-        assert np.array_equal(together[3][only], alone[3])

@@ -8,16 +8,12 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import (
     VertexPattern,
-    eliminate_as,
-    elimination_ranks,
     hold,
-    pattern_of,
 )
 from circparam.solvers.poisson import laplacian
 from circparam.solvers.preconditioner import BlockPattern
 from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
-from tests.support.atlases import surface_of
 from tests.support.charts import patches_of
 
 
@@ -80,26 +76,3 @@ def test_a_solve_in_any_order_is_the_same_and_fixed_vertices_do_not_move() -> No
     np.testing.assert_allclose(
         whole[np.ix_(free, free)] @ found[0].ravel()[free], g.ravel()[free], atol=1e-7
     )
-
-
-def test_the_order_of_a_surface_fills_less_than_that_of_the_file_and_goes_along_to_parts() -> None:
-    surface = surface_of(*shapes.grid(21, 21))
-    cut = np.zeros(len(surface.edges), bool)
-    whole = surface.cut_mesh(cut)
-    eliminate_as(whole, elimination_ranks(surface), surface.corner_vertex)
-    assert whole.elimination is not None
-    assert np.array_equal(np.sort(whole.elimination), np.arange(whole.n_vertices))
-    ones, w = np.ones(whole.n_vertices), np.ones(3 * len(whole.faces))
-    fill = []
-    for pattern in (VertexPattern(whole, np.arange(whole.n_vertices)), pattern_of(whole)):
-        fill.append(Factor(pattern.numbers(w, ones), ordered=True)._lu.L.nnz)
-    assert fill[1] < 0.7 * fill[0]
-    assert pattern_of(whole) is pattern_of(whole)
-    pair = surface_of(*shapes.row_of(shapes.grid(4, 4), 2))
-    both = pair.cut_mesh(np.zeros(len(pair.edges), bool))
-    eliminate_as(both, elimination_ranks(pair), pair.corner_vertex)
-    part, vertices, _ = both.subset(np.array([False, True]))
-    assert both.elimination is not None
-    assert part.elimination is not None
-    left = both.elimination[np.isin(both.elimination, vertices)]
-    assert np.array_equal(vertices[part.elimination], left)

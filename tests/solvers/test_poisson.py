@@ -34,18 +34,6 @@ def test_clamped_jacobians_are_never_flipped(seed: int, low: float) -> None:
     assert s.max() <= (1 + 1e-9) / low
 
 
-@pytest.mark.parametrize("a", [[[2.0, 0.3], [-0.4, 0.7]], [[0.0, -1.0], [1.0, 0.0]]])
-def test_one_target_for_all_faces_is_met_exactly_on_a_plane(a: list[list[float]]) -> None:
-    cut_mesh = developable("sheet")
-    flat = from_jacobians(cut_mesh, np.repeat(np.eye(2)[:, :, None], len(cut_mesh.faces), 2))[0]
-    jac = jacobians(cut_mesh, flat)
-    assert (dirichlet.determinants(jac.transpose(1, 2, 0)) > 0).all()
-    own = np.einsum("ij,mjk->mik", np.array(a), jac).transpose(1, 2, 0)
-    uv, fine = from_jacobians(cut_mesh, own)
-    assert fine.all()
-    np.testing.assert_allclose(uv, flat @ np.array(a).T, atol=1e-9)
-
-
 def test_held_vertices_lie_where_they_are_held_and_the_rest_is_the_minimum() -> None:
     cut_mesh = developable("cone")
     uv, _ = tutte_embedding(cut_mesh, "mean-value")

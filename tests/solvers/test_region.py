@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from circparam.geometry.intrinsic import signed_areas
 from circparam.solvers.region import THINNEST, WHOLE, cut_out, grow, moving_region
 from tests.support import shapes
-from tests.support.charts import patches_of, rim
+from tests.support.charts import patches_of
 
 
 def seed_at(cut_mesh, face):
@@ -64,26 +63,6 @@ def test_groups_that_share_fixed_vertices_only_move_apart_from_each_other():
         part.vertex_chart[~fixed] == part.vertex_chart[~fixed][0], side == side[0]
     )
     assert (np.bincount(source)[hold] == 2).all(), "each group has its own copy of them"
-
-
-@pytest.mark.parametrize("size", [0.5, 1.0, 7.0])
-def test_the_rest_triangles_have_the_area_of_the_layout(size):
-    cut_mesh, points = patches_of(shapes.delaunay_disk(100))
-    uv = size * points[:, :2]
-    none = np.zeros(len(uv), bool)
-    region = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), none, uv)
-    area = np.abs(signed_areas(cut_mesh.faces, uv)).sum()
-    assert region.cut_mesh.areas.sum() == pytest.approx(area)
-    assert region.n_groups == 1
-    # what the boundary encloses counts, not what folds inside it
-    tangled = uv.copy()
-    inner = np.flatnonzero(~rim(cut_mesh))[:10]
-    tangled[inner] += 0.2 * size
-    region = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), none, tangled)
-    assert region.cut_mesh.areas.sum() == pytest.approx(area)
-    # a layout upside down has a boundary that tells nothing: its faces share their own area
-    region = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), none, uv * [1, -1])
-    assert region.cut_mesh.areas.sum() == pytest.approx(area)
 
 
 def test_thin_rest_triangles_are_raised_to_the_least_height_and_others_stay():

@@ -32,24 +32,6 @@ def ends_of(chains: Chains) -> list[tuple[int, int]]:
     )
 
 
-def test_several_chains_keep_their_own_vertices() -> None:
-    """Three chains of different lengths, their edges given in any order and direction."""
-    ways = [[10, 3, 8, 1], [2, 11], [4, 9, 0, 6, 7]]
-    a = np.concatenate([w[:-1] for w in ways])
-    b = np.concatenate([w[1:] for w in ways])
-    order = np.random.default_rng(3).permutation(len(a))
-    swap = order % 2 == 0
-    a, b = np.where(swap, b, a)[order], np.where(swap, a, b)[order]
-    chains = chains_of(a, b, 13, np.zeros(13, bool))
-    assert ends_of(chains) == [(1, 10), (2, 11), (4, 7)]
-    for k in range(3):
-        way = next(w for w in ways if {w[0], w[-1]} == {chains.start[k], chains.end[k]})
-        way = way if way[0] == chains.start[k] else way[::-1]
-        own = chains.chain == k
-        assert chains.size[k] == len(way) - 1
-        assert chains.vertex[own][np.argsort(chains.position[own])].tolist() == way[1:-1]
-
-
 def test_loops_are_opened_at_their_lowest_vertex_and_halved() -> None:
     """Two loops beside a path, so that each is told apart by its own vertices."""
     a = np.array([6, 7, 8, 9, 1, 2, 3, 11])

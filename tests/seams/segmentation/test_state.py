@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from circparam.seams.segmentation.state import CONE, arcs_of, main_parts
+from circparam.seams.segmentation.state import arcs_of, main_parts
 from tests.support import shapes
 from tests.support.atlases import cut_between, cut_where, middles, surface_of, uncut
 
@@ -43,24 +43,6 @@ def test_a_slit_has_a_tip_and_one_chart_on_both_sides() -> None:
     arcs = arcs_of(atlas, atlas.charts()[1])
     assert arcs.tip.tolist() == [True]
     assert len(arcs.edge) == 4
-
-
-def test_arcs_end_at_vertices_of_more_curvature_than_asked_for() -> None:
-    """A pyramid cut through its tip: one arc, or two where its curvature is above the bound."""
-    points, faces = shapes.grid(5, 5)
-    points = points + [0, 0, 0.15] * (np.arange(25) == 12)[:, None]
-    atlas = uncut(points, faces)
-    atlas.cut = cut_where(atlas.surface, np.abs(atlas.surface.points[:, 0] - 0.5) < 1e-9)
-    _, chart = atlas.charts()
-    tip = int(np.flatnonzero(atlas.surface.vertex_points[:, 2] > 0)[0])
-    defect = float(np.abs(atlas.angle_defects[tip]))
-    assert 0.1 < defect < CONE
-    for cone, count in ((defect, 1), (np.nextafter(defect, 0), 2), (CONE, 1)):
-        assert len(arcs_of(atlas, chart, cone).left) == count
-    steep = uncut(points * [1, 1, 10], faces)
-    assert np.abs(steep.angle_defects[tip]) > CONE
-    steep.cut = atlas.cut
-    assert sorted(arcs_of(steep, chart).length) == pytest.approx([0.25 + np.hypot(0.25, 1.5)] * 2)
 
 
 def test_a_chart_comes_mainly_from_where_most_of_its_area_was() -> None:

@@ -58,20 +58,6 @@ def test_halves_of_a_sheet_are_put_together_whatever_their_turn(options, angle: 
     assert np.hypot(*span) >= np.sqrt(2) - 1e-3
 
 
-@pytest.mark.parametrize("options", [OPTIONS, RIGID], ids=["bent", "rigid"])
-def test_several_unions_each_come_out_as_alone(options) -> None:
-    """Some fit as they are and others do not: what one is does not bear on another."""
-    parts = shapes.grid(9, 5), hill(0.15), hill(0.6), shapes.grid(5, 9)
-    together = lay_out(halves(*parts), options, False, Monitor())
-    single = [lay_out(halves(part), options, False, Monitor()) for part in parts]
-    assert together.energy == pytest.approx([t.energy[0] for t in single], rel=1e-4)
-    assert together.distorted.tolist() == [bool(t.distorted[0]) for t in single]
-    assert together.distorted.tolist() == [False, False, True, False]
-    assert not together.overlapping.any()
-    assert (together.floor <= together.energy + 1e-12).all()
-    assert (together.floor >= 1 - 1e-12).all()
-
-
 def test_the_energy_is_that_of_the_layout_and_of_a_relaxation_of_the_whole() -> None:
     unions = halves(hill(0.15))
     tried = lay_out(unions, dataclasses.replace(OPTIONS, tolerance=1e-8), False, Monitor())

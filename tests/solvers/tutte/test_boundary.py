@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from circparam.core.arrays import cross2
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import signed_areas
 from circparam.solvers.tutte.boundary import BOUNDARIES
@@ -12,16 +11,10 @@ from circparam.solvers.tutte.outer import TutteOptions, outer_boundary
 from tests.support import shapes
 from tests.support.charts import patches_of
 
-TRIANGLE = np.array([[0.0, 0.0], [3.0, 0.0], [1.0, 2.0]])
-
 
 def lay(name, shape, **options):
     cut_mesh, _ = patches_of(shape)
     return cut_mesh, BOUNDARIES[name].function(cut_mesh, TutteOptions(**options))
-
-
-def enclosed(uv) -> float:
-    return float(cross2(uv, np.roll(uv, -1, 0)).sum() / 2)
 
 
 @pytest.mark.parametrize("spacing", ["arc-length", "uniform"])
@@ -49,18 +42,6 @@ def test_very_short_boundary_edges_stay_apart():
     cut_mesh, _ = patches_of((points, faces))
     uv, _ = tutte_embedding(cut_mesh)
     assert (signed_areas(cut_mesh.faces, uv) > 0).all()
-
-
-def test_many_charts_have_boundaries_of_their_own():
-    points, faces = shapes.triangle()
-    shape = shapes.join(shapes.bumped_disk(200), shapes.grid(4, 5, 3.0, 2.0), (points + 9, faces))
-    for name in BOUNDARIES.names():
-        cut_mesh, boundary = lay(name, shape, polygon=TRIANGLE)
-        for c in range(3):
-            own = boundary.cut_mesh.vertex_chart[boundary.vertices] == c
-            assert enclosed(boundary.uv[own]) > 0
-            if name in ("square", "polygon"):
-                assert enclosed(boundary.uv[own]) <= cut_mesh.chart_areas[c] * 1.3
 
 
 def test_the_virtual_ring_is_a_wider_disk_and_frees_the_boundary():

@@ -15,22 +15,6 @@ def two_charts():
     return patches_of(shapes.join(holed, (disk[0] + 5, disk[1])))[0]
 
 
-def test_neighbours_are_the_ends_of_the_half_edges_round_each_boundary():
-    cut_mesh = two_charts()
-    outer = outer_boundary(cut_mesh)
-    flat = cut_mesh.faces.ravel()
-    head = flat[next_half_edge(outer.half_edge)]
-    np.testing.assert_array_equal(outer.vertices[outer.neighbour(1)], head)
-    np.testing.assert_array_equal(outer.neighbour(-1)[outer.neighbour(1)], np.arange(len(head)))
-    np.testing.assert_array_equal(outer.chart, cut_mesh.vertex_chart[outer.vertices])
-    assert outer.size.sum() == len(outer.vertices)
-    # the longer loop of the annulus is the outer one
-    loops = cut_mesh.loops
-    assert outer.size[0] == 16
-    length = np.bincount(outer.chart, cut_mesh.edge_lengths.ravel()[outer.half_edge])
-    np.testing.assert_allclose(length, [max(loops.length[loops.chart == c]) for c in (0, 1)])
-
-
 def test_places_are_shares_of_the_length_from_zero_on():
     outer = outer_boundary(cut_mesh := two_charts())
     length = cut_mesh.edge_lengths.ravel()[outer.half_edge]

@@ -155,20 +155,6 @@ def test_scaling_the_surface_scales_every_row_alike(scheme):
     np.testing.assert_allclose(rows(a), rows(b), rtol=1e-9)
 
 
-def test_weights_of_six_equilateral_triangles():
-    """Angles of 60° throughout, edges of length 2: every weight written out, with its factor."""
-    cut_mesh = fan(2 * np.pi * np.arange(6) / 6, np.full(6, 2.0))
-    for scheme, value in (
-        ("harmonic", 1 / np.sqrt(3)),
-        ("authalic", 2 / np.sqrt(3) / 4),
-        ("mean-value", 2 / np.sqrt(3) / 2),
-        ("circle", 2 / np.sqrt(3)),
-        ("floater", 1 / 6),
-        ("uniform", 1.0),
-    ):
-        np.testing.assert_allclose(outgoing(cut_mesh, scheme), value, err_msg=scheme)
-
-
 def test_the_corners_beside_a_wide_one_share_what_is_left_of_the_plane():
     points = np.array([[0, 0, 0], [1, 0, 0.2], [-1, 0, 0.2], [0, 0.05, 0.3]], float)
     cut_mesh, _ = patches_of((points, np.array([[0, 1, 3], [0, 3, 2], [0, 2, 1]])))
