@@ -73,27 +73,6 @@ def test_the_area_is_that_of_gauss_and_bonnet(name: str, genus: int) -> None:
     assert case(name)[0].area == pytest.approx(4 * np.pi * (genus - 1), rel=1e-9)
 
 
-def test_steps_in_the_tangents_are_what_the_flat_triangles_say() -> None:
-    """The derivative of the places seen from the middle of a face, by differences."""
-    base, *_ = case("genus 2")
-    geometry, corners = base.geometry, base.corners[:5]
-    frames = geometry.tangents(corners.reshape(-1, 3)).reshape(-1, 3, 3, 2)
-    place, move = geometry.flat(corners, frames)
-    metric = geometry.metric
-    middle = geometry.normal(corners.sum(1))
-    axes = geometry.tangents(middle)
-
-    def seen(q: np.ndarray) -> np.ndarray:
-        high = -(q * metric * middle[:, None]).sum(2)
-        return np.einsum("mcd,mda->mca", q * metric, axes) / high[..., None]
-
-    np.testing.assert_allclose(seen(corners), place, atol=1e-12)
-    step = 1e-6
-    for b in range(2):
-        after = geometry.normal(corners + step * frames[..., b])
-        np.testing.assert_allclose((seen(after) - place) / step, move[..., b], atol=1e-4)
-
-
 @pytest.mark.parametrize("curvature", [-1, 0, 1])
 def test_tangents_are_orthonormal_and_touch_the_surface(curvature: int) -> None:
     geometry = Geometry(curvature)

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from circparam import unwrap
-from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
-from circparam.packing.options import PackOptions
-from circparam.packing.pack import pack
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.segmentation.decide import whole_components
 from tests.support import shapes
@@ -92,15 +89,3 @@ def test_components_that_are_good_charts_stay_whole() -> None:
     lengths = np.linalg.norm(np.diff(atlas.corners[whole][:, [0, 1]], axis=1), axis=2)
     assert lengths.min() > 0
     assert not whole_components(atlas, 1.0 + 1e-15)[~whole].any()
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.3, 1.1])
-def test_one_chart_alone_fills_its_page_between_the_boundaries(angle: float) -> None:
-    p, f = shapes.grid(5, 5)
-    c, s = np.cos(angle), np.sin(angle)
-    uv = p[:, :2] @ np.array([[c, s], [-s, c]])
-    options = PackOptions(resolution=256, padding=4)
-    packed = pack(f, uv, np.zeros(len(f), np.int64), options, Monitor())
-    side = np.ptp(packed.uv, axis=0)
-    assert side == pytest.approx((256 - 2 * options.border) / 256, rel=1e-4)
-    assert (packed.uv.min(0) + packed.uv.max(0)) / 2 == pytest.approx(0.5, abs=1e-9)
