@@ -10,9 +10,13 @@ from hypothesis import HealthCheck, settings
 from tests.support.corpus import CORPUS
 
 # One profile for all tests. No deadline and no complaint about slow examples: how long one takes says how busy
-# the machine is, not whether the code is right.
+# the machine is, not whether the code is right. 50 examples: other ones in every run.
 settings.register_profile(
-    "circparam", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+    "circparam",
+    deadline=None,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
+    print_blob=True,
 )
 settings.load_profile("circparam")
 
