@@ -73,16 +73,6 @@ def test_components_of_few_faces_are_taken_over_as_they_are() -> None:
     assert np.array_equal(np.sort(alone.cell), np.arange(len(small[0])))
 
 
-def test_every_large_component_keeps_at_least_four_faces() -> None:
-    surface = surface_of(*shapes.row_of(shapes.icosphere(2), 3))
-    proxy = decimate(surface, 1)
-    x = proxy.surface.points[proxy.surface.faces].mean(1)[:, 0]
-    assert len(np.unique(np.round(x / 3))) == 3
-    none = np.zeros(len(proxy.surface.edges), bool)
-    assert proxy.surface.charts(none)[0] == 3
-    assert proxy.cell.min() >= 0
-
-
 @pytest.mark.parametrize("turn", [0, 1, 2])
 def test_needles_are_left_out_whatever_their_first_corner(turn: int) -> None:
     """A face below 1e-10 of its longest side squared, at the side of a sheet; one above it stays."""

@@ -55,9 +55,3 @@ def test_the_roughest_component_counts() -> None:
     alone = rough(noisy, 2_400)[0]
     both = rough(shapes.join((smooth[0] * 0.3 + [0, 0, 3], smooth[1]), noisy), 4_400)[0]
     assert both > 0.6 * alone
-
-
-def test_a_mesh_without_patches_is_not_rough() -> None:
-    surface = surface_of(*shapes.cube(2))
-    near = np.full(len(surface.faces), -1)
-    assert roughness(surface, surface, near) == 0.0

@@ -9,7 +9,6 @@ from circparam.seams.multires.decimate import Proxy
 from circparam.seams.multires.transfer_layout import (
     drop_slivers,
     fine_targets,
-    match_charts,
     nearest_coarse_face,
     prolonged,
     separate,
@@ -18,7 +17,7 @@ from circparam.seams.multires.transfer_layout import (
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.solvers.poisson import from_jacobians
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, energies, middles, surface_of
+from tests.support.atlases import cut_between, energies, middles, surface_of
 
 N = 8  # cells of the coarse sheet along each side; the fine one has three times as many
 
@@ -78,26 +77,6 @@ def test_faces_without_a_cell_have_none_and_those_that_face_away_come_last() -> 
     assert (near >= len(faces)).all()
 
 
-def test_fine_charts_stand_for_those_they_share_the_most_area_with() -> None:
-    fine, proxy = sheets()
-    coarse = in_two(proxy.surface)
-    _, coarse_chart = coarse.charts()
-    near = nearest_coarse_face(fine, proxy)
-    # three strips: the outer ones are the charts, the small one in the middle is a sliver
-    x = middles(fine)[:, 0]
-    label = np.where(x > 0.55, 2, (x > 0.3).astype(np.int64))
-    atlas = cut_between(fine, label)
-    found = match_charts(atlas, coarse_chart, near)
-    of = [int(found.chart[label == k][0]) for k in range(3)]
-    right = coarse_chart[middles(proxy.surface)[:, 0] > 0.5][0]
-    assert found.main[of].tolist() == [1 - right, 1 - right, right]
-    assert found.real[of].tolist() == [True, False, True]
-    assert np.array_equal(found.chart, atlas.charts()[1])
-    # without any coarse face it stands for itself
-    near[label == 1] = -1
-    assert match_charts(atlas, coarse_chart, near).real.all()
-
-
 def test_slivers_are_glued_to_the_neighbour_with_the_longest_common_seam() -> None:
     """A small square in a corner of the left chart, another one on the seam, more of it in the right one."""
     fine, proxy = sheets()
@@ -123,17 +102,6 @@ def test_slivers_are_glued_to_the_neighbour_with_the_longest_common_seam() -> No
     before = good.cut.copy()
     assert drop_slivers(good, coarse_chart, near).real.all()
     assert np.array_equal(good.cut, before)
-
-
-def test_slivers_without_a_neighbour_stay() -> None:
-    """Two sheets that are one coarse chart: the smaller one is no chart of its own, and has nobody."""
-    points, faces = shapes.grid(5, 5)
-    fine = surface_of(*shapes.join((points, faces), (0.5 * points + [0, 2.0, 0], faces)))
-    atlas = Atlas(fine, np.zeros(len(fine.edges), bool))
-    found = drop_slivers(atlas, np.zeros(1, np.int64), np.zeros(len(fine.faces), np.int64))
-    assert sorted(found.real.tolist()) == [False, True]
-    assert found.real[found.chart[0]]
-    assert not atlas.cut.any()
 
 
 def test_charts_whose_seam_was_not_found_are_parted_along_their_labels() -> None:
@@ -190,21 +158,6 @@ def test_the_fine_layout_is_the_coarse_one(bend: float) -> None:
     own = flat.points[flat.faces][:, :, :2]
     mine = np.where((found.main[found.chart] == 1)[:, None, None], own @ turn, own)
     assert np.abs(edge - np.diff(mine, axis=1)).max() < (0.2 if bend else 1e-6) / N
-
-
-def test_charts_without_a_coarse_face_have_no_targets() -> None:
-    fine, proxy = sheets()
-    coarse = as_it_lies(in_two(proxy.surface))
-    atlas = in_two(fine)
-    _, coarse_chart = coarse.charts()
-    near = nearest_coarse_face(fine, proxy)
-    near[middles(fine)[:, 0] > 0.5] = -1
-    found = match_charts(atlas, coarse_chart, near)
-    carried = fine_targets(coarse, atlas, coarse_chart, near, found)
-    right = found.chart == found.chart[middles(fine)[:, 0] > 0.5][0]
-    assert np.array_equal(carried.source < 0, right)
-    assert not carried.targets[:, :, right].any()
-    assert np.abs(carried.targets[:, :, ~right]).max() > 0
 
 
 def test_seams_are_taken_over_only_where_every_corner_is_the_same() -> None:
