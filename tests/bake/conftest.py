@@ -5,12 +5,7 @@ from pathlib import Path
 import pytest
 
 from circparam.mesh.mesh import UVMap
-from tests.support.baking import (
-    charts,
-    picture,
-    sheet,
-    write_obj,
-)
+from tests.support.baking import charts, picture, sheet, write_obj
 
 
 @pytest.fixture

@@ -355,10 +355,7 @@ def test_sources_without_area_or_beyond_any_double_are_named(tmp_path: Path):
     points, faces = sheet(3)
     layout = UVMap(points[:, :2].copy(), faces)
     target = stored(tmp_path, "a", Mesh(points, faces), layout)
-    for scale, says in (
-        (1e300, "1e\\+300 units"),
-        (1e-200, "1e-200 units"),
-    ):
+    for scale, says in ((1e300, "1e\\+300 units"), (1e-200, "1e-200 units")):
         source = stored(tmp_path, "odd", Mesh(points * scale, faces), layout)
         with pytest.raises(InputError, match=rf"odd.obj: it is {says}"):
             bake_document(target, "normals", source=source, across=NEAREST, size=16)

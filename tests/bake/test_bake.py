@@ -13,15 +13,7 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
 from circparam.render.texture import bilinear
-from tests.support.baking import (
-    back,
-    charts,
-    sample_back,
-    sheet,
-    smooth,
-    some_places,
-    write_obj,
-)
+from tests.support.baking import back, charts, sample_back, sheet, smooth, some_places, write_obj
 
 
 def test_vertex_colours_come_back():

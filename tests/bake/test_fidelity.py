@@ -18,10 +18,7 @@ WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 TEXTURED = ("fuze.obj", None, *(("CesiumMan.glb", "CesiumMilkTruck.glb") if WHOLE else ()))
 
 
-@pytest.mark.parametrize(
-    "path",
-    [p for p in corpus_files(".obj", ".glb") if p.id in TEXTURED],
-)
+@pytest.mark.parametrize("path", [p for p in corpus_files(".obj", ".glb") if p.id in TEXTURED])
 def test_a_picture_keeps_40_db_at_equal_density(path: Path, tmp_path: Path) -> None:
     """Between the old and the new texture, at random places of the surface."""
     source = read(path)

@@ -8,10 +8,7 @@ import pytest
 from circparam.bake.sampling import Closest
 from circparam.geometry.closest import closest_on_triangles
 from circparam.render.texture import bilinear
-from tests.support.baking import (
-    sheet,
-    some_places,
-)
+from tests.support.baking import sheet, some_places
 from tests.support.pairs import blob
 
 

@@ -23,12 +23,7 @@ from circparam.formats.io import encode, read, read_data, write
 from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit
 from circparam.mesh.mesh import UVMap
-from tests.support.baking import (
-    back,
-    sample_back,
-    some_places,
-    write_obj,
-)
+from tests.support.baking import back, sample_back, some_places, write_obj
 from tests.support.bumps import belt
 from tests.support.formats_tools import grid
 from tests.support.maps import cube_obj

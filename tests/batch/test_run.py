@@ -218,8 +218,7 @@ class Killer:
 
 
 @pytest.mark.parametrize(
-    ("count", "after"),
-    [(8, {1, 3}), pytest.param(60, {5, 11, 17, 30, 44}, marks=pytest.mark.slow)],
+    ("count", "after"), [(8, {1, 3}), pytest.param(60, {5, 11, 17, 30, 44}, marks=pytest.mark.slow)]
 )
 def test_workers_are_killed(count: int, after: set[int], tmp_path: Path) -> None:
     source, out = write_set(tmp_path / "src", count), tmp_path / "out"

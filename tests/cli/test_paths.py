@@ -8,13 +8,7 @@ import pytest
 from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
 from circparam.errors import OptionError, OutputError
 
-NOTHING = {
-    "output": None,
-    "out_dir": None,
-    "as_json": False,
-    "format": None,
-    "overwrite": False,
-}
+NOTHING = {"output": None, "out_dir": None, "as_json": False, "format": None, "overwrite": False}
 
 
 @pytest.mark.parametrize(

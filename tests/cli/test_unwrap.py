@@ -479,11 +479,7 @@ def test_several_meshes_end_with_a_summary(tmp_path: Path) -> None:
     assert sorted(p.name for p in out.iterdir()) == ["a.obj", "b.obj"]
     tail = result.stdout.splitlines()[-5:]
     assert tail[0].split()[:2] == ["mesh", "status"]
-    assert [line.split()[1] for line in tail[1:4]] == [
-        "a.obj",
-        "bad.obj",
-        "b.obj",
-    ]
+    assert [line.split()[1] for line in tail[1:4]] == ["a.obj", "bad.obj", "b.obj"]
     assert "failed" in tail[2]
     assert tail[4].strip() == "3 meshes: 2 ok, 1 failed"
     assert "a_uv.obj: skipped" in result.stderr

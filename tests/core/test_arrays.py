@@ -76,10 +76,7 @@ def test_distinct_values_come_once_and_in_order(values: list[int]) -> None:
     assert sorted_distinct(twice).tolist() == sorted(set(values)), "any shape"
 
 
-@given(
-    st.lists(st.integers(0, 12), max_size=60),
-    st.sampled_from([0, 1, 2**40, -5, 2**62]),
-)
+@given(st.lists(st.integers(0, 12), max_size=60), st.sampled_from([0, 1, 2**40, -5, 2**62]))
 def test_equal_keys_stay_in_their_order(keys: list[int], far: int) -> None:
     array = np.array([k + far for k in keys], np.int64)
     assert stable_order(array).tolist() == sorted(range(len(keys)), key=lambda k: keys[k])

@@ -13,10 +13,7 @@ from circparam.formats.document import Encoded, WriteOptions
 from circparam.formats.io import check_place, read, write
 from circparam.formats.memory import from_arrays
 from circparam.formats.source import Source
-from tests.support.formats_tools import (
-    grid,
-    smooth_layout,
-)
+from tests.support.formats_tools import grid, smooth_layout
 from tests.support.full_disk import fill_up
 from tests.support.gltf_files import full_mesh
 

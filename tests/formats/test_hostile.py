@@ -18,9 +18,7 @@ from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import from_arrays
 from tests.support.formats_tools import grid, smooth_layout
-from tests.support.gltf_files import (
-    small,
-)
+from tests.support.gltf_files import small
 
 
 def samples() -> dict[str, bytes]:

@@ -13,12 +13,7 @@ from circparam.formats import FORMATS
 from circparam.formats.io import encode, format_of, read, stored, write
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import UVMap
-from tests.support.formats_tools import (
-    corners,
-    grid,
-    layout_with_seams,
-    smooth_layout,
-)
+from tests.support.formats_tools import corners, grid, layout_with_seams, smooth_layout
 
 
 def document():

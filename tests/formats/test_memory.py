@@ -6,9 +6,7 @@ import pytest
 from circparam.errors import InputError
 from circparam.formats.materials import decode
 from circparam.formats.memory import from_arrays, from_trimesh
-from tests.support.formats_tools import (
-    grid,
-)
+from tests.support.formats_tools import grid
 
 
 def test_arrays_are_copied_and_checked() -> None:

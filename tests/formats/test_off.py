@@ -4,11 +4,7 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.io import encode, read_data
-from tests.support.formats_tools import (
-    assert_round_trip,
-    layout_with_seams,
-    smooth_layout,
-)
+from tests.support.formats_tools import assert_round_trip, layout_with_seams, smooth_layout
 
 OFF = b"""OFF # comment
 # another

@@ -9,9 +9,7 @@ import trimesh
 
 from circparam.errors import InputError
 from circparam.formats.io import read_data
-from tests.support.formats_tools import (
-    grid,
-)
+from tests.support.formats_tools import grid
 
 
 def stl() -> tuple[bytes, np.ndarray]:

@@ -118,9 +118,7 @@ def test_a_sheet_is_seen_from_both_sides_and_a_closed_surface_from_outside_howev
 
 @settings(max_examples=6, deadline=None)
 @given(
-    seed=st.integers(0, 10_000),
-    scale=st.sampled_from([1e-3, 1.0, 250.0]),
-    level=st.integers(1, 3),
+    seed=st.integers(0, 10_000), scale=st.sampled_from([1e-3, 1.0, 250.0]), level=st.integers(1, 3)
 )
 def test_scaling_and_moving_change_nothing_and_turning_hardly_anything(
     seed: int, scale: float, level: int

@@ -193,14 +193,7 @@ def test_processes_share_the_search_and_change_nothing() -> None:
     assert found[0].atlas.charts()[0] == 3
 
 
-@pytest.mark.parametrize(
-    "more",
-    [
-        {"cut": "disk"},
-        {"rotate": "90"},
-        {"method": "circle"},
-    ],
-)
+@pytest.mark.parametrize("more", [{"cut": "disk"}, {"rotate": "90"}, {"method": "circle"}])
 def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
     shape = shapes.grid(3, 3, 1.0, 1.0)
     with pytest.raises(OptionError, match="pack_splits has no effect"):

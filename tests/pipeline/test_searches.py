@@ -115,8 +115,7 @@ def test_one_search_says_nothing_of_costs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shape", "density"),
-    [(shapes.cube(3), 70), (shapes.cube(3), 82), (shapes.icosphere(1), 98)],
+    ("shape", "density"), [(shapes.cube(3), 70), (shapes.cube(3), 82), (shapes.icosphere(1), 98)]
 )
 def test_a_draft_refuses_nothing_that_a_full_search_can_pack(
     shape: shapes.Shape, density: float

@@ -13,15 +13,8 @@ from PIL import Image
 from circparam import samples
 from circparam.cli import cli
 from circparam.render.bars import bar_parts, bars, scale_of
-from circparam.render.compare_page import (
-    compare_page,
-    compare_plot,
-)
-from circparam.render.side_by_side import (
-    MethodLayout,
-    SideBySide,
-    caption,
-)
+from circparam.render.compare_page import compare_page, compare_plot
+from circparam.render.side_by_side import MethodLayout, SideBySide, caption
 from circparam.render.text import drawable, has_glyph
 from tests.support.side_by_side import compared_sheet
 

@@ -5,11 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.mesh.mesh import UVMap
-from circparam.render.side_by_side import (
-    cell_text,
-    draw_layouts,
-    side_by_side,
-)
+from circparam.render.side_by_side import cell_text, draw_layouts, side_by_side
 from tests.support.side_by_side import compared_sheet
 
 

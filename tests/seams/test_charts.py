@@ -89,9 +89,7 @@ def test_max_charts_is_kept_where_the_bound_is_not() -> None:
 
 
 @pytest.mark.parametrize(
-    "shape",
-    [shapes.cube(4), shapes.row_of(shapes.icosphere(2), 2)],
-    ids=["cube", "two balls"],
+    "shape", [shapes.cube(4), shapes.row_of(shapes.icosphere(2), 2)], ids=["cube", "two balls"]
 )
 def test_a_number_of_charts_never_leads_to_more(shape) -> None:
     """Nor, where the free atlas has no more, to any other atlas."""
@@ -198,10 +196,7 @@ FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 
 
-@pytest.mark.parametrize(
-    "path",
-    [p for p in corpus_files() if WHOLE or p.id in (*FEW, None)],
-)
+@pytest.mark.parametrize("path", [p for p in corpus_files() if WHOLE or p.id in (*FEW, None)])
 def test_real_meshes(path: Path) -> None:
     """All of them by ``make test-corpus``, five by ``make test``."""
     mesh = read(path).mesh

@@ -9,14 +9,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.charts import charts
-from circparam.seams.hidden import (
-    DIRECTIONS,
-    LEAST,
-    PIXELS,
-    POWER,
-    hiding_prices,
-    shares_of_part,
-)
+from circparam.seams.hidden import DIRECTIONS, LEAST, PIXELS, POWER, hiding_prices, shares_of_part
 from circparam.seams.options import HIDDEN, SeamOptions
 from tests.support import shapes
 from tests.support.atlases import energies, surface_of

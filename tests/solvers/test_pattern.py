@@ -6,10 +6,7 @@ import pytest
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
-from circparam.solvers.pattern import (
-    VertexPattern,
-    hold,
-)
+from circparam.solvers.pattern import VertexPattern, hold
 from circparam.solvers.poisson import laplacian
 from circparam.solvers.preconditioner import BlockPattern
 from circparam.solvers.tutte.embed import tutte_embedding

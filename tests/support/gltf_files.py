@@ -14,10 +14,7 @@ from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.unused import accessor_slots, view_slots
 from circparam.formats.io import read_data
-from tests.support.formats_tools import (
-    GltfMaker,
-    grid,
-)
+from tests.support.formats_tools import GltfMaker, grid
 
 
 def tree_of(data: bytes) -> dict:

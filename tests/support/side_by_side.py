@@ -3,10 +3,7 @@
 import numpy as np
 
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.render.side_by_side import (
-    MethodLayout,
-    SideBySide,
-)
+from circparam.render.side_by_side import MethodLayout, SideBySide
 
 
 def compared_sheet() -> SideBySide:

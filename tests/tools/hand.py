@@ -18,17 +18,8 @@ from tests.tools.figures import save
 BRACKET, PARTS = "bracket.obj", "parts.obj"
 ROWS: dict[str, tuple[str, dict[str, dict[str, Any]]]] = {
     "density": (BRACKET, {"one density": {}, "--density paint=2.5": {"density": "paint=2.5"}}),
-    "groups": (
-        PARTS,
-        {
-            "no groups": {},
-            "--group-by material": {"group_by": "material"},
-        },
-    ),
-    "pages": (
-        PARTS,
-        {"one page": {}, "--pages-by material": {"pages_by": "material"}},
-    ),
+    "groups": (PARTS, {"no groups": {}, "--group-by material": {"group_by": "material"}}),
+    "pages": (PARTS, {"one page": {}, "--pages-by material": {"pages_by": "material"}}),
     "orient": (
         BRACKET,
         {

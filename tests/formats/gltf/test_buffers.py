@@ -22,12 +22,7 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.gltf_files import (
-    assert_same_but_uv,
-    full_mesh,
-    tree_of,
-    unused_entries,
-)
+from tests.support.gltf_files import assert_same_but_uv, full_mesh, tree_of, unused_entries
 
 
 def test_old_data_does_not_stay_in_the_file() -> None:

@@ -16,12 +16,7 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.gltf_files import (
-    assert_same_but_uv,
-    full_mesh,
-    small,
-    unused_entries,
-)
+from tests.support.gltf_files import assert_same_but_uv, full_mesh, small, unused_entries
 
 
 @st.composite

@@ -16,11 +16,7 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.gltf_files import (
-    assert_same_but_uv,
-    full_mesh,
-    tree_of,
-)
+from tests.support.gltf_files import assert_same_but_uv, full_mesh, tree_of
 
 
 @pytest.mark.parametrize("container", ["glb", "gltf"])

@@ -20,12 +20,7 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.gltf_files import (
-    assert_same_but_uv,
-    refused,
-    small,
-    tree_of,
-)
+from tests.support.gltf_files import assert_same_but_uv, refused, small, tree_of
 
 
 def test_normalised_strided_sparse_and_interleaved() -> None:

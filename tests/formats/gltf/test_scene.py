@@ -15,12 +15,7 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.gltf_files import (
-    instanced,
-    refused,
-    small,
-    tree_of,
-)
+from tests.support.gltf_files import instanced, refused, small, tree_of
 
 
 @pytest.mark.parametrize("mode", [4, 5, 6])

@@ -8,12 +8,7 @@ from hypothesis import strategies as st
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.io import encode, read_data
 from circparam.mesh.mesh import UVMap
-from tests.support.formats_tools import (
-    assert_round_trip,
-    corners,
-    layout_with_seams,
-    smooth_layout,
-)
+from tests.support.formats_tools import assert_round_trip, corners, layout_with_seams, smooth_layout
 from tests.support.obj_files import CUBE, naive, without_uv
 
 

@@ -8,12 +8,7 @@ from circparam.formats.io import encode, read, read_data
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source
 from circparam.mesh.mesh import UVMap
-from tests.support.formats_tools import (
-    assert_round_trip,
-    corners,
-    corpus_files,
-    layout_with_seams,
-)
+from tests.support.formats_tools import assert_round_trip, corners, corpus_files, layout_with_seams
 from tests.support.obj_files import CUBE, naive
 
 

@@ -14,14 +14,7 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.ply_files import (
-    CODES,
-    ORDERS,
-    build,
-    naive,
-    plain,
-    sample,
-)
+from tests.support.ply_files import CODES, ORDERS, build, naive, plain, sample
 
 
 @pytest.mark.parametrize("encoding", ORDERS)

@@ -12,20 +12,8 @@ from circparam.formats.ply.editing import break_strips, index_types
 from circparam.formats.ply.model import Property
 from circparam.formats.polygons import strips
 from circparam.mesh.mesh import UVMap
-from tests.support.formats_tools import (
-    assert_round_trip,
-    layout_with_seams,
-    smooth_layout,
-)
-from tests.support.ply_files import (
-    ORDERS,
-    build,
-    naive,
-    plain,
-    sample,
-    strip_file,
-    triangles_of,
-)
+from tests.support.formats_tools import assert_round_trip, layout_with_seams, smooth_layout
+from tests.support.ply_files import ORDERS, build, naive, plain, sample, strip_file, triangles_of
 
 
 @pytest.mark.parametrize("encoding", ORDERS)

@@ -10,17 +10,8 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.ply.reading import Layout, look_ahead
 from circparam.formats.source import Source
-from tests.support.formats_tools import (
-    corpus_files,
-    layout_with_seams,
-)
-from tests.support.ply_files import (
-    ORDERS,
-    build,
-    naive,
-    plain,
-    sample,
-)
+from tests.support.formats_tools import corpus_files, layout_with_seams
+from tests.support.ply_files import ORDERS, build, naive, plain, sample
 
 
 def test_rows_of_mixed_length_on_odd_lines() -> None:

@@ -26,11 +26,7 @@ def sheet(noise: float, n: int = 110):
 def rough(shape, target: int) -> tuple[float, object, object]:
     surface = surface_of(*shape)
     level = decimate(surface, target)
-    return (
-        roughness(surface, level.surface, nearest_coarse_face(surface, level)),
-        surface,
-        level,
-    )
+    return (roughness(surface, level.surface, nearest_coarse_face(surface, level)), surface, level)
 
 
 @pytest.mark.parametrize("shape", [shapes.icosphere(5), shapes.torus(160, 60), sheet(0.0)])

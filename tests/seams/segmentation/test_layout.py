@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation.layout import (
-    ChartLayouts,
-    judge,
-    lay_out_again,
-    lay_out_fresh,
-)
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_again, lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import (
