@@ -6,7 +6,7 @@ import scipy.sparse as sps
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circparam.core.arrays import FloatArray, IntArray, edge_keys
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.graph import (
     Graph,
     components,
@@ -39,15 +39,6 @@ def all_distances(n: int, a: IntArray, b: IntArray, weight: FloatArray) -> Float
     for k in range(n):
         d = np.minimum(d, d[:, k : k + 1] + d[k : k + 1])
     return d
-
-
-@given(seeds)
-def test_edge_keys_tell_edges_apart_and_forget_their_direction(seed: int) -> None:
-    n, a, b, _ = random_graph(seed)
-    key = edge_keys(a, b, n)
-    assert np.array_equal(key, edge_keys(b, a, n))
-    edges = {(min(i, j), max(i, j)) for i, j in zip(a.tolist(), b.tolist(), strict=True)}
-    assert len(set(key.tolist())) == len(edges)
 
 
 @given(seeds)
