@@ -1,9 +1,12 @@
 """Regions round seeds far apart, and charts that are disks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from circparam.core.graph import components
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
@@ -61,6 +64,26 @@ def test_regions_are_connected_as_many_as_asked_and_nearest_to_their_middles(
     assert pieces == count
 
 
+def test_seeds_lie_farthest_apart_and_then_move_to_the_middle() -> None:
+    """A line of nine cells: the ends first; each half then is as large as the other."""
+    tail = np.arange(8)
+    cost = np.ones(8)
+    ends = grow.grow(9, tail, tail + 1, cost, 2, 0)
+    assert sorted(np.bincount(ends).tolist()) == [4, 5]
+    assert (np.diff(ends) != 0).sum() == 1
+    # a step ten times as long: the far seed lies beyond it
+    uneven = np.r_[1.0, 1, 1, 1, 1, 1, 1, 10]
+    assert np.bincount(grow.grow(9, tail, tail + 1, uneven, 2, 0)).tolist() == [8, 1]
+    # three seeds at 0, 8, 4 hold 2 or 3, 5 or 4 and so on; Lloyd's rounds even them out
+    for rounds in (0, 2, 4):
+        size = np.bincount(grow.grow(9, tail, tail + 1, cost, 3, rounds))
+        assert size.sum() == 9
+        assert size.max() <= (5 if rounds == 0 else 4)
+    # no more regions than cells, and at least one in every component
+    assert len(np.unique(grow.grow(4, np.array([0]), np.array([1]), np.ones(1), 9))) == 4
+    assert len(np.unique(grow.grow(4, np.array([0, 2]), np.array([1, 3]), np.ones(2), 1))) == 2
+
+
 def test_first_charts_keep_the_seams_there_are() -> None:
     surface = strip()
     middle = middles(surface)[:, 0]
@@ -87,3 +110,18 @@ def test_charts_are_split_until_all_are_disks(shape) -> None:
     again = uncut(*shape)
     assert grow.make_disks(again, dual_graph(again.surface), limit=0) == 0
     assert not again.cut.any()
+
+
+def test_disks_are_not_split_beside_what_is_none() -> None:
+    surface = surface_of(*shapes.join(shapes.grid(5, 5), shapes.icosphere(1)))
+    atlas = uncut(*shapes.join(shapes.grid(5, 5), shapes.icosphere(1)))
+    grow.make_disks(atlas, dual_graph(surface))
+    sheet = surface.edges[:, 0] // 3 < 32
+    assert not atlas.cut[sheet].any()
+    assert atlas.cut[~sheet].any()
+    # one single cell cannot be split
+    ball = surface_of(*shapes.icosphere(1))
+    locked = dataclasses.replace(ball, locked=np.ones(len(ball.edges), bool))
+    stuck = Atlas(locked, np.zeros(len(ball.edges), bool))
+    assert grow.make_disks(stuck, dual_graph(locked)) == 0
+    assert not stuck.cut.any()
