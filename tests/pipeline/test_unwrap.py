@@ -1,7 +1,5 @@
 """The whole way as a library: what goes in stays as it is, what comes out is verified."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -11,35 +9,12 @@ import circparam
 from circparam import errors
 from circparam.core.monitor import Monitor
 from circparam.formats.memory import from_arrays
-from circparam.mesh.mesh import Mesh
 from circparam.methods import METHODS
 from circparam.pipeline import unwrap
 from tests.support import shapes, strategies
 
 QUICK = {"effort": 0.01}
 FLAT = {"cut": "none", "method": "mean-value", **QUICK}
-
-
-def test_sources_of_every_kind_give_the_same_layout(tmp_path: Path) -> None:
-    p, f = shapes.bumped_disk(80)
-    path = tmp_path / "m.obj"
-    trimesh.Trimesh(p, f, process=False).export(path, digits=17)
-    sources = [
-        (p, f),
-        Mesh(p, f),
-        trimesh.Trimesh(p, f, process=False),
-        circparam.read(path),
-        path,
-        str(path),
-    ]
-    layouts = [circparam.unwrap(source, **FLAT) for source in sources]
-    for result in layouts:
-        np.testing.assert_allclose(
-            result.uv[result.uv_faces], layouts[0].uv[layouts[0].uv_faces], atol=1e-6
-        )
-        assert result.path is None
-    with pytest.raises(errors.InputError, match="cannot unwrap a int"):
-        circparam.unwrap(3)
 
 
 def test_inputs_are_untouched() -> None:
@@ -110,12 +85,6 @@ def test_progress_reaches_the_listener() -> None:
     )
     assert {"read", "repair", "pack", "verify"} <= {stage for stage, _ in heard}
     assert all(0 <= share <= 1 for _, share in heard)
-
-
-def test_out_of_time_before_there_is_anything() -> None:
-    monitor = Monitor(timeout=-1.0)
-    with pytest.raises(errors.OutOfTimeError, match="--timeout"):
-        unwrap.unwrap_document(from_arrays(*shapes.grid()), None, circparam.Options(), monitor)
 
 
 def test_time_that_runs_out_later_leaves_the_best_so_far() -> None:
