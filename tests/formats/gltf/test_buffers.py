@@ -162,35 +162,6 @@ def test_views_that_accessors_share_lose_the_bytes_of_those_that_go(seams: bool)
     views_do_not_overlap(data)
 
 
-def test_interleaved_vertices_keep_their_stride() -> None:
-    """Only uv go and their bytes lie between others: nothing is cut; all go with a seam."""
-    points, faces = grid(5)
-    uv = np.random.default_rng(0).random((25, 2))
-    g = GltfMaker()
-    both = np.concatenate([points, uv], 1).astype("f4")
-    view = g.view(both.tobytes(), byteStride=20)
-    attributes = {
-        "POSITION": g.accessor(points.astype("f4"), view),
-        "TEXCOORD_0": g.accessor(uv.astype("f4"), view, byteOffset=12),
-    }
-    g.tree["meshes"] = [
-        {
-            "primitives": [
-                {"attributes": attributes, "indices": g.accessor(faces.ravel().astype("u2"))}
-            ]
-        }
-    ]
-    document = read_data(g.scene({"mesh": 0}).glb())
-    for uvmap in (smooth_layout(document), layout_with_seams(document)):
-        again = assert_round_trip(document, uvmap, "glb")
-        assert_same_but_uv(document, again, "TEXCOORD_0")
-        assert unused_entries(again.tree.json) == (set(), set())
-    tree = again.tree.json
-    assert tree["buffers"][0]["byteLength"] < len(g.bin) + 20 * (
-        again.mesh.points.shape[0] - 25 + 2
-    )
-
-
 def test_bytes_that_a_living_view_shares_stay() -> None:
     """A view that only old uv used lies over one that an image uses: its bytes are not cut out."""
     points, faces = grid(3)

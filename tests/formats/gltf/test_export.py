@@ -49,26 +49,6 @@ def test_one_primitive_for_each_group() -> None:
     assert [m["name"] for m in tree_of(one.data)["materials"]] == ["group_3"]
 
 
-def test_what_the_tree_says() -> None:
-    points, faces = grid(3)
-    doc = from_arrays(points, faces)
-    out = encode(doc, smooth_layout(doc), "glb")
-    tree = tree_of(out.data)
-    position = tree["accessors"][0]
-    assert (position["type"], position["count"]) == ("VEC3", 9)
-    assert position["min"] == points.min(0).tolist()
-    assert position["max"] == points.max(0).tolist()
-    assert [v.get("target") for v in tree["bufferViews"]] == [34962, 34962, 34963]
-    ends = [v["byteOffset"] + v["byteLength"] for v in tree["bufferViews"]]
-    assert [v["byteOffset"] for v in tree["bufferViews"]] == [0, *ends[:2]]
-    assert tree["buffers"] == [{"byteLength": ends[2]}]
-    assert ends[2] == 9 * 12 + 9 * 8 + 24 * 2
-    assert tree["nodes"] == [{"mesh": 0, "name": "mesh"}]
-    seams = encode(doc, layout_with_seams(doc), "glb")
-    added = len(seams.vertex_map) - 9
-    assert seams.notes == [f"{added} vertices duplicated along seams, behind the input's"]
-
-
 @pytest.mark.parametrize(("vertices", "code"), [(65535, 5123), (65536, 5125)])
 def test_index_types(vertices: int, code: int) -> None:
     """65535 restarts primitives (glTF 2.0, 3.7.2.1), so 65536 vertices need four bytes."""

@@ -172,24 +172,6 @@ def test_an_incomplete_rest_is_dropped(n: int) -> None:
     assert len(triangles_of(index, 5)) == len(triangles_of(index, 6)) == max(n - 2, 0)
 
 
-def test_pools_are_numbered_through_all_meshes() -> None:
-    """Two meshes with two pools each: faces name points of their own pool."""
-    rng = np.random.default_rng(0)
-    g = GltfMaker()
-    parts = [rng.normal(size=(k, 3)).astype("f4") for k in (3, 6, 3, 9)]
-    g.tree["meshes"] = [
-        {"primitives": [{"attributes": {"POSITION": g.accessor(parts[k])}} for k in pair]}
-        for pair in ((0, 1), (2, 3))
-    ]
-    document = read_data(g.scene({"mesh": 0}, {"mesh": 1}).glb())
-    np.testing.assert_array_equal(document.mesh.points, np.concatenate(parts))
-    assert document.mesh.faces.ravel().tolist() == list(range(21))
-    assert [p.pool for p in document.primitives] == [0, 1, 2, 3]
-    assert [p.first for p in document.pools] == [0, 3, 9, 12]
-    assert document.labels("mesh").tolist() == [0] * 3 + [1] * 4
-    assert document.labels("primitive").tolist() == [0, 1, 1, 2, 3, 3, 3]
-
-
 def test_indices_end_at_the_last_vertex() -> None:
     g = GltfMaker()
     position = g.accessor(np.eye(3, dtype="f4"))
