@@ -8,15 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import next_half_edge
-from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.seams.hard.flats import flat_prices
 from circparam.seams.hard.straighten import straighten
-from circparam.seams.segmentation.grow import dual_graph, make_disks
-from circparam.seams.segmentation.layout import judge, lay_out_fresh
+from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.weigh import Limits
-from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import (
     as_it_lies,
@@ -24,6 +21,7 @@ from tests.support.atlases import (
     energies,
     middles,
     surface_of,
+    voronoi,
 )
 
 BOUND = 1.05
@@ -91,19 +89,6 @@ def test_dear_edges_are_left_for_cheap_ones_beside_them() -> None:
     straighten(atlas, LIMITS, Monitor())
     assert cheap[atlas.cut].sum() > 6  # its ends on the boundary stay where they are
     assert joined(atlas)
-
-
-def voronoi(shape: shapes.Shape, seeds: int, seed: int) -> Atlas:
-    """A surface in charts round random faces, laid out."""
-    surface = surface_of(*shape)
-    graph = dual_graph(surface)
-    start = np.unique(np.random.default_rng(seed).integers(0, len(surface.faces), seeds))
-    ones = np.ones(len(graph.tail))
-    _, _, source = nearest(undirected(graph.n, graph.tail, graph.head, ones), start)
-    atlas = cut_between(surface, source)
-    make_disks(atlas, graph)
-    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-3, max_iterations=25))
-    return atlas
 
 
 def test_a_seam_leaves_the_flats_of_a_ring() -> None:
