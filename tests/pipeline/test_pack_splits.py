@@ -20,7 +20,7 @@ def star(arms: int = 4, length: int = 24, width: int = 4) -> shapes.Shape:
     return shapes.compact(p, f[level | upright] if arms == 4 else f[level])
 
 
-@pytest.mark.parametrize(("most", "seed"), [(1, None), (2, 0), (4, 1)])
+@pytest.mark.parametrize(("most", "seed"), [(1, None), (4, 1)])
 def test_arms_come_off_a_hub(most: int, seed: int | None, tmp_path: Path) -> None:
     """Whatever the order of its faces, so wherever its boundary begins: the corners of the hub are tried."""
     shape = star() if seed is None else shapes.shuffled(*star(), seed)[:2]
