@@ -131,7 +131,7 @@ mutants: $(VENV)/.dev ## 200 planted faults: the share that the tests notice (ha
 
 figures: $(VENV)/.dev ## the pictures of README and docs
 	$(RUN) -m tests.tools.figures
-	$(RUN) -m tests.tools.hand
+	$(RUN) -m tests.tools.artists
 
 docs: $(VENV)/.dev ## docs/cli.md out of the help texts, typed keywords out of the options
 	$(RUN) -m tests.tools.reference

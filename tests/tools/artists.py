@@ -21,6 +21,21 @@ from tests.support.assembly import assemble, kinds, write_parts
 from tests.support.parts import PARTS
 
 Save = Callable[[str, Image.Image], None]
+BRACKET, PAGE = "bracket.obj", "parts.obj"
+# picture → a file, and what each of its rows asks for
+OPTIONS: dict[str, tuple[str, dict[str, dict[str, str]]]] = {
+    "density": (BRACKET, {"one density": {}, "--density paint=2.5": {"density": "paint=2.5"}}),
+    "groups": (PAGE, {"no groups": {}, "--group-by material": {"group_by": "material"}}),
+    "pages": (PAGE, {"one page": {}, "--pages-by material": {"pages_by": "material"}}),
+    "orient": (
+        BRACKET,
+        {
+            "turned freely": {},
+            "--orient up": {"orient": "up"},
+            "--orient up --rotate 90": {"orient": "up", "rotate": "90"},
+        },
+    ),
+}
 
 
 def row(name: str, result: circparam.Result) -> MethodLayout:
@@ -108,11 +123,22 @@ def only(save: Save) -> None:
     save("artists-only.png", compare_plot([SideBySide("creature.ply", mesh, rows)]))
 
 
+def options(save: Save) -> None:
+    """A bracket and a page of parts by density, groups, pages and orientation."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_parts(Path(folder) / PAGE, assemble(kinds(12), 24, seed=3, gap=2.6))
+        (Path(folder) / BRACKET).write_bytes(Path(samples.path("bracket")).read_bytes())
+        for name, (file, asked) in OPTIONS.items():
+            path = Path(folder) / file
+            rows = [row(title, circparam.unwrap(path, **words)) for title, words in asked.items()]
+            save(f"artists-{name}.png", compare_plot([SideBySide(file, read(path).mesh, rows)]))
+
+
 def main() -> int:
     """Make all of them."""
     from tests.tools.figures import save
 
-    for draw in (straighten, grid, align, only, lock):
+    for draw in (straighten, grid, align, only, lock, options):
         draw(save)
     return 0
 
