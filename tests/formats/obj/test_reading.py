@@ -8,25 +8,7 @@ from circparam.formats.io import encode, read, read_data
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source
 from circparam.mesh.mesh import UVMap
-from tests.support.formats_tools import assert_round_trip, corners, corpus_files, layout_with_seams
-from tests.support.obj_files import CUBE, naive
-
-
-def test_a_cube_reads_as_the_naive_reader_reads_it() -> None:
-    document = read_data(CUBE, format="obj")
-    points, polygons, uv = naive(CUBE)
-    np.testing.assert_array_equal(document.mesh.points, points)
-    assert document.polygons().corners.tolist() == [k for p in polygons for k in p]
-    read = document.uv()
-    triangles = document.polygons().triangles
-    flat = [k for p in uv for k in p]
-    for face, corner in zip(corners(read).reshape(-1, 2), triangles.ravel(), strict=True):
-        expected = flat[corner]
-        assert np.isnan(face).all() if expected is None else tuple(face) == expected
-    assert document.group_names == ("red", "blue")
-    assert document.mesh.groups is not None
-    assert document.mesh.groups.tolist() == [0] * 4 + [1] * 4
-    assert document.scan.libraries() == ["cube.mtl"]
+from tests.support.formats_tools import assert_round_trip, corpus_files, layout_with_seams
 
 
 def test_negative_indices_count_back_from_where_they_stand() -> None:
@@ -85,40 +67,6 @@ def test_real_files_read_as_trimesh_reads_them(path) -> None:
 
 def scan(text: bytes) -> Scan:
     return Scan(text, Source("x"))
-
-
-def test_keywords_are_told_apart() -> None:
-    s = scan(
-        b"v 1\nvt 2\nvn 3\nvp 4\n# v 5\n\tv 6\nusemtl a b # c\nusemap x\nusemtl\n\nvertex\nf 1\n"
-    )
-    assert s.of(b"v").tolist() == [0, 5]
-    assert s.of(b"vt").tolist() == [1]
-    lines, rest = s.lines(b"usemtl")
-    assert (lines.tolist(), rest) == ([6, 8], [b"a b # c", b""])
-    assert s.face_lines.tolist() == [11]
-    assert scan(b"").of(b"v").tolist() == []
-
-
-def test_numbers_and_those_that_may_be_missing() -> None:
-    s = scan(b"vt 1\nvt 2 3\nvt 4 5 6 # 7\n")
-    assert s.numbers(s.of(b"vt"), 2, optional=1).tolist() == [[1, 0], [2, 3], [4, 5]]
-    with pytest.raises(InputError, match="x: line 1: 2 numbers are needed, 1 are there"):
-        s.numbers(s.of(b"vt"), 2)
-    with pytest.raises(InputError, match="line 2: 3 numbers are needed, 2 are there"):
-        s.numbers(s.of(b"vt")[1:], 4, optional=1)
-    bad = scan(b"vt 1 2\nvt 1 x\n")
-    with pytest.raises(InputError, match="line 2: a number is malformed"):
-        bad.numbers(bad.of(b"vt"), 2)
-
-
-def test_corners_are_cut_where_vt_stands() -> None:
-    text = b"f 12 3/45 6//7 8/9/10 11/\n"
-    s = scan(text)
-    numbers, start, end = s.cuts
-    assert numbers.tolist() == [[12, 0], [3, 45], [6, 0], [8, 9], [11, 0]]
-    cut = [text[a:b] for a, b in zip(start, end, strict=True)]
-    assert cut == [b"", b"/45", b"/", b"/9", b"/"]
-    assert s.corner_start.tolist() == [0, 5]
 
 
 def test_the_highest_index_is_the_last_line() -> None:

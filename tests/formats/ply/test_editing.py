@@ -45,15 +45,6 @@ def test_everything_but_uv_is_kept(encoding: str, uv: str, mode: str | None, sea
     assert_round_trip(document, uvmap, "ply", WriteOptions(ply_uv=mode))
 
 
-@pytest.mark.parametrize("encoding", ORDERS)
-def test_doubles_stay_doubles(encoding: str) -> None:
-    data = sample(encoding, kind="double")
-    document = read_data(data)
-    out = encode(document, smooth_layout(document), "ply").data
-    assert out.count(b"property double") == data.count(b"property double") == 5
-    assert document.mesh.points.dtype == np.float64
-
-
 def test_names_of_the_uv_are_kept() -> None:
     data = (
         sample("ascii", uv="vertex")
