@@ -10,9 +10,9 @@ from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
 from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
-FEW = 4.0  # texels a side of a chart without an image, and of the smallest with one
+LEAST_SIDE_TEXELS = 4.0  # texels a side of a chart without an image, and of the smallest with one
 # texels a side for each of its faces, so that numbers of the file tell the faces apart
-A_FACE = 0.5
+SIDE_TEXELS_PER_FACE = 0.5
 PATTERN = 2.0  # times the density of the sharpest image, up to which images that repeat count
 TAIL = 0.01  # share of a chart's surface that may be sharper than the chart
 
@@ -46,7 +46,7 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
     area = group_sum(covered, chart[mapped], n)
     page = float((area * factor**2)[shown].sum()) / FILLED
     faces = np.bincount(chart[mapped], minlength=n)
-    texels = np.maximum(FEW, A_FACE * np.sqrt(faces))
+    texels = np.maximum(LEAST_SIDE_TEXELS, SIDE_TEXELS_PER_FACE * np.sqrt(faces))
     least = texels * np.sqrt(page / np.maximum(area, 1e-300)) / side
     factor = np.minimum(np.where(shown, np.maximum(factor, least), least), 1.0)
     size = np.ones(len(layout.uv))

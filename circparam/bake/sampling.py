@@ -30,7 +30,7 @@ MOST_STEPS = 8
 SAMPLES_A_FACE = 4
 FEWEST_SAMPLES, MOST_SAMPLES = 200_000, 2_000_000
 
-LOOKS = 300  # faces whose middle is used to measure the distance of the source
+DISTANCE_SAMPLES = 300  # faces whose middle is used to measure the distance of the source
 BLOCK = 200_000  # places looked up at once: some hundred bytes each
 
 
@@ -188,7 +188,7 @@ def neighbours(points: FloatArray, faces: IntArray) -> IntArray:
 
 def apart(mesh: Mesh, closest: Closest) -> float:
     """How far a mesh lies from a surface: the mean over the middles of some faces, in sizes of the mesh."""
-    corners = mesh.points[mesh.faces[:: max(1, len(mesh.faces) // LOOKS)]]
+    corners = mesh.points[mesh.faces[:: max(1, len(mesh.faces) // DISTANCE_SAMPLES)]]
     size = float(np.linalg.norm(np.ptp(mesh.points[mesh.faces].reshape(-1, 3), axis=0)))
     return float(closest.find(corners.mean(1))[2].mean()) / max(size, 1e-300)
 

@@ -15,7 +15,9 @@ from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
-KEPT = 0.9  # of the old density along a side: lower limit on all but TAIL of the surface
+LEAST_DENSITY_SHARE = (
+    0.9  # of the old density along a side: lower limit on all but TAIL of the surface
+)
 TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
 FILLED = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
@@ -34,7 +36,7 @@ class Sharpness:
 
 
 def needed_size(source: Source, layout: UVMap | None) -> int:
-    """The smallest power of two, SMALLEST to LARGEST, that keeps KEPT of the density of every image.
+    """The smallest power of two, SMALLEST to LARGEST, that keeps LEAST_DENSITY_SHARE of the density of every image.
 
     layout: None before there is one; then the page is taken for FILLED by charts without distortion. Repeated
     images need at most PATTERN, others at most GROWN times the side of a page with all their texels.
@@ -42,7 +44,7 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
     whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
     side = float(SMALLEST)
     for _, dense, tiled in _densities(source, layout, 1):
-        side = max(side, min(KEPT * dense, PATTERN if tiled else GROWN * whole))
+        side = max(side, min(LEAST_DENSITY_SHARE * dense, PATTERN if tiled else GROWN * whole))
     return min(1 << math.ceil(math.log2(side) - 1e-9), LARGEST)
 
 
@@ -58,12 +60,12 @@ def blurred(found: list[Sharpness], size: int) -> list[str]:
     """One line on the images that lose more than they may."""
     lines = []
     for one in found:
-        if one.kept < KEPT:
-            side = 1 << math.ceil(math.log2(KEPT * size / one.kept) - 1e-9)
+        if one.kept < LEAST_DENSITY_SHARE:
+            side = 1 << math.ceil(math.log2(LEAST_DENSITY_SHARE * size / one.kept) - 1e-9)
             why = (
                 "it repeats, so every copy needs texels of its own"
                 if one.tiled or side > RESOLUTION.high
-                else f"--size {side} keeps more than {percent(KEPT)}"
+                else f"--size {side} keeps more than {percent(LEAST_DENSITY_SHARE)}"
             )
             lines.append(
                 f"texture {one.name} keeps {percent(one.kept)} of its density at {size} texels: {why}"

@@ -10,7 +10,9 @@ from typing import Any
 
 from circparam.core.records import dataclass
 
-BASE = 50_000  # bytes added to the size of a file for its weight: the least cost of an unwrap
+LEAST_WEIGHT_BYTES = (
+    50_000  # bytes added to the size of a file for its weight: the least cost of an unwrap
+)
 RECENT = 300.0  # seconds that the rate is measured over
 KINDS = ("ok", "repaired", "degraded", "failed")
 
@@ -54,7 +56,7 @@ class Meter:
     missed: int = 0
 
     def __post_init__(self) -> None:
-        self.rest = self.weight + BASE * (self.total - self.skipped)
+        self.rest = self.weight + LEAST_WEIGHT_BYTES * (self.total - self.skipped)
         self._recent: deque[tuple[float, int, int]] = deque([(time.monotonic(), 0, 0)])
         self._done = self._weight = 0
 
@@ -63,7 +65,7 @@ class Meter:
         self.counts[line["status"]] += 1
         self.missed += line["status"] != "failed" and bool(line["exit"])
         self._done += 1
-        self._weight += int(line["source_bytes"] or 0) + BASE
+        self._weight += int(line["source_bytes"] or 0) + LEAST_WEIGHT_BYTES
 
     @property
     def bad(self) -> int:

@@ -17,7 +17,7 @@ from circparam.core.monitor import Listener
 
 AS_LINES = "CIRCPARAM_PROGRESS"  # in the environment: a program reads stderr and wants a line for each per cent
 DELAY = 2.0  # seconds before a bar appears
-SURE = 0.1  # of the run: no remaining time is shown before this share
+FORECAST_SHARE = 0.1  # of the run: no remaining time is shown before this share
 # Stages and their shares of a run, in hundredths: processor seconds, means over meshes of 1,600 to 90,000
 # faces. Groups follow each other; the stages of a group come again and stand inside each other.
 GROUPS: tuple[dict[str, int], ...] = (
@@ -129,7 +129,7 @@ class Status:
     def line(self) -> str:
         """Stage, share of the run, seconds so far, an estimate of the rest, memory."""
         gone, share = time.monotonic() - self.start, self.forward.fraction
-        left = f"about {gone * (1 - share) / share:.0f} s left, " if share >= SURE else ""
+        left = f"about {gone * (1 - share) / share:.0f} s left, " if share >= FORECAST_SHARE else ""
         done = f"{self.label}: {self.stage}, {100 * share:.0f} % done"
         return f"{done}, {gone:.0f} s so far, {left}{memory() / 1e6:.0f} MB"
 

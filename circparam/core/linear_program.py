@@ -15,7 +15,8 @@ from circparam.core.arrays import FloatArray
 from circparam.core.imports import alone
 from circparam.core.records import dataclass
 
-SIMPLEX, INTERIOR = "simplex", "ipm"
+SIMPLEX, INTERIOR, CHOOSE = "simplex", "ipm", "choose"
+NO_LIMIT = 2**31 - 1  # iterations: the default of HiGHS
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,31 +31,40 @@ def least(
     cost: FloatArray,
     matrix: sps.csc_matrix,
     most: FloatArray,
-    reach: float,
+    reach: float | tuple[FloatArray, FloatArray],
     solver: str,
-    iterations: int,
+    iterations: int = NO_LIMIT,
 ) -> Solved:
-    """Minimise cost · x (n,) where matrix (m, n) @ x ≤ most (m,) and |x| ≤ reach.
+    """Minimise cost · x (n,) where matrix (m, n) @ x ≤ most (m,) and x lies within its bounds.
 
-    solver: SIMPLEX, without presolving, or INTERIOR points, with it. iterations: of the solver at most.
+    reach: |x| ≤ reach, or the lower and the upper bounds (n,) of x. solver: SIMPLEX, without presolving;
+    INTERIOR points, or what HiGHS chooses (CHOOSE), with it. iterations: of the solver at most.
     """
-    highs = _highs()
+    (m, n), highs = matrix.shape, _highs()
+    lower, upper = reach if isinstance(reach, tuple) else (np.full(n, -reach), np.full(n, reach))
     if highs is None:
-        return _by_scipy(cost, matrix, most, reach, solver, iterations)
-    (m, n), free = matrix.shape, highs.kHighsInf
+        from scipy.optimize import linprog
+
+        method: Any = {SIMPLEX: "highs-ds", INTERIOR: "highs-ipm", CHOOSE: "highs"}[solver]
+        limits: Any = {"presolve": solver != SIMPLEX, "maxiter": iterations}
+        bounds = np.stack([lower, upper], 1)
+        answer: Any = linprog(  # type: ignore[call-overload]
+            cost, A_ub=matrix, b_ub=most, bounds=bounds, method=method, options=limits
+        )
+        return Solved(answer.x, answer.status == 1)
     program: Any = highs.HighsLp()
     program.num_col_ = program.a_matrix_.num_col_ = n
     program.num_row_ = program.a_matrix_.num_row_ = m
     program.col_cost_ = cost
-    program.col_lower_, program.col_upper_ = np.full(n, -reach), np.full(n, reach)
-    program.row_lower_, program.row_upper_ = np.full(m, -free), most
+    program.col_lower_, program.col_upper_ = lower, upper
+    program.row_lower_, program.row_upper_ = np.full(m, -highs.kHighsInf), most
     program.a_matrix_.format_ = highs.MatrixFormat.kColwise
     program.a_matrix_.start_ = matrix.indptr
     program.a_matrix_.index_ = matrix.indices
     program.a_matrix_.value_ = matrix.data
     options: Any = highs.HighsOptions()
     options.output_flag = options.log_to_console = False
-    options.solver, options.presolve = solver, "on" if solver == INTERIOR else "off"
+    options.solver, options.presolve = solver, "off" if solver == SIMPLEX else "on"
     options.simplex_iteration_limit = options.ipm_iteration_limit = iterations
     run: Any = highs._Highs()
     run.passOptions(options)
@@ -75,22 +85,3 @@ def _highs() -> Any:
     except ImportError:
         return None
     return _core
-
-
-def _by_scipy(
-    cost: FloatArray,
-    matrix: sps.csc_matrix,
-    most: FloatArray,
-    reach: float,
-    solver: str,
-    iterations: int,
-) -> Solved:
-    """As ``least``, with all versions of SciPy."""
-    from scipy.optimize import linprog
-
-    method: Any = "highs-ds" if solver == SIMPLEX else "highs-ipm"
-    options: Any = {"presolve": solver == INTERIOR, "maxiter": iterations}
-    answer: Any = linprog(  # type: ignore[call-overload]
-        cost, A_ub=matrix, b_ub=most, bounds=(-reach, reach), method=method, options=options
-    )
-    return Solved(answer.x, answer.status == 1)

@@ -11,7 +11,9 @@ from typing import Any
 from circparam.errors import NoResultError
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h has them
-KEPT = 1 << 30  # bytes of freed arrays, and of free space at the end of the heap, that are kept
+KEPT_BYTES = (
+    1 << 30
+)  # bytes of freed arrays, and of free space at the end of the heap, that are kept
 # bytes of address space for NumPy and SciPy with the work space of their two OpenBLAS, and for each of its
 # threads: with less, OpenBLAS tries without end, or ends the process
 LIBRARIES, THREAD = 250_000_000, 100_000_000
@@ -31,8 +33,8 @@ def keeping_freed(worth_it: bool = True) -> Iterator[None]:
     if libc is None:
         yield
         return
-    libc.mallopt(MMAP_THRESHOLD, KEPT)
-    libc.mallopt(TRIM_THRESHOLD, KEPT)
+    libc.mallopt(MMAP_THRESHOLD, KEPT_BYTES)
+    libc.mallopt(TRIM_THRESHOLD, KEPT_BYTES)
     try:
         yield
     finally:

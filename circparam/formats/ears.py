@@ -18,7 +18,7 @@ SLIVER = 1e-9  # area over the square of the length below which such an ear wait
 MOST_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
 # Looks at a corner, for each corner of a polygon and in addition, before the rest is cut in order. Three
 # looks each are enough for polygons that do not cross themselves.
-LOOKS, MORE_LOOKS = 4, 100_000
+LOOKS_PER_CORNER, LOOKS_AT_LEAST = 4, 100_000
 
 
 class Ears:
@@ -81,7 +81,7 @@ class Ears:
         """
         out: list[tuple[int, int, int]] = []
         left, first, looks = len(self.x), 0, 0
-        most = MORE_LOOKS + LOOKS * left
+        most = LOOKS_AT_LEAST + LOOKS_PER_CORNER * left
         waiting, every = sorted(map(self._turn, range(left))), True
         while left > 3:
             while not self.there[first]:

@@ -35,7 +35,7 @@ NOISE = 1.2e-6
 BENT = 0.1  # radians by which the sums of the angles at two vertices may differ
 BASES = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
 # rounds in which components unlike every leader of their class get a leader of their own
-LEADERS = 16
+LEADER_ROUNDS = 16
 FAR, WIDE = (
     0.3,
     0.1,
@@ -109,7 +109,7 @@ def find_congruent(
     corner = np.arange(faces.size).reshape(-1, 3)
     turned, uneven = np.zeros(len(faces), bool), np.zeros(count, bool)
     left = group_count(group, count)[group] > 1
-    for _ in range(LEADERS):
+    for _ in range(LEADER_ROUNDS):
         if not left.any():
             break
         first = np.full(count, count)

@@ -18,7 +18,7 @@ from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 
-TOLERANCE = 1e-10  # relative: rounding of the solve that adds up widths
+WIDTH_ROUNDING_SHARE = 1e-10  # relative: rounding of the solve that adds up widths
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,9 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
         tail, head = flat[along], flat[next_half_edge(along)]
         level = components(cut_mesh.n_vertices, flat[across], flat[next_half_edge(across)])[1]
         uv[:, axis] = _summed(level[tail], level[head], step, int(level.max()) + 1)[level]
-        reach = np.abs(uv[head, axis] - uv[tail, axis] - step) > TOLERANCE * np.ptp(uv[:, axis])
+        reach = np.abs(uv[head, axis] - uv[tail, axis] - step) > WIDTH_ROUNDING_SHARE * np.ptp(
+            uv[:, axis]
+        )
         grid &= group_count(cut_mesh.chart[along[reach] // 3], cut_mesh.n_charts) == 0
     uv[~grid[cut_mesh.vertex_chart]] = 0.0
     return uv, grid

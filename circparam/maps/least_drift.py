@@ -20,6 +20,7 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, edge_keys, next_half_edge
 from circparam.core.graph import components
 from circparam.core.linalg import SparseMatrix
+from circparam.core.linear_program import CHOOSE, least
 from circparam.core.records import dataclass
 from circparam.geometry.boundary import boundary_in
 from circparam.geometry.intersect import meeting
@@ -173,8 +174,6 @@ def _programme(
     contacts: Contacts,
 ) -> FloatArray:
     """The places after one programme; those of vertices outside the region do not change."""
-    from scipy.optimize import linprog  # takes 0.05 s, and most layouts have no fault
-
     free = np.zeros(len(x), bool)
     free[cut_mesh.faces[region]] = True
     moving = np.flatnonzero(free)
@@ -209,18 +208,16 @@ def _programme(
         [disc, -far, sps.csr_matrix((DIRECTIONS * n, k + lacks))],
         [sps.csr_matrix((n, 2 * n)), sps.identity(n), -of, sps.csr_matrix((n, lacks))],
     ]
-    matrix: SparseMatrix = sps.vstack([sps.hstack(row) for row in rows], format="csr")
+    matrix = sps.csc_matrix(sps.vstack([sps.hstack(row) for row in rows]))
     bound = np.r_[-need, -(away @ turn.T).ravel(), np.zeros(n)] / HEIGHT
     size = np.bincount(group, minlength=k).astype(float)
     cost = np.r_[np.zeros(2 * n), np.ones(n), size, np.full(lacks, PENALTY)]
-    limits = np.array([(None, None)] * (2 * n) + [(0, None)] * (n + k + lacks))
-    answer: Any = linprog(  # type: ignore[call-overload]
-        cost, A_ub=matrix, b_ub=bound, bounds=limits, method="highs"
-    )
-    if answer.x is None:
+    lowest = np.r_[np.full(2 * n, -np.inf), np.zeros(n + k + lacks)]
+    solved = least(cost, matrix, bound, (lowest, np.full(len(cost), np.inf)), CHOOSE)
+    if solved.x is None:
         return x
     out = x.copy()
-    out[moving] += HEIGHT * answer.x[: 2 * n].reshape(-1, 2)
+    out[moving] += HEIGHT * solved.x[: 2 * n].reshape(-1, 2)
     return out
 
 

@@ -9,7 +9,7 @@ from circparam.errors import NoResultError
 from circparam.mesh.atlas import Atlas
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
-from circparam.packing.room import find_room
+from circparam.packing.room import by_page, find_room
 
 
 def lay_anew(atlas: Atlas, loose: BoolArray, scale: float) -> None:
@@ -23,10 +23,8 @@ def lay_anew(atlas: Atlas, loose: BoolArray, scale: float) -> None:
     face = np.flatnonzero(loose)
     corner = np.arange(3 * len(face)).reshape(-1, 3)
     flat = scale * cut_mesh.rest_triangles[face].reshape(-1, 2)
-    others = atlas.corners[~loose]
-    page = np.maximum(np.floor(others[:, :, 0].mean(1)), 0).astype(np.int64)
-    pages = [others[page == k] - [k, 0] for k in range(int(page.max(initial=0)) + 1)]
-    room = find_room(shapes_of(corner, flat, np.arange(len(face))), pages, PackOptions(), True)
+    shapes = shapes_of(corner, flat, np.arange(len(face)))
+    room = find_room(shapes, by_page(atlas.corners[~loose]), PackOptions(), True)
     if room is None:
         raise NoResultError(
             f"{len(face)} faces overlap others, and no page has room for them: give a finer mesh"

@@ -7,10 +7,10 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray, slices, sorted_distinct
 from circparam.core.records import dataclass
 
-EQUAL = 1e-6  # of the size: moments, reaches and skewness this near each other are equal, as float32 has them
-SAME_PLACE = (
-    1e-9  # roots of the area: coordinates this near each other are one in the order of points
+TIE_TOLERANCE_SIZES = (
+    1e-6  # ten times the rounding of float32: nearer moments and reaches are equal
 )
+ORDER_STEP_UNITS = 1e-9  # roots of the area: a million times the rounding of a turned float64
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Frame:
         return out
 
     def order(self, points: FloatArray) -> IntArray:
-        """(n,) points by their coordinates in the frame, in steps of SAME_PLACE; ties stay as they are."""
-        x, y, z = np.round(self.inside(points) / SAME_PLACE).T
+        """(n,) points by their coordinates in the frame, in steps of ORDER_STEP_UNITS; ties stay as they are."""
+        x, y, z = np.round(self.inside(points) / ORDER_STEP_UNITS).T
         result: IntArray = np.lexsort((z, y, x))
         return result
 
@@ -53,53 +53,67 @@ def frame_of(points: FloatArray, faces: IntArray) -> Frame:
     origin = (used.min(0) + used.max(0)) / 2
     used -= origin
     size = float(np.sqrt((used**2).sum(1).max()))
-    area, first, second, _ = _moments(points, faces, origin, np.eye(3))
-    centre = first / area
-    _, _, second, _ = _moments(points, faces, origin + centre, np.eye(3))
+    area, centre = _centroid(points, faces, origin)
+    second, third = _moments(points, faces, origin + centre)
     used -= centre
     moment, axes = np.linalg.eigh(second / area)
     moment, axes = moment[::-1], axes[:, ::-1]
-    equal = -np.diff(moment) <= EQUAL * size**2
+    equal = -np.diff(moment) <= TIE_TOLERANCE_SIZES * size**2
     if equal.any():
         alike = np.array([equal[0], equal[0] | equal[1], equal[1]])
         axes = axes.copy()
         axes[:, alike] = _towards_farthest(used, axes[:, alike], size)
-    _, _, _, third = _moments(points, faces, origin + centre, axes)
-    skew = third / (area * size**3)
+    skew = np.einsum("ijk,id,jd,kd->d", third, axes, axes, axes) / (area * size**3)
     reach = np.array([_farthest(used, used @ axis, size) @ axis for axis in axes.T])
-    axes = axes * np.sign(np.where(np.abs(skew) > EQUAL, skew, np.where(reach == 0, 1.0, reach)))
+    axes = axes * np.sign(
+        np.where(np.abs(skew) > TIE_TOLERANCE_SIZES, skew, np.where(reach == 0, 1.0, reach))
+    )
     if np.linalg.det(axes) < 0:
-        unsure = np.flatnonzero(np.abs(skew) <= EQUAL)
+        unsure = np.flatnonzero(np.abs(skew) <= TIE_TOLERANCE_SIZES)
         axes[:, unsure[-1] if len(unsure) else np.abs(skew).argmin()] *= -1
     return Frame(origin + centre, axes, float(np.sqrt(area)))
 
 
-def _moments(
-    points: FloatArray, faces: IntArray, origin: FloatArray, axes: FloatArray
-) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    """(area, (3,) first, (3, 3) second, (3,) third moments along axes) of a surface about an origin.
-
-    The first two are exact; the third is that of the centroids of the faces.
-    """
-    total, first, second, third = 0.0, np.zeros(3), np.zeros((3, 3)), np.zeros(3)
+def _centroid(points: FloatArray, faces: IntArray, origin: FloatArray) -> tuple[float, FloatArray]:
+    """(area, (3,) centroid about an origin) of a surface."""
+    total, first = 0.0, np.zeros(3)
     for k in slices(len(faces)):
-        corner = (points[faces[k]] - origin) @ axes
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        area = np.sqrt((normal**2).sum(1)) / 2
-        middle = corner.mean(1)
+        corner = points[faces[k]] - origin
+        area = _areas(corner)
         total += float(area.sum())
-        first += area @ middle
+        first += area @ corner.mean(1)
+    return total, first / total
+
+
+def _moments(
+    points: FloatArray, faces: IntArray, origin: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """((3, 3) second, (3, 3, 3) third moments) of a surface about an origin.
+
+    The second is exact; the third is that of the centroids of the faces.
+    """
+    second, third = np.zeros((3, 3)), np.zeros((3, 3, 3))
+    for k in slices(len(faces)):
+        corner = points[faces[k]] - origin
+        area, middle = _areas(corner), corner.mean(1)
         # of a triangle with corners p and centroid q: area (Σ p pᵀ + 9 q qᵀ) / 12
         second += np.einsum("m,mki,mkj->ij", area, corner, corner) / 12
         second += np.einsum("m,mi,mj->ij", area, middle, middle) * 0.75
-        third += area @ middle**3
-    return total, first, second, third
+        pairs = middle[:, :, None] * middle[:, None]
+        third += np.einsum("mi,mjk->ijk", area[:, None] * middle, pairs)
+    return second, third
+
+
+def _areas(corner: FloatArray) -> FloatArray:
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    result: FloatArray = np.sqrt((normal**2).sum(1)) / 2
+    return result
 
 
 def _farthest(points: FloatArray, reach: FloatArray, size: float) -> FloatArray:
     """(3,) the point of the largest absolute reach; of several the one with the lowest coordinates."""
     most = np.abs(reach).max()
-    near = points[np.abs(reach) >= most - EQUAL * size]
+    near = points[np.abs(reach) >= most - TIE_TOLERANCE_SIZES * size]
     result: FloatArray = near[np.lexsort(near.T)[0]]
     return result
 

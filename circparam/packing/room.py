@@ -35,6 +35,12 @@ class Room:
     scale: float
 
 
+def by_page(corners: FloatArray) -> list[FloatArray]:
+    """(t, 3, 2) triangles of each page, in its unit square. corners: (m, 3, 2); page k is k to the right."""
+    page = np.maximum(np.floor(corners[:, :, 0].mean(1)), 0).astype(np.int64)
+    return [corners[page == k] - [k, 0] for k in range(int(page.max(initial=0)) + 1)]
+
+
 def find_room(
     shapes: Shapes, pages: Sequence[FloatArray], options: PackOptions, exact: bool
 ) -> Room | None:

@@ -25,7 +25,7 @@ from circparam.seams.constraints import constrain
 from circparam.seams.options import SeamOptions, Seams
 
 CHARTS_COST = 10.0  # seconds that charts take at least over those of the repair: 20 on many meshes
-SAME_SHAPE = 1e-6  # share by which rounding in another frame may change the area of a face
+AREA_ROUNDING_SHARE = 1e-6  # share by which rounding in another frame may change the area of a face
 # errors of numerical methods on meshes beyond double precision
 NUMERICAL = (NoResultError, np.linalg.LinAlgError, ArithmeticError)
 
@@ -58,7 +58,9 @@ def seams_in_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Moni
     frame = frame_of(surface.points, surface.faces)
     own = replace(surface, points=frame.inside(surface.points))
     # faces that are tiny beside their surface may keep their shape near the origin of the file alone
-    if not np.allclose(own.areas * frame.unit**2, surface.areas, rtol=SAME_SHAPE, atol=0.0):
+    if not np.allclose(
+        own.areas * frame.unit**2, surface.areas, rtol=AREA_ROUNDING_SHARE, atol=0.0
+    ):
         return SEAMS[cut].function(surface, asked, monitor)
     seams = SEAMS[cut].function(own, asked, monitor)
     return seams if seams.uv is None else replace(seams, uv=seams.uv * frame.unit)

@@ -18,7 +18,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, shapes_of
-from circparam.packing.room import Room, find_room, free_share
+from circparam.packing.room import Room, by_page, find_room, free_share
 from circparam.pipeline.options import Options
 from circparam.pipeline.selection import selected_faces
 from circparam.pipeline.verify import Verification, corners_of, uv_seams
@@ -66,14 +66,12 @@ class Kept:
         """
         corners, ok = corners_of(self.whole, self.uvmap)
         corners = corners[ok & ~self.fresh]
-        page = np.maximum(np.floor(corners[:, :, 0].mean(1)), 0)
-        if page.max(initial=0) >= PAGES.high:
+        if np.floor(corners[:, :, 0].mean(1)).max(initial=0) >= PAGES.high:
             raise OptionError(
                 f"uv that stay reach u = {corners[:, :, 0].max():.4g}: at most {PAGES.high:g} pages, "
                 "each 1 wide, can be kept. Lay all charts out anew, without --only and --lock"
             )
-        page = page.astype(np.int64)
-        return [corners[page == k] - [k, 0] for k in range(int(page.max(initial=0)) + 1)]
+        return by_page(corners)
 
     def notes(self, uvmap: UVMap) -> list[str]:
         """A line where corners that stay were rounded, as the numbers of another format are coarser."""

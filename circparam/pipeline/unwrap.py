@@ -7,6 +7,7 @@ again. Nothing is printed; notes and warnings are in the ``Result``.
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any, Unpack
 
@@ -49,7 +50,7 @@ from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 # machine: for projected charts with all later stages; for packing in rows, writing and verifying; for all but
 # packing.
 LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
-KEPT = 0.05  # seconds added to the reserve
+RESERVE_SECONDS = 0.05  # seconds added to the reserve
 KEEPING = 100_000  # faces from which on freed memory is kept for the next arrays
 
 
@@ -117,50 +118,48 @@ def _unwrapped(
 def _searched(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
     """The layout as it will be stored, and the searches.
 
-    Copies drawn with other diagonals may come above the bound, unless their original keeps to half its excess.
+    Two outcomes call for another search. The charts of a draft may not fit on pages of a fixed size, where
+    those of a full search may. Copies drawn with other diagonals may exceed the bound; an original at half the
+    excess leaves room for them.
     """
-    options = job.options
-    fitted, effort = _searched_to_fit(job, monitor)
-    if options.bound is None or job.stacks is None or monitor.expired:
-        return fitted, effort
-    if copies_hold(job.stacks, fitted.uvmap, options.bound):
-        return fitted, effort
-    checkpoint.forget(job)
-    stricter = replace(options, max_distortion=(1 + options.bound) / 2)
-    return _searched_to_fit(replace(job, options=stricter), monitor)
+    asked, options = job.options, job.options
+    while True:
+        trial = job if options is asked else replace(job, options=options)
+        try:
+            with nullcontext() if trial is job else monitor.shown_as("search"):
+                fitted, effort = _search(trial, monitor)
+        except OptionError:
+            if not options.draft or options.texel_density is None:
+                raise
+            checkpoint.forget(trial)
+            options = replace(options, effort=1.0)
+            continue
+        if options.draft != asked.draft:
+            note = (
+                f"the charts of a draft do not fit at --texel-density {options.texel_density:g}: "
+                "a full search was made (--effort normal)"
+            )
+            fitted = replace(fitted, cascade=fitted.cascade.noted(note))
+        if trial is not job:
+            checkpoint.forget(trial)
+        bound, stacks = options.bound, job.stacks
+        if bound is None or bound != asked.bound or stacks is None or monitor.expired:
+            return fitted, effort
+        if copies_hold(stacks, fitted.uvmap, bound):
+            return fitted, effort
+        options = replace(options, max_distortion=(1 + bound) / 2)
 
 
-def _searched_to_fit(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
-    """As ``_searched``. Charts of a draft may be longer than pages of a size that is fixed; those of a full
-    search may fit."""
-    options = job.options
-    try:
-        return _searched_once(job, monitor)
-    except OptionError:
-        if not options.draft or options.texel_density is None:
-            raise
-    checkpoint.forget(job)
-    full = replace(job, options=replace(options, effort=1.0))
-    with monitor.shown_as("search"):
-        fitted, effort = _searched_once(full, monitor)
-    checkpoint.forget(full)
-    note = (
-        f"the charts of a draft do not fit at --texel-density {options.texel_density:g}: "
-        "a full search was made (--effort normal)"
-    )
-    return replace(fitted, cascade=fitted.cascade.noted(note)), effort
-
-
-def _searched_once(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
-    """As ``_searched``. Raises OptionError if charts fit on no page of the size asked for."""
+def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
+    """One search. Raises OptionError if charts fit on no page of the size asked for."""
     options = job.options
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
-    with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
+    with monitor.holding(PACK_COST * pace + RESERVE_SECONDS), monitor.stage("seams"):
         seams = checkpoint.seams_of(job, monitor, find_seams)
         with monitor.stage("flatten"):
             cascade = first_layout(job, seams, monitor)
-    with monitor.holding(WRITE_COST * pace + KEPT):
+    with monitor.holding(WRITE_COST * pace + RESERVE_SECONDS):
         with monitor.stage("pack"):
             filled = with_room(cascade, options, monitor)
         best, effort = best_layout(filled, job, monitor)

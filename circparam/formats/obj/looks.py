@@ -35,7 +35,7 @@ SLOTS = {
 NORMAL = {word: Slot(f"{word} (normals)", RGB, word, kind="normal") for word in BUMP}
 TINTS = {"map_kd": "kd", "map_ka": "ka", "map_ks": "ks", "map_ke": "ke"}
 # options that give the meaning of values; the others give their place
-KEPT = ("-bm", "-mm", "-imfchan")
+KEPT_OPTIONS = ("-bm", "-mm", "-imfchan")
 _BLUE = 0.25  # largest distance of the mean of an image of normals from (½, ½, 1), or above
 
 
@@ -226,7 +226,7 @@ def library_text(
             key = word.lower()
             if key in pages:
                 kept, _ = split_options(rest)
-                options = [" ".join([o, *v]) for o, v in kept.items() if o in KEPT]
+                options = [" ".join([o, *v]) for o, v in kept.items() if o in KEPT_OPTIONS]
                 out.append(" ".join([word, *options, names[key]]))
                 pages.pop(key)
             elif key in tints:
