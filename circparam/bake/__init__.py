@@ -3,8 +3,6 @@
 The package can be called: ``circparam.bake(mesh, kind, output)`` is ``bake_mesh``.
 """
 
-from __future__ import annotations
-
 from circparam.bake.bake import KINDS, Baked, bake, bake_document
 from circparam.bake.files import bake_mesh
 from circparam.bake.write import check_target, write_baked

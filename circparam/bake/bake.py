@@ -4,8 +4,6 @@ Every texel with its centre on a face is looked up on that face. Colours then gr
 boundary of a chart never takes in background.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import field, replace
 from typing import Any, Literal, TypeAlias

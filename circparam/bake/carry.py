@@ -7,8 +7,6 @@ go from the old tangent frame to the surface and from there into the new one. Te
 the nearest colour.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -85,7 +83,9 @@ def carry(
     return Carried(pages, groups, uv_set, tangents, source.kept), texels
 
 
-def _painted(work: Work, parts: list[Part], slots: set[Slot], monitor: Monitor) -> dict[str, bytes]:
+def _painted(
+    work: Work, parts: "list[Part]", slots: set[Slot], monitor: Monitor
+) -> dict[str, bytes]:
     """PNG bytes of every page."""
     size, texels = work.texels.size, work.texels
     width: dict[str, int] = {}

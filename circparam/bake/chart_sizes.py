@@ -1,7 +1,5 @@
 """Sizes of charts by their images: plain charts tiny, and on request sharp charts large."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.bake.look_source import Source

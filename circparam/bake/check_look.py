@@ -5,8 +5,6 @@ light. Normals and directions are drawn as they lie in space. PSNR is that of wh
 et al. (2004), with a Gaussian window of 1.5 pixels.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Two files of one place, one of them glTF, in which y points up, and the other with z up."""
 
-from __future__ import annotations
-
 from circparam.bake.sampling import Closest, apart, same_surface
 from circparam.formats.document import Document
 from circparam.formats.table import up_of

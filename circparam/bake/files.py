@@ -1,7 +1,5 @@
 """``circparam.bake``: ``circparam bake`` for files and documents in Python."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

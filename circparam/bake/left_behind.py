@@ -1,7 +1,5 @@
 """Textures that a bake of one image would leave behind, drawn for the replaced uv."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A file whose looks are carried: its materials, decoded images, old uv and tangent frames."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
@@ -36,7 +34,7 @@ class Source:
     _known: dict[Any, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, document: Document, keep_tiled: bool = False) -> Source:
+    def of(cls, document: Document, keep_tiled: bool = False) -> "Source":
         """The look of a document; keep_tiled: without the materials whose images repeat.
 
         Raises InputError if images or uv are missing, broken or not finite.

@@ -4,8 +4,6 @@ A factor common to a group stands in its material, and a texel holds the rest. F
 is unchanged. Means are taken of values in linear light.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ cage. Otherwise the texel stays empty and is filled like padding. With a map the
 source, every vertex to its place. Rays then take the nearest hit.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A textured model in a new layout, looking as it did: unwrap, carry every image, write, verify."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import field, replace

@@ -3,8 +3,6 @@
 A ``Paint`` is a function (face (p,) int64, bary (p, 3)) → (p, c) colours, 0..1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

@@ -1,8 +1,6 @@
 """How sharp carried images are beside the old ones: which size keeps their texels, and which image loses
 some."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -36,7 +34,7 @@ class Sharpness:
 
 
 def needed_size(source: Source, layout: UVMap | None) -> int:
-    """The smallest power of two, SMALLEST to LARGEST, that keeps LEAST_DENSITY_SHARE of the density of every image.
+    """The smallest power of two, SMALLEST to LARGEST, that keeps enough of the density of every image.
 
     layout: None before there is one; then the page is taken for FILLED by charts without distortion. Repeated
     images need at most PATTERN, others at most GROWN times the side of a page with all their texels.

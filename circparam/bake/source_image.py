@@ -4,8 +4,6 @@ Samples blend the four texels round a place in linear light, as graphics hardwar
 (bilinear). They use the level whose texels have about the size of a sample.
 """
 
-from __future__ import annotations
-
 from functools import cache, cached_property
 from typing import Any
 

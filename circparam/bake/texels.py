@@ -4,8 +4,6 @@ A texel whose centre a face covers shows the point under its centre. The ring of
 nearest point of the chart. A bilinear sample at the very edge therefore has the colour of that edge.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import TypeAlias
 

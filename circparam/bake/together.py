@@ -1,7 +1,5 @@
 """Several textured files with one atlas and one set of images: laid out, carried and checked as one model."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import replace

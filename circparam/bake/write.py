@@ -1,7 +1,5 @@
 """Baked images on the disk: as PNG, one a tile, or inside a GLB whose materials show them."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

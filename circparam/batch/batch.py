@@ -1,7 +1,5 @@
 """A whole batch: list, check, continue from the manifest, run on a cluster, tell. ``run_batch`` is the door."""
 
-from __future__ import annotations
-
 import contextlib
 import glob
 import json

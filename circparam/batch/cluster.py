@@ -1,7 +1,5 @@
 """The engine: a Dask client on a cluster of this machine, or on one that runs already."""
 
-from __future__ import annotations
-
 import contextlib
 import glob
 import importlib.util

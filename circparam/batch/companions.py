@@ -1,7 +1,5 @@
 """A remote file on this machine, with the files beside it that its content needs: buffers of a glTF ..."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -4,8 +4,6 @@ The data base lies on the disk, so ten million files take no more memory than te
 the data base, because the manifest is the truth and the index only orders its lines.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import os
@@ -53,7 +51,7 @@ class Index:
         self.data = sqlite3.connect("")  # a file without a name, gone with the process
         self.data.executescript(_TABLES)
 
-    def __enter__(self) -> Index:
+    def __enter__(self) -> "Index":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -5,8 +5,6 @@ gone. The cluster prints one line on standard output: the address of its schedul
 which it removes where whoever started it no longer can.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

@@ -5,8 +5,6 @@ append. Lines go to a journal on this machine, and the whole journal is put into
 and at the end.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

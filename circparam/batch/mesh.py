@@ -1,7 +1,5 @@
 """One mesh of a batch, as a process of its own does it: from a local file to files in a scratch folder."""
 
-from __future__ import annotations
-
 import os
 import traceback
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Small pictures of results for the report: the surface with a checker, and its layout."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import tempfile

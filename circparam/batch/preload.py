@@ -1,7 +1,5 @@
 """For Dask's workers of a local cluster: a warm server is started with the worker, not with its first mesh."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

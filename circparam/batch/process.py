@@ -1,7 +1,5 @@
 """Warm servers inside a worker: one for each thread that asks, started when the first mesh comes."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import os
@@ -22,8 +20,8 @@ from circparam.core.workers import environment
 START = 120.0  # seconds that a server may take to import everything
 MORE = 30.0  # seconds that a server has, after the hard stop of a mesh, to say so
 TICK = 0.1
-_FREE: list[WarmServer] = []
-_COMING: list[Future[WarmServer]] = []  # started before anybody asked
+_FREE: "list[WarmServer]" = []
+_COMING: "list[Future[WarmServer]]" = []  # started before anybody asked
 _LOCK = threading.Lock()
 
 

@@ -1,7 +1,5 @@
 """Progress of a batch as values, which the command line draws and ``--status`` reads from the disk."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections import deque

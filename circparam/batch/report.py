@@ -1,7 +1,5 @@
 """The report of a folder of results: a page that needs nothing else, and all figures as CSV beside it."""
 
-from __future__ import annotations
-
 import csv
 import functools
 import html

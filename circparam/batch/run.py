@@ -1,8 +1,6 @@
 """The batch itself. A bounded window of tasks is at Dask, and lines enter the manifest as they come. Errors
 that may pass lead to new attempts. Another run can continue after any end."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

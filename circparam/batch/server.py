@@ -6,8 +6,6 @@ is watched: its time, its memory, its end. With ``reuse`` (Windows, macOS) the s
 asked ends the server instead. When who asked is gone, child and scratch folder go too.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import gc

@@ -1,7 +1,5 @@
 """Settings that all files of a batch share, as sent to the workers."""
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 from collections.abc import Callable

@@ -5,8 +5,6 @@ name of a single file is the last part of its path. A file found by a glob is na
 without wildcards. A file of a list is named by its path in the list.
 """
 
-from __future__ import annotations
-
 import codecs
 import functools
 import glob

@@ -4,8 +4,6 @@ Local files are never handled by fsspec. A remote call is tried again some times
 and then; a file is put there whole or not at all.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import os

@@ -4,8 +4,6 @@ Nothing is raised: every outcome is a line of the manifest. The line has ``again
 otherwise (a store that refuses, a full disk, a process that somebody ended).
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import functools

@@ -1,7 +1,5 @@
 """``circparam bake``: colours, a texture, normals or heights, carried into the new uv."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

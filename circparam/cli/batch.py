@@ -1,7 +1,5 @@
 """``circparam batch``: many files, on all cores or on a cluster, with a manifest to continue from."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import json
@@ -112,7 +110,7 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
 command.params += _unwrap_options()
 
 
-def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
+def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "Plan":
     """The plan of a batch from the command line. Raises OptionError before anything is listed."""
     if not sources:
         raise OptionError("SOURCE is missing: name files, folders, globs or @list.txt")
@@ -144,7 +142,7 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
     )  # fmt: skip
 
 
-def _end(summary: Summary, given: dict[str, Any]) -> int:
+def _end(summary: "Summary", given: dict[str, Any]) -> int:
     """Tell how it ended; the exit code. Raises GateError if too many failed."""
     from circparam.cli.batch_progress import print_summary
 

@@ -1,7 +1,5 @@
 """Display of a batch while it runs and at its end: a few lines that renew themselves, or one line a minute."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import time
@@ -46,7 +44,7 @@ class Screen:
         with signals.asked_first(ask):
             yield
 
-    def show(self, progress: Progress) -> None:
+    def show(self, progress: "Progress") -> None:
         """How far it is: at once on a terminal, once a minute elsewhere."""
         if self.silent:
             return
@@ -78,7 +76,7 @@ class Screen:
         else:
             click.echo(f"circparam: {text}", err=True)
 
-    def _draw(self, progress: Progress) -> None:
+    def _draw(self, progress: "Progress") -> None:
         from rich.console import Console, Group
         from rich.text import Text
 
@@ -107,7 +105,7 @@ class Screen:
             self._live = None
 
 
-def headline(progress: Progress) -> str:
+def headline(progress: "Progress") -> str:
     """The whole state in one line."""
     parts = [f"{progress.skipped + progress.done} of {progress.total} done"]
     if progress.skipped:
@@ -142,7 +140,7 @@ def escaped(name: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def print_summary(summary: Summary) -> None:
+def print_summary(summary: "Summary") -> None:
     """The end of a batch as a table."""
     counts = [f"{n} {kind}" for kind, n in sorted(summary.counts.items())]
     table = facts([("files", summary.total), ("status", ", ".join(counts) or "none done")])

@@ -1,7 +1,5 @@
 """``circparam blender``: hand out the add-on for Blender."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """``circparam check``: topology of a mesh and quality of its uv."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

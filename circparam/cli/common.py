@@ -4,8 +4,6 @@ The metadata of the fields of ``Options`` give the options of the library; optio
 stand here.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """``circparam compare``: several methods on the identical cut, side by side."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os
@@ -125,7 +123,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
 
 def _compared(
     meshes: tuple[str, ...], names: list[str], given: dict[str, Any]
-) -> Iterator[tuple[str | None, Comparison | int]]:
+) -> "Iterator[tuple[str | None, Comparison | int]]":
     """The comparison of each mesh, with a name if it differs from the file's; the exit code of a mesh that
     cannot be compared, if there are others."""
     from circparam import samples
@@ -151,7 +149,7 @@ def _compared(
         yield None if meshes else mesh, result
 
 
-def _write(found: list[Comparison], sizes: list[Size] | None, given: dict[str, Any]) -> None:
+def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[str, Any]) -> None:
     """JSON, CSV, the page and the image, as asked for."""
     if given["as_json"]:
         document = _document(found, sizes, given["repeats"])
@@ -187,7 +185,9 @@ def _check_output(path: str, overwrite: bool, ending: str = "") -> None:
     check_place(path, overwrite)
 
 
-def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -> dict[str, Any]:
+def _document(
+    found: "list[Comparison]", sizes: "list[Size] | None", repeats: int
+) -> dict[str, Any]:
     from circparam import __version__
     from circparam.compare import kim2019
 
@@ -199,7 +199,7 @@ def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -
     return {"schema": SCHEMA, "version": __version__, "meshes": meshes, "table1": printed}
 
 
-def _csv(found: list[Comparison]) -> str:
+def _csv(found: "list[Comparison]") -> str:
     """One line a mesh and method; stages as columns, seconds."""
     rows = []
     for c in found:

@@ -1,7 +1,5 @@
 """Output of a comparison: cost and quality of each row, and Table 1 of the source."""
 
-from __future__ import annotations
-
 import textwrap
 from typing import TYPE_CHECKING
 
@@ -30,7 +28,7 @@ _QUALITY: Figures = {
 _SECONDS = ("weights", "solve", "total")
 
 
-def print_comparison(found: Comparison, shown: str | None = None) -> None:
+def print_comparison(found: "Comparison", shown: str | None = None) -> None:
     """Cost and quality of each row, two tables of at most 80 columns, and the notes.
 
     shown: a name for the mesh in place of that of its file.
@@ -52,7 +50,7 @@ def print_comparison(found: Comparison, shown: str | None = None) -> None:
     click.echo()
 
 
-def _cost(row: Entry) -> list[str]:
+def _cost(row: "Entry") -> list[str]:
     if row.status == "failed":
         return ["failed"]
     seconds = [row.stages.get("weights"), row.stages.get("solve"), row.seconds]
@@ -65,11 +63,11 @@ def _cost(row: Entry) -> list[str]:
     ]
 
 
-def _figures(row: Entry, chosen: Figures) -> list[str]:
+def _figures(row: "Entry", chosen: Figures) -> list[str]:
     return [_number(row.figures[name], digits) for name, digits in chosen.values()]
 
 
-def print_table1(sizes: list[Size], repeats: int) -> None:
+def print_table1(sizes: "list[Size]", repeats: int) -> None:
     """Table 1 of the source beside the measured values."""
     from circparam.compare.kim2019 import RANGE
 

@@ -17,8 +17,6 @@ code  meaning
 ====  =====================================================================================
 """
 
-from __future__ import annotations
-
 import errno
 
 from circparam import errors

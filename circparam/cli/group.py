@@ -4,8 +4,6 @@ A command is one module and one row. ``circparam --help`` reads only the summari
 neither NumPy nor trimesh. An error becomes one line and a documented code here and nowhere else.
 """
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import importlib

@@ -1,7 +1,5 @@
 """``circparam map``: one surface onto another, one to one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``circparam methods``: every method, its source and its guarantees."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

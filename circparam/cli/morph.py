@@ -1,7 +1,5 @@
 """``circparam morph``: one mesh as a morph target of another, in a GLB that plays."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

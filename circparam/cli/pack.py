@@ -1,7 +1,5 @@
 """``circparam pack``: the charts that a file has, laid out anew."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

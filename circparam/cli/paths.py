@@ -1,7 +1,5 @@
 """Places of outputs, and checks before any work begins."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

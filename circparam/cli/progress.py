@@ -1,7 +1,5 @@
 """Output on stderr: a bar for work over two seconds, warnings, and nothing at all with --quiet."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

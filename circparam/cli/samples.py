@@ -1,7 +1,5 @@
 """``circparam samples``: list the bundled meshes, or save one."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,7 +62,7 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
         console().print(facts((key.replace("_", " "), value) for key, value in lines.items()))
 
 
-def _print_table(rows: tuple[Sample, ...]) -> None:
+def _print_table(rows: "tuple[Sample, ...]") -> None:
     """Every sample with its size, then a description of each."""
     from circparam.cli.tables import columns, console, facts
 
@@ -81,7 +79,7 @@ def _print_table(rows: tuple[Sample, ...]) -> None:
     out.print(facts((s.name, s.summary) for s in rows))
 
 
-def _save(sample: Sample, output: str, overwrite: bool) -> list[str]:
+def _save(sample: "Sample", output: str, overwrite: bool) -> list[str]:
     """Copy a sample and its files; returns the paths written."""
     from circparam import samples
     from circparam.core.files import write_files

@@ -6,8 +6,6 @@ If the main thread has not ended shortly after, the watcher removes the temporar
 The same thread answers SIGUSR1 (where it exists) at once, with a line of progress on stderr.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

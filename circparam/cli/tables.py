@@ -4,8 +4,6 @@ All tables have one style: facts (a bold name, then its value) or columns (a bol
 right). None has lines.
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping

@@ -1,7 +1,5 @@
 """``circparam transfer``: the layout of one mesh on its other levels of detail."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

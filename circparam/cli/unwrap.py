@@ -1,7 +1,5 @@
 """``circparam unwrap``: the whole way from a mesh file to the same file with uv."""
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import replace

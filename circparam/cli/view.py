@@ -1,7 +1,5 @@
 """``circparam view``: the layout, the surface with a checker, and the distortion, in one file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

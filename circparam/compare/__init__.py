@@ -3,8 +3,6 @@
 The package can be called: ``circparam.compare(mesh, methods)`` is ``circparam.compare.compare.compare``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

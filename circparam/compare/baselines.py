@@ -4,8 +4,6 @@
 setting.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import time
 from typing import Any, TypeAlias

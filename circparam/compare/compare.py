@@ -5,8 +5,6 @@ written files measures all. Rows that have seams of their own (the file's own uv
 of ``circparam.compare.baselines``) are judged as they are.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

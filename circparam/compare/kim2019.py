@@ -5,8 +5,6 @@ The source (Kim 2019) times its weights against Floater's shape preserving ones 
 The ratio found here is reported as it is.
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

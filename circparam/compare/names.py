@@ -1,7 +1,5 @@
 """Names of rows: the methods of the library, and the baselines."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from circparam.compare.baselines import BASELINES, require

@@ -4,8 +4,6 @@ The child reads its arrays, notes its memory, runs, and notes the peak. The diff
 function. Started as ``python -m circparam.compare.process FOLDER``; nothing else uses that door.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import json

@@ -1,7 +1,5 @@
 """A comparison as plain values: one row a method."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import field, replace

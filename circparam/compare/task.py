@@ -1,7 +1,5 @@
 """One method in a process of its own: input and output are plain arrays and values."""
 
-from __future__ import annotations
-
 import dataclasses
 import statistics
 import time

@@ -1,7 +1,5 @@
 """The files that an output refers to: which of them go along, and which will not resolve."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable
 from dataclasses import field

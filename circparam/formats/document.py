@@ -4,8 +4,6 @@ A ``Document`` is a file in memory that can write itself again with another uv l
 kept. Each format has its own subclass; ``circparam.formats`` is the only door to them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import field
 from pathlib import Path
@@ -216,7 +214,7 @@ class Document:
         """
         return None
 
-    def dressed(self, carried: Carried) -> Document:
+    def dressed(self, carried: Carried) -> "Document":
         """The same file, to be written with images that were carried into the layout of its next
         ``rewrite``."""
         raise NoResultError(f"{self.source.name}: {self.format.upper()} has no place for images")
@@ -272,7 +270,7 @@ class Document:
         """Raise OptionError for options that this file has no place for."""
 
     def edited(
-        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+        self, uvmap: UVMap, replaced: "Replaced", options: WriteOptions, format: str, stem: str
     ) -> Encoded:
         """The file with uv in the set ``replaced.number`` and everything else kept, in one of own_formats."""
         raise NotImplementedError

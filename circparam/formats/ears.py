@@ -1,7 +1,5 @@
 """Ear clipping of one polygon in the plane: near-linear, by boxes round corners that lie together."""
 
-from __future__ import annotations
-
 import heapq
 
 import numpy as np

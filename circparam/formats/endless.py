@@ -3,8 +3,6 @@
 A word takes 16 bytes beside its own, so a line of gigabytes takes tens of them, and no mesh has such a line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import BinaryIO
 

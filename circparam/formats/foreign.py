@@ -4,8 +4,6 @@ Triangles, uv and node transforms come through; materials, names and whatever el
 the document says so. Nothing of these formats is written back: GLB by default.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import io
 import zipfile

@@ -1,7 +1,5 @@
 """Files in and out: sniff, read, encode and write through the table of formats."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import itertools

@@ -4,8 +4,6 @@ The meshes stand side by side in a lattice, so no vertices of two files coincide
 their own positions. A layout of the whole is cut into one for each file again, and so are carried images.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace

@@ -6,8 +6,6 @@ materials of a file, face by face. ``Carried`` replaces them after their images 
 linear light, and v points down, as rows of images do.
 """
 
-from __future__ import annotations
-
 import io
 import warnings
 from dataclasses import field

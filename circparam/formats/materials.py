@@ -4,8 +4,6 @@ Each format finds its own (``obj/materials.py``, ``ply/materials.py``, ``gltf/ma
 ``Document.colours`` and ``Document.textures``. Colours are sRGB, 0..1. Pillow is loaded when an image is.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from dataclasses import field
@@ -130,7 +128,7 @@ def linear(colour: FloatArray) -> FloatArray:
     return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
 
 
-def decode(data: bytes, name: str) -> Image.Image:
+def decode(data: bytes, name: str) -> "Image.Image":
     """An image as RGB or RGBA. Raises InputError if it is broken, unknown, or absurdly large."""
     from PIL import Image, UnidentifiedImageError
 

@@ -1,7 +1,5 @@
 """Meshes that come from memory: arrays and trimesh objects."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -109,7 +107,7 @@ class TrimeshDocument(PlainDocument):
     visual: Any = None
 
     @property
-    def image(self) -> Image | None:
+    def image(self) -> "Image | None":
         """The image of the base colour; trimesh gives a material without one four equal pixels."""
         material = getattr(self.visual, "material", None)
         image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
@@ -152,7 +150,7 @@ def _colours(given: Any, n: int) -> FloatArray | None:
     return result
 
 
-def from_trimesh(mesh: trimesh.Trimesh | Any) -> Document:
+def from_trimesh(mesh: "trimesh.Trimesh | Any") -> Document:
     """A document from a trimesh.Trimesh, with its uv, colours and base colour texture.
 
     Raises InputError for an object without faces, such as a PointCloud.
@@ -178,8 +176,8 @@ def to_trimesh(
     faces: IntArray,
     uv: npt.NDArray[np.float32],
     colours: FloatArray | None = None,
-    image: Image | None = None,
-) -> Trimesh:
+    image: "Image | None" = None,
+) -> "Trimesh":
     """Points (k, 3), faces (m, 3) and a uv for each point (k, 2) as a trimesh.Trimesh, in their order.
 
     colours: (m, 3, 3) in 0..1 of the corners; kept where each point has one. image: drawn for these uv.

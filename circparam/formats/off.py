@@ -1,7 +1,5 @@
 """OFF: read, no place for uv."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

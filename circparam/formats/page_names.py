@@ -1,7 +1,5 @@
 """Names of pages in comments of text formats: ``circparam page 1001 steel``, a line for each page."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -4,8 +4,6 @@ The fan from the first corner whose triangles all agree with the polygon's norma
 clipped in the coordinate plane in which the polygon is largest.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray

@@ -5,8 +5,6 @@ output is arrays, or one line about an error, on standard output. The parsers be
 file to a huge one, and compiled parsers may crash. A process of their own protects the caller.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

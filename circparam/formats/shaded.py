@@ -1,7 +1,5 @@
 """A vertex for each normal that a vertex has, for formats in which a vertex has one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ All are plain text, one item a line, numbers separated by blanks or commas, ``#`
 Vertices count from 0, as in the arrays of the library; in the ``l`` elements of an OBJ from 1, as there.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Where bytes come from: a source by name, its content, and the files that lie beside it."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

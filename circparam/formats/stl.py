@@ -1,7 +1,5 @@
 """STL: no place for uv, and no shared vertices. Binary files are one array, text is read through trimesh."""
 
-from __future__ import annotations
-
 import io
 import logging
 import re

@@ -1,7 +1,5 @@
 """FORMATS: every file format, as one table; all that the rest of the package knows of a format is its row."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping
 

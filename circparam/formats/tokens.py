@@ -1,7 +1,5 @@
 """Text and bytes as arrays: tokens, numbers, and edits of a file at many places at once."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The up axis: y in glTF; z in STL, PLY and files of CAD programs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from circparam.core.arrays import FloatArray

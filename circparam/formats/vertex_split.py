@@ -1,7 +1,5 @@
 """Duplicate vertices along seams, for formats in which a vertex has one uv."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray

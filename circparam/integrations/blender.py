@@ -1,7 +1,5 @@
 """The add-on for Blender as the zip file that Blender installs."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping

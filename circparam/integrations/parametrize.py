@@ -1,7 +1,5 @@
 """xatlas' one call, ``vmapping, indices, uvs = parametrize(vertices, faces)``, with layouts of circparam."""
 
-from __future__ import annotations
-
 from typing import TypeAlias, Unpack
 
 import numpy as np

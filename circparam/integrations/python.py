@@ -1,8 +1,6 @@
 """The functions of ``import circparam``: those of the pipeline, with their options listed and errors in
 Python's words."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect as introspection
 from collections.abc import Callable

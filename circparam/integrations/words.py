@@ -4,8 +4,6 @@
 types a command. The messages are written once, with flags; here they are turned into keywords.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Maps between two surfaces: for each vertex of one the place on the other, and back."""
 
-from __future__ import annotations
-
 from circparam.maps.surface_map import Places, SurfaceMap, load_map, save_map
 
 __all__ = ["Places", "SurfaceMap", "load_map", "save_map"]

@@ -7,8 +7,6 @@ others take another chart, or another side of a seam. A linear programme moves w
 least drift (``least_drift``), and the few faces that no drift mends are laid in free room (``loose_faces``).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 
@@ -67,11 +65,11 @@ class SurfacePoints:
     bary: FloatArray
     distance: FloatArray
 
-    def take(self, rows: IntArray) -> SurfacePoints:
+    def take(self, rows: IntArray) -> "SurfacePoints":
         """Some of the points."""
         return SurfacePoints(self.face[rows], self.bary[rows], self.distance[rows])
 
-    def put(self, rows: IntArray, new: SurfacePoints) -> None:
+    def put(self, rows: IntArray, new: "SurfacePoints") -> None:
         """Others in some rows, in place."""
         self.face[rows], self.bary[rows], self.distance[rows] = new.face, new.bary, new.distance
 

@@ -5,8 +5,6 @@ The order of the arcs round the nodes is a map of the surface, so one pair of ar
 pair is tried.
 """
 
-from __future__ import annotations
-
 import itertools
 from functools import cached_property
 

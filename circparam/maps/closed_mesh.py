@@ -1,7 +1,5 @@
 """A closed working mesh: one side of a map, its boundaries closed by cones, its edges split at will."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
@@ -123,7 +121,7 @@ class ClosedMesh:
 
     def split(
         self, half_edges: IntArray, share: FloatArray | None = None
-    ) -> tuple[ClosedMesh, IntArray]:
+    ) -> "tuple[ClosedMesh, IntArray]":
         """Edges split into two each: (the mesh, (k,) the vertex that splits each).
 
         half_edges (k,): one of every edge. share (k,): the place along each edge, half if None.
@@ -147,7 +145,7 @@ class ClosedMesh:
             left = np.delete(left, now)
         return mesh, middle
 
-    def _split_apart(self, half_edges: IntArray, share: FloatArray) -> ClosedMesh:
+    def _split_apart(self, half_edges: IntArray, share: FloatArray) -> "ClosedMesh":
         """Split edges of which no face has two: a b c becomes a m c, in its place, and m b c, at the end."""
         h = np.concatenate([half_edges, self.twin[half_edges]])
         order = np.argsort(h)

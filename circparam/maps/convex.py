@@ -1,7 +1,5 @@
 """Convex combination maps: every free vertex is a weighted mean of its neighbours (Tutte, Floater)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -4,8 +4,6 @@ Every face lies as a cone of three vectors in a frame of its own. A place is a v
 and a walk across an edge multiplies by the matrix of that edge. On the sphere there is one frame and no matrix.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
@@ -147,11 +145,11 @@ class CoverPoints:
     weights: FloatArray
     turn: FloatArray
 
-    def take(self, count: int) -> CoverPoints:
+    def take(self, count: int) -> "CoverPoints":
         """The first places."""
         return CoverPoints(self.face[:count], self.weights[:count], self.turn[:count])
 
-    def put(self, rows: IntArray, other: CoverPoints) -> CoverPoints:
+    def put(self, rows: IntArray, other: "CoverPoints") -> "CoverPoints":
         """The places with others in some rows."""
         out = CoverPoints(self.face.copy(), self.weights.copy(), self.turn.copy())
         out.face[rows], out.weights[rows], out.turn[rows] = other.face, other.weights, other.turn

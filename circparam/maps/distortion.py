@@ -1,7 +1,5 @@
 """How far a map between two surfaces is from an isometry."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray

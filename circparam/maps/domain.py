@@ -1,7 +1,5 @@
 """The common domain of a map: both surfaces over one triangulation by arcs, patch on patch, no face flipped."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

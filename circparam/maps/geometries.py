@@ -6,8 +6,6 @@ Minkowski's space. In all three a geodesic is a plane through the origin. The we
 coordinates in three corners, and the sign of a determinant gives the orientation of a face.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from fractions import Fraction
 

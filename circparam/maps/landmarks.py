@@ -1,7 +1,5 @@
 """Landmarks: pairs of vertices that a map must take to each other, given, on boundaries, or guessed."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import field
 

@@ -10,8 +10,6 @@ On a sphere every region between connected arcs is a disk. With handles an arc m
 surface and open a handle on the other. Arcs are kept only if they do the same to both.
 """
 
-from __future__ import annotations
-
 import heapq
 import itertools
 from typing import NamedTuple

@@ -10,8 +10,6 @@ Vertices near a fault may move. With p the places that are wanted and x those fo
 Rounds repeat it from where it ended: heights are no linear functions, and one overlap cured shows the next.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -45,7 +43,7 @@ class Contacts:
     vertex: IntArray
     edge: IntArray
 
-    def beside(self, x: FloatArray) -> Contacts:
+    def beside(self, x: FloatArray) -> "Contacts":
         """Those whose vertex lies beside its edge at places (nv, 2), and hardly beyond its ends."""
         t = self.feet(x)[0]
         ok = (t > -BEYOND) & (t < 1 + BEYOND)

@@ -1,7 +1,5 @@
 """One atlas for all levels of detail: the layout of the first mesh on coarser or finer ones of its shape."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Faces that find no place on the sheets: each becomes a chart of its own in free room of the pages."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray

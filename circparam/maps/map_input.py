@@ -1,7 +1,5 @@
 """A mesh as one side of a map: its checks, and the closed mesh that replaces it."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Maps between two surfaces: ``circparam.map_surfaces``, also called by ``circparam map``."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import field, replace

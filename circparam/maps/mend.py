@@ -1,7 +1,5 @@
 """Turn single faces of a mesh back over its domain: their surroundings are mapped anew, patch by patch."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

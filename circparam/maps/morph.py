@@ -1,7 +1,5 @@
 """One mesh as a morph of another: the connectivity, uv and looks of A, moved onto B by a map."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from typing import Any
 

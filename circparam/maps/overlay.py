@@ -6,8 +6,6 @@ vertex may lie on an edge. The vertices of A are therefore first moved by a bill
 invisible.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two documents and the map between them: which way round it is, and whether it belongs to them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray

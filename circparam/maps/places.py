@@ -1,7 +1,5 @@
 """Places of vertices on the other sheet, along boundaries too, and their way back to the faces of the files."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray

@@ -5,8 +5,6 @@ Steps are Newton's, projected (Smith, Goes and Kim 2019), in the tangent planes 
 mesh may turn over in the domain, so the map stays one to one, and fixed vertices stay where they are.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

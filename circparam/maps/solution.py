@@ -1,7 +1,5 @@
 """The map between two surfaces: composed over their common domain, then relaxed towards an isometry."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

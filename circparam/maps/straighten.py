@@ -6,8 +6,6 @@ The diagonal of a convex map runs over the surface as smoothly as the map is; ed
 them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import next_half_edge

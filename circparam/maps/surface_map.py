@@ -1,7 +1,5 @@
 """The map between two surfaces as data: places on faces, both ways, and the file that keeps them (.npz)."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os
@@ -30,7 +28,7 @@ class Places:
     face: IntArray
     weights: FloatArray
 
-    def take(self, count: int) -> Places:
+    def take(self, count: int) -> "Places":
         """The first places."""
         return Places(self.face[:count], self.weights[:count])
 
@@ -53,7 +51,7 @@ class Refinement:
     on_a: Places
     on_b: Places
 
-    def turned(self) -> Refinement:
+    def turned(self) -> "Refinement":
         """B first."""
         return Refinement(self.faces, self.parents[:, ::-1], self.on_b, self.on_a)
 
@@ -88,7 +86,7 @@ class SurfaceMap:
                     "circparam map"
                 )
 
-    def turned(self) -> SurfaceMap:
+    def turned(self) -> "SurfaceMap":
         """The map from B to A."""
         overlay = None if self.overlay is None else self.overlay.turned()
         return SurfaceMap(self.to_a, self.to_b, self.b, self.a, overlay)

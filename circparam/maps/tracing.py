@@ -1,7 +1,5 @@
 """Paths on one side of a map: shortest, never touching each other, in given sectors of their landmarks."""
 
-from __future__ import annotations
-
 from dataclasses import field
 
 import numpy as np

@@ -37,7 +37,7 @@ class Frame:
         return out
 
     def order(self, points: FloatArray) -> IntArray:
-        """(n,) points by their coordinates in the frame, in steps of ORDER_STEP_UNITS; ties stay as they are."""
+        """(n,) points by their coordinates in steps of ORDER_STEP_UNITS; ties stay as they are."""
         x, y, z = np.round(self.inside(points) / ORDER_STEP_UNITS).T
         result: IntArray = np.lexsort((z, y, x))
         return result

@@ -1,7 +1,5 @@
 """Advice for a half-empty page: other options are tried, and only measured gains are named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from circparam.core.monitor import Monitor

@@ -6,8 +6,6 @@ sides of a chart move inwards, so that a rectangle stays inside the place that i
 chart too much, only its sides are moved; where that does too, the whole chart is.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -57,7 +55,7 @@ class _Lines:
     to: FloatArray
     side: BoolArray
 
-    def part(self, which: BoolArray) -> _Lines:
+    def part(self, which: BoolArray) -> "_Lines":
         """Some of the lines ((l,) bool)."""
         number, kept = np.cumsum(which) - 1, which[self.line]
         return _Lines(

@@ -3,8 +3,6 @@
 Every rule takes the ``Options`` (as ``Any``: they are made of these rules) and the name of the option.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 _NO_USE = {  # purpose of an option of methods, for a method that does not take the option

@@ -1,7 +1,5 @@
 """The state of a layout on its way through the fallback cascade."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 
 import numpy as np
@@ -84,7 +82,7 @@ class Cascade:
         """The cut mesh along the seams, and the uv (nv, 2) of its vertices."""
         return self.atlas.open()
 
-    def part(self, faces: BoolArray) -> Cascade:
+    def part(self, faces: BoolArray) -> "Cascade":
         """Some charts alone: those of faces (m,) bool, which hold whole charts."""
         return Cascade(
             self.atlas.part(faces),
@@ -94,7 +92,7 @@ class Cascade:
             extent=self.extent,
         )
 
-    def put(self, faces: BoolArray, part: Cascade) -> Cascade:
+    def put(self, faces: BoolArray, part: "Cascade") -> "Cascade":
         """The atlas with the outcome of ``part(faces)``."""
         surface = self.atlas.surface
         atlas = Atlas(surface, self.atlas.cut, self.atlas.corners)
@@ -110,11 +108,11 @@ class Cascade:
         keep[cut_mesh.chart[self.singles >= 2]] = True
         return keep
 
-    def noted(self, *notes: str) -> Cascade:
+    def noted(self, *notes: str) -> "Cascade":
         """The same with further notes, each once."""
         new = tuple(note for note in notes if note not in self.notes)
         return replace(self, notes=self.notes + new)
 
-    def repaired(self, *repairs: str) -> Cascade:
+    def repaired(self, *repairs: str) -> "Cascade":
         """The same with further repairs."""
         return replace(self, repairs=self.repairs + repairs)

@@ -5,8 +5,6 @@ A folder may therefore serve many meshes. Files of another mesh, version or opti
 when its run has ended well.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import zipfile

@@ -1,7 +1,5 @@
 """The options of an unwrap as the options of its stages: seams, method and packing."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from collections.abc import Iterable

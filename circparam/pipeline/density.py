@@ -1,7 +1,5 @@
 """Density by materials, groups, nodes, colours or single faces (``--density``)."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Straight charts: developable charts are unrolled exactly, grids of quads become rectangles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_count, next_half_edge, norms2

@@ -6,8 +6,6 @@ together. With seams allowed, a chart above its bound is faulty too. A collapsed
 at packing. Where time is up, charts are projected along the axes instead.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Seams and the first layout; where the numbers of a mesh are beyond a method, a start for the cascade."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

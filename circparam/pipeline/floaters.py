@@ -1,7 +1,5 @@
 """Small components left out of a layout (``--drop-floaters``): which, and the patch that their faces get."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gates of --fail-if: conditions on the figures and the status of a report."""
 
-from __future__ import annotations
-
 import operator
 import re
 from collections.abc import Callable

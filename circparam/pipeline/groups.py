@@ -1,7 +1,5 @@
 """Faces by material, group or node: on pages of their own (``--pages-by``), or together (``--group-by``)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Inspection of a mesh without changes: its topology, its uv, and their quality."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from typing import Literal
 

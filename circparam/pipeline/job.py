@@ -1,7 +1,5 @@
 """Data that all stages of one unwrap share: the document, the surface that is solved on, the options."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Worker processes for an unwrap: started as soon as the work is known to be worth the start."""
 
-from __future__ import annotations
-
 import os
 import time
 

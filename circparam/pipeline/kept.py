@@ -3,8 +3,6 @@
 Faces that stay keep their uv to the last bit. The others go to free places, at the density of the kept ones.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, cross2, group_count

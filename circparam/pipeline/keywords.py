@@ -1,7 +1,5 @@
 """The options as typed keywords, for completion and type checks; made by ``make docs``."""
 
-from __future__ import annotations
-
 from typing import Any, Literal, TypedDict
 
 import numpy.typing as npt

@@ -1,7 +1,5 @@
 """Whether a mesh fits a bound on the memory: an estimate before the work, from measured meshes."""
 
-from __future__ import annotations
-
 from circparam.core import pool, workers
 from circparam.core.memory import address_space, claim_work_space
 from circparam.core.monitor import Monitor

@@ -1,7 +1,5 @@
 """The words of ``--density``; importing this module loads no NumPy."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Charts turned so that up of the mesh is v (``--orient up``), for painting and for cloth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Charts with pins are not packed, which would move them. Impossible pins are erro
 format cannot store their places, else before anything is written.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2

@@ -1,7 +1,5 @@
 """Charts without time for a map: pieces of the surface that face one way, projected along that axis."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

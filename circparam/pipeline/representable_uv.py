@@ -6,8 +6,6 @@ others stay. Vertices that share no face (an independent set) therefore take the
 once, round by round. Signs are exact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -202,7 +200,7 @@ def mend_faces(
 
 
 def _spread(
-    patch: _Patch, exact: FloatArray, inner: BoolArray, by: float
+    patch: "_Patch", exact: FloatArray, inner: BoolArray, by: float
 ) -> tuple[IntArray, FloatArray]:
     """(vertices, storable places) of crowds among the vertices that are ``inner``, scaled round their middles.
 

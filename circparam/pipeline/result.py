@@ -1,7 +1,5 @@
 """The result of an unwrap and its status: ok, repaired or degraded, with reasons."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import field, replace
 from functools import cached_property
@@ -142,7 +140,7 @@ class Result:
         table = np.concatenate([self.uv, np.zeros((1, 2))])
         return table[self._split[1]].astype(np.float32)
 
-    def to_trimesh(self, image: Image | None = None) -> Trimesh:
+    def to_trimesh(self, image: "Image | None" = None) -> "Trimesh":
         """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order.
 
         Colours of vertices go along. Textures and materials of the input belong to its old uv and are left out

@@ -5,8 +5,6 @@ energy of all other faces of its chart. Its vertices move to nearby storable num
 Dirichlet energy of their faces, measured against the layout before rounding, is least.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum

@@ -1,7 +1,5 @@
 """Out to disk: the mesh with its uv, read back and verified; seams and index map beside it."""
 
-from __future__ import annotations
-
 import io
 import os
 from dataclasses import replace

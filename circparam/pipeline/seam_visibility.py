@@ -1,7 +1,5 @@
 """Visibility of the seams, for the report: computed beside verifying and writing, left out when time is up."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Weights of seams from the user: of edges, near vertices, or painted on the vertices."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Faces that a user names: by material, group or node, or by their numbers."""
 
-from __future__ import annotations
-
 import difflib
 import os
 from typing import Any

@@ -1,7 +1,5 @@
 """The end of the cascade: faces laid down one by one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parts that are copies of each other (``--stack``): one of each kind is laid out, the others lie on it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A packed layout whose numbers, as the format stores them, have no flip and no overlap."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

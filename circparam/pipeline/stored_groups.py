@@ -1,7 +1,5 @@
 """Which faces of a file share an atlas: as asked for, as the file says, or as its textures show."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel, sorted_distinct

@@ -1,7 +1,5 @@
 """A placed layout in numbers that a format can store: faces upright, charts without overlap, if that can be."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -109,7 +107,7 @@ class _Boundary:
             )
         return meeting, found.self_overlapping
 
-    def _part(self, charts: BoolArray) -> tuple[_Boundary, IntArray]:
+    def _part(self, charts: BoolArray) -> "tuple[_Boundary, IntArray]":
         """Some charts ((n_charts,) bool) alone, and their vertices."""
         part, vertices, faces = self.cut_mesh.subset(charts)
         number = np.full(len(self.start), -1)

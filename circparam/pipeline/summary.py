@@ -1,7 +1,5 @@
 """The report as plain values, as ``--json`` prints it. The schema has a version; names are never reused."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -24,7 +22,7 @@ if TYPE_CHECKING:
 SCHEMA = "circparam/{}/1"
 
 
-def summarise(result: Result) -> dict[str, Any]:
+def summarise(result: "Result") -> dict[str, Any]:
     """One JSON document about an unwrap.
 
     Figures are those of the file as read back. distortion: symmetric Dirichlet energy / 4 of the atlas at its
@@ -84,7 +82,7 @@ def summarise(result: Result) -> dict[str, Any]:
     }
 
 
-def _densities(result: Result) -> list[dict[str, Any]] | None:
+def _densities(result: "Result") -> list[dict[str, Any]] | None:
     """Densities asked for and reached by each part of --density; None without it."""
     if result.density is None or not result.options.packed:
         return None
@@ -92,7 +90,7 @@ def _densities(result: Result) -> list[dict[str, Any]] | None:
     return list(density_rows(result.density, result.verification, side))
 
 
-def _effort(result: Result) -> dict[str, Any]:
+def _effort(result: "Result") -> dict[str, Any]:
     """The effort asked for and made, the searches, the kept one, the cost of each, the number left."""
     found = result.effort
     return {
@@ -108,7 +106,7 @@ def _effort(result: Result) -> dict[str, Any]:
 ROOM = 0.5  # covered share below which a page is worth a word, if a cure is known
 
 
-def _room(result: Result) -> list[str]:
+def _room(result: "Result") -> list[str]:
     """A warning where pages are half empty although packing chose the sizes, and the cure is known.
 
     Where no cure is known, the figure in the report is all there is to say.
@@ -134,7 +132,7 @@ def _room(result: Result) -> list[str]:
     return [f"{100 * share:.0f} % of {pages} is covered: {cure}"] if cure else []
 
 
-def _gaps(result: Result) -> float:
+def _gaps(result: "Result") -> float:
     """Share of the pages that lies within half a gap of charts: an upper bound, reached by convex ones.
 
     A strip along the outline and a disk for each chart (J. Steiner 1840, "Über parallele Flächen").
@@ -148,7 +146,7 @@ def _gaps(result: Result) -> float:
     return (strip + disks) / max(int(result.measures["pages"] or 1), 1)
 
 
-def summarise_check(found: Inspection) -> dict[str, Any]:
+def summarise_check(found: "Inspection") -> dict[str, Any]:
     """One JSON document about a mesh as it is; ``uv`` is null where no uv set was judged.
 
     shared: faces that lie on another one with the same three points and the same uv, and are judged with it.

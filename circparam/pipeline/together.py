@@ -1,7 +1,5 @@
 """Several files with one atlas: laid out as one mesh, each written by itself, verified together."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -62,7 +60,7 @@ class SharedAtlas:
     """
 
     result: Result
-    parts: tuple[Part, ...]
+    parts: "tuple[Part, ...]"
 
     def as_dict(self) -> dict[str, Any]:
         """The report: figures of the page, and under ``parts`` those of each file."""

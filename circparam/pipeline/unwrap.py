@@ -4,8 +4,6 @@ read → repair → seams → flatten (with a fallback cascade) → pack → sto
 again. Nothing is printed; notes and warnings are in the ``Result``.
 """
 
-from __future__ import annotations
-
 import os
 from contextlib import nullcontext
 from dataclasses import replace

@@ -4,8 +4,6 @@
 charts are the components between them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import field
 from functools import cached_property

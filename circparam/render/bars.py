@@ -1,7 +1,5 @@
 """Bar charts of a comparison as SVG: on a logarithmic scale where values spread over more than a decade."""
 
-from __future__ import annotations
-
 import html
 import math
 from collections.abc import Sequence

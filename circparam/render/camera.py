@@ -1,7 +1,5 @@
 """Cameras, and the choice of the sides that show most of a surface."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 

@@ -4,8 +4,6 @@ By clustering of vertices (Rossignac and Borrel 1993), in the layout: there char
 surface is. A million and a half faces would make a page of 13 MB that takes seconds to open.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ distortion runs from pale to dark with falling lightness, interpolated in OKLab 
 reads in grey as well.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray

@@ -1,7 +1,5 @@
 """A comparison as one page: methods side by side, a table to sort, plots, and Table 1 of the source."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Sequence

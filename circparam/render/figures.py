@@ -1,7 +1,5 @@
 """Shared parts of pictures and pages: their options, and the key figures in words."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

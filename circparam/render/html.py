@@ -4,8 +4,6 @@ Plain WebGL2 of this project's own (the files in ``viewer/``), no network. Sever
 other: before and after, or those of several methods. ``packed`` says how the geometry is stored.
 """
 
-from __future__ import annotations
-
 import base64
 import html
 import json
@@ -60,7 +58,7 @@ class PageLayout:
     figures: Figures | None = None
     mesh: int = 0
 
-    def of_faces(self, most: int) -> PageLayout:
+    def of_faces(self, most: int) -> "PageLayout":
         """With at most about that many faces, and with an image for each of them."""
         scene, options = coarser(self.scene, most), self.options
         if options.images is not None and scene.source is not None:

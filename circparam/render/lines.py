@@ -1,7 +1,5 @@
 """Thick lines on a raster, and averaging it down."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, ranges

@@ -5,8 +5,6 @@ then left to encode (Touma and Gotsman 1998, in the breadth-first order of the d
 predicted by the parallelogram over that edge, and only the difference is stored. ``viewer/decode.js`` reads it.
 """
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The picture of a layout: one PNG of the plane, the surface and the distortion; or the layout as SVG."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from pathlib import Path

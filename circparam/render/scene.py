@@ -1,7 +1,5 @@
 """Content of a picture: a mesh with its uv, its charts, its seams, and the distortion of every face."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -44,7 +42,7 @@ class Scene:
     uv: FloatArray
     uv_faces: IntArray
     chart: IntArray
-    base: Scene | None = None
+    base: "Scene | None" = None
     source: IntArray | None = None
     targets: tuple[tuple[str, FloatArray], ...] = ()
 
@@ -58,7 +56,7 @@ class Scene:
         return out
 
     @property
-    def once(self) -> Scene:
+    def once(self) -> "Scene":
         """The scene with every face once, for drawings of the layout."""
         return self if self.base is None else self.base
 

@@ -1,7 +1,5 @@
 """From a document to its picture: a uv set of a file, with the file's own textures where a page shows them."""
 
-from __future__ import annotations
-
 import base64
 import html
 import io

@@ -1,7 +1,5 @@
 """Layouts of one mesh side by side, for a comparison, with the same views and the same scale."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Any

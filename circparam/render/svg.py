@@ -4,8 +4,6 @@ Three squares side by side, each a group of its own (``layout``, ``checker``, ``
 every chart is one path; in the last faces of one chart and of one step of the colour scale are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray

@@ -3,8 +3,6 @@
 That font covers little beyond ASCII. Missing characters are written with existing ones, never as an empty box.
 """
 
-from __future__ import annotations
-
 import unicodedata
 from functools import cache
 

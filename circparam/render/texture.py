@@ -1,7 +1,5 @@
 """Images at uv: sampled between texels, and laid out anew where a file moves its uv."""
 
-from __future__ import annotations
-
 import numpy as np
 from PIL import Image
 

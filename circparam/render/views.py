@@ -1,7 +1,5 @@
 """The two pictures of a scene: the surface from one side, and the layout in the plane."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

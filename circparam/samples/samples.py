@@ -1,7 +1,5 @@
 """The rows of ``manifest.tsv`` and the files beside it, made by ``data/make_samples.py`` of the source tree."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,7 +75,7 @@ def files(name: str) -> list[Path]:
     return [main, *sorted(p for p in _FOLDER.glob(main.stem + ".*") if p != main)]
 
 
-def load(name: str) -> Document:
+def load(name: str) -> "Document":
     """Read a sample; raises OptionError for an unknown name."""
     from circparam.formats.io import read
 

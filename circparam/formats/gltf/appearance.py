@@ -1,7 +1,5 @@
 """Appearance of a new glTF tree: materials, images, colours and normals of any document."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import field
 

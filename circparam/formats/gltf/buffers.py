@@ -1,7 +1,5 @@
 """New data in a glTF tree: accessors and views added, those without a user given up, buffers written."""
 
-from __future__ import annotations
-
 import base64
 import copy
 import json

@@ -1,7 +1,5 @@
 """glTF and GLB: the whole tree kept, primitives stay primitives, uv as TEXCOORD_n."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 from urllib.parse import unquote
 
@@ -173,7 +171,7 @@ class GltfDocument(Document):
         with sound_tree(self.source, "a material"):
             return read_looks(self.tree, self.primitives)
 
-    def dressed(self, carried: Carried) -> GltfDocument:
+    def dressed(self, carried: Carried) -> "GltfDocument":
         """The same tree with other images."""
         return replace(self, carried=carried)
 

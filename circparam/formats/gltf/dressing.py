@@ -1,7 +1,5 @@
 """Any document as a glTF tree with its looks: a material for each image or plain colour, vertex colours."""
 
-from __future__ import annotations
-
 from dataclasses import field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Put uv into a glTF tree: new accessors for changed data, everything else in place."""
 
-from __future__ import annotations
-
 import copy
 from collections import defaultdict
 from collections.abc import Sequence
@@ -33,7 +31,7 @@ from circparam.mesh.mesh import UVMap
 
 
 def write_uv(
-    edit: TreeEdit, primitives: list[Primitive], pools: list[Pool], uvmap: UVMap, number: int, *,
+    edit: "TreeEdit", primitives: list[Primitive], pools: list[Pool], uvmap: UVMap, number: int, *,
     format: str, stem: str,
 ) -> Encoded:  # fmt: skip
     """The tree of an edit with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""

@@ -4,8 +4,6 @@ As in {"extras": {"circparam": {"group_by": {"0": "mesh"}}}}: the keys are the n
 not named is one atlas.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Images of a glTF tree that lie beside it, taken into a GLB."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from urllib.parse import unquote
 

@@ -4,8 +4,6 @@ Attributes, types, morph targets and extras have to be alike. Vertices that othe
 unless all joined primitives share them.
 """
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """The materials of a glTF tree as ``Looks``, and a tree whose materials show other images."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 import copy

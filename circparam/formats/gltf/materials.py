@@ -1,7 +1,5 @@
 """Colours and textures of a glTF tree: COLOR_0, and base colour of its materials."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 from dataclasses import replace

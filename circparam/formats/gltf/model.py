@@ -1,7 +1,5 @@
 """Plain data that reading and editing a glTF tree share."""
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np

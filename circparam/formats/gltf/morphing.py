@@ -1,7 +1,5 @@
 """A morph target in a glTF tree, and an animation that plays it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray

@@ -1,7 +1,5 @@
 """Names of materials, meshes and nodes of a glTF tree."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from circparam.formats.gltf.model import Primitive

@@ -1,7 +1,5 @@
 """Normals and tangents written into a glTF tree."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray

@@ -1,7 +1,5 @@
 """glTF 2.0 as a JSON tree with buffers: every access is checked against the bytes of the file."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 import json

@@ -4,8 +4,6 @@ glTF lets a view end with the last element of its last row. Loaders take count Ã
 three.js and assimp among them, and refuse a view that ends before.
 """
 
-from __future__ import annotations
-
 from circparam.formats.gltf.model import Json
 from circparam.formats.gltf.reading import element_size
 

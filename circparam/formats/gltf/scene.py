@@ -1,7 +1,5 @@
 """The nodes and meshes of a glTF tree as points in the world, primitives, and the vertices they share."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

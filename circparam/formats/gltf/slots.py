@@ -3,8 +3,6 @@
 Each row gives the channels of the image and their factors (glTF 2.0, 3.9; KHR_materials_*).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -4,8 +4,6 @@ New entries take the places of removed ones, so few numbers change. The remainin
 references renumbered. The bytes go with them, those of accessors that share a view with others too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeAlias
 

@@ -4,8 +4,6 @@ In the output every line of the input stays byte for byte, except ``vt`` lines a
 ``vt`` lines go. New ones stand in place of the first, or before the first face.
 """
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 from functools import cached_property
 
@@ -102,7 +100,7 @@ class ObjDocument(Document):
         """The materials of the libraries that ``mtllib`` names."""
         return looks.read_looks(self.scan, self.polys.owner, self.source)
 
-    def dressed(self, carried: Carried) -> ObjDocument:
+    def dressed(self, carried: Carried) -> "ObjDocument":
         """The same file with a library and images of its own."""
         return replace(self, carried=carried)
 

@@ -1,7 +1,5 @@
 """Put uv into the text of an OBJ file: new ``vt`` lines, the vt field of ``f``, every other byte kept."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

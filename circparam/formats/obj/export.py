@@ -1,7 +1,5 @@
 """Write any document as OBJ."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import IntArray

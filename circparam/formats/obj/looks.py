@@ -5,8 +5,6 @@ move uv, ``-clamp on`` ends the image at its edges. ``bump`` holds heights, or n
 those of one.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import field

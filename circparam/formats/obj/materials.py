@@ -1,7 +1,5 @@
 """Colours and textures of an OBJ file: six numbers behind ``v``, and ``map_Kd`` of its material files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Material libraries (MTL) in the dialects that are about: tabs, any case, quotes, continued lines."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import field

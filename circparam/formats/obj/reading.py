@@ -1,7 +1,5 @@
 """Where the lines, words and corner fields of an OBJ file are, found with array operations."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """PLY: every element and property kept, uv as vertex ``s, t`` or as face ``texcoord`` lists."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 from typing import Any
 
@@ -84,7 +82,7 @@ class PlyDocument(Document):
         """The image that a TextureFile comment names, as one material."""
         return materials.looks(self.layout, len(self.mesh.faces))
 
-    def dressed(self, carried: Carried) -> PlyDocument:
+    def dressed(self, carried: Carried) -> "PlyDocument":
         """The same file with another image beside it."""
         return replace(self, carried=carried)
 

@@ -1,7 +1,5 @@
 """Write the rows of a PLY file again: properties left out and put in, vertices duplicated, strips broken."""
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,7 +14,7 @@ from circparam.formats.tokens import ByteArray, as_bytes, interleave, take_range
 from circparam.formats.vertex_split import Split
 
 # bytes of all rows, and the length of each row's share
-Piece: TypeAlias = "tuple[ByteArray, IntArray]"
+Piece: TypeAlias = tuple[ByteArray, IntArray]
 _NAMES = {
     "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint",
     "f4": "float", "f8": "double", "i8": "int64", "u8": "uint64",

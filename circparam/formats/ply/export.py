@@ -1,7 +1,5 @@
 """Write any document as PLY."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Colours and textures of a PLY file: red, green, blue of vertices or faces, and TextureFile comments."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

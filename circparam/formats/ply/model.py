@@ -1,7 +1,5 @@
 """Plain data that reading and editing a PLY file share."""
 
-from __future__ import annotations
-
 from dataclasses import field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """PLY as elements and properties, in ascii and both binary orders: where every value is in the file."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

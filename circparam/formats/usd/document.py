@@ -1,7 +1,5 @@
 """A USD file as a document: its meshes, and how uv get over its layers."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write any document as USD."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

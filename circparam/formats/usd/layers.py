@@ -4,8 +4,6 @@ USD opens whatever a layer names: files of other folders, devices, pipes. The la
 one by one, and a layer outside the folder of the file is refused before it is opened.
 """
 
-from __future__ import annotations
-
 import contextlib
 import glob
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The meshes of a composed stage as arrays."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stages of USD: opened from files or bytes, layers as bytes, the files that a layer refers to."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """Layers with uv: over the layers of a file, inside a copy of its root, or in a package with all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

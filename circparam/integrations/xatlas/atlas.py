@@ -1,7 +1,5 @@
 """``Atlas``, ``Chart``, ``ChartType`` and ``parametrize`` as xatlas-python has them."""
 
-from __future__ import annotations
-
 import enum
 import logging
 from typing import Any, NoReturn

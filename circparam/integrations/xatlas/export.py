@@ -1,7 +1,5 @@
 """``export`` of xatlas-python: an OBJ file out of arrays."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Meshes on the pages of one atlas, and each mesh's share of them."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from typing import Any

@@ -1,7 +1,5 @@
 """Meshes as they are added to an atlas, checked as xatlas checks them, and put side by side in space."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -4,8 +4,6 @@ An option that is left alone means the default of circparam. One that has no cou
 name.
 """
 
-from __future__ import annotations
-
 import functools
 import operator
 import warnings
