@@ -14,13 +14,7 @@ from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
 from circparam.bake.facing import brought_upright
-from circparam.bake.projection import (
-    Projection,
-    height_paint,
-    normal_paint,
-    require_shape,
-    through,
-)
+from circparam.bake.projection import Projection, height_paint, normal_paint, require_shape, through
 from circparam.bake.sampling import (
     Closest,
     Paint,

@@ -135,15 +135,11 @@ def wrapped(index: FloatArray, size: int, wrap: Wrap) -> IntArray:
 def coded(values: npt.NDArray[np.floating], as_srgb: bool) -> npt.NDArray[np.uint8]:
     """Values 0..1 as codes of 8 bit; as_srgb: linear light, coded so."""
     step = np.nan_to_num(np.clip(values, 0, 1) * STEPS + 0.5).astype(np.uint16)
-    out: npt.NDArray[np.uint8] = (_srgb_codes() if as_srgb else _plain_codes()).take(step)
+    out: npt.NDArray[np.uint8] = _codes(as_srgb).take(step)
     return out
 
 
 @cache
-def _srgb_codes() -> npt.NDArray[np.uint8]:
-    return np.round(srgb(np.arange(STEPS + 1) / STEPS) * 255).astype(np.uint8)
-
-
-@cache
-def _plain_codes() -> npt.NDArray[np.uint8]:
-    return np.round(np.arange(STEPS + 1) / STEPS * 255).astype(np.uint8)
+def _codes(as_srgb: bool) -> npt.NDArray[np.uint8]:
+    value = np.arange(STEPS + 1) / STEPS
+    return np.round((srgb(value) if as_srgb else value) * 255).astype(np.uint8)

@@ -134,11 +134,7 @@ class Slot:
     drop_colours: bool = False
 
 
-SLOTS = {
-    "texture": Slot(),
-    "vertex-colors": Slot(drop_colours=True),
-    "normals": Slot(normals=True),
-}
+SLOTS = {"texture": Slot(), "vertex-colors": Slot(drop_colours=True), "normals": Slot(normals=True)}
 
 
 def embed(

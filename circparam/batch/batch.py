@@ -131,15 +131,13 @@ def _list(plan: Plan, folder: Folder, index: Index, hooks: Hooks) -> int:
 
 def _existing(folder: Folder) -> Callable[[str, int], bool]:
     """Whether a result (name, bytes or −1) is there."""
-    if folder.remote:
-        sizes = folder.sizes()
-        return lambda name, size: name in sizes and size in (-1, sizes[name])
-    return lambda name, size: size_of(folder.of(name)) in ({size} if size >= 0 else _Any())
+    sizes = folder.sizes() if folder.remote else None
 
+    def exists(name: str, size: int) -> bool:
+        found = size_of(folder.of(name)) if sizes is None else sizes.get(name, -1)
+        return found >= 0 and size in (-1, found)
 
-class _Any:
-    def __contains__(self, size: object) -> bool:
-        return size != -1
+    return exists
 
 
 def _check_owned(

@@ -173,24 +173,15 @@ def _due(
 def _row(line: dict[str, Any]) -> tuple[Any, ...]:
     measures = line.get("measures") or {}
     figures = [line.get(name, measures.get(name)) for name in FIGURES]
+    reasons, stages = line.get("reasons") or [""], line.get("stages") or {}
+    cause = str(line.get("error") or reasons[0])  # of a failed or degraded file, in one line
+    slowest = max(stages, key=lambda k: stages[k], default="")
     return (
         _key(line["name"]), _key(str(line.get("source"))), line.get("source_bytes"),
         line.get("source_mark"), line.get("source_hash"), line.get("options"), line.get("status"),
-        line.get("exit"), line.get("output_bytes"), _key(_cause(line)),
-        _slowest(line.get("stages") or {}), *figures,
+        line.get("exit"), line.get("output_bytes"), _key(cause),
+        f"{slowest}: {stages[slowest]:.3g} s" if slowest else "", *figures,
     )  # fmt: skip
-
-
-def _cause(line: dict[str, Any]) -> str:
-    """Why a file failed or was degraded, in one line; '' for the others."""
-    reasons = line.get("reasons") or []
-    return str(line.get("error") or (reasons[0] if reasons else ""))
-
-
-def _slowest(stages: dict[str, float]) -> str:
-    """The stage that took longest."""
-    name = max(stages, key=lambda k: stages[k], default="")
-    return f"{name}: {stages[name]:.3g} s" if name else ""
 
 
 def _blocks(found: Iterable[Any]) -> Iterator[list[Any]]:

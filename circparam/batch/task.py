@@ -65,7 +65,7 @@ def leave(run: str) -> None:
 
 def do_item(settings_data: bytes, item: Item) -> dict[str, Any]:
     """The task that is submitted: a line for the manifest, or that the file was left (see ``leave``)."""
-    if settings_version(settings_data) != __version__:
+    if _unpacked(settings_data)[0] != __version__:
         return {"refused": __version__, "name": item.target}
     settings = settings_of(settings_data)
     if settings.run in _LEFT:
@@ -81,7 +81,7 @@ def do_item(settings_data: bytes, item: Item) -> dict[str, Any]:
         "source_hash": None,
         "options": settings.key(),
         "version": settings.version,
-        "worker": worker_name(),
+        "worker": f"{socket.gethostname()}:{os.getpid()}",
         "attempts": item.attempt,
     }
     try:
@@ -103,11 +103,6 @@ def pack_settings(settings: Settings) -> bytes:
     return pickle.dumps((settings.version, pickle.dumps(settings)))
 
 
-def settings_version(data: bytes) -> str:
-    """The version of who asks."""
-    return str(_unpacked(data)[0])
-
-
 @functools.lru_cache(maxsize=8)
 def _unpacked(data: bytes) -> tuple[str, bytes]:
     version, inner = pickle.loads(data)
@@ -119,11 +114,6 @@ def settings_of(data: bytes) -> Settings:
     """The settings, kept for the next file."""
     settings: Settings = pickle.loads(_unpacked(data)[1])
     return settings
-
-
-def worker_name() -> str:
-    """Host and process of a worker."""
-    return f"{socket.gethostname()}:{os.getpid()}"
 
 
 def _scratch(settings: Settings, item: Item) -> str:

@@ -26,11 +26,11 @@ Examples:
 
 @click.command(epilog=_EPILOG)
 @click.argument("mesh", type=common.MESH)
-@click.option(
+@common.value(
     "--from",
+    "What to bake; colours means vertex-colors, normals are in tangent space.",
     "kind",
     type=click.Choice(["texture", "vertex-colors", "colours", "normals", "height"]),
-    help="What to bake; colours means vertex-colors, normals are in tangent space.",
 )
 @common.switch(
     "--all", "Carry all textures of all materials, face to face, into a mesh file.", "whole"
@@ -47,11 +47,11 @@ Examples:
     "by",
     metavar="MAP",
 )
-@click.option(
+@common.value(
     "--cage",
+    "Search distance of nearest, outwards and inwards, in mesh units.  [default: 2 % of the diagonal]",
     type=float,
     metavar="D",
-    help="Search distance of nearest, outwards and inwards, in mesh units.  [default: 2 % of the diagonal]",
 )
 @common.library_option(
     "size",
@@ -62,13 +62,8 @@ Examples:
 @common.library_option("keep_tiled", LookOptions)
 @common.library_option("samples", LookOptions)
 @common.library_option("check_look", LookOptions)
-@click.option(
-    "--uv-set",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="Uv set of MESH to bake into.",
+@common.value(
+    "--uv-set", "Uv set of MESH to bake into.", type=click.IntRange(min=0), default=0, metavar="N"
 )
 @common.library_option("up")
 @common.required_output(

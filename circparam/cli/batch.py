@@ -60,26 +60,26 @@ def _unwrap_options() -> list[click.Parameter]:
 @click.command(cls=UnwrapCommand, epilog=_EPILOG)
 @click.argument("sources", metavar="SOURCE...", nargs=-1)
 @click.option("--out", metavar="DIR", help="Folder for the results: local, or an fsspec address.")
-@click.option(
+@common.value(
     "--workers",
-    type=click.IntRange(1, 10_000),
+    "Meshes unwrapped at the same time on this machine.  [default: cores]",
+    type=click.IntRange(1, 10000),
     metavar="N",
-    help="Meshes unwrapped at the same time on this machine.  [default: cores]",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster of this scheduler.")
 @common.path_option("--scheduler-file", "Use the Dask cluster that this file names.")
-@click.option(
+@common.value(
     "--retry",
+    "Run these files again.",
     multiple=True,
     type=click.Choice(["failed", "degraded", "all"]),
-    help="Run these files again.",
 )
-@click.option(
+@common.value(
     "--fail-rate",
+    "Exit 6 if more than this share failed or missed a gate.  [default: 0]",
     type=common.FiniteRange(0.0, 1.0),
     metavar="SHARE",
     default=0.0,
-    help="Exit 6 if more than this share failed or missed a gate.  [default: 0]",
 )
 @common.path_option("--status", "Show the progress of a batch.", "status_of", metavar="DIR")
 def command(sources: tuple[str, ...], **given: Any) -> int:

@@ -7,14 +7,16 @@ stand here.
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
+from circparam.cli import progress
 from circparam.core.fields import Spec, specs
 from circparam.core.registry import unknown_name
+from circparam.errors import GateError
 from circparam.pipeline.options import Options
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -50,6 +52,12 @@ def option(section: str, *words: str, **known: Any) -> Decorator:
     return click.option(*words, cls=Option, section=section, **known)
 
 
+def value(flag: str, text: str, *names: str, **known: Any) -> Decorator:
+    """A flag with a value; its help text names the default, where there is one."""
+    shown = "default" in known and "[default" not in text
+    return click.option(flag, *names, help=text, **({"show_default": shown} | known))
+
+
 def switch(flag: str, text: str, *names: str, section: str = INFORMATION) -> Decorator:
     """A flag without a value."""
     return option(section, flag, *names, is_flag=True, help=text)
@@ -61,11 +69,6 @@ def path_option(
     """A flag whose value is a file, or with ``type=MESH`` a mesh."""
     known = {"type": FILE, "metavar": "FILE"} | known
     return option(section, flag, *names, help=text, **known)
-
-
-def section_of(stage: str) -> str:
-    """The section in which the options of a stage stand."""
-    return next((name for name, stages in SECTIONS.items() if stage in stages), INFORMATION)
 
 
 class Command(click.Command):
@@ -143,49 +146,30 @@ class FiniteRange(click.FloatRange):
 
 
 class NumberOr(click.ParamType[Any]):
-    """A whole number, or a word in place of one."""
+    """A number, or a word in place of one. Unknown words go to the library where numbers need not be whole."""
 
     name = "number"
 
-    def __init__(self, word: str) -> None:
-        self.word = word
+    def __init__(self, words: Sequence[str], whole: bool) -> None:
+        self.words, self.whole = words, whole
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The word or the number."""
-        if value == self.word or isinstance(value, int):
+        if isinstance(value, (int, float)) or (self.whole and value in self.words):
             return value
         try:
-            return int(value)
+            return int(value) if self.whole else float(value)
         except ValueError:
-            self.fail(f"{value!r} is neither a whole number nor {self.word!r}.", param, ctx)
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """The word, where it begins so."""
-        return [CompletionItem(self.word)] if self.word.startswith(incomplete) else []
-
-
-class NumberOrName(click.ParamType[Any]):
-    """A number, or one of the names that stand for some."""
-
-    name = "number"
-
-    def __init__(self, names: Mapping[str, float]) -> None:
-        self.names = names
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number, or the text as it stands; the library words the error."""
-        try:
-            return float(value)
-        except ValueError:
+            if self.whole:
+                word = self.words[0]
+                self.fail(f"{value!r} is neither a whole number nor {word!r}.", param, ctx)
             return value
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """The names that begin so."""
-        return [CompletionItem(name) for name in self.names if name.startswith(incomplete)]
+        """The words that begin so."""
+        return [CompletionItem(word) for word in self.words if word.startswith(incomplete)]
 
 
 def _formats() -> list[str]:
@@ -207,22 +191,25 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
 
     The parameter of the command has the name of the field, ``no_NAME`` where the flag switches it off.
     """
-    spec, base = specs(fields)[name], _field_type(fields, name)
+    spec = specs(fields)[name]
+    own = next(f for f in dataclasses.fields(fields) if f.name == name)
+    base = str(own.type).split(" |")[0]  # as it is written, without None
+    section = next((s for s, stages in SECTIONS.items() if spec.stage in stages), INFORMATION)
     words = [spec.flag or "--" + name.replace("_", "-"), spec.short, _parameter(name, spec)]
     known: dict[str, Any] = {"help": spec.text, "metavar": spec.metavar}
     if base == "bool":
         known["is_flag"] = True
         if "/" in spec.flag:
-            known["default"] = next(f.default for f in dataclasses.fields(fields) if f.name == name)
+            known["default"] = own.default
     elif spec.words:
-        known["type"] = NumberOrName(spec.words)
+        known["type"] = NumberOr(tuple(spec.words), whole=False)
     elif spec.word:
-        known["type"] = NumberOr(spec.word)
+        known["type"] = NumberOr((spec.word,), whole=True)
     elif spec.names is not None:
         known["type"] = Name(name, spec.names)
     else:
         known["type"] = click.Choice(spec.choices) if spec.choices else _TYPES.get(base, FILE)
-    return option(section_of(spec.stage), *filter(None, words), **(known | other))
+    return option(section, *filter(None, words), **(known | other))
 
 
 def library_options(stage: str, fields: Any = Options) -> list[Decorator]:
@@ -244,11 +231,6 @@ def library_keywords(given: dict[str, Any], fields: Any = Options) -> dict[str, 
     return out
 
 
-def _field_type(fields: Any, name: str) -> str:
-    """The type of a field as it is written, without ``| None``."""
-    return str(next(f.type for f in dataclasses.fields(fields) if f.name == name)).split(" |")[0]
-
-
 def _parameter(name: str, spec: Spec) -> str:
     return f"no_{name}" if spec.switches_off else name
 
@@ -259,15 +241,35 @@ def echo_json(document: Any, indent: int | None = None) -> None:
     click.echo(text.encode("utf-8", "backslashreplace").decode())
 
 
+def deliver(
+    report: dict[str, Any], given: dict[str, Any], gates: Any, about: str, tables: Any, warned: str
+) -> None:
+    """Warnings on stderr, the report as JSON or as tables on stdout; GateError where it misses a gate.
+
+    about: begins the line on gates, warned: that of each warning. tables: makes what is printed, None where
+    stdout holds the mesh.
+    """
+    for line in report["warnings"]:
+        progress.warn(f"{warned}{line}", given["quiet"])
+    if given["as_json"]:
+        echo_json(report)
+    elif not given["quiet"] and tables is not None:
+        from circparam.cli.tables import console
+
+        console().print(*tables())
+    if missed := gates.missed(report):
+        raise GateError(f"{about}: --fail-if {'; '.join(missed)}")
+
+
 # options of the command line alone ----------------------------------------------------------------------
 json_option = switch("--json", "Print JSON on stdout.", "as_json")
 
 overwrite = library_option("overwrite")
 
-atlas_groups = click.option(
+atlas_groups = value(
     "--group-by",
+    "What shares an atlas.  [default: as the file says]",
     type=click.Choice(["primitive", "mesh", "scene"]),
-    help="What shares an atlas.  [default: as the file says]",
 )
 
 quiet = switch("--quiet", "Print no progress, no table, no warnings.", "-q")

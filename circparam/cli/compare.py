@@ -39,20 +39,15 @@ _LIBRARY = (
 
 @click.command(cls=common.Command, epilog=_EPILOG)
 @click.argument("meshes", nargs=-1, type=common.MESH)
-@click.option(
+@common.value(
     "--methods",
+    "Names separated by commas, or all; also xatlas, xatlas-default, uvunwrap (if installed).",
     "-m",
     default="circle,floater",
-    show_default=True,
     metavar="NAMES",
-    help="Names separated by commas, or all; also xatlas, xatlas-default, uvunwrap (if installed).",
 )
-@click.option(
-    "--cut",
-    default="auto",
-    show_default=True,
-    metavar="CUT",
-    help="auto (charts, except for disks), charts, disk or none.",
+@common.value(
+    "--cut", "auto (charts, except for disks), charts, disk or none.", default="auto", metavar="CUT"
 )
 @common.library_option("max_distortion", help="Upper bound on distortion, with --cut charts.")
 @common.library_option(
@@ -65,9 +60,7 @@ _LIBRARY = (
 )
 @common.library_option("reader")
 @click.option(
-    "--repeats",
-    type=click.IntRange(1, 1000),
-    help="Runs for each size of Table 1.  [default: 31]",
+    "--repeats", type=click.IntRange(1, 1000), help="Runs for each size of Table 1.  [default: 31]"
 )
 @common.path_option("--report", "Write a page: pictures, tables, plots.", metavar="FILE.html")
 @common.path_option("--plot", "Write the layouts side by side.", metavar="FILE.png")
@@ -93,9 +86,12 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
             f"{kim2019.METHOD} and {kim2019.PEER} without MESH; leave it out"
         )
     repeats = given["repeats"] or kim2019.REPEATS
+    # refused before hours of work, not after
     for option, ending in (("csv_file", ""), ("report", ".html"), ("plot", ".png")):
         if given[option] is not None:
-            _check_output(given[option], given["overwrite"], ending)
+            if not given[option].lower().endswith(ending):
+                raise OptionError(f"{given[option]}: the name must end in {ending}")
+            check_place(given[option], given["overwrite"])
     silent = given["as_json"] or given["quiet"]
     found, codes = [], [exits.OK]
     for shown, result in _compared(meshes, names, given):
@@ -176,13 +172,6 @@ def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[st
             contents[Path(given["plot"])] = png_bytes(compare_plot(meshes))
     if contents:  # all or none
         write_files(contents, overwrite=True)
-
-
-def _check_output(path: str, overwrite: bool, ending: str = "") -> None:
-    """Refuse before hours of work, not after."""
-    if not path.lower().endswith(ending):
-        raise OptionError(f"{path}: the name must end in {ending}")
-    check_place(path, overwrite)
 
 
 def _document(

@@ -34,12 +34,11 @@ def _methods() -> list[str]:
 @common.apply(
     common.path_option("--landmarks", "Vertices that correspond: one of A and one of B per line."),
     common.required_output("Map to write (.npz)."),
-    click.option(
+    common.value(
         "--method",
+        "Weights of the convex maps: circle, mean-value, floater or uniform.",
         type=common.Name("method", _methods),
         default="mean-value",
-        show_default=True,
-        help="Weights of the convex maps: circle, mean-value, floater or uniform.",
     ),
     common.switch("--charts", "Map chart to chart; the charts of both files correspond."),
     common.switch("--mirrored", "Map to the mirror image of B."),
@@ -88,13 +87,7 @@ def command(a: str, b: str, **given: Any) -> None:
             progress.note(f"{name}: {line}", given["quiet"])
     for line in found.notes:
         progress.note(line, given["quiet"])
-    report = {
-        "schema": "circparam/map/1",
-        "a": a,
-        "b": b,
-        "output": str(out),
-        **found.as_dict(),
-    }
+    report = {"schema": "circparam/map/1", "a": a, "b": b, "output": str(out), **found.as_dict()}
     if given["as_json"]:
         common.echo_json(report)
     elif not given["quiet"]:

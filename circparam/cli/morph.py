@@ -29,13 +29,12 @@ Examples:
     required=True,
 )
 @common.required_output("File to write (.glb).")
-@click.option(
+@common.value(
     "--frames",
+    "Key frames from A to B; the animation returns the same way.",
     type=int,
     default=13,
-    show_default=True,
     metavar="N",
-    help="Key frames from A to B; the animation returns the same way.",
 )
 @common.switch("--overlay", "Morph the common refinement of both meshes; needs map --overlay.")
 @common.library_option("reader")

@@ -6,7 +6,6 @@ import click
 
 from circparam.cli import common, progress
 from circparam.cli.paths import check_outputs, output_path
-from circparam.errors import GateError
 
 _EPILOG = """\b
 Examples:
@@ -62,14 +61,10 @@ def command(mesh: str, **given: Any) -> None:
         raise click.UsageError("'-' (stdin) needs its format: give --format obj, ply, glb ...")
     with progress.listener(mesh, given["quiet"]) as listener:
         report = summarise(repack(mesh, out, listener=listener, **keywords))
-    for line in report["warnings"]:
-        progress.warn(f"{mesh}: {line}", given["quiet"])
-    if given["as_json"]:
-        common.echo_json(report)
-    elif not given["quiet"] and out != "-":
-        from circparam.cli.tables import console, unwrap_table
 
-        console().print(unwrap_table(report, given["verbose"]))
-    missed = gates.missed(report)
-    if missed:
-        raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")
+    def tables() -> list[Any]:
+        from circparam.cli.tables import unwrap_table
+
+        return [unwrap_table(report, given["verbose"])]
+
+    common.deliver(report, given, gates, mesh, tables if out != "-" else None, f"{mesh}: ")

@@ -40,11 +40,7 @@ def without_outputs(meshes: tuple[str, ...]) -> tuple[list[str], list[str]]:
 
 _NOWHERE: dict[str, Any] = {"output": None, "out_dir": None}
 # flags that name one further file → the endings it may have, any where there are none
-_FURTHER = {
-    "export_seams": (),
-    "index_map": (".npz",),
-    "preview": (".png", ".svg", ".html"),
-}
+_FURTHER = {"export_seams": (), "index_map": (".npz",), "preview": (".png", ".svg", ".html")}
 
 
 def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str, Any]) -> None:

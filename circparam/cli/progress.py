@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from circparam.cli import signals
-from circparam.core.memory import resident
+from circparam.core.memory import peak, resident
 from circparam.core.monitor import Listener
 
 AS_LINES = "CIRCPARAM_PROGRESS"  # in the environment: a program reads stderr and wants a line for each per cent
@@ -129,19 +129,7 @@ class Status:
         gone, share = time.monotonic() - self.start, self.forward.fraction
         left = f"about {gone * (1 - share) / share:.0f} s left, " if share >= FORECAST_SHARE else ""
         done = f"{self.label}: {self.stage}, {100 * share:.0f} % done"
-        return f"{done}, {gone:.0f} s so far, {left}{memory() / 1e6:.0f} MB"
-
-
-def memory() -> int:
-    """Bytes that this process holds in memory: now where the system tells, else at most so far."""
-    if now := resident():
-        return now
-    with contextlib.suppress(ImportError):
-        import resource
-
-        unit = 1 if sys.platform == "darwin" else 1024
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-    return 0
+        return f"{done}, {gone:.0f} s so far, {left}{(resident() or peak() or 0) / 1e6:.0f} MB"
 
 
 class Lines(Status):

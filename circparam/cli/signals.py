@@ -75,10 +75,6 @@ def _answer() -> None:
         os.write(2, f"circparam: status: {line}\n".encode())
 
 
-def _heard(number: int, frame: FrameType | None) -> None:
-    """The watching thread answers."""
-
-
 def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated
 
@@ -91,7 +87,7 @@ def installed() -> Iterator[None]:
         return
     old_term = signal.signal(signal.SIGTERM, _terminate)
     old_int = signal.signal(signal.SIGINT, _interrupt)
-    old_ask = None if ASK is None else signal.signal(ASK, _heard)
+    old_ask = None if ASK is None else signal.signal(ASK, lambda number, frame: None)
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     old_fd = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)

@@ -54,12 +54,6 @@ def columns(first: str, heads: Iterable[str], rows: Mapping[str, Iterable[str]])
     return table
 
 
-def _searches(effort: dict[str, Any]) -> str:
-    """How many searches were made, and which one is kept."""
-    left = f"; no time for {effort['more']} more" if effort["more"] else ""
-    return f"{effort['searches']} made, number {effort['best'] + 1} costs least{left}"
-
-
 def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     """A short table of one unwrap; ``verbose`` adds the stages, and the notes from 2 on."""
     table = facts()
@@ -70,8 +64,13 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("input", plain(report["input"]))
     row("output", plain(report["output"] or "(in memory)"))
     row("method", f"{report['method']}, cut {report['cut']}")
-    if report.get("effort", {}).get("searches", 1) > 1:
-        row("searches", _searches(report["effort"]))
+    effort = report.get("effort", {})
+    if effort.get("searches", 1) > 1:
+        left = f"; no time for {effort['more']} more" if effort["more"] else ""
+        row(
+            "searches",
+            f"{effort['searches']} made, number {effort['best'] + 1} costs least{left}",
+        )
     row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}{_thin(report)}")
     row("flips, overlaps", f"{report['flips']}, {report['overlap']}")
     row(
@@ -189,7 +188,8 @@ def check_table(report: dict[str, Any]) -> Table:
         )
     if len(parts) > LISTED:
         row("", f"and {len(parts) - LISTED} components more")
-    row("uv sets", _uv_sets(report["uv_sets"]))
+    sets = report["uv_sets"]  # with their numbers, so that number 0 is not taken for none
+    row("uv sets", f"{len(sets)} ({_numbers_of(sets)})" if sets else "none")
     if report["uv"] is not None:
         _uv_rows(row, report["uv"])
     return table
@@ -202,11 +202,6 @@ _DEFECTS = {
     "degenerate_faces": "degenerate face",
     "duplicate_faces": "duplicate face",
 }
-
-
-def _uv_sets(numbers: list[int]) -> str:
-    """How many uv sets there are and their numbers, so that number 0 is not taken for none."""
-    return f"{len(numbers)} ({_numbers_of(numbers)})" if numbers else "none"
 
 
 def _numbers_of(numbers: list[int]) -> str:
@@ -309,12 +304,9 @@ def _groups(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
 def _tail(report: dict[str, Any]) -> str:
     """How far most of the surface is stretched or shrunk, at most."""
     names = (("stretch_p95", "95"), ("stretch_p99", "99"), ("stretch_p999", "99.9"))
-    shares = ", ".join(f"{_share_figure(report[name])} on {percent} %" for name, percent in names)
-    return f"at most {shares}"
-
-
-def _share_figure(value: float) -> str:
-    return "infinite" if value > 1e50 else f"{value:.3g}"
+    values = ((report[name], percent) for name, percent in names)
+    shares = (f"{'infinite' if x > 1e50 else f'{x:.3g}'} on {percent} %" for x, percent in values)
+    return f"at most {', '.join(shares)}"
 
 
 def _number(value: float | None) -> str:

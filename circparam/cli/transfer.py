@@ -21,21 +21,19 @@ Examples:
 @common.apply(
     common.output,
     common.out_dir,
-    click.option(
+    common.value(
         "--resolution",
+        "Side of the page, for drifts in texels.",
         type=int,
         default=2048,
-        show_default=True,
         metavar="TEXELS",
-        help="Side of the page, for drifts in texels.",
     ),
-    click.option(
+    common.value(
         "--max-drift",
+        "Exit 5 and write nothing if a corner drifts further; 8 is the gutter between charts.",
         type=float,
         default=8.0,
-        show_default=True,
         metavar="TEXELS",
-        help="Exit 5 and write nothing if a corner drifts further; 8 is the gutter between charts.",
     ),
     common.overwrite,
     common.library_option("uv_set"),

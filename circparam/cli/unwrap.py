@@ -182,7 +182,7 @@ class _Run:
             if meshes is not None:
                 self.reports[-1] |= {"schema": "circparam/atlas/1", "input": meshes}
             if self.as_json:
-                self._print_json(self.reports[-1])
+                common.echo_json(self.reports[-1])
         return exits.code_of(error)
 
     def summary(self) -> None:
@@ -220,22 +220,16 @@ class _Run:
 
                 result, look = rebake_document(document, out, options, self.look, monitor)
             self._extras(result)
-        report = summarise(result)
-        if look is not None:
-            report["look"] = look.as_dict()
-            report |= {k: v for k, v in (look.checked or {}).items() if k in ("psnr", "ssim")}
+        report = summarise(result) | _look_figures(look)
         self.reports.append(report)
-        for line in report["warnings"]:
-            progress.warn(f"{mesh}: {line}", self.quiet)
-        if self.as_json:
-            self._print_json(report)
-        elif not self.quiet and out != "-":
-            from circparam.cli.tables import console, unwrap_table
 
-            console().print(unwrap_table(report, self.given["verbose"]))
-        missed = self.gates.missed(report)
-        if missed:
-            raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")
+        def tables() -> list[Any]:
+            from circparam.cli.tables import unwrap_table
+
+            return [unwrap_table(report, self.given["verbose"])]
+
+        shown = None if out == "-" else tables
+        common.deliver(report, self.given, self.gates, mesh, shown, f"{mesh}: ")
 
     def _share(self, meshes: list[str], outs: list[str]) -> None:
         from circparam.pipeline.jobs import monitor_of
@@ -256,22 +250,15 @@ class _Run:
                 from circparam.bake.together import rebake_documents
 
                 shared, look = rebake_documents(documents, places, self.options, self.look, monitor)
-        report = shared.as_dict()
-        if look is not None:
-            report["look"] = look.as_dict()
-            report |= {k: v for k, v in (look.checked or {}).items() if k in ("psnr", "ssim")}
-        for line in report["warnings"]:
-            progress.warn(line, self.quiet)
-        if self.as_json:
-            self._print_json(report)
-        elif not self.quiet:
-            from circparam.cli.tables import atlas_table, console, unwrap_table
+        report = shared.as_dict() | _look_figures(look)
+
+        def tables() -> list[Any]:
+            from circparam.cli.tables import atlas_table, unwrap_table
 
             page = report | {"input": f"{len(meshes)} meshes", "output": self.given["out_dir"]}
-            console().print(unwrap_table(page, self.given["verbose"]), "", atlas_table(report))
-        missed = self.gates.missed(report)
-        if missed:
-            raise GateError(f"--one-atlas: --fail-if {'; '.join(missed)}")
+            return [unwrap_table(page, self.given["verbose"]), "", atlas_table(report)]
+
+        common.deliver(report, self.given, self.gates, "--one-atlas", tables, "")
 
     def _extras(self, result: Any) -> None:
         """The further files that were asked for."""
@@ -286,8 +273,13 @@ class _Run:
 
             save_result(self.given["preview"], result, os.path.basename(result.path or ""))
 
-    def _print_json(self, report: dict[str, Any]) -> None:
-        common.echo_json(report)
+
+def _look_figures(look: Any) -> dict[str, Any]:
+    """The part of a report on carried textures; empty without them."""
+    if look is None:
+        return {}
+    checked = {k: v for k, v in (look.checked or {}).items() if k in ("psnr", "ssim")}
+    return {"look": look.as_dict(), **checked}
 
 
 def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
@@ -338,7 +330,7 @@ def with_files(out: dict[str, Any]) -> dict[str, Any]:
         corners = out["boundary"].removeprefix("polygon:")
         out |= {"boundary": "polygon", "polygon": sidecars.read_polygon(corners)}
     if out.get("bff_boundary", "disk") != "disk":
-        out["bff_boundary"] = sidecars.read_lengths(out["bff_boundary"])
+        out["bff_boundary"] = sidecars.read_column(out["bff_boundary"], "a length")
     if "pins" in out:
         out["pins"] = sidecars.read_pins(out["pins"])
     for name in ("seams", "no_seams"):

@@ -24,13 +24,8 @@ Examples:
 @common.path_option(
     "--output", "File to write: .png, .svg or .html.  [default: MESH_view.png]", "-o"
 )
-@click.option(
-    "--uv-set",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="Number of the uv set, from 0.",
+@common.value(
+    "--uv-set", "Number of the uv set, from 0.", type=click.IntRange(min=0), default=0, metavar="N"
 )
 @common.path_option(
     "--before",
@@ -38,25 +33,22 @@ Examples:
     metavar="OLD",
     type=common.MESH,
 )
-@click.option(
+@common.value(
     "--padding",
+    "Draw a band of this width, in uv units, around every chart.",
     type=common.FiniteRange(0, 1),
     default=0.0,
     metavar="UV",
-    help="Draw a band of this width, in uv units, around every chart.",
+    show_default=False,
 )
-@click.option(
+@common.value(
     "--scale",
+    "End of the colour scale of distortion.  [default: 2]",
     type=common.FiniteRange(1, min_open=True),
     metavar="D",
-    help="End of the colour scale of distortion.  [default: 2]",
 )
-@click.option(
-    "--up",
-    type=click.Choice(["auto", "x", "y", "z"]),
-    default="auto",
-    show_default=True,
-    help="Up axis of the mesh.",
+@common.value(
+    "--up", "Up axis of the mesh.", type=click.Choice(["auto", "x", "y", "z"]), default="auto"
 )
 @common.atlas_groups
 @common.format_option

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from circparam.core.memory import peak
 from circparam.core.records import dataclass
 from circparam.core.workers import environment
 from circparam.errors import CircparamError, NoResultError, OutOfTimeError, OutputError
@@ -84,29 +85,6 @@ def here(function: str, arrays: Arrays, settings: dict[str, Any]) -> Outcome:
     return Outcome(out, info)
 
 
-def peak_memory() -> int | None:
-    """Largest resident size of this process so far, in bytes; None if the system does not tell.
-
-    Linux keeps the value with the address space; getrusage would also count the parent's memory at the fork.
-    """
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
-    with contextlib.suppress(ImportError):
-        import resource
-
-        unit = 1 if sys.platform == "darwin" else 1024
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-    return None
-
-
-def forget_peak() -> None:
-    """Reset the peak to the current memory, where the system can (Linux)."""
-    with contextlib.suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-
-
 def _save(path: Path, arrays: Arrays) -> None:
     with path.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
@@ -122,18 +100,19 @@ def _child(folder: Path) -> None:
     function, settings = json.loads((folder / "task.json").read_text(encoding="utf-8"))
     module, name = function.split(":")
     call = getattr(importlib.import_module(module), name)
-    forget_peak()
-    before = peak_memory()
+    with contextlib.suppress(OSError):  # Linux resets the peak to the current memory
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    before = peak()
     error, out, info = None, {}, {}
     try:
         out, info = call(arrays, settings)
     except Exception as problem:
         error = " ".join(f"{problem}".split()) or type(problem).__name__
         info = {"kind": type(problem).__name__}
-    after = peak_memory()
-    peak = None if before is None or after is None else max(after - before, 0)
+    after = peak()
+    grown = None if before is None or after is None else max(after - before, 0)
     _save(folder / "output.npz", out)
-    said = {"info": info, "peak_bytes": peak, "error": error}
+    said = {"info": info, "peak_bytes": grown, "error": error}
     (folder / "answer.json").write_text(json.dumps(said), encoding="utf-8")
 
 

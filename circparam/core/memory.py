@@ -83,6 +83,23 @@ def _glibc() -> Any:
     return None
 
 
+def peak() -> int | None:
+    """Largest resident size of this process so far, in bytes; None if the system does not tell.
+
+    Linux keeps the value with the address space; getrusage would also count the parent's memory at the fork.
+    """
+    with contextlib.suppress(OSError), open("/proc/self/status", encoding="ascii") as stream:
+        for line in stream:
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    with contextlib.suppress(ImportError):
+        import resource
+
+        unit = 1 if sys.platform == "darwin" else 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    return None
+
+
 def resident(pid: int | str = "self") -> int:
     """Bytes of memory that a process holds; 0 if the system does not tell."""
     return _statm(pid, 1)

@@ -107,9 +107,5 @@ def _textures(library: Path, folder: Path) -> Iterable[str]:
         text = regular_bytes(library).decode("utf-8", "surrogateescape")
     except OSError:
         return []
-    return dict.fromkeys(_named_image(name, folder) for name in image_names(text))
-
-
-def _named_image(text: str, folder: Path) -> str:
-    """One name: the whole, or its last word where only that is a file."""
-    return _named(text, folder)[-1]
+    # one name: the whole, or its last word where only that is a file
+    return dict.fromkeys(_named(name, folder)[-1] for name in image_names(text))

@@ -17,20 +17,8 @@ from circparam.core.files import write_files
 from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import check_needed, find_assets, unresolved
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    WriteOptions,
-    check_layout,
-    check_new_set,
-)
-from circparam.formats.endless import (
-    LONGEST_LINE,
-    LineLimit,
-    blocks_in,
-    blocks_of,
-    check_lines,
-)
+from circparam.formats.document import Document, Encoded, WriteOptions, check_layout, check_new_set
+from circparam.formats.endless import LONGEST_LINE, LineLimit, blocks_in, blocks_of, check_lines
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes, regular_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, Format, RoundUV, sniff, up_of, writable

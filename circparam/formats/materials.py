@@ -7,7 +7,6 @@ Each format finds its own (``obj/materials.py``, ``ply/materials.py``, ``gltf/ma
 import io
 import re
 from dataclasses import field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import InputError
-from circparam.formats.source import found_beside, regular_bytes
+from circparam.formats.source import Source, found_beside, regular_bytes
 from circparam.mesh.mesh import UVMap
 
 if TYPE_CHECKING:
@@ -62,10 +61,13 @@ def moved_layout(uvmap: UVMap, textures: Textures) -> UVMap:
 
 
 class ImageFiles:
-    """The images of a file, each read once from beside it; missing ones become notes."""
+    """The images of a file, each read once from beside it.
 
-    def __init__(self, folder: Path | None) -> None:
-        self.folder = folder
+    strict: a missing image is an InputError; otherwise it becomes a note.
+    """
+
+    def __init__(self, source: Source, strict: bool = False) -> None:
+        self.source, self.strict = source, strict
         self.images: list[bytes] = []
         self.names: list[str] = []
         self.notes: list[str] = []
@@ -85,7 +87,10 @@ class ImageFiles:
             try:
                 self._known[name] = self.add(name, self._content(name))
             except OSError:
-                self.notes.append(f"texture {name} is missing: put it beside the mesh")
+                line = f"texture {name} is missing: put it beside the mesh"
+                if self.strict:
+                    raise self.source.error(line) from None
+                self.notes.append(line)
         return self._known[name]
 
     def _content(self, name: str) -> bytes:
@@ -94,7 +99,7 @@ class ImageFiles:
         far = re.match(r"[A-Za-z]:|/", name) is not None
         places = [name, name.rpartition("/")[2]] if far else [name]
         for place in [*places, *(re.sub(r"\s+#.*", "", p) for p in places if "#" in p)]:
-            path = found_beside(self.folder, place)
+            path = found_beside(self.source.folder, place)
             if path is not None:
                 return regular_bytes(path)
         raise FileNotFoundError(name)

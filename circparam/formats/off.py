@@ -4,16 +4,11 @@ import re
 
 import numpy as np
 
+from circparam.core.arrays import ranges
 from circparam.formats.memory import PlainDocument
 from circparam.formats.polygons import list_start, triangulate
 from circparam.formats.source import Source
-from circparam.formats.tokens import (
-    BYTE_ORDER_MARK,
-    gather,
-    parse_floats,
-    parse_ints,
-    tokenize,
-)
+from circparam.formats.tokens import BYTE_ORDER_MARK, gather, parse_floats, parse_ints, tokenize
 from circparam.mesh.mesh import Mesh
 
 
@@ -50,11 +45,7 @@ def read_off(data: bytes, source: Source) -> PlainDocument:
         size = parse_ints(gather(t.clean, t.start[rows], t.end[rows]), m)
         if (size < 0).any() or (rows + 1 + size > end[n : n + m]).any():
             raise ValueError("a face has fewer corners than it says")
-        at = (
-            np.repeat(rows + 1, size)
-            + np.arange(int(size.sum()))
-            - np.repeat(np.cumsum(size) - size, size)
-        )
+        at = np.repeat(rows + 1, size) + ranges(size)
         corners = parse_ints(gather(t.clean, t.start[at], t.end[at]), len(at))
     except ValueError as error:
         raise source.error(f"a row is malformed ({error})") from None

@@ -65,14 +65,9 @@ def read_polygon(path: str | os.PathLike[str]) -> FloatArray:
     return _numbers(path, 2, "x and y of a corner")
 
 
-def read_lengths(path: str | os.PathLike[str]) -> FloatArray:
-    """(b,): one length a line. Raises InputError if a line holds something else."""
-    return _numbers(path, 1, "a length")[:, 0]
-
-
-def read_densities(path: str | os.PathLike[str]) -> FloatArray:
-    """(f,): one density a line. Raises InputError if a line holds something else."""
-    return _numbers(path, 1, "a density")[:, 0]
+def read_column(path: str | os.PathLike[str], what: str) -> FloatArray:
+    """(k,): one number a line; ``what`` says which. Raises InputError if a line holds something else."""
+    return _numbers(path, 1, what)[:, 0]
 
 
 def read_seams(path: str | os.PathLike[str]) -> IntArray:

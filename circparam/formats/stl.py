@@ -55,15 +55,11 @@ def _promised(head: bytes, size: int, source: Source) -> int:
         )
     count = int.from_bytes(head[HEADER - 4 : HEADER], "little")
     there = (size - HEADER) // FACET.itemsize
-    if there < count:
+    if there != count:
+        short = "it is cut short, or " if there < count else ""
         raise source.error(
-            f"its header promises {count} facets, its length is that of {there}: it is cut short, or whatever "
-            "wrote it did not fill in the number; export it again"
-        )
-    if there > count:
-        raise source.error(
-            f"its header promises {count} facets, its length is that of {there}: whatever wrote it did not "
-            "fill in the number; export it again"
+            f"its header promises {count} facets, its length is that of {there}: {short}whatever wrote it did "
+            "not fill in the number; export it again"
         )
     if count == 0:
         raise source.error("it has no faces: there is nothing to unwrap")

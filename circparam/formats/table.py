@@ -77,28 +77,21 @@ class Format:
         return self.read(data, source)
 
 
-def _is_glb(data: bytes) -> bool:
-    return data[:4] == b"glTF"
+def _begins(pattern: bytes) -> Callable[[bytes], bool]:
+    """Whether a text begins with a pattern, behind a byte order mark and blanks."""
+    return lambda data: re.match(pattern, _text(data), re.S) is not None
 
 
-def _is_ply(data: bytes) -> bool:
-    return re.match(rb"ply[ \t]*[\r\n]", data[:HEAD]) is not None
-
-
-def _is_off(data: bytes) -> bool:
-    return re.match(rb"(?:ST)?C?N?OFF\b", _text(data)) is not None
-
-
-def _is_gltf(data: bytes) -> bool:
-    text = _text(data)
-    return text[:1] == b"{" and b'"' in text
+def _zipped(name: bytes) -> Callable[[bytes], bool]:
+    """Whether an archive holds a file whose name ends so."""
+    return lambda data: data[:2] == b"PK" and name in data
 
 
 def _is_stl(data: bytes) -> bool:
     """By the size that a binary file must have for its number of triangles, or the first words of a text."""
     if len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         return True
-    return re.match(rb"solid\b[^\0]*?\bfacet\s+normal", _text(data), re.S) is not None
+    return _begins(rb"solid\b[^\0]*?\bfacet\s+normal")(data)
 
 
 def _is_obj(data: bytes) -> bool:
@@ -108,28 +101,12 @@ def _is_obj(data: bytes) -> bool:
     return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:OBJ_HEAD], re.M) is not None
 
 
-def _always_lined(head: bytes) -> bool:
+def _is_ply(data: bytes) -> bool:
+    return re.match(rb"ply[ \t]*[\r\n]", data[:HEAD]) is not None
+
+
+def _always(head: bytes) -> bool:
     return True
-
-
-def _is_3mf(data: bytes) -> bool:
-    return data[:2] == b"PK" and b".model" in data
-
-
-def _is_zae(data: bytes) -> bool:
-    return data[:2] == b"PK" and b".dae" in data
-
-
-def _is_dae(data: bytes) -> bool:
-    return re.search(rb"<COLLADA\b", _text(data)) is not None
-
-
-def _is_xaml(data: bytes) -> bool:
-    return re.match(rb"<[^>]*schemas\.microsoft\.com/winfx", _text(data)) is not None
-
-
-def _is_step(data: bytes) -> bool:
-    return _text(data).startswith(b"ISO-10303-21;")
 
 
 def _text(data: bytes) -> bytes:
@@ -153,19 +130,31 @@ def _read_unshared(data: bytes, source: Source) -> Document:
     return read_gltf(data, source, unshare=True)
 
 
+def _foreign(
+    name: str,
+    sniff: Callable[[bytes], bool],
+    rank: int = 0,
+    up: str = "",
+    also: tuple[str, ...] = (),
+) -> Format:
+    """A format that trimesh reads: geometry and uv only."""
+    suffixes = (f".{name}", *also)
+    return Format(read_as(name), suffixes, sniff, rank, output="glb", foreign=True, up=up)
+
+
 FORMATS: Table[Format] = Table(
     "format",
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is,
-                      lined=_always_lined),
+                      lined=_always),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
     Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
                       round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
-    Row("gltf", Format(read_gltf, (".gltf",), _is_gltf, rank=1, export=to_gltf, round_uv=_as_gltf,
-                       unshare=_read_unshared, up="y"),
+    Row("gltf", Format(read_gltf, (".gltf",), _begins(rb'\{.*"'), rank=1, export=to_gltf,
+                       round_uv=_as_gltf, unshare=_read_unshared, up="y"),
         "glTF 2.0: TEXCOORD_n; the whole tree kept"),
-    Row("glb", Format(read_gltf, (".glb", ".vrm"), _is_glb, export=to_glb, round_uv=_as_gltf,
-                      unshare=_read_unshared, up="y"),
+    Row("glb", Format(read_gltf, (".glb", ".vrm"), lambda data: data[:4] == b"glTF", export=to_glb,
+                      round_uv=_as_gltf, unshare=_read_unshared, up="y"),
         "binary glTF 2.0: TEXCOORD_n; the whole tree kept"),
     Row("usda", Format(read_usd, (".usda",), is_text, export=to_usda, round_uv=_as_float32,
                        also=(".usd",), require=require_usd),
@@ -179,18 +168,15 @@ FORMATS: Table[Format] = Table(
     Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb",
                       peek=look_ahead_stl, lined=is_text_stl, up="z"),
         "STL: no place for uv, written as GLB"),
-    Row("off", Format(read_off, (".off", ".coff"), _is_off, output="glb", lined=_always_lined),
+    Row("off", Format(read_off, (".off", ".coff"), _begins(rb"(?:ST)?C?N?OFF\b"), output="glb",
+                      lined=_always),
         "OFF: no place for uv, written as GLB"),
-    Row("3mf", Format(read_as("3mf"), (".3mf",), _is_3mf, output="glb", foreign=True, up="z"),
-        "3MF through trimesh, written as GLB"),
-    Row("dae", Format(read_as("dae"), (".dae",), _is_dae, rank=1, output="glb", foreign=True),
-        "COLLADA through trimesh, written as GLB"),
-    Row("zae", Format(read_as("zae"), (".zae",), _is_zae, output="glb", foreign=True),
-        "zipped COLLADA through trimesh, written as GLB"),
-    Row("xaml", Format(read_as("xaml"), (".xaml",), _is_xaml, rank=1, output="glb", foreign=True),
+    Row("3mf", _foreign("3mf", _zipped(b".model"), up="z"), "3MF through trimesh, written as GLB"),
+    Row("dae", _foreign("dae", _begins(rb".*<COLLADA\b"), 1), "COLLADA through trimesh, written as GLB"),
+    Row("zae", _foreign("zae", _zipped(b".dae")), "zipped COLLADA through trimesh, written as GLB"),
+    Row("xaml", _foreign("xaml", _begins(rb"<[^>]*schemas\.microsoft\.com/winfx"), 1),
         "XAML through trimesh, written as GLB"),
-    Row("step", Format(read_as("step"), (".step", ".stp"), _is_step, output="glb", foreign=True,
-                       up="z"),
+    Row("step", _foreign("step", _begins(rb"ISO-10303-21;"), up="z", also=(".stp",)),
         "STEP through trimesh and cascadio, written as GLB"),
 )  # fmt: skip
 

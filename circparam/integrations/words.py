@@ -56,12 +56,8 @@ def _keyword(found: re.Match[str]) -> str:
     words = {*spec.choices, *(spec.names() if spec.names else ())}
     if value in words:
         return f"{name}={value!r}"
-    return f"{name}=True{rest}" if _is_switch(name) else name + rest
-
-
-def _is_switch(name: str) -> bool:
-    """Whether an option is on or off."""
-    return "bool" in str(Options.__annotations__[name])
+    switch = "bool" in str(Options.__annotations__[name])
+    return f"{name}=True{rest}" if switch else name + rest
 
 
 def python_words(function: Callable[P, T]) -> Callable[P, T]:

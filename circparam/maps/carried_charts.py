@@ -1,10 +1,10 @@
-"""The layout of one mesh on another mesh of the same shape: seams follow, nothing flips.
+"""The layout of one mesh on another mesh of the same shape: seams follow, and no face flips.
 
-The charts of the source lie as sheets in space. Every face of the target takes the chart that most of it lies
-on, and every corner the closest point of that chart, on one side of every seam. Faces side by side whose
-corners found the same points hang together; the other edges are seams. Faces that are turned over or lie on
-others take another chart, or another side of a seam. A linear programme moves what is still at fault by the
-least drift (``least_drift``), and the few faces that no drift mends are laid in free room (``loose_faces``).
+Every face of the target takes the chart that covers most of it. Every corner takes the closest point of that
+chart, on one side of each seam. Neighbours whose shared corners have the same uv stay connected; all other
+edges are seams. Flipped or overlapping faces try another chart or another side of a seam. A linear program
+moves the rest by the least drift (``least_drift``). The few faces that it cannot mend go to free room
+(``loose_faces``).
 """
 
 import dataclasses
@@ -70,7 +70,7 @@ class SurfacePoints:
         return SurfacePoints(self.face[rows], self.bary[rows], self.distance[rows])
 
     def put(self, rows: IntArray, new: "SurfacePoints") -> None:
-        """Others in some rows, in place."""
+        """Replace some rows by other points, in place."""
         self.face[rows], self.bary[rows], self.distance[rows] = new.face, new.bary, new.distance
 
 
@@ -102,7 +102,7 @@ class SourceCharts:
         return np.concatenate([places, layer, UV_WEIGHT / self.scale * uv], axis=1)
 
     def anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
-        """The closest points of faces that look the way of the normals, where near ones do."""
+        """The closest points; where possible, on faces whose normals agree with the given ones."""
         return _in_blocks(self._anywhere, places, normals)
 
     def _anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
@@ -124,7 +124,7 @@ class SourceCharts:
         return self._walked(places, self._sampled(places, chart, self.uv(first)), first)
 
     def _sampled(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
-        """The best of the faces with near samples; with squares of distances."""
+        """The best points on faces with near samples; ``distance`` holds squared distances."""
         lifted = self._lifted(places, chart, expected)
         found = self.sample[_nearest(self.layered, lifted)]
         bary, d2 = closest_on_triangles(places[:, None], self.corners[found])
@@ -138,9 +138,9 @@ class SourceCharts:
     def _walked(
         self, places: FloatArray, start: SurfacePoints, other: SurfacePoints | None = None
     ) -> SurfacePoints:
-        """On to neighbours in the same chart for as long as one of them is nearer; start has squares.
+        """Walk to neighbouring faces of the same chart while one is nearer; ``start`` holds squared distances.
 
-        other: points with distances, which stay where the walk ends no nearer.
+        other: points with distances. They stay where the walk ends no nearer.
         """
         face, bary, d2 = start.face.copy(), start.bary.copy(), start.distance.copy()
         moving = np.arange(len(places))
@@ -199,7 +199,7 @@ def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
 
 
 def _scale(atlas: Atlas) -> float:
-    """uv a unit of length: of the median area."""
+    """uv units per unit of length, at the median of the area."""
     d = atlas.corners[:, 1:] - atlas.corners[:, :1]
     areas = atlas.surface.areas
     ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
@@ -210,7 +210,7 @@ def _scale(atlas: Atlas) -> float:
 
 
 def samples_of(areas: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Samples of a surface: (face (s,), barycentric (s, 3)), one of each face and more where it is larger."""
+    """Samples of a surface: (face (s,), barycentric (s, 3)), at least one per face, more on large faces."""
     m = len(areas)
     count = int(np.clip(SAMPLES_A_FACE * m, FEWEST_SAMPLES, MOST_SAMPLES))
     whole = np.cumsum(areas)
@@ -224,10 +224,13 @@ def samples_of(areas: FloatArray) -> tuple[IntArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class CarriedLayout:
-    """A layout on the target. drift: (m, 3) distance in uv of every corner from the closest point of its chart,
-    0 for loose faces. inside: (m,) the same in the middle of every face, where the target cuts through what is
-    curved. loose: (m,) bool, faces that lie elsewhere than on the source. least: in uv, of any layout without
-    flips the largest drift is at least this. faulty: (m,) bool, faces that stay turned or overlap."""
+    """A layout on the target.
+
+    drift: (m, 3) distance in uv of every corner from the closest point of its chart, 0 for loose faces. inside:
+    (m,) the same at the middle of every face, where a flat face cuts through a curved surface. loose: (m,)
+    bool, faces in free room. least: lower bound, in uv, on the largest drift of any layout without flips.
+    faulty: (m,) bool, faces that stay flipped or overlap.
+    """
 
     atlas: Atlas
     drift: FloatArray
@@ -238,7 +241,7 @@ class CarriedLayout:
 
 
 def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
-    """The layout of the sheets on a target of the same shape."""
+    """The layout of the charts on a target of the same shape."""
     probed, led = _leaders(source, target)
     corners = _corner_points(source, target, led, np.arange(len(target.faces)))
     _agree(source, target, led, corners)
@@ -265,10 +268,10 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
 
 
 def _mended(atlas: Atlas, uv: FloatArray, sign: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Put the corners (m, 3, 2) into an atlas where none is turned and nothing overlaps, near their places.
+    """Lay the corners of an atlas near their uv (m, 3, 2), without flips and overlaps. In place.
 
-    sign: (m,) −1 for faces of clockwise charts. Faces that stay at fault are let go, and the rest is mended
-    anew. Returns ((m,) bool: faces let go, whose edges are cut, (m,) bool: faces still at fault).
+    sign: (m,) −1 for faces of clockwise charts. Faces that stay at fault are cut loose, and the rest is mended
+    again. Returns ((m,) bool: loose faces, (m,) bool: faces still at fault).
     """
     loose = np.zeros(len(uv), bool)
     edges = atlas.surface.edges

@@ -1,13 +1,14 @@
-"""A layout without turned faces and without overlaps, as near a given one as a linear programme finds.
+"""A layout without flipped faces and overlaps, as near a wanted layout as a linear program finds.
 
-Vertices near a fault may move. With p the places that are wanted and x those found, the programme is
+Only vertices near a fault move. With p the wanted places and x the new ones, the program is
 
-    minimise    Σ_i t_i  +  n_k Σ_k T_k  +  penalty · (what rows lack)
-    subject to  |x_i − p_i| ≤ t_i ≤ T_k        every vertex i of group k, in 16 directions
-                height of face f at x  ≥  h    every face that moves, to first order
-                n · (x_i − y_j(x))     ≥  h    every vertex i that lies within another part y_j of a boundary
+    minimise    Σ_i t_i  +  Σ_k n_k T_k  +  penalty · (violation of the rows)
+    subject to  |x_i − p_i| ≤ t_i ≤ T_k        for every vertex i of group k with n_k vertices
+                height of face f at x  ≥  h    for every moving face, to first order
+                n · (x_i − y_j(x))     ≥  h    for every vertex i inside another part of the boundary
 
-Rounds repeat it from where it ended: heights are no linear functions, and one overlap cured shows the next.
+where y_j is the nearest point of that part and n its normal. The program is solved again from each result,
+because heights are not linear and removing one overlap can reveal another.
 """
 
 from typing import Any
@@ -37,14 +38,16 @@ DIRECTIONS = 16  # of the polygon that stands for the circle round a vertex: 2 %
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Vertices (k,) that lie within another part of a boundary, and the edge (k, 2) that each is to leave: the
-    part lies on its left."""
+    """Vertices (k,) inside another part of the boundary, and the edge (k, 2) through which each vertex leaves.
+
+    The part lies to the left of its edge.
+    """
 
     vertex: IntArray
     edge: IntArray
 
     def beside(self, x: FloatArray) -> "Contacts":
-        """Those whose vertex lies beside its edge at places (nv, 2), and hardly beyond its ends."""
+        """The contacts whose vertex projects onto its edge at places (nv, 2), or just beyond an end."""
         t = self.feet(x)[0]
         ok = (t > -BEYOND) & (t < 1 + BEYOND)
         return Contacts(self.vertex[ok], self.edge[ok])
@@ -66,9 +69,9 @@ def joined(several: list[Contacts]) -> Contacts:
 
 
 def mend(cut_mesh: CutMesh, wanted: FloatArray, sign: FloatArray) -> FloatArray:
-    """(nv, 2) places near the wanted ones (nv, 2) at which no face is turned and no boundary crosses another.
+    """(nv, 2) places near the wanted places (nv, 2), without flipped faces and crossing boundaries.
 
-    sign: (m,) 1, or −1 for faces of charts that lie clockwise. What cannot be mended stays: see ``faults``.
+    sign: (m,) 1, or −1 for faces of clockwise charts. ``faults`` lists the faults that remain.
     """
     x = wanted.copy()
     met = [_contacts(cut_mesh, x)]
@@ -81,15 +84,15 @@ def mend(cut_mesh: CutMesh, wanted: FloatArray, sign: FloatArray) -> FloatArray:
         near = np.zeros(len(x), bool)
         near[contacts.vertex], near[contacts.edge] = True, True
         seed |= low | near[cut_mesh.faces].any(1)
-        x = _programme(cut_mesh, wanted, x, sign, grow(cut_mesh, seed, RINGS), contacts)
+        x = _linear_step(cut_mesh, wanted, x, sign, grow(cut_mesh, seed, RINGS), contacts)
         met.append(_contacts(cut_mesh, x))
     return x
 
 
 def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
-    """(m,) bool: faces that are turned at places x (nv, 2), at crossings, or of a chart that lies in another.
+    """(m,) bool: faces that are flipped at places x (nv, 2), that cross others, or whose chart lies in another.
 
-    Of two charts that overlap those of the one with fewer faces: where they cross, or else all of them.
+    Of two overlapping charts the one with fewer faces is at fault: where both cross, or else as a whole.
     """
     n, chart = cut_mesh.n_charts, cut_mesh.chart
     wrong: BoolArray = _heights(cut_mesh, x, sign)[0] < HEIGHT / 4
@@ -107,7 +110,7 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
 
 
 def meetings(cut_mesh: CutMesh, x: FloatArray) -> IntArray:
-    """(p, 2) boundary half-edges beside which charts lie on themselves or each other at places x (nv, 2)."""
+    """(p, 2) boundary half-edges that cross at places x (nv, 2), within a chart or between charts."""
     boundary = boundary_in(cut_mesh, _stored(x))
     pairs = [np.stack(meeting(boundary, between)[:2], 1) for between in (False, True)]
     result: IntArray = boundary.half_edge[np.concatenate(pairs)]
@@ -115,7 +118,7 @@ def meetings(cut_mesh: CutMesh, x: FloatArray) -> IntArray:
 
 
 def _stored(x: FloatArray) -> FloatArray:
-    """Places as files hold them: boundaries that touch may cross when they are rounded."""
+    """Places rounded as in files, because touching boundaries may cross after rounding."""
     return x.astype(np.float32).astype(np.float64)
 
 
@@ -131,7 +134,7 @@ def _heights(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> tuple[FloatA
 
 
 def _contacts(cut_mesh: CutMesh, x: FloatArray) -> Contacts:
-    """What to push apart where boundaries meet: of each crossing the end that lies least deep."""
+    """The contacts of all crossings: of the four ends of each crossing, the one that lies least deep."""
     x = _stored(x)
     boundary = boundary_in(cut_mesh, x)
     pairs = [np.stack(meeting(boundary, between)[:2], 1) for between in (False, True)]
@@ -163,7 +166,7 @@ def _contacts(cut_mesh: CutMesh, x: FloatArray) -> Contacts:
     return Contacts(v, np.stack([tail[b], head[b]], 1))
 
 
-def _programme(
+def _linear_step(
     cut_mesh: CutMesh,
     wanted: FloatArray,
     x: FloatArray,
@@ -171,7 +174,7 @@ def _programme(
     region: BoolArray,
     contacts: Contacts,
 ) -> FloatArray:
-    """The places after one programme; those of vertices outside the region do not change."""
+    """The places after one linear program; vertices outside the region keep theirs."""
     free = np.zeros(len(x), bool)
     free[cut_mesh.faces[region]] = True
     moving = np.flatnonzero(free)
@@ -220,7 +223,7 @@ def _programme(
 
 
 def _rows(number: IntArray, vertex: IntArray, gradient: FloatArray, n: int) -> SparseMatrix:
-    """(r, 2n) rows of gradients (r, c, 2) by the places of vertices (r, c); those that do not move fall out."""
+    """(r, 2n) rows of gradients (r, c, 2) by the places of vertices (r, c), without fixed vertices."""
     r, c = vertex.shape
     column = number[vertex]
     row = np.repeat(np.arange(r), c).reshape(r, c)
@@ -232,7 +235,7 @@ def _rows(number: IntArray, vertex: IntArray, gradient: FloatArray, n: int) -> S
 
 
 def _groups(number: IntArray, faces: IntArray, contacts: IntArray, n: int) -> IntArray:
-    """(n,) group of each moving vertex: those that share a face or a contact are in one."""
+    """(n,) group of each moving vertex: vertices that share a face or a contact have one group."""
     a = number[np.r_[faces, contacts]]
     tail, head = a[:, [0, 1]].ravel(), a[:, [1, 2]].ravel()
     ok = (tail >= 0) & (head >= 0)

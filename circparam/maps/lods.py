@@ -26,26 +26,25 @@ from circparam.pipeline.stored_fit import Fitted
 from circparam.pipeline.unwrap import finish
 from circparam.pipeline.verify import flipped_faces
 
-SHAPE = (
-    0.05  # of the diagonal: no quadric decimation to a tenth of the faces moves a surface so far
-)
-LOOKED = 5_000  # places of the first mesh that are sought on the others
-LOOSE = (
-    0.01  # of the surface: more faces in free room would show, as the texture does not cover them
-)
+SHAPE_DIAGONALS = 0.05  # between both surfaces: decimation to a tenth of the faces moves less
+SHAPE_SAMPLES = 5_000  # places of each mesh that are sought on the other
+LOOSE_SHARE = 0.01  # of the surface: more faces without texture would show
 DRIFT = Range(0.0, 1e6, "a distance in texels, at least 0; 8 is the default")
 SIDE = Range(16, 65536, "a page of 16 to 65536 texels a side")
 
 
+_DRIFTS = ("drift", "drift_mean", "inside_p95", "inside_max", "apart", "anew", "anew_share")
+
+
 @dataclass(frozen=True, eq=False)
 class Transferred:
-    """A layout that one mesh took over from another.
+    """A layout that one mesh took over from another. All drifts are texels.
 
-    result: as of an unwrap, verified. drift: texels of the corner that lies furthest from the closest point of
-    its chart. drift_mean: over all corners. inside_p95, inside_max: texels in the middle of faces, where a
-    coarser face cuts through what is curved. apart: largest distance of both surfaces, in diagonals.
-    place: (3,) of the vertex with the largest drift. least: texels that any layout without flips drifts at
-    least, as the target folds over there. anew: faces that lie in free room, anew_share: of the surface.
+    result: the verified result, as of ``unwrap``. drift: largest distance of a corner from the closest point of
+    its chart; drift_mean: the mean. inside_p95, inside_max: the same at the middle of faces, where a flat face
+    cuts through a curved surface. apart: largest distance of both surfaces, in diagonals. place: (3,) of the
+    vertex with the largest drift. least: lower bound on the drift of any layout without flips, because the
+    target folds over. anew: number of faces in free room, anew_share: their share of the surface.
     """
 
     result: Result
@@ -68,19 +67,11 @@ class Transferred:
             "faces": len(self.result.mesh.faces),
             "charts": v.charts,
             "flips": v.flips,
-            "overlap": v.overlap,
+            **{name: getattr(v, name) for name in ("overlap", "missing", "seam_length")},
             "mirrored": len(v.mirrored),
-            "missing": v.missing,
-            "seam_length": v.seam_length,
-            "drift": self.drift,
-            "drift_mean": self.drift_mean,
+            **{name: getattr(self, name) for name in _DRIFTS},
             "drift_least": self.least,
-            "drift_place": [float(x) for x in self.place],
-            "inside_p95": self.inside_p95,
-            "inside_max": self.inside_max,
-            "apart": self.apart,
-            "anew": self.anew,
-            "anew_share": self.anew_share,
+            "drift_place": self.place.tolist(),
             "warnings": self.result.warnings,
             "notes": self.result.notes,
         }
@@ -98,13 +89,13 @@ def transfer(
 ) -> list[Transferred]:
     """The layout of a mesh on coarser or finer meshes of the same shape; nothing flips or overlaps.
 
-    source, targets: as ``unwrap`` takes them; the source has uv. outputs: a file for each target, None keeps
-    its layout in memory. resolution: texels a side of the page that drifts are told in. max_drift: largest
-    drift that is written, in texels. keywords: the fields of ``Options`` for files: reader, overwrite, uv_set
-    (the set that is read and written) ... All layouts are made before the first file is written.
+    source, targets: as for ``unwrap``; the source has uv. outputs: a file for each target, None keeps its
+    layout in memory. resolution: side of the page in texels, the unit of all drifts. max_drift: upper bound on
+    the drift, in texels. keywords: fields of ``Options`` for files, such as reader, overwrite and uv_set (read
+    and written). All layouts are made before the first file is written.
 
-    Returns one ``Transferred`` a target. Raises InputError where the source has no uv, NoResultError where a
-    target has another shape, where a drift is larger than max_drift, and where too many faces would overlap.
+    Returns one ``Transferred`` per target. Raises InputError if the source has no uv. Raises NoResultError if a
+    target has another shape, drifts further than max_drift, or has too many overlapping faces.
     """
     DRIFT.check("--max-drift", max_drift)
     SIDE.check("--resolution", resolution)
@@ -128,13 +119,18 @@ def transfer(
     out = []
     for job, fitted, output, (layout, apart) in zip(jobs, made, outputs, carried, strict=True):
         result = finish(job, fitted, output, monitor, "transfer")
-        result.warnings.extend(_loose_lines(layout, job.surface))
-        out.append(_transferred(result, layout, apart, job.surface, resolution))
+        one = _transferred(result, layout, apart, job.surface, resolution)
+        if one.anew:
+            result.warnings.append(
+                f"{counted(one.anew, 'face')} ({percent(one.anew_share)} of the surface) overlapped others and "
+                "were laid in free room: the texture of the first mesh does not cover that room"
+            )
+        out.append(one)
     return out
 
 
 def _options(keywords: dict[str, Any]) -> Options:
-    """Options of files; those of seams, methods and packing have no use here."""
+    """Options for files: nothing is cut, flattened or packed here."""
     if keywords.get("uv_set") is not None:
         keywords = {**keywords, "overwrite_uv": True}
     return from_keywords({**keywords, "cut": "none", "normalize": False})
@@ -148,29 +144,29 @@ def _source_charts(document: Document, options: Options) -> SourceCharts:
 
 
 def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:
-    """The largest distance of both surfaces, in diagonals of the first. Raises NoResultError beyond SHAPE."""
-    there = charts.places[:: max(1, len(charts.places) // LOOKED)]
+    """The largest distance of both surfaces, in diagonals of the first. Raises NoResultError if large."""
+    there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
     face, bary = samples_of(target.areas)
     places = np.einsum("pk,pkc->pc", bary, target.points[target.faces[face]])
     back = np.asarray(cKDTree(places).query(there)[0])
-    some = places[:: max(1, len(places) // LOOKED)]
+    some = places[:: max(1, len(places) // SHAPE_SAMPLES)]
     gone = np.asarray(charts.free.query(some)[0])
     far = float(max(back.max(), gone.max()) / charts.diagonal)
-    if far > SHAPE:
+    if far > SHAPE_DIAGONALS:
         place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
         raise NoResultError(
             f"{document.source.name}: at ({_point(place)}) it lies {100 * far:.0f} % of the size away from the "
-            f"first mesh: give one of the same shape, place and size (within {100 * SHAPE:.0f} %)"
+            f"first mesh: give one of the same shape, place and size (within {100 * SHAPE_DIAGONALS:.0f} %)"
         )
     return far
 
 
 def _check_layout(layout: CarriedLayout, job: Job) -> None:
-    """Raise NoResultError where faces stay turned or overlap, or where many lie elsewhere than before."""
+    """Raise NoResultError if faces stay flipped, overlap, or if too many lie in free room."""
     surface, name = job.surface, job.document.source.name
     share = _loose_share(layout, surface)
     bad = layout.faulty if layout.faulty.any() else layout.loose
-    if layout.faulty.any() or share > LOOSE:
+    if layout.faulty.any() or share > LOOSE_SHARE:
         places = surface.points[surface.faces].mean(1)
         middle = places[bad][surface.areas[bad].argmax()]
         raise NoResultError(
@@ -179,23 +175,12 @@ def _check_layout(layout: CarriedLayout, job: Job) -> None:
         )
 
 
-def _loose_lines(layout: CarriedLayout, surface: Surface) -> list[str]:
-    count = int(layout.loose.sum())
-    if not count:
-        return []
-    share = percent(_loose_share(layout, surface))
-    return [
-        f"{counted(count, 'face')} ({share} of the surface) overlapped others and were laid in free room: the "
-        "texture of the first mesh does not cover that room"
-    ]
-
-
 def _loose_share(layout: CarriedLayout, surface: Surface) -> float:
     return float(surface.areas[layout.loose].sum() / surface.areas.sum())
 
 
 def _check_drift(layout: CarriedLayout, job: Job, resolution: int, most: float) -> None:
-    """Raise NoResultError if a corner lies too far from where the first mesh has it."""
+    """Raise NoResultError if a corner lies too far from its place in the first layout."""
     drift = resolution * float(layout.drift.max())
     if drift > most:
         raise NoResultError(
@@ -206,7 +191,7 @@ def _check_drift(layout: CarriedLayout, job: Job, resolution: int, most: float) 
 
 
 def _fitted(job: Job, layout: CarriedLayout) -> Fitted:
-    """The layout as stored. Raises NoResultError if faces stay turned over."""
+    """The layout as stored. Raises NoResultError for flipped faces."""
     cut_mesh, uv = layout.atlas.open()
     uvmap = job.stored(cut_mesh, uv)
     turned = int(flipped_faces(job.surface, uvmap).sum())

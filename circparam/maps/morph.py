@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.dressing import dressed
 from circparam.formats.gltf.morphing import Target, with_morph
+from circparam.formats.shaded import apart_by_normal
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned
 from circparam.geometry.shading import corner_normals, unit
@@ -48,7 +49,7 @@ def morph(
     """
     if not 2 <= frames <= MOST_FRAMES:
         raise OptionError(f"--frames {frames}: give 2 to {MOST_FRAMES} key frames")
-    a, b = _upright(a), _upright(b)
+    a, b = (turned(d) if up_of(d.format) == "z" else d for d in (a, b))  # as glTF has them
     mapped = oriented(mapped, a, b)
     over = turned_over(mapped, a.mesh, b.mesh)
     if over.mean() > MIRRORED:
@@ -68,7 +69,8 @@ def morph(
     points = ends[base.vertex]
     normals = vertex_normals(base.document, points, base.normals)
     times, weights = key_frames(frames)
-    target = Target(points, normals, times, weights, _stem(b), base.colours)
+    name = (b.path.stem if b.path is not None else "target").encode("utf-8", "replace").decode()
+    target = Target(points, normals, times, weights, name, base.colours)
     far = np.linalg.norm(ends - a.mesh.points, axis=1)[np.unique(a.mesh.faces)]
     report = {
         "vertices": len(base.document.mesh.points),
@@ -81,11 +83,6 @@ def morph(
         "overlay": overlay,
     }
     return Morphed(with_morph(base.document, target), report, notes + base.notes, base.warnings)
-
-
-def _upright(document: Document) -> Document:
-    """A document with y up, as glTF has it."""
-    return turned(document) if up_of(document.format) == "z" else document
 
 
 def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:
@@ -106,17 +103,10 @@ def vertex_normals(
     mesh = document.mesh
     weld = weld_map(mesh)[mesh.faces]
     own = document.normals() if own is None else own
-    label = weld if own is None else _sharper(weld, own)
+    label = weld if own is None else apart_by_normal(weld, own)
     before = corner_normals(mesh.points[mesh.faces], label) if own is None else own
     after = corner_normals(points[mesh.faces], label)
     return _of_vertices(mesh, before), _of_vertices(mesh, after)
-
-
-def _sharper(weld: IntArray, normal: FloatArray) -> IntArray:
-    """Labels of corners that share a point and a normal."""
-    _, side = np.unique(np.round(normal.reshape(-1, 3), 4) + 0.0, axis=0, return_inverse=True)
-    out: IntArray = weld * (int(side.max()) + 1) + side.reshape(weld.shape)
-    return out
 
 
 def _of_vertices(mesh: Mesh, corners: FloatArray) -> FloatArray:
@@ -124,9 +114,3 @@ def _of_vertices(mesh: Mesh, corners: FloatArray) -> FloatArray:
     out = np.zeros((len(mesh.points), 3))
     out[mesh.faces.ravel()] = corners.reshape(-1, 3)
     return unit(out)
-
-
-def _stem(document: Document) -> str:
-    """A name for the target."""
-    name = document.path.stem if document.path is not None else "target"
-    return name.encode("utf-8", "replace").decode()

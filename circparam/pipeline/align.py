@@ -1,9 +1,9 @@
 """Straight borders on whole texels, or on whole blocks of a compressed texture (``--align-texels``).
 
-A line is a run of straight border edges along one axis, up to half a degree. It becomes exactly straight at
-the nearest multiple of the block, and what lies between lines moves along by a harmonic function. Lines at the
-sides of a chart move inwards, so that a rectangle stays inside the place that it has. Where that distorts a
-chart too much, only its sides are moved; where that does too, the whole chart is.
+A line is a run of straight border edges along one axis, within half a degree. Each line moves to the nearest
+multiple of the block, and a harmonic function moves the vertices between lines. Lines at the sides of a chart
+move inwards, so a rectangle stays inside its old place. If the distortion grows too large, only the sides move.
+If that fails too, the whole chart is translated.
 """
 
 from dataclasses import replace
@@ -39,13 +39,17 @@ from circparam.seams.stretch import STRETCH
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.poisson import laplacian
 
-WHOLE = 1e-6  # of the area of its box that a rectangle may lack: rounding
+BOX_SLACK = 1e-6  # texels, and share of the area, that a rectangle may lack in its box: rounding
 
 
 @dataclass(frozen=True, eq=False)
 class _Lines:
-    """Lines of charts along one axis. vertex (k,) of a cut mesh lies on line (k,). chart (l,), at (l,) place in
-    texels, length (l,), to (l,) where it goes, side (l,) bool: it is the lowest or the highest of its chart."""
+    """Lines of charts along one axis.
+
+    vertex: (k,) vertices of the cut mesh, line: (k,) their lines. For each of l lines, chart: its chart; at:
+    its place in texels; length: in texels; to: its new place; side: whether it is the lowest or highest of its
+    chart.
+    """
 
     vertex: IntArray
     line: IntArray
@@ -56,7 +60,7 @@ class _Lines:
     side: BoolArray
 
     def part(self, which: BoolArray) -> "_Lines":
-        """Some of the lines ((l,) bool)."""
+        """The lines that ``which`` (l,) bool selects."""
         number, kept = np.cumsum(which) - 1, which[self.line]
         return _Lines(
             self.vertex[kept],
@@ -74,8 +78,7 @@ def align(
 ) -> FloatArray:
     """A packed layout (nv, 2) with straight borders along the axes on multiples of ``align_texels``.
 
-    group: (n_charts,) charts of different groups have atlases of their own. Charts that would come too near to
-    others stay where they are.
+    group: (n_charts,) the atlas of each chart. Charts that would come too near to others keep their place.
     """
     if options.align_texels is None:
         return uv
@@ -95,33 +98,33 @@ def align(
 
 
 def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArray:
-    """(nv, 2) every chart with the lines on whole blocks that the bounds allow, whatever lies beside it."""
+    """(nv, 2) every chart with as many lines on whole blocks as the bounds allow; other charts are ignored."""
     block = float(options.align_texels or 1)
     lines = [_lines(cut_mesh, texels, axis, block) for axis in (0, 1)]
     bound = DEFAULT_BOUND if options.bound is None else options.bound
     sign = np.sign(_signed_areas(cut_mesh, texels))[cut_mesh.vertex_chart]
     scale = best_chart_scales(cut_mesh, texels)[cut_mesh.vertex_chart][:, None]
 
-    def seen(layout: FloatArray) -> FloatArray:
-        """A layout in units of the mesh, mirrored charts turned over; sizes count as they are now."""
+    def in_units(layout: FloatArray) -> FloatArray:
+        """A layout in units of the mesh at the present scales, without mirrored charts."""
         scaled: FloatArray = layout * scale * np.stack([sign, np.ones_like(sign)], 1)
         return scaled
 
     limit = options.max_stretch or STRETCH
-    stretched = share_over(cut_mesh, face_stretch(cut_mesh, seen(texels)), limit)
+    stretched = share_over(cut_mesh, face_stretch(cut_mesh, in_units(texels)), limit)
     out, matrix = texels + _shift(cut_mesh, lines, block), laplacian(cut_mesh)
     for tried in ([one.part(one.side) for one in lines], lines):
         layout = _bent(cut_mesh, texels, tried, matrix)
-        good = chart_energies(cut_mesh, seen(layout)) <= bound
-        good &= share_over(cut_mesh, face_stretch(cut_mesh, seen(layout)), limit) <= stretched
+        good = chart_energies(cut_mesh, in_units(layout)) <= bound
+        good &= share_over(cut_mesh, face_stretch(cut_mesh, in_units(layout)), limit) <= stretched
         out = np.where(good[cut_mesh.vertex_chart][:, None], layout, out)
     return out
 
 
 def _lines(cut_mesh: CutMesh, texels: FloatArray, axis: int, block: float) -> _Lines:
-    """The lines of all charts across one axis, each with the multiple of ``block`` that it goes to.
+    """The lines of all charts across one axis, each with its target, a multiple of ``block``.
 
-    A chart thinner than a block keeps the lines at its low side alone.
+    A chart thinner than a block keeps only the lines at its low side.
     """
     n, flat, h = cut_mesh.n_charts, cut_mesh.faces.ravel(), cut_mesh.boundary
     a, b, chart = flat[h], flat[next_half_edge(h)], cut_mesh.chart[h // 3]
@@ -166,7 +169,7 @@ def _shift(cut_mesh: CutMesh, lines: list[_Lines], block: float) -> FloatArray:
 def _bent(
     cut_mesh: CutMesh, texels: FloatArray, lines: list[_Lines], matrix: sps.csr_matrix
 ) -> FloatArray:
-    """(nv, 2) lines where they go, all else moved harmonically: matrix is the Laplacian (nv, nv)."""
+    """(nv, 2) lines at their targets, all other vertices moved harmonically. matrix: the Laplacian (nv, nv)."""
     out = texels.copy()
     for axis, some in enumerate(lines):
         move, held = np.zeros(len(texels)), np.zeros(len(texels), bool)
@@ -191,15 +194,15 @@ def _signed_areas(cut_mesh: CutMesh, texels: FloatArray) -> FloatArray:
 def _with_room(
     cut_mesh: CutMesh, before: FloatArray, after: FloatArray, asked: PackOptions
 ) -> FloatArray:
-    """(nv, 2) ``after``, of the charts of one page; those that came too near to others as they were ``before``.
+    """(nv, 2) the charts of one page as ``after``, or as ``before`` where they came too near to others.
 
-    A rectangle that stays inside its old place comes near to none.
+    A rectangle that stays inside its old place cannot come nearer.
     """
     own = cut_mesh.vertex_chart
     (low, high), (new_low, new_high) = (chart_boxes(cut_mesh, p) for p in (before, after))
-    inside = (new_low >= low - WHOLE).all(1) & (new_high <= high + WHOLE).all(1)
+    inside = (new_low >= low - BOX_SLACK).all(1) & (new_high <= high + BOX_SLACK).all(1)
     area = np.abs(_signed_areas(cut_mesh, before))
-    safe = inside & (area >= (1 - WHOLE) * (high - low).prod(1))
+    safe = inside & (area >= (1 - BOX_SLACK) * (high - low).prod(1))
     least, most = asked.border, asked.resolution - asked.border
     beyond = (new_low < np.minimum(low, least)) | (new_high > np.maximum(high, most))
     changed = np.asarray(~beyond.any(1))

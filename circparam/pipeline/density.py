@@ -108,7 +108,7 @@ def _painted(document: Document, name: str) -> BoolArray:
 def _by_number(document: Document, given: Any) -> Density:
     """One number a face, of the file's polygons or of its triangles."""
     if isinstance(given, str):
-        given, where = sidecars.read_densities(given), f"--density {given}"
+        given, where = sidecars.read_column(given, "a density"), f"--density {given}"
     else:
         where = "--density"
     try:

@@ -43,15 +43,11 @@ class Kept:
         faces[self.whole.source[self.fresh]] = True
         old = self.uvmap.uv_faces
         # a face that repair set aside is new if it had no uv and all its neighbours are new
-        faces |= (old < 0).any(1) & (uvmap.uv_faces >= 0).all(1) & self._aside()
+        aside = ~np.isin(np.arange(len(old)), self.whole.source)
+        faces |= (old < 0).any(1) & (uvmap.uv_faces >= 0).all(1) & aside
         uv = np.concatenate([self.uvmap.uv, uvmap.uv])
         new = uvmap.uv_faces + len(self.uvmap.uv)
         return UVMap(uv, np.where(faces[:, None], new, old))
-
-    def _aside(self) -> BoolArray:
-        aside = np.ones(len(self.uvmap.uv_faces), bool)
-        aside[self.whole.source] = False
-        return aside
 
     def charts(self, cut_mesh: CutMesh) -> BoolArray:
         """(n_charts,) bool: charts of a cut mesh of the whole surface that were laid out anew."""

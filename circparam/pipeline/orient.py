@@ -9,7 +9,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
 from circparam.formats.document import Document
-from circparam.formats.table import FORMATS
+from circparam.formats.table import up_of
 from circparam.geometry.coverage import pages_of
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -81,8 +81,7 @@ def _cover(cut_mesh: CutMesh, uv: FloatArray) -> float:
 def up_axis(document: Document, options: Options) -> int:
     """1 or 2, the axis that points up: as --up says, else the file, else its format, else y."""
     said = options.up if options.up != AUTO else None
-    row = FORMATS[document.format].function.up if document.format in FORMATS else ""
-    return 2 if (said or document.up or row or "y") == "z" else 1
+    return 2 if (said or document.up or up_of(document.format) or "y") == "z" else 1
 
 
 def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> Upright:

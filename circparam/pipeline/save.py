@@ -27,16 +27,15 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
     """
     monitor = monitor or Monitor()
     o = result.options
-    piped = os.fspath(output) == "-"
+    piped, groups = os.fspath(output) == "-", result.groups
+    pages = groups.names if groups is not None and groups.pages else ()
     with monitor.stage("write"):
         written = write(
             output,
             result.document,
             UVMap(result.uv, result.uv_faces),
             format=result.format if piped else o.format,
-            options=replace(
-                write_options(o, result.uv_double, result.group_by), pages=_page_names(result)
-            ),
+            options=replace(write_options(o, result.uv_double, result.group_by), pages=pages),
             overwrite=o.overwrite,
         )
     result = replace(
@@ -51,12 +50,6 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
     # a pipe or a device cannot be read back
     read_back = not piped and os.path.isfile(result.path or "")
     return _verified_file(result, written, monitor) if read_back else result
-
-
-def _page_names(result: Result) -> tuple[str, ...]:
-    """Names of the pages of --pages-by, in order."""
-    groups = result.groups
-    return groups.names if groups is not None and groups.pages else ()
 
 
 def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result:

@@ -23,14 +23,7 @@ from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import up_axis, upright
 from circparam.pipeline.pinned import place_pinned
-from circparam.pipeline.place import (
-    Placed,
-    chart_signs,
-    chart_tiles,
-    pack_sorted,
-    place,
-    sized,
-)
+from circparam.pipeline.place import Placed, chart_signs, chart_tiles, pack_sorted, place, sized
 from circparam.pipeline.representable_uv import Rounding
 from circparam.pipeline.stored_repair import Stored, store
 

@@ -41,7 +41,8 @@ def summarise(result: "Result") -> dict[str, Any]:
     (lost); null without --orient up. stages: seconds.
     """
     numbers = _numbers(result.measures)
-    left_out = result.floaters
+    left_out, options = result.floaters, result.options
+    stacked, kept, groups = result.stacks, result.kept, result.groups
     return {
         "schema": SCHEMA.format(result.work),
         "version": __version__,
@@ -60,19 +61,13 @@ def summarise(result: "Result") -> dict[str, Any]:
         **numbers,
         "dropped_components": 0 if left_out is None else left_out.components,
         "dropped_faces": 0 if left_out is None else int(left_out.faces.sum()),
-        "stack": None
-        if result.stacks is None
-        else stacked_figures(result.stacks, result.verification),
-        "kept": None
-        if result.kept is None
-        else kept_figures(result.kept, result.verification, result.options),
+        "stack": stacked and stacked_figures(stacked, result.verification),
+        "kept": kept and kept_figures(kept, result.verification, options),
         "density": _densities(result),
-        "groups": None
-        if result.groups is None
-        else list(group_rows(result.groups, result.verification)),
-        "orient": None if result.orient is None else result.orient.as_dict(),
-        "padding": result.options.padding_texels if result.options.packed else None,
-        "mip_level": mip_level(result.options.padding_texels) if result.options.packed else None,
+        "groups": groups and list(group_rows(groups, result.verification)),
+        "orient": result.orient and result.orient.as_dict(),
+        "padding": options.padding_texels if options.packed else None,
+        "mip_level": mip_level(options.padding_texels) if options.packed else None,
         "repairs": result.repairs,
         "repaired": result.repair_report.as_dict(),
         "warnings": [*result.warnings, *_room(result)],

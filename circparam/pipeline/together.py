@@ -123,10 +123,7 @@ def unwrap_together(
 
 
 def unwrap_documents(
-    documents: Sequence[Document],
-    outputs: Sequence[Path],
-    options: Options,
-    monitor: Monitor,
+    documents: Sequence[Document], outputs: Sequence[Path], options: Options, monitor: Monitor
 ) -> SharedAtlas:
     """All stages after reading."""
     check_together(documents, outputs, options)
@@ -161,18 +158,20 @@ def check_together(
         if getattr(options, name) is not None:
             flag = "--pin" if name == "pins" else "--" + name.replace("_", "-")
             raise OptionError(f"{flag} names {what}")
-    if options.seam_weights not in (None, "colour"):
-        raise OptionError("--seam-weights FILE names vertices of one file: unwrap it alone")
-    if not options.packed or options.scale is False:
-        raise OptionError("one atlas is packed: leave --no-normalize and --no-scale out")
-    if options.group_by not in (None, "scene"):
-        raise OptionError("--group-by speaks of one file: leave it out")
-    if options.density is not None and str(options.density) not in (EVEN, SOURCE):
-        raise OptionError("--density names parts of one file: give even, or source with --rebake")
-    if options.format is not None:
-        raise OptionError("--format has no effect on outputs that have names: leave it out")
-    if options.unshare and not any(takes_unshare(d.format) for d in documents):
-        raise OptionError("--unshare has no effect: no glTF is among the files; leave it out")
+    loose = not options.packed or options.scale is False
+    weights = options.seam_weights not in (None, "colour")
+    named = options.density is not None and str(options.density) not in (EVEN, SOURCE)
+    alone = options.unshare and not any(takes_unshare(d.format) for d in documents)
+    for wrong, line in (
+        (weights, "--seam-weights FILE names vertices of one file: unwrap it alone"),
+        (loose, "one atlas is packed: leave --no-normalize and --no-scale out"),
+        (options.group_by not in (None, "scene"), "--group-by speaks of one file: leave it out"),
+        (named, "--density names parts of one file: give even, or source with --rebake"),
+        (options.format, "--format has no effect on outputs that have names: leave it out"),
+        (alone, "--unshare has no effect: no glTF is among the files; leave it out"),
+    ):
+        if wrong:
+            raise OptionError(line)
     known: dict[Path, Document] = {}
     for document in documents:
         if document.path is not None:

@@ -78,10 +78,7 @@ def unwrap(
 
 
 def unwrap_document(
-    document: Document,
-    output: str | os.PathLike[str] | None,
-    options: Options,
-    monitor: Monitor,
+    document: Document, output: str | os.PathLike[str] | None, options: Options, monitor: Monitor
 ) -> Result:
     """All stages after reading."""
     count = len(document.mesh.faces)
@@ -99,10 +96,7 @@ def unwrap_document(
 
 
 def _unwrapped(
-    document: Document,
-    output: str | os.PathLike[str] | None,
-    options: Options,
-    monitor: Monitor,
+    document: Document, output: str | os.PathLike[str] | None, options: Options, monitor: Monitor
 ) -> Result:
     job = prepare(document, output, options, monitor)
     if options.pins is not None:

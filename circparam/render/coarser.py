@@ -43,12 +43,7 @@ def coarser(scene: Scene, most: int) -> Scene:
     faces = np.where(corner >= 0, point[corner], scene.faces[left])
     source = left if scene.source is None else scene.source[left]
     return replace(
-        scene,
-        faces=faces,
-        uv_faces=corner,
-        chart=scene.chart[left],
-        base=scene.once,
-        source=source,
+        scene, faces=faces, uv_faces=corner, chart=scene.chart[left], base=scene.once, source=source
     )
 
 

@@ -8,6 +8,7 @@ reads in grey as well.
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.materials import linear, srgb
 
 INK = "#1b2130"
 MUTED = "#5d6779"
@@ -27,23 +28,14 @@ LIGHT = {
 }  # fmt: skip
 FLIP = "#00b7c7"  # flipped faces: a hue that the distortion map never takes
 NO_UV = "#c8ccd2"
-CHARTS = (
-    "#0072b2",
-    "#e69f00",
-    "#009e73",
-    "#cc79a7",
-    "#56b4e9",
-    "#d55e00",
-    "#f0e442",
-    "#332288",
-)
+CHARTS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#332288")
 DISTORTION_STOPS = ("#f4f1e6", "#f5d58a", "#ef9a4c", "#d4553f", "#93295f", "#4b1a5c", "#1d0f3a")
 
 
 def contrast(a: str, b: str) -> float:
     """The contrast of two #rrggbb codes, 1 to 21 (WCAG 2.1)."""
     weights = np.array([0.2126, 0.7152, 0.0722])
-    low, high = sorted(float(_to_linear(rgb(code)) @ weights) for code in (a, b))
+    low, high = sorted(float(linear(rgb(code)) @ weights) for code in (a, b))
     return (high + 0.05) / (low + 0.05)
 
 
@@ -55,15 +47,6 @@ def rgb(code: str) -> FloatArray:
 def hex_code(colour: FloatArray) -> str:
     """The #rrggbb code of sRGB values 0..1."""
     return "#" + "".join(f"{round(float(c) * 255):02x}" for c in np.clip(colour, 0, 1))
-
-
-def _to_linear(c: FloatArray) -> FloatArray:
-    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-
-
-def _to_srgb(c: FloatArray) -> FloatArray:
-    c = np.clip(c, 0, 1)
-    return np.where(c <= 0.0031308, c * 12.92, 1.055 * c ** (1 / 2.4) - 0.055)
 
 
 _LMS = np.array(
@@ -84,13 +67,13 @@ _LAB = np.array(
 
 def oklab(colour: FloatArray) -> FloatArray:
     """OKLab coordinates (…, 3) of sRGB values (…, 3)."""
-    result: FloatArray = np.cbrt(_to_linear(colour) @ _LMS.T) @ _LAB.T
+    result: FloatArray = np.cbrt(linear(colour) @ _LMS.T) @ _LAB.T
     return result
 
 
 def from_oklab(lab: FloatArray) -> FloatArray:
     """SRGB values (…, 3) of OKLab coordinates, clipped to the gamut."""
-    return _to_srgb((lab @ np.linalg.inv(_LAB).T) ** 3 @ np.linalg.inv(_LMS).T)
+    return srgb((lab @ np.linalg.inv(_LAB).T) ** 3 @ np.linalg.inv(_LMS).T)
 
 
 def distortion_map(n: int = 256) -> FloatArray:

@@ -131,12 +131,14 @@ def _table(rows: Sequence[MethodLayout], title: str) -> str:
     )
     body = []
     for row in rows:
-        cells = "".join(
-            f'<td data-value="{_sort_value(row.figures.get(k))}"'
-            f"{' class=best' if row.status == 'ok' and _is(row.figures.get(k), best[k]) else ''}>"
-            f"{cell_text(k, row.figures.get(k))}</td>"
-            for k in keys
-        )
+        cells = ""
+        for k in keys:
+            value, least = row.figures.get(k), best[k]
+            mark = (
+                " class=best" if row.status == "ok" and least is not None and value == least else ""
+            )
+            number = "" if value is None else repr(float(value))
+            cells += f'<td data-value="{number}"{mark}>{cell_text(k, value)}</td>'
         name = escaped(row.name)
         body.append(f'<tr><th scope="row" data-value="{name}">{name}</th>{cells}</tr>')
     return (
@@ -154,14 +156,6 @@ def _best(rows: Sequence[MethodLayout], key: str) -> float | None:
     if len(set(numbers)) < 2:
         return None
     return max(numbers) if key == "pack" else min(numbers)
-
-
-def _is(value: float | int | None, best: float | None) -> bool:
-    return best is not None and value == best
-
-
-def _sort_value(value: float | int | None) -> str:
-    return "" if value is None else repr(float(value))
 
 
 def _table1(sizes: Sequence[Any]) -> str:

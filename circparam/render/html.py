@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from circparam._version import __version__
-from circparam.core.arrays import IntArray, group_count, group_sum
+from circparam.core.arrays import group_count, group_sum
 from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
@@ -25,16 +25,10 @@ from circparam.render.packed import box, pack_geometry, uv_span
 from circparam.render.scene import Scene
 from circparam.render.views import checker_cells
 
-SCRIPTS = (
-    "decode.js",
-    "shaders.js",
-    "renderer.js",
-    "cameras.js",
-    "morphs.js",
-    "tools.js",
-    "beside.js",
-    "main.js",
-)
+SCRIPTS = [
+    f"{name}.js"
+    for name in ["decode", "shaders", "renderer", "cameras", "morphs", "tools", "beside", "main"]
+]
 TWICE = "#e5007d"  # texels under more than one face: a hue beside that of flips
 HINT = (
     "Drag to turn, scroll to zoom, shift-drag to move; point at a chart, or press , and . "
@@ -101,7 +95,11 @@ def viewer(
 ) -> str:
     """The viewer as a part of a page. repairs: lines below the tables. meshes: names to choose from. active:
     the layout whose charts are listed first."""
-    packed = [pack_geometry(each.scene, _image_of(each)) for each in layouts]
+    images = [each.options.images for each in layouts]
+    packed = [
+        pack_geometry(each.scene, None if shown is None else shown.face)
+        for each, shown in zip(layouts, images, strict=True)
+    ]
     meta = _common_meta(layouts[-1].options.scale_end)
     meta["active"] = active
     meta["layouts"] = [
@@ -133,11 +131,6 @@ def drawable(layouts: Sequence[PageLayout]) -> list[PageLayout]:
     """Layouts with as few faces as keep a page small, the more of them there are."""
     most = max(MOST // max(len(layouts), 1), min(FEWEST, MOST))
     return [each.of_faces(most) for each in layouts]
-
-
-def _image_of(layout: PageLayout) -> IntArray | None:
-    images = layout.options.images
-    return None if images is None else images.face
 
 
 PANEL = {
@@ -307,7 +300,11 @@ def _meta(layout: PageLayout) -> dict[str, Any]:
         "cells": checker_cells(scene),
         "lines": _line_weights(scene),
         "charts": _chart_figures(scene.once),
-        "images": [] if images is None else [_data_url(*file) for file in images.files],
+        "images": []
+        if images is None
+        else [
+            f"data:{kind};base64,{base64.b64encode(data).decode()}" for data, kind in images.files
+        ],
         "imageNote": options.image_note,
         "ranges": _ranges(images),
     }
@@ -330,10 +327,6 @@ def _line_weights(scene: Scene) -> dict[str, float]:
             col.line_weight(float(np.linalg.norm(d, axis=1).sum()) / max(u1 - u0, v1 - v0)), 3
         ),
     }
-
-
-def _data_url(data: bytes, media_type: str) -> str:
-    return f"data:{media_type};base64,{base64.b64encode(data).decode()}"
 
 
 def _ranges(images: PageImages | None) -> list[dict[str, int]]:

@@ -20,7 +20,6 @@ from circparam.render.scene import Scene, make_scene
 from circparam.render.svg import figure_svg
 from circparam.render.text import fitted, width, write
 from circparam.render.views import (
-    View,
     checker_cells,
     checker_colours,
     distortion_colours,
@@ -67,26 +66,19 @@ def draw_figure(
     page.paste(to_image(plan.image), (MARGIN, y))
     note = _tile_note(scene) + ("; hatched where it overlaps" if plan.overlap > 1e-4 else "")
     _label(draw, MARGIN, y - 26, "Layout", note)
+    ink = col.rgb(col.INK)
     for k, view in enumerate(views):
         x = MARGIN + 720 + 40 + k * (wide + 20)
-        page.paste(_checker_view(scene, view, cells), (x, y))
-        page.paste(_distortion_view(scene, view, top), (x, y + high + 30))
+        checker = paint(view, checker_colours(scene, view, cells), ink)
+        distortion = paint(view, distortion_colours(scene, view.face, top), ink, 0.5, 0.5)
+        page.paste(to_image(checker), (x, y))
+        page.paste(to_image(distortion), (x, y + high + 30))
     x = MARGIN + 760
     _label(draw, x, y - 26, "Checker", "in the colours of the charts; seams in black")
     _label(draw, x, y + high + 4, "Distortion", "")
     _legend(page, draw, 1600 - MARGIN, y + high + 6, top, scene)
     _figures(draw, 905, figures if figures is not None else scene_figures(scene))
     return page
-
-
-def _checker_view(scene: Scene, view: View, cells: float) -> Image.Image:
-    return to_image(paint(view, checker_colours(scene, view, cells), col.rgb(col.INK)))
-
-
-def _distortion_view(scene: Scene, view: View, top: float) -> Image.Image:
-    return to_image(
-        paint(view, distortion_colours(scene, view.face, top), col.rgb(col.INK), 0.5, 0.5)
-    )
 
 
 def _tile_note(scene: Scene) -> str:

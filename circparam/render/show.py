@@ -23,13 +23,7 @@ from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.result import Result
 from circparam.pipeline.stored_groups import Judged, judge, laid_apart
 from circparam.render.colours import END
-from circparam.render.figures import (
-    RASTER,
-    PageImages,
-    PictureOptions,
-    as_figures,
-    scene_figures,
-)
+from circparam.render.figures import RASTER, PageImages, PictureOptions, as_figures, scene_figures
 from circparam.render.html import PageLayout
 from circparam.render.picture import save_result, save_scene
 from circparam.render.scene import Scene, make_scene, with_instances

@@ -177,12 +177,7 @@ class Plan:
 
 
 def draw_plan(
-    scene: Scene,
-    size: int,
-    factor: int = 2,
-    *,
-    cells: float = 0.0,
-    padding: float = 0.0,
+    scene: Scene, size: int, factor: int = 2, *, cells: float = 0.0, padding: float = 0.0
 ) -> Plan:
     """The layout, size × size pixels: charts in their colours, boundaries drawn, the space between them seen.
 

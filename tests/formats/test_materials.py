@@ -11,6 +11,7 @@ from PIL import Image
 
 from circparam.errors import InputError
 from circparam.formats.materials import ImageFiles, decode, media_type, srgb
+from circparam.formats.source import Source
 
 
 def image(kind: str, mode: str = "RGB") -> bytes:
@@ -74,7 +75,7 @@ def test_each_image_is_read_once_and_a_missing_one_noted_once(tmp_path: Path) ->
     (tmp_path / "b").mkdir()
     (tmp_path / "a.png").write_bytes(b"a")
     (tmp_path / "b" / "c.png").write_bytes(b"c")
-    files = ImageFiles(tmp_path)
+    files = ImageFiles(Source("mesh.obj", tmp_path / "mesh.obj"))
     names = ["a.png", "./a.png", "b\\c.png", "none.png", "none.png", "../a.png", "a.png"]
     assert [files.read(name) for name in names] == [0, 0, 1, -1, -1, -1, 0]
     assert files.add("inside", b"i") == 2
@@ -85,4 +86,4 @@ def test_each_image_is_read_once_and_a_missing_one_noted_once(tmp_path: Path) ->
         4,
     )
     assert out.notes == [f"texture {n} is missing: put it beside the mesh" for n in names[3:6:2]]
-    assert ImageFiles(None).read("a.png") == -1
+    assert ImageFiles(Source("the given data")).read("a.png") == -1

@@ -13,8 +13,6 @@ from circparam.pipeline.options import Options
 PAGE = Path(__file__).parents[2] / "circparam" / "pipeline" / "keywords.py"
 HEAD = '''"""The options as typed keywords, for completion and type checks; made by ``make docs``."""
 
-from __future__ import annotations
-
 from typing import Any, Literal, TypedDict
 
 import numpy.typing as npt

@@ -151,7 +151,7 @@ def _attributes(faces: IntArray, uvmap: UVMap, shown: Appearance, up: str) -> li
     each = np.arange(faces.size).reshape(-1, 3)
     if shown.uv is not None:
         old = _Attribute("TEXCOORD_1", stored_uv(shown.uv.uv), shown.uv.uv_faces, file_uv)
-        if not _same_corners(out[0], old):
+        if not np.array_equal(_of_corners(out[0]), _of_corners(old)):
             out.append(old)
     if shown.normals is not None:
         rows = _single(y_up(shown.normals, up).reshape(-1, 3))
@@ -160,11 +160,6 @@ def _attributes(faces: IntArray, uvmap: UVMap, shown: Appearance, up: str) -> li
         rows = _single(shown.colours.reshape(-1, 3))
         out.append(_Attribute("COLOR_0", rows, each, _narrow))
     return out
-
-
-def _same_corners(a: _Attribute, b: _Attribute) -> bool:
-    """Whether all corners have the same rows."""
-    return np.array_equal(_of_corners(a), _of_corners(b))
 
 
 def _of_corners(attribute: _Attribute) -> FloatArray:

@@ -12,13 +12,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray
 from circparam.formats.gltf.model import Json, Primitive
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.gltf.slots import (
-    factors_of,
-    places_of,
-    set_factors,
-    texture_info,
-    unlike,
-)
+from circparam.formats.gltf.slots import factors_of, places_of, set_factors, texture_info, unlike
 from circparam.formats.looks import Carried, Group, Looks, Material, Use, Wrap
 from circparam.formats.source import found_beside, regular_bytes
 
@@ -100,7 +94,7 @@ class _Images:
         return Use(
             self.image(texture),
             int(moved.get("texCoord", info.get("texCoord", 0))),
-            _move(moved),
+            uv_transform(moved),
             (wrap[0], wrap[1]),
             sampler.get("magFilter") == _NEAREST,
         )
@@ -143,7 +137,7 @@ class _Images:
             ) from None
 
 
-def _move(moved: Json) -> FloatArray:
+def uv_transform(moved: Json) -> FloatArray:
     """(2, 3) the map of KHR_texture_transform: scale, then a turn that is counter-clockwise to the eye, then
     the offset; v points down."""
     turn = float(moved.get("rotation", 0.0))
@@ -270,14 +264,6 @@ def _material_users(tree: Json) -> Slots:
     return [(x, "material") for x in (*users, *mapped) if "material" in x]
 
 
-def _texture_users(tree: Json) -> Slots:
-    return [(info, "index") for _, info in texture_infos(tree.get("materials", []))]
-
-
-def _sampler_users(tree: Json) -> Slots:
-    return [(t, "sampler") for t in tree.get("textures", []) if "sampler" in t]
-
-
 def _image_users(tree: Json) -> Slots:
     holders = [h for t in tree.get("textures", []) for h in (t, *t.get("extensions", {}).values())]
     return [(h, "source") for h in holders if "source" in h]
@@ -286,8 +272,8 @@ def _image_users(tree: Json) -> Slots:
 # in the order in which they lose their users
 _USERS: dict[str, Callable[[Json], Slots]] = {
     "materials": _material_users,
-    "textures": _texture_users,
-    "samplers": _sampler_users,
+    "textures": lambda tree: [(i, "index") for _, i in texture_infos(tree.get("materials", []))],
+    "samplers": lambda tree: [(t, "sampler") for t in tree.get("textures", []) if "sampler" in t],
     "images": _image_users,
 }
 
@@ -296,12 +282,8 @@ def _drop_extensions(tree: Json) -> None:
     """Take extensions of textures that nothing uses any more off the lists, in place."""
     text = json.dumps({k: tree.get(k) for k in ("materials", "textures")})
     for key in ("extensionsUsed", "extensionsRequired"):
-        gone = [
-            n
-            for n in tree.get(key, [])
-            if n.startswith(("KHR_texture", "EXT_texture", "MSFT_texture"))
-        ]
-        left = [n for n in tree.get(key, []) if n not in gone or f'"{n}"' in text]
+        kinds = ("KHR_texture", "EXT_texture", "MSFT_texture")
+        left = [n for n in tree.get(key, []) if not n.startswith(kinds) or f'"{n}"' in text]
         if key in tree:
             tree[key] = left
             if not left:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.gltf.looks import TRANSFORM, texture_infos, uv_transform
 from circparam.formats.gltf.model import Pool, Primitive
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint
@@ -30,7 +31,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
 
     Raises the errors of Python for a tree of the wrong shape.
     """
-    files = ImageFiles(tree.source.folder)
+    files = ImageFiles(tree.source)
     faces, plain = [], []
     known: dict[tuple[int, bytes], int] = {}
     moves: dict[int, FloatArray] = {}
@@ -79,15 +80,11 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
 def affine(moved: dict[str, Any]) -> FloatArray:
     """(2, 3) the effect of KHR_texture_transform on uv with v upwards: scaled, turned, then shifted.
 
-    The extension has v downwards and turns counter-clockwise on the screen: (u, v) goes to (c u + s v, c v − s
-    u). Its own example, the lower left quadrant turned by 90°, tells the direction.
+    The example of the extension, the lower left quadrant turned by 90°, tells the direction.
     """
-    shift, scale = np.array(moved.get("offset", (0, 0)), float), moved.get("scale", (1, 1))
-    c, s = np.cos(moved.get("rotation", 0.0)), np.sin(moved.get("rotation", 0.0))
-    down = np.array([[c, s], [-s, c]]) * np.array(scale, float)
-    up = down * [[1, -1], [-1, 1]]  # both sides with v upwards: v is 1 − v
-    result: FloatArray = np.column_stack([up, [shift[0] + down[0, 1], 1 - shift[1] - down[1, 1]]])
-    return result + 0.0
+    down = uv_transform(moved)
+    shift = [down[0, 2] + down[0, 1], 1 - down[1, 2] - down[1, 1]]  # both sides with v upwards
+    return np.column_stack([down[:, :2] * [[1, -1], [-1, 1]], shift]) + 0.0
 
 
 def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
@@ -106,18 +103,8 @@ def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
 
 def texture_sets(entries: Any) -> set[int]:
     """The uv sets that texture infos anywhere in a tree refer to."""
-    out, stack = set(), [entries]
-    while stack:
-        value = stack.pop()
-        if isinstance(value, dict):
-            for key, info in value.items():
-                if key.endswith("Texture") and isinstance(info, dict) and "index" in info:
-                    plain: Any = info.get("texCoord", 0)
-                    out.add(int(_moved(info).get("texCoord", plain)))
-            stack += value.values()
-        elif isinstance(value, list):
-            stack += value
-    return out
+    infos = (info for key, info in texture_infos(entries) if key.endswith("Texture"))
+    return {int((info | _moved(info)).get("texCoord", 0)) for info in infos}
 
 
 def _texture_source(texture: dict[str, Any]) -> int | None:
@@ -139,7 +126,7 @@ def _unread(texture: dict[str, Any]) -> str:
 
 def _moved(info: dict[str, Any]) -> dict[str, Any]:
     """How a texture info moves the uv."""
-    found: dict[str, Any] = info.get("extensions", {}).get("KHR_texture_transform", {})
+    found: dict[str, Any] = info.get("extensions", {}).get(TRANSFORM, {})
     return found
 
 

@@ -66,9 +66,7 @@ class ObjDocument(Document):
         lines, names = self.scan.lines(words[kind])
         if len(lines) == 0:
             return None
-        number = {name: k for k, name in enumerate(dict.fromkeys([b"", *names]))}
-        label = np.array([0, *(number[name] for name in names)], np.int64)
-        of_face = label[np.searchsorted(lines, self.scan.face_lines)]
+        number, of_face = _numbered(self.scan, lines, names)
         pairs = tuple((name.decode("utf-8", "replace"), k) for name, k in number.items() if name)
         return Named(of_face[self.polys.owner], pairs)
 
@@ -94,7 +92,7 @@ class ObjDocument(Document):
 
     def textures(self) -> Textures | None:
         """The diffuse images and colours of the material files that ``mtllib`` names."""
-        return materials.textures(self.scan, self.polys.owner, self.source.folder)
+        return materials.textures(self.scan, self.polys.owner, self.source)
 
     def looks(self) -> Looks | None:
         """The materials of the libraries that ``mtllib`` names."""
@@ -162,6 +160,13 @@ def read_obj(data: bytes, source: Source) -> ObjDocument:
     )  # fmt: skip
 
 
+def _numbered(scan: Scan, lines: IntArray, names: list[bytes]) -> tuple[dict[bytes, int], IntArray]:
+    """(a number for each distinct name, (p,) that of each face); faces before the first line have 0."""
+    number = {name: k for k, name in enumerate(dict.fromkeys([b"", *names]))}
+    label = np.array([0, *(number[name] for name in names)], np.int64)
+    return number, label[np.searchsorted(lines, scan.face_lines)]
+
+
 def _groups(scan: Scan) -> tuple[IntArray | None, list[str]]:
     """(p,) label of each face by material, or by object and group where no material is named."""
     lines, names = scan.lines(b"usemtl")
@@ -175,9 +180,7 @@ def _groups(scan: Scan) -> tuple[IntArray | None, list[str]]:
         names = [name for _, name in tagged]
     if len(lines) == 0:
         return None, []
-    number = {name: i for i, name in enumerate(dict.fromkeys([b"", *names]))}
-    label = np.array([0] + [number[name] for name in names], np.int64)
-    of_face = label[np.searchsorted(lines, scan.face_lines)]
+    number, of_face = _numbered(scan, lines, names)
     count, groups = relabel(of_face)
     if count == 1:
         return None, []

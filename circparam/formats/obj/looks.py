@@ -15,8 +15,9 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, Wrap, pixels
-from circparam.formats.materials import linear, srgb
+from circparam.formats.materials import ImageFiles, linear, srgb
 from circparam.formats.obj.materials import named
+from circparam.formats.obj.mtl import lines as mtl_lines
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source, found_beside, regular_bytes
 
@@ -57,13 +58,10 @@ def libraries(scan: Scan, source: Source) -> list[Statements]:
             path = None
         if path is None:
             raise source.error(f"material file {library} is missing: put it beside the mesh")
-        text = re.sub(r"\\[ \t]*\r?\n", " ", text.removeprefix("\ufeff"))
-        for line in re.split(r"\r\n|\n|\r", text):
-            word, *rest = [*line.strip().split(None, 1), ""][:2]
-            value = rest[0].strip() if rest else ""
+        for word, value, line in mtl_lines(text):
             if word.lower() == "newmtl":
                 out.append(Statements(value, line))
-            elif word and not word.startswith("#") and out:
+            elif out:
                 out[-1].lines.append((word, value, line))
     return out
 
@@ -76,7 +74,7 @@ def read_looks(scan: Scan, owner: IntArray, source: Source) -> Looks | None:
     if source.folder is None or not scan.libraries():
         return None
     given = libraries(scan, source)
-    reader = _Images(source)
+    reader = _Images(source, strict=True)
     lines, used = scan.lines(b"usemtl")
     names = ["", *(name.decode("utf-8", "surrogateescape") for name in used)]
     if not used and len(given) == 1:
@@ -94,13 +92,8 @@ def read_looks(scan: Scan, owner: IntArray, source: Source) -> Looks | None:
     return Looks(tuple(reader.images), tuple(reader.names), tuple(known.values()), face)
 
 
-class _Images:
+class _Images(ImageFiles):
     """The images of libraries, each read once."""
-
-    def __init__(self, source: Source) -> None:
-        self.source = source
-        self.images: list[bytes] = []
-        self.names: list[str] = []
 
     def material(self, m: Statements) -> Material:
         """One material with its images."""
@@ -110,7 +103,7 @@ class _Images:
             key = word.lower()
             if (key in SLOTS or key in NORMAL) and rest:
                 options, name = split_options(rest)
-                use = Use(self.image(name), 0, *_placed(options))
+                use = Use(self.read(name), 0, *_placed(options))
                 uses[self._slot(key, use, name)] = use
         factors = {slot: np.ones(3) for slot in SLOTS.values()}
         factors |= {slot: np.ones(1) for slot in NORMAL.values()}
@@ -132,26 +125,6 @@ class _Images:
         if word == "norm" or is_normal_map(self.images[use.image], name):
             return NORMAL[word]
         return SLOTS[word]
-
-    def image(self, name: str) -> int:
-        """The number of an image file. Raises InputError if it is missing."""
-        name = re.sub(r"^(\./)+", "", name.replace("\\", "/"))
-        if name not in self.names:
-            far = re.match(r"[A-Za-z]:|/", name) is not None
-            places = [name, name.rpartition("/")[2]] if far else [name]
-            places += [re.sub(r"\s+#.*", "", place) for place in places]
-            found = (found_beside(self.source.folder, place) for place in places)
-            path = next((p for p in found if p is not None and p.is_file()), None)
-            if path is None:
-                raise self.source.error(f"texture {name} is missing: put it beside the mesh")
-            try:
-                self.images.append(regular_bytes(path))
-            except OSError as error:
-                raise self.source.error(
-                    f"texture {name} cannot be read ({error.strerror})"
-                ) from None
-            self.names.append(name)
-        return self.names.index(name)
 
 
 def is_normal_map(data: bytes, name: str) -> bool:

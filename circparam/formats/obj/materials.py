@@ -9,7 +9,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.materials import ImageFiles, Textures, tint
 from circparam.formats.obj.mtl import read_mtl
 from circparam.formats.obj.reading import Scan
-from circparam.formats.source import found_beside, regular_bytes
+from circparam.formats.source import Source, found_beside, regular_bytes
 
 
 def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
@@ -24,9 +24,9 @@ def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
     return np.clip(values / (255.0 if values.max(initial=0) > 1.0 else 1.0), 0, 1)[faces]
 
 
-def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | None:
+def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
     """The images and colours of the materials. owner: (m,) polygon of each face. None if there are none."""
-    files = ImageFiles(folder)
+    files, folder = ImageFiles(source), source.folder
     materials: dict[str, tuple[int, FloatArray, float]] = {}
     for library in (one for line in scan.libraries() for one in named(line, folder)):
         path = found_beside(folder, library)

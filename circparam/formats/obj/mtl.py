@@ -16,14 +16,18 @@ _OPTIONS = re.compile(
 )
 
 
-def statements(text: str) -> Iterator[tuple[str, str]]:
-    """(keyword in lower case, the rest) of every line; ``map_kd`` and the like without their options."""
+def lines(text: str) -> Iterator[tuple[str, str, str]]:
+    """(keyword, the rest, the whole line) of every statement; continued lines are joined."""
     text = re.sub(r"\\[ \t]*\r?\n", " ", text.removeprefix("\ufeff"))
     for line in re.split(r"\r\n|\n|\r", text):
         word, *rest = [*line.strip().split(None, 1), ""][:2]
-        if not word or word.startswith("#"):
-            continue
-        value = rest[0].strip() if rest else ""
+        if word and not word.startswith("#"):
+            yield word, rest[0].strip() if rest else "", line
+
+
+def statements(text: str) -> Iterator[tuple[str, str]]:
+    """(keyword in lower case, the rest) of every line; ``map_kd`` and the like without their options."""
+    for word, value, _ in lines(text):
         if _IMAGE.fullmatch(word):
             found = _OPTIONS.match(value + " ")
             value = value[found.end() :] if found else value

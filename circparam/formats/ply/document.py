@@ -88,7 +88,7 @@ class PlyDocument(Document):
 
     def textures(self) -> Textures | None:
         """The image that a TextureFile comment names."""
-        return materials.textures(self.layout, len(self.mesh.faces), self.source.folder)
+        return materials.textures(self.layout, len(self.mesh.faces))
 
     def check_edit(self, options: WriteOptions, format: str) -> None:
         """Raise OptionError for uv of faces in a file with tristrips."""
@@ -116,19 +116,19 @@ class PlyDocument(Document):
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
         n = len(self.mesh.points)
-        split = split_vertices(n, polys.corners, uv, corner_uv)
-        m = len(self.mesh.faces)
+        vertices = np.arange(n)
         if at_faces:
-            data = editing.with_face_uv(
-                self.layout, self.lists, uv, corner_uv[: self.lists.n_corners], kind
+            own = corner_uv[: self.lists.n_corners]
+            data = editing.with_face_uv(self.layout, self.lists, uv, own, kind)
+        else:
+            split = split_vertices(n, polys.corners, uv, corner_uv)
+            notes += [duplicated(split.added)] if split.added else []
+            data, vertices = (
+                editing.with_vertex_uv(self.layout, self.lists, split, kind),
+                split.source,
             )
-            return Encoded(data, "ply", np.arange(n), np.arange(m), assets=assets, notes=notes,
-                           warnings=warnings)  # fmt: skip
-        if split.added:
-            notes.append(duplicated(split.added))
-        data = editing.with_vertex_uv(self.layout, self.lists, split, kind)
-        return Encoded(data, "ply", split.source, np.arange(m), assets=assets, notes=notes,
-                       warnings=warnings)  # fmt: skip
+        return Encoded(data, "ply", vertices, np.arange(len(self.mesh.faces)), assets=assets,
+                       notes=notes, warnings=warnings)  # fmt: skip
 
     def _images(self) -> list[str]:
         """The image files that comments name."""

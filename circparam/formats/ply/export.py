@@ -6,13 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import IntArray
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    WriteOptions,
-    check_new_set,
-    not_carried,
-)
+from circparam.formats.document import Document, Encoded, WriteOptions, check_new_set, not_carried
 from circparam.formats.page_names import page_lines
 from circparam.formats.ply import editing
 from circparam.formats.tokens import ByteArray, interleave

@@ -1,7 +1,6 @@
 """Colours and textures of a PLY file: red, green, blue of vertices or faces, and TextureFile comments."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 
@@ -9,7 +8,6 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.looks import Carried, Looks, Material, Slot, Use
 from circparam.formats.materials import ImageFiles, Textures
 from circparam.formats.ply.reading import Layout
-from circparam.formats.source import found_beside, regular_bytes
 
 CHANNELS = ("red", "green", "blue")
 
@@ -36,9 +34,9 @@ def colours(layout: Layout, faces: IntArray, owner: IntArray) -> FloatArray | No
     return None
 
 
-def textures(layout: Layout, m: int, folder: Path | None) -> Textures | None:
+def textures(layout: Layout, m: int) -> Textures | None:
     """The first TextureFile comment, as MeshLab writes it, for all m faces; None if there is none."""
-    files = ImageFiles(folder)
+    files = ImageFiles(layout.source)
     for line in layout.lines:
         if name := texture_file(line):
             face = np.full(m, files.read(name), np.int64)
@@ -67,15 +65,10 @@ def looks(layout: Layout, m: int) -> Looks | None:
         raise layout.source.error(
             f"it has {len(names)} TextureFile lines: only one image can be carried, save it as OBJ"
         )
-    path = found_beside(layout.source.folder, names[0])
-    try:
-        data = None if path is None else regular_bytes(path)
-    except OSError:
-        data = None
-    if data is None:
-        raise layout.source.error(f"texture {names[0]} is missing: put it beside the mesh")
+    files = ImageFiles(layout.source, strict=True)
+    files.read(names[0])
     material = Material("", {IMAGE: Use(0)}, {IMAGE: np.ones(4)})
-    return Looks((data,), (names[0],), (material,), np.zeros(m, np.int64))
+    return Looks(tuple(files.images), (names[0],), (material,), np.zeros(m, np.int64))
 
 
 def redressed(data: bytes, carried: Carried, stem: str) -> tuple[bytes, dict[str, bytes]]:

@@ -86,7 +86,14 @@ class UsdDocument(Document):
         files: list[str] = []
         if format == PACKAGE:
             data = packaged(parts, stem, [*self.layers, *self.assets])
-        elif self.path is None or not stem or _same_name(self.path, stem, format):
+        elif (
+            self.path is None
+            or not stem
+            or (
+                # no layer can lie over a file of its own name
+                self.path.stem == stem and self.path.suffix.lower() in (f".{format}", ".usd")
+            )
+        ):
             data, files = embedded(parts, format), [*self.layers, *self.assets]
         else:
             data, files = stronger(parts, format), [self.path.name, *self.layers, *self.assets]
@@ -110,11 +117,6 @@ class UsdDocument(Document):
             notes=replaced.notes,
             warnings=warnings,
         )
-
-
-def _same_name(path: Path, stem: str, format: str) -> bool:
-    """Whether the output may have the name of the input, over which no layer of that name can lie."""
-    return path.stem == stem and path.suffix.lower() in (f".{format}", ".usd")
 
 
 def read_usd(data: bytes, source: Source) -> UsdDocument:

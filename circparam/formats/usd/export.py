@@ -4,20 +4,8 @@ import re
 
 import numpy as np
 
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    WriteOptions,
-    check_new_set,
-    not_carried,
-)
-from circparam.formats.usd.stage import (
-    CRATE,
-    PACKAGE,
-    TEXT,
-    layer_bytes,
-    package_bytes,
-)
+from circparam.formats.document import Document, Encoded, WriteOptions, check_new_set, not_carried
+from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, layer_bytes, package_bytes
 from circparam.formats.usd.writing import name_pages, rows_of, write_primvar
 from circparam.mesh.mesh import UVMap
 

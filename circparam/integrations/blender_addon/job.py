@@ -1,4 +1,4 @@
-"""What is asked of the program for some parts in one page, and what becomes of its answer."""
+"""One run of the program on the parts of one page: its words, its files, its result in Blender."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from .failure import Failure
 class Job:
     """Some parts that share a page, from the file that the program reads to uv in Blender.
 
-    asked: the properties of the operator. Polygons that are not chosen keep their uv to the bit. Where they
-    cover some of the page, the whole meshes go to the program, which finds room beside them.
+    asked: the properties of the operator. Polygons that are not chosen keep their uv to the bit. If such
+    polygons cover part of the page, the program gets the whole meshes and finds room beside them.
     """
 
     def __init__(self, parts, asked):
@@ -65,9 +65,9 @@ class Job:
         return words
 
     def take(self, report):
-        """Put the answer into Blender; returns its line, or the job that ends this one.
+        """Write the result into Blender; returns its line, or the job that completes this one.
 
-        Raises Failure, and then nothing has changed.
+        Raises Failure before any change.
         """
         refuse_lost(self.parts)
         uv = read_uv(self._output, self.parts, self._polygons)
@@ -90,7 +90,7 @@ class Job:
         return ", ".join([said, *smaller])
 
     def _refuse(self):
-        """Raise Failure for options that lay out a whole page, where only some of its charts are."""
+        """Raise Failure for options that lay out a whole page if only some of its charts are laid out."""
         words = sorting_words(self.asked)
         words += straight_words(self.asked) if self._held else []
         words += density_words(self.asked) if self._beside else []
@@ -101,9 +101,9 @@ class Job:
 
 
 class Rest:
-    """The end of a job with held points: charts without any are packed round those that have some.
+    """The second run of a job with held points: charts without points are packed around the others.
 
-    uv: what came back, an array (l, 2) for each part. free: (p,) bool for each part, the polygons to move.
+    uv: result of the first run, (l, 2) for each part. free: (p,) bool for each part, the polygons to move.
     report: of the first run.
     """
 
@@ -122,14 +122,14 @@ class Rest:
         return words + packing_words(self._job.asked) + room_words(self._job.asked)
 
     def take(self, report):
-        """Put the answer into Blender; returns its line. Raises Failure, and then nothing has changed."""
+        """Write the result into Blender; returns its line. Raises Failure before any change."""
         refuse_lost(self.parts)
         uv = read_uv(self._output, self.parts, self._polygons)
         return self._job.put(uv, self._report, report.get("notes", ()))
 
 
 def _hinted(part):
-    """uv (l, 2) that differ between the sectors of chosen polygons, which is all that is read of them there."""
+    """uv (l, 2) that differ between the sectors of chosen polygons; the program reads only the differences."""
     label = part.sectors()
     return np.where(part.corners[:, None], np.c_[label % 4096, label // 4096] / 4096, part.uv)
 
@@ -143,7 +143,7 @@ def _without_pins(part, uv):
 
 
 def room_words(asked):
-    """Options of charts that go beside others."""
+    """Options of charts beside others."""
     return ["--keep-page"] if asked.keep_page else []
 
 
@@ -217,14 +217,14 @@ def _weight_rows(parts, first, group):
 
 
 def refuse_lost(parts):
-    """Raise Failure where a mesh is another one now, or gone."""
+    """Raise Failure if a mesh was changed or deleted."""
     if gone := [p.name for p in parts if _lost(p)]:
         which = "it" if len(parts) == 1 else " and ".join(gone)
         raise Failure(f"{which} was changed or deleted while circparam worked: run it again")
 
 
 def _lost(part):
-    """Whether the mesh of a part is another one now, or gone."""
+    """Whether the mesh of a part was changed or deleted."""
     try:
         return part.changed()
     except ReferenceError:

@@ -1,4 +1,4 @@
-"""The operator: what is selected, the options, and one run after the other while Blender goes on."""
+"""The operator: its options, the selected meshes, and the runs that follow each other beside Blender."""
 
 import contextlib
 import os
@@ -15,6 +15,22 @@ from .job import Job
 from .program import Run, command_line
 
 
+def _choice(name, *rows, default=None):
+    """A property with named values (identifier, label, meaning); by default the first."""
+    return bpy.props.EnumProperty(name=name, default=default or rows[0][0], items=rows)
+
+
+def _switch(name, text):
+    """A property that is on or off, and off by default."""
+    return bpy.props.BoolProperty(name=name, default=False, description=text)
+
+
+def _number(name, text, default, *, min=0, **limits):
+    """A whole or a real number, as its default is one."""
+    kind = bpy.props.IntProperty if isinstance(default, int) else bpy.props.FloatProperty
+    return kind(name=name, default=default, min=min, description=text, **limits)
+
+
 class OBJECT_OT_circparam(bpy.types.Operator):
     """Unwrap selected objects, or selected faces in Edit mode: few charts, bounded distortion, no flips"""
 
@@ -23,71 +39,62 @@ class OBJECT_OT_circparam(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     # fmt: off
-    action: bpy.props.EnumProperty(name="Action", default="UNWRAP", items=[
+    action: _choice("Action",
         ("UNWRAP", "Unwrap", "New charts for the selected faces"),
         ("ISLANDS", "Unwrap islands", "New charts for the islands to which the selected faces belong"),
-        ("PACK", "Pack only", "Charts keep their shape and find new places")])
-    effort: bpy.props.EnumProperty(name="Effort", default="NORMAL", items=[
+        ("PACK", "Pack only", "Charts keep their shape and find new places"))
+    effort: _choice("Effort",
         ("DRAFT", "Draft", "A quick layout"), ("NORMAL", "Normal", "The usual search"),
-        ("HIGH", "High", "Several searches, of which the best layout is kept")])
-    together: bpy.props.BoolProperty(name="One page for all", default=False,
-        description="All objects share one page, at one density; otherwise each has a page of its own")
-    seams: bpy.props.EnumProperty(name="Marked seams", default="MUST", items=[
+        ("HIGH", "High", "Several searches, of which the best layout is kept"), default="NORMAL")
+    together: _switch("One page for all",
+        "All objects share one page, at one density; otherwise each has a page of its own")
+    seams: _choice("Marked seams",
         ("MUST", "Cut them", "Cut every marked edge, and others where needed"),
         ("HINT", "Start from them", "Charts start from the regions between marks; others are dropped"),
-        ("IGNORE", "Ignore them", "Marks have no effect")])
-    pins: bpy.props.EnumProperty(name="Pins", default="ISLANDS", items=[
+        ("IGNORE", "Ignore them", "Marks have no effect"))
+    pins: _choice("Pins",
         ("ISLANDS", "Keep islands", "Islands with a pinned corner stay as they are"),
         ("POINTS", "Hold points", "Pinned vertices stay, the rest of their charts is unwrapped"),
-        ("IGNORE", "Ignore them", "Pins have no effect")])
-    max_distortion: bpy.props.FloatProperty(name="Max distortion", default=1.05, min=1.0001, soft_max=1.5,
-        precision=3, description="Upper bound on the distortion of every chart; 1 is perfect")
-    max_charts: bpy.props.IntProperty(name="Max charts", default=0, min=0,
-        description="At most this many charts; 0: as many as needed")
-    sharp: bpy.props.FloatProperty(name="Sharp edges", default=0.0, min=0.0, max=np.pi, subtype="ANGLE",
-        description="Cut all edges at least this sharp; 0: none")
-    hide_seams: bpy.props.FloatProperty(name="Hide seams", default=0.5, min=0.0, max=1.0,
-        description="Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length")
+        ("IGNORE", "Ignore them", "Pins have no effect"))
+    max_distortion: _number("Max distortion", "Upper bound on the distortion of every chart; 1 is perfect",
+        1.05, min=1.0001, soft_max=1.5, precision=3)
+    max_charts: _number("Max charts", "At most this many charts; 0: as many as needed", 0)
+    sharp: _number("Sharp edges", "Cut all edges at least this sharp; 0: none", 0.0, max=np.pi, subtype="ANGLE")
+    hide_seams: _number("Hide seams",
+        "Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length", 0.5, max=1.0)
     seam_group: bpy.props.StringProperty(name="Keep seams away", default="",
         description="A vertex group: no seam goes where its weight is 1; at 0.5 one costs twice as much")
-    symmetry: bpy.props.EnumProperty(name="Symmetry", default="NONE", items=[
+    symmetry: _choice("Symmetry",
         ("NONE", "None", "Seams go where they cost least"), ("AUTO", "First that fits", "Mirror the seams"),
-        ("X", "X", "Mirror the seams"), ("Y", "Y", "Mirror the seams"), ("Z", "Z", "Mirror the seams")])
-    resolution: bpy.props.IntProperty(name="Resolution", default=2048, min=16, max=16384,
-        description="Side of the page in texels")
-    padding: bpy.props.IntProperty(name="Padding", default=4, min=0, max=4096,
-        description="Empty texels between charts and at the border")
-    density: bpy.props.FloatProperty(name="Texel density", default=0.0, min=0.0,
-        description="Texels per unit of length; 0: fill the page")
-    keep_page: bpy.props.BoolProperty(name="Keep the density", default=False,
-        description="Without room at the density of the charts that stay, nothing changes; "
-        "otherwise new charts shrink")
+        ("X", "X", "Mirror the seams"), ("Y", "Y", "Mirror the seams"), ("Z", "Z", "Mirror the seams"))
+    resolution: _number("Resolution", "Side of the page in texels", 2048, min=16, max=16384)
+    padding: _number("Padding", "Empty texels between charts and at the border", 4, max=4096)
+    density: _number("Texel density", "Texels per unit of length; 0: fill the page", 0.0)
+    keep_page: _switch("Keep the density",
+        "Without room at the density of the charts that stay, nothing changes; otherwise new charts shrink")
     densities: bpy.props.StringProperty(name="Density by name", default="",
         description="Times the density, by name of a material or an object: face=2,sole=0.5")
-    group_by: bpy.props.EnumProperty(name="Group charts", default="NONE", items=[
+    group_by: _choice("Group charts",
         ("NONE", "None", "Charts lie where they fit"),
         ("MATERIAL", "By material", "Charts of one material lie together"),
-        ("OBJECT", "By object", "Charts of one object lie together; for One page for all")])
-    group_pages: bpy.props.BoolProperty(name="A page for each group", default=False,
-        description="Each group gets a UDIM tile: 1001, 1002 and so on; otherwise a box on one page")
-    stack: bpy.props.EnumProperty(name="Stack copies", default="OFF", items=[
+        ("OBJECT", "By object", "Charts of one object lie together; for One page for all"))
+    group_pages: _switch("A page for each group",
+        "Each group gets a UDIM tile: 1001, 1002 and so on; otherwise a box on one page")
+    stack: _choice("Stack copies",
         ("OFF", "Off", "Every part gets texels of its own"),
         ("IDENTICAL", "Identical", "Parts that a motion takes onto each other share texels"),
-        ("MIRRORED", "Mirrored", "Mirror images share texels too")])
-    stack_offset: bpy.props.BoolProperty(name="Copies a page aside", default=False,
-        description="Stacked copies go a page to the right, so that a baker sees one part of each kind")
-    upright: bpy.props.BoolProperty(name="Upright charts", default=False,
-        description="Z of the mesh becomes v where a chart has an up")
-    straighten: bpy.props.EnumProperty(name="Straighten", default="AUTO", items=[
+        ("MIRRORED", "Mirrored", "Mirror images share texels too"))
+    stack_offset: _switch("Copies a page aside",
+        "Stacked copies go a page to the right, so that a baker sees one part of each kind")
+    upright: _switch("Upright charts", "Z of the mesh becomes v where a chart has an up")
+    straighten: _choice("Straighten",
         ("AUTO", "Auto", "Straight borders along the axes if that costs little"),
         ("ALL", "All", "Every chart with a straight border lies along the axes"),
-        ("OFF", "Off", "Charts lie at any angle")])
-    replace: bpy.props.BoolProperty(name="Replace the active uv map", default=False,
-        description="Otherwise the layout becomes a uv map of its own, called circparam")
-    mark_seams: bpy.props.BoolProperty(name="Mark new seams", default=False,
-        description="Mark the cut edges as seams, and clear all other marks")
-    look: bpy.props.BoolProperty(name="Look at it", default=False,
-        description="Open a page with the surface, the layout and its figures at the end")
+        ("OFF", "Off", "Charts lie at any angle"))
+    replace: _switch("Replace the active uv map",
+        "Otherwise the layout becomes a uv map of its own, called circparam")
+    mark_seams: _switch("Mark new seams", "Mark the cut edges as seams, and clear all other marks")
+    look: _switch("Look at it", "Open a page with the surface, the layout and its figures at the end")
     # fmt: on
 
     @classmethod
@@ -123,7 +130,7 @@ class OBJECT_OT_circparam(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        """Look after the program now and then; Esc ends it."""
+        """Ask the program for its progress; Esc cancels the run."""
         if event.type == "ESC":
             self._stop()
         elif event.type != "TIMER":
@@ -140,12 +147,12 @@ class OBJECT_OT_circparam(bpy.types.Operator):
         return self._end(context)
 
     def percent(self):
-        """How far all runs are."""
+        """Progress of all runs, 0 to 100."""
         own = self._run.percent if self._run else 0
         return (100 * self._done + own) / max(1, len(self._jobs))
 
     def _read(self, context, objects, editing):
-        """A part for each mesh, with its chosen polygons; each that cannot be unwrapped has its line."""
+        """A part with its chosen polygons for each mesh; a line about each mesh that cannot be unwrapped."""
         scene, shown = list(context.scene.objects), {}
         for ob in objects:
             if ob.type != "MESH":
@@ -182,7 +189,7 @@ class OBJECT_OT_circparam(bpy.types.Operator):
                 part.chosen[part.polygon[np.isin(island, island[part.pinned])]] = False
 
     def _step(self, context):
-        """One look; False when all is done."""
+        """One step of the present run; False when all runs are done."""
         if self._done >= len(self._jobs):
             return False
         job = self._jobs[self._done]
@@ -242,7 +249,7 @@ class Page:
         self.path = os.path.join(bpy.app.tempdir, "circparam.html")
 
     def words(self, stem):
-        """Write what Blender holds now; returns the words after the program's name."""
+        """Write the present meshes; returns the words after the program's name."""
         fresh = [part.again() for part in self.parts]
         write_obj(stem + ".obj", fresh, uv=[p.uv for p in fresh])
         return [
@@ -272,7 +279,7 @@ def objects_of(context):
 
 @contextlib.contextmanager
 def out_of_edit_mode(context):
-    """Within the block no mesh is edited; afterwards the same objects are again."""
+    """Leave Edit mode inside the block, and return to it with the same objects."""
     objects = [ob for ob in context.view_layer.objects if ob is not None]  # None: just deleted
     editing = [ob for ob in objects if ob.type == "MESH" and ob.mode == "EDIT"]
     if not editing:

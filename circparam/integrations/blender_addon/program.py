@@ -31,7 +31,7 @@ class CircparamPreferences(bpy.types.AddonPreferences):
 
 
 def command_line(context):
-    """The words that start circparam, its environment: as the preferences say, of a wheel, or on the path."""
+    """The words that start circparam, and its environment: from the preferences, a wheel, or the path."""
     known = context.preferences.addons.get(CircparamPreferences.bl_idname)
     path = known.preferences.path if known else ""
     environment = {**os.environ, "CIRCPARAM_PROGRESS": "1"}
@@ -41,9 +41,7 @@ def command_line(context):
             raise Failure(f"{path}: no such program; correct the path in the preferences")
         return [found], environment
     wheel = importlib.util.find_spec("circparam")
-    if (
-        wheel is not None
-    ):  # Blender's Python knows where the wheels of its extensions are, a new one does not
+    if wheel is not None:  # a new Python does not know the wheels of Blender's extensions
         environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
         return [sys.executable, "-P", "-m", "circparam"], environment
     if found := shutil.which("circparam"):

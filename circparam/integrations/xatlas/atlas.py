@@ -11,12 +11,7 @@ from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.integrations.parametrize import FILES, Parametrized
 from circparam.integrations.xatlas.layout import AtlasLayout, MeshLayout, lay_out
-from circparam.integrations.xatlas.meshes import (
-    AddedMesh,
-    MeshError,
-    added_mesh,
-    added_uv_mesh,
-)
+from circparam.integrations.xatlas.meshes import AddedMesh, MeshError, added_mesh, added_uv_mesh
 from circparam.integrations.xatlas.options import ChartOptions, PackOptions, keywords_of
 from circparam.pipeline.result import Result
 from circparam.render.colours import chart_colours

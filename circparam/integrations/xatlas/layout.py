@@ -92,10 +92,7 @@ def uv_per_unit(result: Result) -> float:
 
 
 def lay_out(
-    meshes: list[AddedMesh],
-    keywords: dict[str, Any],
-    density: float,
-    listener: Listener | None,
+    meshes: list[AddedMesh], keywords: dict[str, Any], density: float, listener: Listener | None
 ) -> AtlasLayout:
     """Unwrap meshes into one atlas, or pack their uv again; at a density in texels a unit where that is not 0.
 
