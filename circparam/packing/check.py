@@ -15,6 +15,7 @@ from circparam.geometry.raster import (
 )
 from circparam.packing.coverage import Runs, face_runs, outline_runs, painted
 from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,19 @@ class PlacedCharts:
     edge_owner: IntArray
     page: IntArray
     simple: BoolArray | None = None
+
+    @classmethod
+    def of(cls, shapes: Shapes, uv: FloatArray, page: IntArray) -> PlacedCharts:
+        """Charts at uv (nv, 2), in units of the page (n,) that each chart lies on."""
+        return cls(
+            uv[shapes.faces[shapes.scanned]],
+            shapes.chart[shapes.scanned],
+            uv[shapes.start],
+            uv[shapes.end],
+            shapes.owner[shapes.start],
+            page,
+            shapes.simple,
+        )
 
     def raster(self, tile: int, side: int) -> tuple[LabelGrid, int]:
         """Owner of each texel of one page, −1 if empty; and how many texels have two owners."""

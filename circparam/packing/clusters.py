@@ -16,15 +16,18 @@ from circparam.packing.pack import check_fixed_room, does_not_fit, finish, pack
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
-# Beside other values: the covered share over that with these, on four assemblies of 18 to 120 parts.
-COVERED = (
-    0.5  # share of the pages that charts in boxes cover at first guess (0.68 here and below: 0.992)
-)
-TIGHT = 0.65  # share of its own page that a group covers at first guess
-ROUNDS = 4  # sizes that are tried (2: 0.970, 8: the same)
-CLOSE = 1.03  # ratio of sizes that is not worth another round (1.1: 0.898)
-JUST = 0.995  # of the scale for which there is room, as the next one may pack a little worse (1: 0.985)
-SMALLER = 0.5  # of a scale at which a group is larger than a page
+# In brackets: the covered share with another value over the share with this one, on four assemblies of 18 to
+# 120 parts. First guesses: the share of all pages that charts in boxes cover (0.68: 0.992), and the share of
+# its own page that a group covers.
+PAGES_SHARE = 0.5
+GROUP_SHARE = 0.65
+
+# Scales that are tried (2: 0.970, 8: the same), and the ratio of two that is not worth another (1.1: 0.898).
+SCALES_MOST = 4
+CLOSE_RATIO = 1.03
+
+# The next scale over the scale for which there is room: groups may pack a little worse there (1: 0.985).
+NEXT_SCALE_SHARE = 0.995
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +85,9 @@ def _clustered(
 ) -> Packed | None:
     """Charts in boxes, at the largest of the scales that are tried; None if none leaves room."""
     fixed = options.fixed_scale
-    room = options.resolution * np.sqrt(COVERED * options.pages / charts.areas.sum())
+    room = options.resolution * np.sqrt(PAGES_SHARE * options.pages / charts.areas.sum())
     scale, best = float(fixed or room), None
-    for _ in range(ROUNDS):
+    for _ in range(SCALES_MOST):
         asked = replace(options, texel_density=scale, scale=True)
         try:
             boxes = _boxes(charts, strips, asked, monitor)
@@ -92,7 +95,7 @@ def _clustered(
         except OptionError:  # a group is larger than a page
             if fixed is not None:
                 return None
-            scale *= SMALLER
+            scale /= 2
             continue
         more = placed.scale * options.resolution  # factor over the packed size
         if more >= 1 - 1e-9 and (best is None or scale * more > best.scale * options.resolution):
@@ -100,9 +103,9 @@ def _clustered(
         # strips fill the width of a page at any scale, so the height left is the measure
         height = (boxes.size[:, 1] + options.gap).sum() / (options.pages * options.resolution)
         larger = float(np.sqrt(1 / height)) if strips and more >= 1 else more
-        if fixed is not None or (more >= 1 and larger <= CLOSE):
+        if fixed is not None or (more >= 1 and larger <= CLOSE_RATIO):
             break
-        scale *= larger * JUST
+        scale *= larger * NEXT_SCALE_SHARE
     return best
 
 
@@ -124,7 +127,9 @@ def _boxes(charts: _Charts, strips: bool, options: PackOptions, monitor: Monitor
 def _alone(charts: _Charts, strip: bool, options: PackOptions, monitor: Monitor) -> FloatArray:
     """(nv, 2) places in texels of the charts of one group."""
     scale = float(options.texel_density or 1.0)
-    side = float(np.sqrt(charts.areas.sum() / TIGHT)) * scale + 2 * options.border + options.gap
+    side = (
+        float(np.sqrt(charts.areas.sum() / GROUP_SHARE)) * scale + 2 * options.border + options.gap
+    )
     last = options.resolution
     while not strip:
         page = int(np.clip(np.ceil(side), 2 * options.padding + 4, last))
@@ -134,7 +139,7 @@ def _alone(charts: _Charts, strip: bool, options: PackOptions, monitor: Monitor)
         except OptionError:
             if page == last:
                 raise
-        side *= CLOSE
+        side *= CLOSE_RATIO
     # the skyline fills a page from below, so on a whole one charts make a strip
     shapes, whole = shapes_of(charts.faces, charts.uv, charts.chart), replace(options, pages=1)
     check_fixed_room(shapes, whole)

@@ -18,8 +18,12 @@ _QUARTER = np.pi / 2
 
 # Directions of the furthest vertices, which show vertices inside the convex hull; and the tolerance of this
 # test for rounding, as a share of a chart's radius.
-DIRECTIONS = 16
-HULL_ROUNDING = 1e-12
+HULL_DIRECTIONS = 16
+HULL_ROUNDING_SHARE = 1e-12
+
+# Angles of a quarter turn that are tried for a box, then rounds of finer ones about the best: 0.02 degrees.
+ANGLE_STEPS = 90
+ANGLE_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,20 +89,20 @@ class Shapes:
         """Outline vertices that may be corners of the convex hulls: (h,) by chart, and (n + 1,) offsets.
 
         All corners are among them, and of other vertices few: those inside the polygon of the furthest vertices
-        in ``DIRECTIONS`` directions are left out.
+        in ``HULL_DIRECTIONS`` directions are left out.
         """
         v, at = self.start, self.edge_start[:-1]
-        if np.diff(self.edge_start).max() <= DIRECTIONS:
+        if np.diff(self.edge_start).max() <= HULL_DIRECTIONS:
             return v, self.edge_start
         own, p = self.owner[v], self.points[v]
         furthest = []
-        for t in np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS):
+        for t in np.arange(HULL_DIRECTIONS) * (2 * np.pi / HULL_DIRECTIONS):
             along = p @ np.array([np.cos(t), np.sin(t)])
             most = np.flatnonzero(along == np.maximum.reduceat(along, at)[own])
             first = np.empty(self.n, np.int64)
             first[own[most[::-1]]] = most[::-1]
             furthest.append(p[first])
-        room = HULL_ROUNDING * np.sqrt(np.maximum.reduceat((p**2).sum(1), at))[own]
+        room = HULL_ROUNDING_SHARE * np.sqrt(np.maximum.reduceat((p**2).sum(1), at))[own]
         outside = np.zeros(len(v), bool)
         for a, b in zip(furthest, furthest[1:] + furthest[:1], strict=True):
             length = np.sqrt(((b - a) ** 2).sum(1))[own]
@@ -132,14 +136,14 @@ class Shapes:
         points k, x and y are (k, n), filled up with the first points."""
         v, at = self.hull
         first, count = at[:-1], np.diff(at)
-        if count.max() <= DIRECTIONS:
+        if count.max() <= HULL_DIRECTIONS:
             k = np.arange(count.max())[:, None]
             v = v[first + np.where(k < count, k, 0)]
         x, y = np.ascontiguousarray(np.moveaxis(self.points[v], -1, 0))
         return self.owner[v], first, x, y
 
     @cached_property
-    def known_angles(self) -> dict[tuple[str, int, int], FloatArray]:
+    def known_angles(self) -> dict[tuple[str, int], FloatArray]:
         """Angles that were looked for already: several packers and searches begin with the same."""
         return {}
 
@@ -268,7 +272,7 @@ def _charts_without(faces: IntArray, vertex: np.ndarray) -> np.ndarray:
     return np.asarray(~has[labels[:m]])
 
 
-def least_box_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray:
+def least_box_angles(shapes: Shapes, rotate: str, steps: int = ANGLE_STEPS) -> FloatArray:
     """(n,) angle of each chart whose bounding box has the least area, then with its long side along u.
 
     'free' tries ``steps`` angles of a quarter turn and refines round the best one; '90' only lays the long
@@ -284,13 +288,11 @@ def least_box_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray
     return best + np.where(tall, _QUARTER, 0.0)
 
 
-def least_square_angles(
-    shapes: Shapes, rotate: str, steps: int = 90, rounds: int = 3
-) -> FloatArray:
+def least_square_angles(shapes: Shapes, rotate: str) -> FloatArray:
     """(n,) angle at which each chart fits the smallest upright square."""
     if rotate != "free":
         return np.zeros(shapes.n)
-    return _best_angles(shapes, "square", steps, rounds)
+    return _best_angles(shapes, "square", ANGLE_STEPS)
 
 
 # cost of an angle, by the width and the height of the bounding box
@@ -300,11 +302,11 @@ COSTS: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
 }
 
 
-def _best_angles(shapes: Shapes, cost: str, steps: int, rounds: int = 3) -> FloatArray:
+def _best_angles(shapes: Shapes, cost: str, steps: int) -> FloatArray:
     """Angles of least cost of width and height: a quarter turn in steps, then finer about the best."""
-    key = cost, steps, rounds
+    key = cost, steps
     if key not in shapes.known_angles:
-        best = _searched_angles(shapes, COSTS[cost], steps, rounds)
+        best = _searched_angles(shapes, COSTS[cost], steps)
         shapes.known_angles[key] = best if shapes.upright is None else best * ~shapes.upright
     return shapes.known_angles[key].copy()
 
@@ -313,12 +315,11 @@ def _searched_angles(
     shapes: Shapes,
     cost: Callable[[FloatArray, FloatArray], FloatArray],
     steps: int,
-    rounds: int,
 ) -> FloatArray:
     """As ``_best_angles``, not looked up."""
     best = np.zeros(shapes.n)
     width, count = _QUARTER, steps
-    for _ in range(rounds):
+    for _ in range(ANGLE_ROUNDS):
         centre, least = best.copy(), np.full(shapes.n, np.inf)
         for t in np.linspace(-width / 2, width / 2, count):
             box = shapes.boxes(centre + t)

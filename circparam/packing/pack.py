@@ -168,16 +168,7 @@ def does_not_fit(shapes: Shapes, options: PackOptions) -> str:
 def finish(shapes: Shapes, placement: Placement, options: PackOptions) -> tuple[Packed, str | None]:
     """uv of a placement, checked on the raster: returns (packed, the fault or None)."""
     local = shapes.place(placement.angle, placement.offset, placement.scale) / options.resolution
-    charts = PlacedCharts(
-        local[shapes.faces[shapes.scanned]],
-        shapes.chart[shapes.scanned],
-        local[shapes.start],
-        local[shapes.end],
-        shapes.owner[shapes.start],
-        placement.page,
-        shapes.simple,
-    )
-    wrong, share = faults(charts, options)
+    wrong, share = faults(PlacedCharts.of(shapes, local, placement.page), options)
     uv = local
     if options.pages > 1:
         uv = local.copy()

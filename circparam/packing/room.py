@@ -19,10 +19,13 @@ from circparam.packing.outlines import Shapes, least_box_angles
 
 sf = OnDemand("circparam.core.fourier")
 
-# cells along a page at most: charts get as large on twice as many, to 2 %, in six times the time
-SIDE = 512
-SMALLEST = 1 / 64  # of the sizes asked for: a chart of 64 texels would be one
-HALVINGS = 8  # of the ratio between a size that fits and one that does not: leaves 64 to the power of 2⁻⁸, 2 %
+# Cells along a page at most: charts get as large on twice as many, to 2 %, in six times the time.
+PAGE_CELLS_MOST = 512
+
+# Sizes that are tried, as powers of 2 of the sizes asked for: the least, at which a chart of 64 texels has one;
+# and halvings of the interval, which leave 2 % between a size that fits and one that does not.
+LEAST_POWER = -6.0
+BISECTIONS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,7 @@ def find_room(
     pages: (t, 3, 2) triangles on each page, in the unit square. exact: at the sizes of the charts; otherwise
     all shrink alike if needed.
     """
-    side = min(options.resolution, SIDE)
+    side = min(options.resolution, PAGE_CELLS_MOST)
     grid = _Grid(side, options.resolution / side, options)
     used = [grid.blocked(cells_of(triangles * side, side, side)) for triangles in pages]
     angle = least_box_angles(shapes, options.rotate)
@@ -57,17 +60,17 @@ def find_room(
     found = _placed(shapes, grid, used, angle, turns, 1.0)
     if found is not None or exact:
         return found
-    low, high = SMALLEST, 1.0
-    for _ in range(HALVINGS):
-        middle = float(np.sqrt(low * high))
-        got = _placed(shapes, grid, used, angle, turns, middle)
+    low, high = LEAST_POWER, 0.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        got = _placed(shapes, grid, used, angle, turns, 2**middle)
         found, low, high = (found, low, middle) if got is None else (got, middle, high)
-    return found or _placed(shapes, grid, used, angle, turns, low)
+    return found or _placed(shapes, grid, used, angle, turns, 2**low)
 
 
 def free_share(pages: Sequence[FloatArray], options: PackOptions) -> float:
     """Free area in pages, without the gaps round placed charts."""
-    side = min(options.resolution, SIDE)
+    side = min(options.resolution, PAGE_CELLS_MOST)
     return float(sum(1.0 - cells_of(t * side, side, side).mean() for t in pages))
 
 
@@ -201,9 +204,9 @@ class _Page:
         return _first(hits[: n - cells.shape[0] + 1, : n - cells.shape[1] + 1] < 0.5)
 
 
-def _first(free: BoolArray, count: int = 8) -> list[tuple[int, int]]:
-    """The first places that are free, row after row."""
-    flat = np.flatnonzero(free.ravel())[:count]
+def _first(free: BoolArray) -> list[tuple[int, int]]:
+    """The first eight places that are free, row after row: rounding may be wrong about some."""
+    flat = np.flatnonzero(free.ravel())[:8]
     return [divmod(int(k), free.shape[1]) for k in flat]
 
 

@@ -6,8 +6,6 @@ below. The chart is upright or turned by half, whichever wastes less. Rows take 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
@@ -15,88 +13,31 @@ from circparam.core.monitor import Monitor
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Placement
-from circparam.packing.skyline import Bounds, Profiles, ScaleSearch, profiles, scale_for
+from circparam.packing.skyline import COLUMNS, Bounds, Profiles, largest_placement, profiles
 
-COLUMNS = 16  # of a chart of average width
-PASSES = 6  # scales that are tried: the height used at one tells the next
-SHARE = 0.5  # of the pages that grown charts cover in the end, about
-ANGLES = 12  # of a quarter turn that are tried for boxes, before the finer ones
-SAMPLE = 3000  # charts that tell the scale of many more
-SAMPLED = 3  # scales that are tried for the sample
-SAFE = 0.997  # of the scale of the sample is tried first: to exceed the page costs a pass
-FULL = 0.985  # height used of that there is, at which a page of more than a sample is full
-REACHED_BY_SKYLINE = 1.2  # times the scale of rows, at most: 1.08 of 12,000 equal triangles
-CLOSE = 1.004  # ratio of a scale that is too large to one that fits, at which the search ends
-STEEP = 0.5  # weight of a chart's own top beside the room that it wastes
+# Angles of a quarter turn that are tried for boxes: of 30,000 charts finer ones take longer than all the rest.
+ANGLE_STEPS = 12
+
+# Weight of the height at which a chart ends beside the room that it wastes.
+HEIGHT_WEIGHT = 0.5
 
 
 def row_placement(
-    shapes: Shapes, options: PackOptions, monitor: Monitor, boxes: Placement | None = None
+    shapes: Shapes, options: PackOptions, monitor: Monitor, least: float = 0.0
 ) -> Placement | None:
     """Charts in dropped rows at the largest scale found, or at the fixed one; None if none fits.
 
-    boxes: a layout of boxes. The layout by boxes is returned if a sample of very many charts does not reach its
-    scale. Gaps between boxes are narrower, and count for more than the shapes of such small charts.
+    least: scale of a known layout, which is tried first. Charts that do not fit there are given up: gaps
+    between boxes are narrower, and count for more than the shapes of very small charts.
     """
-    angle = _angles(shapes, options)
-    if options.fixed_scale is not None:
-        return _dropped(shapes, options, angle, options.fixed_scale)[0]
-    scale = scale_for(shapes, options, SHARE)
-    sampled = _scale_by_sample(shapes, options, angle, scale)
-    if sampled is not None and boxes is not None and sampled < boxes.scale:
-        return boxes
-    best: Placement | None = None
-    search = ScaleSearch(shapes, options, scale if sampled is None else sampled)
-    for _ in range(PASSES):
-        placement, fill = _dropped(shapes, options, angle, search.scale)
-        best = best if placement is None else placement
-        if placement is not None and shapes.n > SAMPLE and fill >= FULL:
-            break
-        search = search.after(placement is not None, fill)
-        if search.closed(CLOSE) or (best is not None and monitor.expired):
-            break
-    return best
-
-
-def hopeless(shapes: Shapes, options: PackOptions) -> bool:
-    """Whether the user fixed so large a scale that a sample of the charts says that no skyline holds them."""
-    scale = options.fixed_scale
-    if scale is None:
-        return False
-    sampled = _scale_by_sample(shapes, options, _angles(shapes, options), scale)
-    return sampled is not None and scale > REACHED_BY_SKYLINE * sampled
-
-
-def _angles(shapes: Shapes, options: PackOptions) -> FloatArray:
-    """(n, turns) upright as boxes are least, and turned by half."""
     turns = 1 if options.rotate == "none" else 2
-    box = least_box_angles(shapes, options.rotate, steps=ANGLES)
-    return np.asarray(box[:, None] + np.arange(turns) * np.pi)
+    box = least_box_angles(shapes, options.rotate, steps=ANGLE_STEPS)
+    angle = np.asarray(box[:, None] + np.arange(turns) * np.pi)
 
+    def place(scale: float) -> tuple[Placement | None, float]:
+        return _dropped(shapes, options, angle, scale)
 
-def _scale_by_sample(
-    shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float
-) -> float | None:
-    """Scale that may just fill the pages: that of a sample on a page as much smaller; None for fewer charts.
-
-    scale: tried first. None too where the page of the sample would be hardly smaller, or too small for a chart.
-    """
-    every = shapes.n // SAMPLE
-    side = np.sqrt(options.pages / max(every, 1)) * (options.resolution - 2 * options.border)
-    widest = 2 * float(shapes.radius.max()) * scale
-    if every < 2 or not 2 * widest < side < 0.8 * options.resolution:
-        return None
-    box = shapes.boxes(angle[:, 0])
-    chosen = np.argsort(box[:, 3] - box[:, 1], kind="stable")[every // 2 :: every]
-    sample = shapes.part(chosen)
-    page = replace(options, resolution=int(side + 2 * options.border), pages=1)
-    search = ScaleSearch(sample, page, scale)
-    for _ in range(SAMPLED):
-        placement, fill = _dropped(sample, page, angle[np.sort(chosen)], search.scale)
-        if abs(fill - 1) <= 1 - FULL:
-            break
-        search = search.after(placement is not None, fill)
-    return SAFE * search.scale
+    return largest_placement(shapes, options, place, monitor, least)
 
 
 def _dropped(
@@ -169,7 +110,7 @@ def _row(
         low, high = shape.lower[entry], shape.upper[entry]
         height = np.maximum.reduceat(sky[at] - low, run)
         waste = height + np.add.reduceat(low - sky[at], run) / count
-        costs.append(waste + STEEP * (height + np.maximum.reduceat(high, run)))
+        costs.append(waste + HEIGHT_WEIGHT * (height + np.maximum.reduceat(high, run)))
         heights.append(height)
         chart = np.repeat(np.arange(len(row)), count)
         tops.append((at, np.repeat(height, count) + high, chart))

@@ -6,7 +6,7 @@ bound of each column stand for a chart, the skyline for the page. A chart comes 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
@@ -21,26 +21,17 @@ from circparam.packing.placement import Placement
 
 Bounds: TypeAlias = npt.NDArray[np.float32]
 
-# Columns of a chart of average width: more are slower and hardly tighter.
-COLUMNS = 24
+COLUMNS = 24  # of a chart of average width: more are slower and hardly tighter
 
-# Scales that are tried: the height used at one tells the next.
-PASSES = 5
+# Directions in a turn at which each chart is tried if it may turn freely.
+TURNS = 8
 
-# Share of the pages that grown charts cover in the end, about: it sets the first scale. The weight is less
-# for many charts, which are mostly single faces.
-_SHARE, _SHARE_OF_MANY = 0.72, 0.58
+# Weight of the height at which a chart ends beside the room that it wastes, for charts by falling height.
+HEIGHT_WEIGHT = 0.5
 
-# Charts from which a page filled so far is full: a pass takes a second there.
-_MANY = 1000
-_FULL = 0.99
-
-# Weight of the height at which a chart ends, beside its wasted room per column: for charts by size, and by
-# height, an order that is tried for few charts too.
-STEEP, STEEP_BY_HEIGHT = 1.0, 0.5
-
-# Two scales so much apart tell how the height rises; nearer ones tell of single rows.
-FAR = 0.05
+# Scales that are tried, and the ratio of a scale too large to one that fits at which the search ends.
+SCALES_MOST = 6
+CLOSE_RATIO = 1.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,90 +144,64 @@ def _widened(lower: Bounds, upper: Bounds, grow: float, cell: float) -> tuple[Bo
     return low, high
 
 
-def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Placement | None:
-    """Charts put on the skyline by falling size, or height, at the scale that just fills the pages, or the
-    fixed one.
+def skyline_placement(
+    shapes: Shapes, options: PackOptions, monitor: Monitor, least: float = 0.0
+) -> Placement | None:
+    """Charts on the skyline at the largest scale found, or at the fixed one; None if they do not fit.
 
-    None if they do not fit on the pages at any scale tried.
+    Charts come by falling size, then by falling height. least: scale of a known layout, which is tried first.
     """
     n = shapes.n
-    turns = {"free": 8 if n <= 3000 else 4, "90": 4, "none": 1}[options.rotate]
+    turns = {"free": TURNS, "90": 4, "none": 1}[options.rotate]
     base = least_box_angles(shapes, options.rotate) if options.rotate == "free" else np.zeros(n)
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
     if shapes.upright is not None and options.rotate == "free":
         quarters = base[:, None] + np.arange(turns) % 4 * (np.pi / 2)
         angle = np.where(shapes.upright[:, None], quarters, angle)
-    orders = (False, True) if n < _MANY else (False,)
-    scale = options.fixed_scale
-    if scale is not None:
-        tried = (_stacked(shapes, options, angle, scale, by_height)[0] for by_height in orders)
-        return next((p for p in tried if p is not None), None)
-    found: list[Placement] = []
-    for by_height in orders:
-        if not found or not monitor.expired:
-            largest = _largest(shapes, options, angle, by_height, monitor)
-            found += [] if largest is None else [largest]
-    return max(found, key=lambda p: p.scale, default=None)
-
-
-def _largest(
-    shapes: Shapes, options: PackOptions, angle: FloatArray, by_height: bool, monitor: Monitor
-) -> Placement | None:
-    """Charts in one of two orders at the largest scale found."""
-    n = shapes.n
     best: Placement | None = None
-    scale = scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY)
-    search = ScaleSearch(shapes, options, scale)
-    for _ in range(PASSES):
-        placement, fill = _stacked(shapes, options, angle, search.scale, by_height)
-        fits = placement is not None
-        best = placement if fits else best
-        search = search.after(fits, fill)
-        full = fits and n >= _MANY and fill >= _FULL
-        if search.closed(1.008) or full or monitor.expired:
+    for by_height in (False, True):
+        first = max(least, 0.0 if best is None else best.scale)
+
+        def place(scale: float, by_height: bool = by_height) -> tuple[Placement | None, float]:
+            return _stacked(shapes, options, angle, scale, by_height)
+
+        found = largest_placement(shapes, options, place, monitor, first)
+        best = found or best
+        if monitor.expired or (best is not None and options.fixed_scale is not None):
             break
     return best
 
 
-@dataclass(frozen=True, eq=False)
-class ScaleSearch:
-    """The largest scale that fits, looked for: scale is tried next; low fits, high does not.
+def largest_placement(
+    shapes: Shapes,
+    options: PackOptions,
+    place: Callable[[float], tuple[Placement | None, float]],
+    monitor: Monitor,
+    least: float = 0.0,
+) -> Placement | None:
+    """The placement at the largest scale that fits, or at the fixed scale; None if there is none.
 
-    first: the scale tried first and the height used there over the height there is. The root of the height is
-    nearly linear in the scale, even if most of a page is padding. Two distant tries give the next scale; before
-    that, the area of the grown charts does.
+    place: a scale in texels per unit → (placement or None, the height used over the height there is). least:
+    scale that is tried first; charts that do not fit at this scale are given up. The area of the charts, grown
+    by half the gap, predicts the next scale, within the bounds so far.
     """
-
-    shapes: Shapes
-    options: PackOptions
-    scale: float
-    low: float = 0.0
-    high: float = np.inf
-    first: tuple[float, float] | None = None
-
-    def after(self, fits: bool, fill: float) -> ScaleSearch:
-        """The state after a try. fill: the height used over the height there is."""
-        low, high = (self.scale, self.high) if fits else (self.low, self.scale)
-        first = self.first or (self.scale, fill)
-        guess = 0.999 * self._full(fill, *first)
-        if fits:
-            guess = max(guess, low * 1.003)
-        between = (low + high) / 2 if low > 0 else 0.95 * high
-        guess = guess if low < guess < high else between
-        return replace(self, scale=float(guess), low=low, high=high, first=first)
-
-    def _full(self, fill: float, scale: float, first_fill: float) -> float:
-        """The scale at which the height is used up, as far as this try and the first one tell."""
-        far, root = self.scale - scale, np.sqrt(fill)
-        rise = root - np.sqrt(first_fill)
-        if abs(far) > FAR * scale and far * rise > 0:
-            return float(self.scale + (1 - root) * far / rise)
-        share = grown_share(self.shapes, self.options, self.scale) / fill
-        return scale_for(self.shapes, self.options, share)
-
-    def closed(self, ratio: float) -> bool:
-        """Whether a scale that is too large and one that fits are so near to each other."""
-        return self.high < self.low * ratio
+    if options.fixed_scale is not None:
+        return place(options.fixed_scale)[0]
+    best: Placement | None = None
+    low, high = 0.0, np.inf
+    scale = least or scale_for(shapes, options, 0.5)
+    for _ in range(SCALES_MOST):
+        placement, fill = place(scale)
+        if placement is None:
+            high = scale
+        else:
+            best, low = placement, scale
+        if (best is None and least) or high < low * CLOSE_RATIO or monitor.expired:
+            break
+        scale = scale_for(shapes, options, grown_share(shapes, options, scale) / fill)
+        if low and not low * CLOSE_RATIO < scale < high:
+            scale = np.sqrt(low * high) if np.isfinite(high) else low * CLOSE_RATIO
+    return best
 
 
 def _grown(shapes: Shapes, options: PackOptions) -> FloatArray:
@@ -283,7 +248,7 @@ def _stacked(
     # by height alone thin ones come early
     grown = shapes.area * scale**2 + size.max(1) * options.gap
     order = np.argsort(-size[:, 1] if by_height else -grown * size.max(1), kind="stable")
-    steep = STEEP_BY_HEIGHT if by_height else STEEP
+    steep = HEIGHT_WEIGHT if by_height else 1.0
     sky = np.zeros((options.pages, columns), np.float32)
     pick, corner, rest = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
     page = np.zeros(n, np.int64)

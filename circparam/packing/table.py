@@ -5,75 +5,66 @@ A packer is one module with a function PackTask → Placement or None, and one r
 
 from __future__ import annotations
 
+import math
+
 from circparam.core.registry import Row, Table
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Packer, PackTask, Placement
-from circparam.packing.rows import ANGLES, hopeless, row_placement
+from circparam.packing.rows import ANGLE_STEPS, row_placement
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
-# Charts up to which the nest packer runs, whose time grows with their number; and charts from which the
-# skyline runs too. Its layout is sometimes the better start of the compaction.
-NESTED_UP_TO = 250
-# Rows take a tenth of the time of the skyline and are sometimes as full. Charts too many for the nest packer
-# are put into rows too, more than 6000 only into rows.
-SKYLINE_ABOVE = 40
-SKYLINE_UP_TO = 6000
+# Charts up to which the nest packer runs at effort 1. Its work grows with the square of their number, so
+# NEST_CHARTS grows with the root of the effort.
+NEST_CHARTS = 200
 
-# Below this effort only so few charts are nested: the grid of many costs seconds before any search.
-LITTLE_EFFORT = 0.2
-NESTED_WITH_LITTLE_EFFORT = 60
+# Numbers of charts between which the skyline runs. Of more than 40 its layout is at times the better start of
+# the compaction; of more than 10,000 it takes a minute, and rows take seconds.
+SKYLINE_CHARTS = 40, 10_000
 
 
 def _few_enough_to_nest(shapes: Shapes, options: PackOptions) -> bool:
-    little = options.effort < LITTLE_EFFORT
-    return shapes.n <= (NESTED_WITH_LITTLE_EFFORT if little else NESTED_UP_TO)
+    return shapes.n <= NEST_CHARTS * math.sqrt(options.effort)
 
 
 def _many_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
-    return SKYLINE_ABOVE < shapes.n <= SKYLINE_UP_TO
+    return SKYLINE_CHARTS[0] < shapes.n <= SKYLINE_CHARTS[1]
 
 
-def _too_many_to_nest(shapes: Shapes, options: PackOptions) -> bool:
-    return shapes.n > NESTED_UP_TO
+def _too_many_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
+    return shapes.n > SKYLINE_CHARTS[1]
 
 
 def _shelf(task: PackTask) -> Placement | None:
     shapes, options = task.shapes, task.options
-    if not task.monitor.expired and shapes.n <= SKYLINE_UP_TO:
+    if not task.monitor.expired and shapes.n <= SKYLINE_CHARTS[1]:
         return shelf_placement(shapes, options)
-    # of 30,000 charts finer angles take longer than all the rest
-    angle = least_box_angles(shapes, options.rotate, steps=ANGLES)
+    angle = least_box_angles(shapes, options.rotate, steps=ANGLE_STEPS)
     return shelf_placement(shapes, options, angle)
 
 
 def _skyline(task: PackTask) -> Placement | None:
-    if task.start is not None and _few_enough_to_nest(task.shapes, task.options):
-        return None  # nesting continues from there, or asks for the skyline if that fails
-    return _on_skyline(task)
-
-
-def _on_skyline(task: PackTask) -> Placement | None:
-    if task.shapes.n > SKYLINE_UP_TO and hopeless(task.shapes, task.options):
-        return None
-    return skyline_placement(task.shapes, task.options, task.monitor)
+    begun = task.start is not None and _few_enough_to_nest(task.shapes, task.options)
+    if begun or _too_many_for_skyline(task.shapes, task.options):
+        return None  # nesting continues from its start
+    return skyline_placement(task.shapes, task.options, task.monitor, _best_scale(task))
 
 
 def _rows(task: PackTask) -> Placement | None:
-    return row_placement(task.shapes, task.options, task.monitor, task.found.get("shelf"))
+    return row_placement(task.shapes, task.options, task.monitor, _best_scale(task))
+
+
+def _best_scale(task: PackTask) -> float:
+    """The largest scale that another packer has reached; 0 for none."""
+    return max((placement.scale for placement in task.found.values()), default=0.0)
 
 
 def _nest(task: PackTask) -> Placement | None:
-    from circparam.packing.nest.strategy import (
-        nested,  # linear programs and FFT take 0.15 s to import
-    )
+    # linear programs and FFT take 0.15 s to import
+    from circparam.packing.nest.strategy import nested
 
-    def skyline() -> Placement | None:
-        wanted = task.start is not None and _many_enough_for_skyline(task.shapes, task.options)
-        return _on_skyline(task) if wanted else task.found.get("skyline")
-
-    return nested(task, skyline, shelf=task.found.get("shelf"))
+    return nested(task)
 
 
 PACKERS: Table[Packer] = Table(
@@ -85,7 +76,7 @@ PACKERS: Table[Packer] = Table(
     ),
     Row(
         "rows",
-        Packer(_rows, _too_many_to_nest),
+        Packer(_rows, _too_many_for_skyline),
         "rows by falling height, each let down on the one below",
     ),
     Row(

@@ -209,16 +209,8 @@ def _with_room(
     shapes = shapes_of(cut_mesh.faces, after, cut_mesh.chart)
     while True:
         layout = np.where(changed[own][:, None], after, before)
-        local = layout / asked.resolution
-        placed = PlacedCharts(
-            local[shapes.faces[shapes.scanned]],
-            shapes.chart[shapes.scanned],
-            local[shapes.start],
-            local[shapes.end],
-            shapes.owner[shapes.start],
-            np.zeros(shapes.n, np.int64),
-            shapes.simple,
-        )
+        page = np.zeros(shapes.n, np.int64)
+        placed = PlacedCharts.of(shapes, layout / asked.resolution, page)
         risky = changed & ~safe
         if not risky.any() or faults(placed, asked)[0] is None:
             return layout

@@ -10,9 +10,9 @@ from circparam.packing import pack
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
-from circparam.packing.rows import SAMPLE, hopeless, row_placement
+from circparam.packing.rows import row_placement
 from circparam.packing.shelf import shelf_placement
-from circparam.packing.table import SKYLINE_UP_TO
+from circparam.packing.table import SKYLINE_CHARTS
 from tests.support.packing import blobs, rectangles, triangles
 
 
@@ -76,30 +76,17 @@ def test_a_fixed_scale_is_kept_or_there_is_none() -> None:
 
 
 def test_more_than_a_skyline_takes_are_packed() -> None:
-    faces, uv, chart = triangles(SKYLINE_UP_TO + 1, 5)
+    faces, uv, chart = triangles(SKYLINE_CHARTS[1] + 1, 5)
     packed = pack(faces, uv, chart, PackOptions(2048, 1))
     assert packed.share[0] > 0.4
 
 
-def test_boxes_are_kept_where_gaps_count_for_more_than_shapes() -> None:
-    """30,000 charts on a page of 512 are gaps and little else, and gaps between boxes are narrower."""
-    shapes = shapes_of(*triangles(4 * SAMPLE, 3))
-    options = PackOptions(512, 3)
-    boxes = shelf_placement(shapes, options)
-    assert row_placement(shapes, options, Monitor(), boxes) is boxes
-    wide = PackOptions(4096, 1)
-    boxes = shelf_placement(shapes, wide)
-    found = row_placement(shapes, wide, Monitor(), boxes)
-    assert found is not None
-    assert boxes is not None
-    assert found.scale > boxes.scale
-
-
-def test_hopeless_is_a_scale_far_beyond_that_of_a_layout() -> None:
-    shapes = shapes_of(*triangles(3 * SAMPLE, 3))
-    reached = row_placement(shapes, PackOptions(2048, 1), Monitor())
-    assert reached is not None
-    for factor, lost in ((0.9, False), (1.05, False), (1.5, True)):
-        density = factor * reached.scale
-        assert hopeless(shapes, PackOptions(2048, 1, texel_density=density)) is lost
-    assert not hopeless(shapes, PackOptions(2048, 1))
+def test_charts_are_given_up_where_gaps_count_for_more_than_shapes() -> None:
+    """12,000 charts on a page of 512 are gaps and little else, and gaps between boxes are narrower."""
+    shapes = shapes_of(*triangles(12_000, 3))
+    for options, fuller in ((PackOptions(512, 3), False), (PackOptions(4096, 1), True)):
+        boxes = shelf_placement(shapes, options)
+        assert boxes is not None
+        found = row_placement(shapes, options, Monitor(), boxes.scale)
+        assert (found is not None) == fuller
+        assert found is None or found.scale > boxes.scale

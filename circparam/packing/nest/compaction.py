@@ -17,30 +17,22 @@ from circparam.core.arrays import FloatArray, IntArray, dot2, norms2
 from circparam.core.linear_program import INTERIOR, SIMPLEX, least
 from circparam.core.records import dataclass
 from circparam.packing.nest.contacts import Contacts, to_world
-from circparam.packing.nest.growth import REACH, SLACK, Growth
+from circparam.packing.nest.growth import REACH_TRUSTS, SLACK_TEXELS, STEP_LEAST_TEXELS, Growth
 from circparam.packing.options import strip_gap
 from circparam.packing.placement import Placement
 
-# Rows of one linear program; layouts of real charts have some ten thousand at most.
-MOST_ROWS = 60_000
+# Rows of one linear program; real charts have some ten thousand, a bundle of needles touches itself everywhere.
+ROWS_MOST = 60_000
 
 # Pivots for each chart, after which the simplex counts as stalled: others take a tenth.
-PIVOTS = 60
+PIVOTS_MOST = 60
 
-# Samples lie at most this share of a trust region apart along the edges.
-STEP = 0.7
+# Trust regions in texels of a page of 2048: the first; and the last, below which the raster shows no gain.
+TRUST_FIRST = 32.0
+TRUST_LEAST = 0.5
 
-# Trust regions in texels of a page of 2048: the first; the smallest, below which the raster shows no gain;
-# and those of the last steps after an early end, which correct the error.
-FIRST_TRUST = 32.0
-LEAST_TRUST = 0.25
-LAST_TRUSTS = (1.0, 0.5)
-
-# A step with less than this share of the possible gain is followed by a shorter one.
-LITTLE_GAIN = 0.2
-
-# One that gains less than this share is followed by one a quarter as long: charts are locked, or nearly.
-LOCKED = 0.02
+# A step that gains less than this share of the scale is followed by one half as long.
+GAIN_LEAST = 2e-3
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -72,7 +64,7 @@ def _program(
         ],
         1,
     )
-    bound = distance - (width + growth.slack)
+    bound = distance - (width + SLACK_TEXELS)
     inside = bound < reach
     blocks = [(columns[inside], values[inside], bound[inside])]
     blocks += _border_rows(growth, placement, reach)
@@ -89,7 +81,7 @@ def _border_rows(
 ) -> list[tuple[IntArray, FloatArray, FloatArray]]:
     """Rows that keep charts from the four sides of their page: (columns, values, bounds) of each."""
     n, options = growth.shapes.n, growth.options
-    border, side = options.border + SLACK, float(options.resolution)
+    border, side = options.border + SLACK_TEXELS, float(options.resolution)
     corner, _ = growth.shapes.hull
     own = growth.shapes.owner[corner]
     here = to_world(placement, own, growth.shapes.points[corner])
@@ -112,15 +104,14 @@ def compaction_step(
     """One linear program: the largest growth within the trust region; None if it fails.
 
     found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. strict: keep the
-    full gap in all directions. A program that would be too large fails too: a bundle of needles touches itself
-    in every direction.
+    full gap in all directions. The budget counts rows times charts.
     """
     n = growth.shapes.n
     trust = trust * growth.unit
-    matrix, bound = _program(growth, placement, found, REACH * trust, strict)
-    if len(bound) > MOST_ROWS:
+    matrix, bound = _program(growth, placement, found, REACH_TRUSTS * trust, strict)
+    if len(bound) > ROWS_MOST:
         return None
-    growth.budget.spend(float(len(bound)))
+    growth.budget.spend(float(len(bound) * n))
     reach = np.maximum(growth.shapes.radius * placement.scale, 1e-9)
     turn = trust / reach * growth.turning(placement)
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
@@ -132,9 +123,9 @@ def compaction_step(
     # Presolving takes longer than it saves. The simplex stalls on a few programs; interior points solve them,
     # and take longer on all others.
     columns = matrix.tocsc()
-    solved = least(cost, columns, right, 1.0, SIMPLEX, PIVOTS * (n + 10))
+    solved = least(cost, columns, right, 1.0, SIMPLEX, PIVOTS_MOST * (n + 10))
     if solved.stalled:
-        solved = least(cost, columns, right, 1.0, INTERIOR, PIVOTS)
+        solved = least(cost, columns, right, 1.0, INTERIOR, PIVOTS_MOST)
     if solved.x is None:
         return None
     z = solved.x * most
@@ -147,115 +138,85 @@ def compaction_step(
 
 
 def compact(
-    growth: Growth,
-    placement: Placement,
-    steps: int,
-    trust: float = FIRST_TRUST,
-    strict: bool = False,
+    growth: Growth, placement: Placement, trust: float = TRUST_FIRST, strict: bool = False
 ) -> Placement:
-    """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
+    """Grow a layout free of overlap until it locks, or until the budget of ``growth`` is used up.
 
-    trust: first trust region in texels of a page of 2048. Half of it follows a step with little of the possible
-    gain, a quarter a step with next to no gain. The least region is a quarter of a texel. A step that makes
-    charts overlap on a coarse raster is not made. A step is taken back if a tip may be through a neighbour, or
-    if no further step keeps all distances. strict: keep the full gap in all directions, where the width of
-    straight strips would do; for layouts that the check refuses. The budget counts the rows of the programs.
-    The result keeps the distances up to the error of the last step: the caller checks.
+    trust: first trust region in texels of a page of 2048. strict: keep the full gap in all directions, for
+    layouts that the check refuses. The result keeps the distances up to the error of the last step: the caller
+    checks.
     """
     ascent = Ascent(placement, trust, strict)
-    ascent.climb(growth, steps)
-    if ascent.trust >= LAST_TRUSTS[-1] and not growth.budget.late:
-        return _cut_short(growth, ascent.earlier, ascent.placement, strict)
+    ascent.climb(growth)
     return ascent.placement
 
 
 def roughly(growth: Growth, placement: Placement, steps: int, reached: float) -> Placement:
-    """As ``compact``, without the last small steps. The run ends early if it cannot exceed a scale that another
-    layout has ``reached``."""
-    ascent = Ascent(placement, FIRST_TRUST, reached=reached)
-    ascent.climb(growth, steps)
+    """Grow a layout by at most ``steps`` programs, fewer if it cannot exceed the scale ``reached``."""
+    ascent = Ascent(placement)
+    ascent.climb(growth, steps, reached)
     return ascent.placement
 
 
 @dataclass(eq=False)
 class Ascent:
-    """A layout on its way up.
+    """A layout that grows.
 
-    placement: the current one; earlier: one step before, None at first or after a step was taken back. trust:
-    the trust region now. strict, as in ``compact``; reached: scale that others have.
+    placement: the layout now. trust: the trust region of the next step, in texels of a page of 2048. strict:
+    as in ``compact``. earlier: the layout one step before; None at first, and after a step was taken back.
     """
 
     placement: Placement
-    trust: float
+    trust: float = TRUST_FIRST
     strict: bool = False
-    reached: float = 0.0
     earlier: Placement | None = None
 
-    def climb(self, growth: Growth, steps: int) -> None:
-        """Make up to so many steps."""
-        for number in range(steps):
-            if self.outrun(growth, steps - number):
+    def climb(self, growth: Growth, steps: float = np.inf, reached: float = 0.0) -> None:
+        """Make steps until charts lock, at most ``steps``; stop where the scale ``reached`` is out of reach.
+
+        A step with next to no gain is followed by one half as long. A step that makes charts
+        overlap on a coarse raster is not made. A step is taken back if a tip may be through a neighbour, or if
+        no further step keeps all distances.
+        """
+        while steps > 0 and self.trust >= TRUST_LEAST and not growth.budget.late:
+            if (
+                growth.budget.over
+            ):  # the last steps are short: they correct the error of the programs
+                self.trust = min(self.trust, 2 * TRUST_LEAST)
+            most = self._largest_gain(growth)
+            if self.placement.scale * (1 + most) ** steps < reached:
                 break
-            found = _looked_at(growth, self.placement, self.trust)
-            after = None
-            if self.earlier is None or not growth.crossed(found):
-                after = compaction_step(growth, self.placement, found, self.trust, self.strict)
+            steps -= 1
+            contacts = self._contacts(growth)
+            if self.earlier is not None and growth.crossed(contacts):
+                self._take_back()
+                continue
+            after = compaction_step(growth, self.placement, contacts, self.trust, self.strict)
             if after is None:
                 if self.earlier is None:
                     break
-                # the last step was too long: again, half as long
-                self.placement, self.earlier = self.earlier, None
-                self.trust /= 2
-                continue
-            if growth.overlaps(after):
+                self._take_back()
+            elif growth.overlaps(after):
                 self.trust /= 2
             else:
-                self.take(growth, after)
-            if self.trust < LEAST_TRUST or growth.budget.over:
-                break
-        if self.earlier is not None and growth.crossed(
-            _looked_at(growth, self.placement, self.trust)
-        ):
-            self.placement, self.earlier = self.earlier, None
+                gain = after.scale / self.placement.scale - 1
+                self.earlier, self.placement = self.placement, after
+                if gain < GAIN_LEAST or growth.budget.over:
+                    self.trust /= 2
+        if self.earlier is not None and growth.crossed(self._contacts(growth)):
+            self._take_back()
 
-    def take(self, growth: Growth, after: Placement) -> None:
-        """Make a step; its gain sets the next trust region."""
-        gain = after.scale / self.placement.scale - 1
-        self.earlier, self.placement = self.placement, after
-        most = self.most(growth)
-        if gain >= LITTLE_GAIN * most:
-            return
-        if abs(gain) > LOCKED * most or self.trust <= 2 * LEAST_TRUST:
-            self.trust /= 2
-        else:  # locked; final if the scale is below that of other layouts
-            self.trust /= 4 if after.scale >= self.reached else np.inf
+    def _take_back(self) -> None:
+        """Undo the last step; the next one is half as long."""
+        self.placement, self.earlier = self.earlier or self.placement, None
+        self.trust /= 2
 
-    def most(self, growth: Growth) -> float:
-        """Largest gain of a step in the trust region."""
+    def _largest_gain(self, growth: Growth) -> float:
+        """Largest relative gain of scale in the trust region."""
         widest = growth.shapes.radius.max() * self.placement.scale
         return float(self.trust * growth.unit / max(widest, 1e-9))
 
-    def outrun(self, growth: Growth, steps: int) -> bool:
-        """Whether no steps, so many, lead to the scale that others have reached."""
-        return bool(self.placement.scale * (1 + self.most(growth)) ** steps < self.reached)
-
-
-def _looked_at(growth: Growth, placement: Placement, trust: float) -> Contacts:
-    """The contacts after a step in a trust region (texels of a page of 2048)."""
-    step = max(trust * growth.unit * STEP, growth.finest)
-    return growth.near(placement, growth.outlines(step / placement.scale), trust)
-
-
-def _cut_short(
-    growth: Growth, earlier: Placement | None, placement: Placement, strict: bool
-) -> Placement:
-    """Last small steps after an early end: they correct the error of the linear programs."""
-    outlines = growth.outlines(max(1.0, growth.finest) / placement.scale)
-    for trust in LAST_TRUSTS:
-        found = growth.near(placement, outlines, trust)
-        if earlier is not None and growth.crossed(found):
-            placement, earlier = earlier, None
-            found = growth.near(placement, outlines, trust)
-        after = compaction_step(growth, placement, found, trust, strict)
-        placement = placement if after is None else after
-    return placement
+    def _contacts(self, growth: Growth) -> Contacts:
+        """The contacts that matter to a step in the trust region."""
+        step = max(self.trust * growth.unit, STEP_LEAST_TEXELS) / self.placement.scale
+        return growth.near(self.placement, growth.outlines(step), self.trust)

@@ -12,11 +12,11 @@ from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
 # Squares along a page, at most, of the grid that tells which samples may have another chart near.
-FILTER_CELLS = 128
+FILTER_CELLS_MOST = 128
 
 # Share of a step: one sample in such a square is enough for edges shorter than a step. Narrow tips keep
 # samples, straight edges need few.
-THINNED = 0.35
+THINNED_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ def sample_outlines(shapes: Shapes, step: float) -> Outlines:
     t = (ranges(count) / count[edge])[:, None]
     points = start[edge] * (1 - t) + end[edge] * t
     chart = shapes.owner[shapes.start][edge]
-    x, y = (np.floor(axis / (THINNED * step)).astype(np.int64) for axis in points.T)
+    x, y = (np.floor(axis / (THINNED_SHARE * step)).astype(np.int64) for axis in points.T)
     x, y = x - x.min(initial=0), y - y.min(initial=0)
     key = (chart * (int(y.max(initial=0)) + 1) + y) * (int(x.max(initial=0)) + 1) + x
     order = np.argsort(key, kind="stable")
@@ -142,7 +142,7 @@ def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
     another chart. Most points of large charts need no look-up in the tree.
     """
     axes = points[:, 0], points[:, 1]
-    side = max(reach, *(float(np.ptp(axis)) / FILTER_CELLS for axis in axes))
+    side = max(reach, *(float(np.ptp(axis)) / FILTER_CELLS_MOST for axis in axes))
     x, y = (np.floor((axis - axis.min()) / side).astype(np.int64) for axis in axes)
     first = np.full((int(y.max()) + 1, int(x.max()) + 1), int(chart[-1]) + 1)
     last = np.full(first.shape, -1)

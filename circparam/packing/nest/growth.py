@@ -22,27 +22,24 @@ from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 from circparam.packing.straight import Straight
 
-# Contacts closer to each other than this share of the trust region count once.
-THIN = 1.0
-
 # Trust regions beyond the gap within which contacts count. 3 cover as much of the page as 4 with a quarter
 # fewer rows; with 2, steps are taken back too often.
-REACH = 3.0
+REACH_TRUSTS = 3.0
 
 # Share of the gap below which charts have come so near that a tip may be through a neighbour.
-CROSSED = 0.2
+CROSSED_SHARE = 0.2
 
-# Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
-OVERLAP_SIDE = 256
+# Side in cells of the raster on which a step is checked: gaps are about a cell wide there, overlap shows.
+OVERLAP_CELLS = 256
 
-# Samples of outlines lie so many texels apart in the last steps.
-FINEST = 0.75
+# Samples of outlines lie at least so many texels apart.
+STEP_LEAST_TEXELS = 1.0
 
 # Steps at which outlines are sampled lie on a ladder of this ratio.
 STEP_RATIO = 2**0.5
 
 # Room in texels for the error of the linear programs: curvature of the outlines and of the turns.
-SLACK = 0.02
+SLACK_TEXELS = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +68,6 @@ class Growth:
         """Texels of the page in one texel of a page of 2048."""
         return self.options.resolution / 2048
 
-    @property
-    def finest(self) -> float:
-        """Texels between samples in the last steps: more where the gap is wide, which gives no finer answer."""
-        return max(FINEST, self.options.gap / 40)
-
-    @property
-    def slack(self) -> float:
-        """Room in texels for the error of the linear programs, and for edges between samples."""
-        return SLACK + 0.1 * (self.finest - FINEST)
-
     def outlines(self, step: float) -> Outlines:
         """Samples of all outlines at most ``step`` apart, in the units of the uv given.
 
@@ -93,12 +80,12 @@ class Growth:
 
     def near(self, placement: Placement, outlines: Outlines, trust: float) -> Contacts:
         """The contacts that a step in a trust region (texels of a page of 2048) has to know of."""
-        reach = self.options.gap + self.slack + REACH * trust * self.unit
-        return find_contacts(placement, outlines, reach, max(THIN * trust * self.unit, 1.0))
+        reach = self.options.gap + SLACK_TEXELS + REACH_TRUSTS * trust * self.unit
+        return find_contacts(placement, outlines, reach, max(trust * self.unit, 1.0))
 
     def overlaps(self, placement: Placement) -> bool:
         """Whether two charts overlap, up to a coarse raster; distances of outlines miss such cases."""
-        shapes, side = self.shapes, OVERLAP_SIDE
+        shapes, side = self.shapes, OVERLAP_CELLS
         own = shapes.owner[shapes.start]
         # outlines of charts that are not simple miss covered cells; the last check sees them
         page = np.where(shapes.simple[own], placement.page[own], -1)
@@ -114,4 +101,4 @@ class Growth:
 
     def crossed(self, found: Contacts) -> bool:
         """Whether charts have come so near that a tip may be through a neighbour."""
-        return found.crossing or least_distance(found) < CROSSED * self.options.gap
+        return found.crossing or least_distance(found) < CROSSED_SHARE * self.options.gap

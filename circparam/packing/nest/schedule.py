@@ -2,82 +2,44 @@
 
 from __future__ import annotations
 
+import math
+
 from circparam.core.records import dataclass
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """Effort of nesting by the number of charts: set by trial, so that a search takes seconds at effort 1.
+    """Work of nesting at effort 1, which every effort multiplies; and the grid of its search.
 
-    hoped_share: share of the page that is hoped for; it sets the cell. Where no layout fits, the next try hopes
-        for ``less_hope`` times as much, ``tries`` times in all.
-    few, very_few, handful: numbers of charts. Up to ``few`` the grid is coarse, up to ``very_few`` several
-        layouts are compacted, up to ``handful`` grid and search are smaller still.
-    handful_cells, coarse_cells, cells: side of the grid, coarse for few charts because compaction follows. On
-        13 meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice the cells.
-        On three meshes of 63 to 96 charts 96 cells cover 0.607, 128 cells 0.594, 192 cells 0.573.
-    fixed_cells: side of the grid at a scale the user fixed, which the compaction does not mend afterwards.
-    handful_budget, coarse_budget, budget: cells transformed in the search on each grid: half a second or less.
-    beaten, patience: for a given start: share of its scale that the search must reach, and tries until the
-        first success.
-    compacted_up_to: charts up to which the linear programs are solved in a second or so.
-    kept: layouts of very few charts that are compacted; one of more.
-    full: share of the scale at which the longest chart fills the page alone, from which on nothing else is
-        searched.
-    rough_steps, fine_steps, many_fine_steps: linear programs for each candidate, then for the best, of few and
-        of many charts. fine_trust: the first trust region of the latter, in texels of a page of 2048; small, as
-        the rough ones leave little to move.
-    strict_steps, strict_trust: the same for a layout that the check refuses: it is all but locked.
-    rows: rows of all linear programs together; beyond, the steps end.
-    shelf_below: of many charts, rows of boxes are compacted only where nothing reached that much more than
-        their scale.
-    lone_rounds: rounds of the search for the angle of a single chart, each four times finer.
-    askew: share of the side of a page beyond which a straight chart may lie as it fits best.
-    straight_cost: share of the covered area that straight charts along the axes may cost. The search measures
-        the cost with ``straight_budget`` times its budget if these charts have ``straight_area`` of the area.
-    tiling: share of the area in straight charts from which few charts get the grid of many. Rounding to coarse
-        cells would lose tilings (0.82 to 0.89 of the page on a part of 30 rectangles).
-    tiny_area, tiny_reach, tiny_share: a chart up to this share of the area and this diameter, in roots of the
-        area, is tiny. If all tiny charts of many have at most ``tiny_share``, the others are laid out first
-        (scans of 69 and 104 charts: 0.65 to 0.71 and 0.68 to 0.73 of the page, of 75 the same).
+    page_cells, chart_cells: side of a page on the grid, and by how much it grows with the root of the number of
+        charts. Compaction mends the error of the grid, so finer ones only take longer.
+    grid_operations: cells that a search transforms, over the cube root of the number of charts.
+    program_work: rows times charts of all linear programs together, about a second.
+    covered_share: share of the page that charts are hoped to cover; it sets the cell.
+    candidates: layouts of the search that are compacted; the third one never won.
+    rough_steps: linear programs by which candidates are compared; the best of them then grows until it locks.
+    start_scale: share of the scale of a given layout from which it grows again, as its gaps may be narrow, and
+        which layouts of the search must exceed.
+    straight_loss: share of the covered area that straight charts along the axes may cost.
     """
 
-    hoped_share: float = 0.68
-    less_hope: float = 0.75
-    tries: int = 4
-    few: int = 60
-    very_few: int = 30
-    handful: int = 12
-    handful_cells: int = 56
-    handful_budget: float = 1.5e7
-    coarse_cells: int = 64
-    cells: int = 96
-    fixed_cells: int = 160
-    coarse_budget: float = 0.45e8
-    budget: float = 0.6e8
-    patience: int = 100
-    compacted_up_to: int = 150
-    kept: int = 2
-    smaller: float = 0.97
-    beaten: float = 0.94
-    full: float = 0.9995
-    rough_steps: int = 5
-    fine_steps: int = 12
-    many_fine_steps: int = 7
-    fine_trust: float = 8.0
-    strict_steps: int = 3
-    strict_trust: float = 1.0
-    rows: float = 250_000
-    shelf_below: float = 1.03
-    lone_rounds: int = 8
-    askew: float = 0.5
-    straight_cost: float = 0.02
-    straight_budget: float = 0.5
-    straight_area: float = 0.05
-    tiling: float = 0.5
-    tiny_area: float = 0.004
-    tiny_reach: float = 0.2
-    tiny_share: float = 0.03
+    page_cells: int = 44
+    chart_cells: int = 4
+    grid_operations: float = 1.5e7
+    program_work: float = 5e6
+    covered_share: float = 0.68
+    candidates: int = 2
+    rough_steps: int = 4
+    start_scale: float = 0.94
+    straight_loss: float = 0.02
+
+    def cells(self, charts: int) -> int:
+        """Side of a page of so many charts on the grid."""
+        return int(self.page_cells + self.chart_cells * math.sqrt(charts))
+
+    def operations(self, charts: int, effort: float) -> float:
+        """Cells that a search for so many charts may transform."""
+        return self.grid_operations * math.cbrt(charts) * effort
 
 
 SCHEDULE = Schedule()

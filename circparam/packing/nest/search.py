@@ -7,8 +7,6 @@ spectra are made once; a larger scale of the charts is a smaller page on the sam
 
 from __future__ import annotations
 
-from dataclasses import field
-
 import numpy as np
 
 from circparam.core import clock
@@ -21,24 +19,21 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
 
-# A chart gets so many angles that its tips move by at least this between two of them (cells).
-_TIP = 3.0
+# A chart is tried at so many angles that its tips move by TIP_CELLS between two of them, up to ANGLES_MOST.
+TIP_CELLS = 3.0
+ANGLES_MOST = 24
 
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
-SLACK = 1.25
+GRID_SLACK = 1.18
 
-# Side of the first page over the side at the expected density: a layout found at once costs less than two
-# failures.
-FIRST = 1.18
+# Spread of the logarithmic area by which later trials change the order.
+SPREAD = 0.25
 
-# A chart without a place goes earlier, as if its logarithmic size were larger by BLAME, up to RETRIES times a
-# round. An early chart (below the share NEARLY of the area) does not.
-RETRIES = 3
-BLAME = 0.5
-NEARLY = 0.9
+# Blurs of the contact score in cells, one for each trial in turn: wide ones pull charts into bays.
+SIGMAS = tuple(2.0 ** np.array([1, 2, 0, 3]))
 
-# Blurs of the contact score, in cells, of the first tries.
-SIGMAS = (2.0, 4.0, 1.2, 8.0, 3.0)
+# Trials until the first layout; without one the charts need larger pages.
+TRIALS_MOST = 8
 
 
 def cell_size(shapes: Shapes, options: PackOptions, cells: int, density: float) -> float:
@@ -56,12 +51,17 @@ class Board:
     side: int
 
 
-def chart_angles(shapes: Shapes, options: PackOptions, cell: float, most: int) -> list[FloatArray]:
-    """Angles at which each chart is tried: more for charts that reach further, at most ``most``."""
+def chart_angles(
+    shapes: Shapes, options: PackOptions, cell: float, most: int = ANGLES_MOST
+) -> list[FloatArray]:
+    """Angles (k,) in radians at which each chart is tried: more for charts that reach further, about ``most``.
+
+    cell: side of a cell in uv units.
+    """
     box = least_box_angles(shapes, options.rotate)
     square = least_square_angles(shapes, options.rotate)
     reach = shapes.radius / cell
-    count = 4 * np.ceil(np.clip(2 * np.pi * reach / _TIP, 8, most) / 4).astype(np.int64)
+    count = 4 * np.ceil(np.clip(2 * np.pi * reach / TIP_CELLS, 8, most) / 4).astype(np.int64)
     if options.rotate != "free":
         count[:] = 1 if options.rotate == "none" else 4
         box[:] = 0.0
@@ -94,17 +94,16 @@ def make_board(
 ) -> Board:
     """Masks and spectra at the scale at which charts cover ``density`` of a page of ``cells`` squared."""
     cell = cell_size(shapes, options, cells, density)
-    # the page that is found may be larger than cells, and its texels so many more of them
-    grow = options.gap / 2 * cells * SLACK / options.resolution
+    side = sf.good_size(int(cells * GRID_SLACK), True)
+    while side % 2:
+        side = sf.good_size(side + 1, True)
+    grow = (
+        options.gap / 2 * side / options.resolution
+    )  # on the largest page, whose texels are the most cells
     masks = []
-    largest = 0
     for c in range(shapes.n):
         a, b = shapes.outline(c)
         masks.append(chart_masks(a / cell, b / cell, angles[c], grow))
-        largest = max(largest, int(masks[-1].size.min(0).max()))
-    side = sf.good_size(max(int(cells * SLACK), largest + 2), True)
-    while side % 2:
-        side = sf.good_size(side + 1, True)
     return board_of(masks, cell, side)
 
 
@@ -128,34 +127,20 @@ def lay_out(
 ) -> GridLayout | None:
     """Put charts in the order given on pages of ``side`` cells; None as soon as one does not fit.
 
-    sigma: blur of the contact score in cells. choice: the masks of each chart that are tried.
+    order: (n,) charts. sigma: blur of the contact score in cells. choice: the masks of each chart that are
+    tried. budget: of cells that are transformed.
     """
-    found = _attempt(board, order, side, sigma, pages, choice, budget)
-    return found if isinstance(found, GridLayout) else None
-
-
-def _attempt(
-    board: Board,
-    order: IntArray,
-    side: int,
-    sigma: float,
-    pages: int,
-    choice: list[IntArray],
-    budget: Budget,
-) -> GridLayout | int:
-    """As ``lay_out``; the chart that does not fit where one does not, −1 if the budget is used up."""
     at = np.zeros((4, len(board.masks)), np.int64)
     page = GridPages.empty(pages, board.side, side, sigma)
     for c in order.tolist():
         masks = board.masks[c]
         pick = choice[c][masks.size[choice[c]].max(1) <= side]
-        if len(pick) == 0:
-            return int(c)
-        if not budget.spend(len(pick) * float(board.side) ** 2):
-            return -1
+        budget.spend(float(board.side) ** 2 * max(len(pick), 1))
+        if len(pick) == 0 or budget.over:
+            return None
         place = page.find(masks, board.spectra[c][pick], pick, masks.area[pick])
         if place is None:
-            return int(c)
+            return None
         page.fill(masks, *place)
         at[:, c] = place
     return GridLayout(side, *at)
@@ -175,95 +160,69 @@ def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Place
     return Placement(texels / board.cell, angle, offset, found.page)
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """Conditions for a layout. largest: page side in cells beyond which it is of no use (None: the whole grid).
-    allowed: the masks of each chart that may be used (None: all). patience: tries until a first one."""
-
-    largest: int | None = None
-    allowed: list[IntArray] | None = None
-    patience: int = 8
-
-
 def search(
     board: Board,
     shapes: Shapes,
     options: PackOptions,
-    cells: int,
     budget: Budget,
-    terms: Terms = Terms(),  # noqa: B008
+    largest: float = np.inf,
+    allowed: list[IntArray] | None = None,
 ) -> list[GridLayout]:
-    """Layouts of falling page side, best first.
+    """Layouts of falling page side, best first: a greedy search from many orders.
 
-    Greedy orders by size come first, then perturbed orders with a random part of the angles and another blur.
-    Each must beat the best page side by a cell, and continues while it does.
+    Trials sort charts by area and by length, later ones with noise. Each trial takes half of the masks and the
+    next blur, and shrinks the page as long as charts fit. largest: side in cells of the largest page that is
+    of use. allowed: the masks of each chart that may be used, None for all.
     """
-    allowed = terms.allowed or [np.arange(len(m.angle)) for m in board.masks]
+    allowed = allowed or [np.arange(len(m.angle)) for m in board.masks]
     rng = np.random.default_rng(20)
     area = np.log(np.maximum(shapes.area, 1e-300))
-    span = 2 * np.log(np.maximum(shapes.radius, 1e-300))
-    climb = _Climb(board, shapes, options.pages, budget)
-    most = int(board.side if terms.largest is None else min(board.side, terms.largest))
-    # no page is smaller than the one that holds the longest chart alone
+    length = 2 * np.log(np.maximum(shapes.radius, 1e-300))
+    # no page is smaller than the page that holds the longest chart alone
     least = max(int(m.size[a].max(1).min()) for m, a in zip(board.masks, allowed, strict=True))
-    tried = 0
-    failures = 0
-    while failures < 400 and (climb.results[0].side if climb.results else most + 1) > least:
-        key = area if tried % 2 == 0 else span
-        sigma = SIGMAS[tried % len(SIGMAS)]
-        share = 0.5
-        if tried >= 4:
-            key = key + rng.normal(0, 0.25, shapes.n)
-            share = float(rng.choice([0.15, 0.3, 0.6]))
-            sigma = float(np.exp(rng.uniform(0, 2.2)))
-        choice = [a[_some(rng, len(a), share)] for a in allowed]
-        tried += 1
-        side = min(int(cells * FIRST), most)
-        if failures and not climb.results:
-            side = min(int(side * 1.05**failures), most)
-        failures = 0 if climb.round(key, side, sigma, choice) else failures + 1
-        if budget.left <= 0 or not budget.spend(0):
+    side = int(min(board.side, largest))
+    layouts: list[GridLayout] = []
+    trial = 0
+    while side >= least and not budget.over and (layouts or trial < TRIALS_MOST):
+        key = length if trial % 2 else area
+        if trial > 1:
+            key = key + rng.normal(0, SPREAD, shapes.n)
+        masks = [a[_half(rng, len(a))] for a in allowed]
+        sigma = SIGMAS[trial % len(SIGMAS)]
+        layouts = _shrink(board, key, side, sigma, options.pages, masks, budget) + layouts
+        side = layouts[0].side - 1 if layouts else side
+        trial += 1
+    return layouts
+
+
+def _shrink(
+    board: Board,
+    key: FloatArray,
+    side: int,
+    sigma: float,
+    pages: int,
+    choice: list[IntArray],
+    budget: Budget,
+) -> list[GridLayout]:
+    """Layouts by falling key (n,) on smaller and smaller pages from ``side`` on, best first.
+
+    Every success doubles the step to the next page.
+    """
+    order = np.argsort(-key, kind="stable")
+    layouts: list[GridLayout] = []
+    step = 1
+    while side > 0:
+        found = lay_out(board, order, side, sigma, pages, choice, budget)
+        if found is not None:
+            layouts.insert(0, found)
+            step *= 2
+            side = found.side - step
+        elif step > 1:
+            step = 1
+            side = layouts[0].side - 1
+        else:
             break
-        if not climb.results and failures > terms.patience:
-            break
-    return climb.results
-
-
-@dataclass(eq=False)
-class _Climb:
-    """The way to smaller pages. results: layouts of falling page side, best first."""
-
-    board: Board
-    shapes: Shapes
-    pages: int
-    budget: Budget
-    results: list[GridLayout] = field(default_factory=list)
-
-    def round(self, key: FloatArray, side: int, sigma: float, choice: list[IntArray]) -> bool:
-        """Lay out by falling key (n,) on smaller and smaller pages, the first of ``side`` where nothing is
-        found yet; whether that found anything."""
-        found_any, stride, again = False, 1, RETRIES
-        order = np.argsort(-key, kind="stable")
-        while True:
-            if self.results:
-                side = self.results[0].side - stride
-            found = _attempt(self.board, order, side, sigma, self.pages, choice, self.budget)
-            if isinstance(found, GridLayout):
-                self.results.insert(0, found)
-                found_any, stride = True, 2 * stride
-            elif stride > 1:
-                stride = 1
-            elif again and found >= 0 and (self.results or self._placed(order, found) > NEARLY):
-                again -= 1
-                key = key + BLAME * (np.arange(len(key)) == found)
-                order = np.argsort(-key, kind="stable")
-            else:
-                return found_any
-
-    def _placed(self, order: IntArray, chart: int) -> float:
-        """Share of the area of all charts that comes before one of them in an order."""
-        area = self.shapes.area[order]
-        return float(area[: int(np.flatnonzero(order == chart)[0])].sum() / area.sum())
+    return layouts
 
 
 def first_layout(
@@ -276,15 +235,17 @@ def first_layout(
     for pages in range(1, options.pages + 1):
         if pages * side**2 < sum(float(m.area.min()) for m in board.masks):
             continue
-        for tried in range(6):
+        for tried in range(TRIALS_MOST):
             order = np.argsort(-key - rng.normal(0, 0.1 * tried, shapes.n), kind="stable")
-            found = lay_out(board, order, side, SIGMAS[tried % 5], pages, everything, budget)
+            found = lay_out(
+                board, order, side, SIGMAS[tried % len(SIGMAS)], pages, everything, budget
+            )
             if found is not None or budget.left <= 0:
                 return found
     return None
 
 
-def _some(rng: np.random.Generator, n: int, share: float) -> IntArray:
-    """A random part of 0..n-1, never empty; all of a few."""
-    pick = np.flatnonzero(rng.random(n) < share) if n > 4 else np.arange(n)
+def _half(rng: np.random.Generator, n: int) -> IntArray:
+    """About half of 0..n-1 at random, never none; all of a few."""
+    pick = np.flatnonzero(rng.random(n) < 0.5) if n > 4 else np.arange(n)
     return pick if len(pick) else np.array([int(rng.integers(n))])

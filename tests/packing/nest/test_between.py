@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Monitor
 from circparam.packing import pack
-from circparam.packing.budget import Budget
-from circparam.packing.nest.between import ANGLES, filled
-from circparam.packing.nest.search import chart_angles
+from circparam.packing.nest.between import completed
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, shapes_of
-from circparam.packing.placement import Placement
+from circparam.packing.placement import PackTask, Placement
 
 PAGE = PackOptions(resolution=512, padding=2)
 
@@ -35,9 +34,9 @@ def quarters(shapes: Shapes, scale: float) -> Placement:
     return Placement(scale, np.zeros(n), offset, page)
 
 
-def put(shapes: Shapes, start: Placement, work: float = 1e9) -> Placement | None:
-    angles = chart_angles(shapes, PAGE, 0.02, ANGLES)
-    return filled(shapes, PAGE, start, angles, Budget(work, lambda: False))
+def put(shapes: Shapes, start: Placement, effort: float = 100.0) -> Placement | None:
+    options = replace(PAGE, effort=effort)
+    return completed(PackTask(shapes, options, Monitor(), {}, lambda _: True, start), start)
 
 
 def apart(shapes: Shapes, found: Placement) -> bool:
@@ -78,7 +77,7 @@ def test_what_finds_no_room_or_no_time_is_left() -> None:
     start = quarters(shapes, 0.46 * PAGE.resolution)
     assert put(shapes, start) is None
     shapes = shapes_of(*squares(1.0, 1.0, 1.0, 0.4, 0.4))
-    assert put(shapes, quarters(shapes, 0.46 * PAGE.resolution), work=1.0) is None
+    assert put(shapes, quarters(shapes, 0.46 * PAGE.resolution), effort=1e-9) is None
 
 
 def test_packing_goes_on_from_the_large_charts() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.packing.nest.contacts import (
-    THINNED,
+    THINNED_SHARE,
     find_contacts,
     least_distance,
     sample_outlines,
@@ -63,10 +63,10 @@ def test_short_edges_are_thinned_but_nowhere_lost():
     t = np.arange(1000) * 2 * np.pi / 1000
     circle = np.stack([np.cos(t), np.sin(t)], 1)
     thinned = outlines(circle, step=0.4).points
-    assert len(thinned) < 2 * 2 * np.pi / (0.4 * THINNED)
+    assert len(thinned) < 2 * 2 * np.pi / (0.4 * THINNED_SHARE)
     assert len(outlines(circle, step=0.005).points) >= 1000
     far = np.linalg.norm(circle[:, None] - thinned, axis=2).min(1)
-    assert far.max() <= 0.4 * THINNED * np.sqrt(2) + 1e-9
+    assert far.max() <= 0.4 * THINNED_SHARE * np.sqrt(2) + 1e-9
 
 
 def test_world_turns_scales_and_moves():

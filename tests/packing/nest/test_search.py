@@ -7,7 +7,6 @@ import pytest
 
 from circparam.packing.budget import Budget
 from circparam.packing.nest.search import (
-    Terms,
     cell_size,
     chart_angles,
     first_layout,
@@ -49,7 +48,7 @@ def test_layouts_do_not_overlap_and_become_sound_placements(pages):
     shapes = shapes_of(*blobs(8, 4, 0.4))
     options = PackOptions(resolution=512, padding=3, pages=pages)
     board = board_of(shapes, options)
-    found = search(board, shapes, options, 48, Budget(2e6, lambda: False))
+    found = search(board, shapes, options, Budget(2e6, lambda: False))
     assert len(found) >= 2
     assert (np.diff([f.side for f in found]) > 0).all()  # best first
     for f in found[:3]:
@@ -64,7 +63,7 @@ def test_the_same_search_finds_the_same():
     shapes = shapes_of(*blobs(6, 1, 0.4))
     options = PackOptions(resolution=256)
     board = board_of(shapes, options)
-    runs = [search(board, shapes, options, 48, Budget(2e6, lambda: False)) for _ in range(2)]
+    runs = [search(board, shapes, options, Budget(2e6, lambda: False)) for _ in range(2)]
     for a, b in zip(*runs, strict=True):
         assert a.side == b.side
         for name in ("mask", "row", "column", "page"):
@@ -137,14 +136,12 @@ def test_no_layout_is_larger_than_asked_for():
     shapes = shapes_of(*blobs(8, 4, 0.4))
     options = PackOptions(resolution=512, padding=3)
     board = board_of(shapes, options)
-    free = search(board, shapes, options, 48, Budget(4e6, lambda: False))
+    free = search(board, shapes, options, Budget(4e6, lambda: False))
     largest = free[-1].side - 1
-    found = search(board, shapes, options, 48, Budget(4e6, lambda: False), Terms(largest))
+    found = search(board, shapes, options, Budget(4e6, lambda: False), largest)
     assert found
     assert max(f.side for f in found) <= largest
-    assert not search(
-        board, shapes, options, 48, Budget(4e6, lambda: False), Terms(free[0].side // 2)
-    )
+    assert not search(board, shapes, options, Budget(4e6, lambda: False), free[0].side // 2)
 
 
 def test_only_the_masks_allowed_are_used() -> None:
@@ -152,6 +149,6 @@ def test_only_the_masks_allowed_are_used() -> None:
     options = PackOptions(resolution=512, padding=3)
     board = board_of(shapes, options)
     allowed = [np.array([1, 3])] * 6
-    found = search(board, shapes, options, 48, Budget(2e6, lambda: False), Terms(allowed=allowed))
+    found = search(board, shapes, options, Budget(2e6, lambda: False), allowed=allowed)
     assert found
     assert all(np.isin(f.mask, [1, 3]).all() for f in found)
