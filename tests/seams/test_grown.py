@@ -10,7 +10,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import DeferredTask, Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS, ahead, finish, grown
+from circparam.seams import SEAMS, finish, grown, stretch
 from circparam.seams import charts as module
 from circparam.seams.decided import Decided
 from circparam.seams.multires.transfer import from_level
@@ -28,7 +28,7 @@ BOUND = 1.05
 @pytest.fixture
 def small_levels(monkeypatch: pytest.MonkeyPatch) -> None:
     """Surfaces above 6000 faces go through a level of 4000."""
-    for one in (module, grown, ahead, finish):
+    for one in (module, grown, stretch, finish):
         monkeypatch.setattr(one, "LEVEL_FACES", 6_000)
     monkeypatch.setattr(grown, "LEAST_LEVEL", 4_000)
 

@@ -4,7 +4,6 @@ The look-up reads the JSON by itself and samples with scipy's ``map_coordinates`
 """
 
 import io
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -101,13 +100,6 @@ def model(materials: list[dict[str, Any]], g: Painted, sets: int = 2) -> Painted
     g.tree |= {"materials": materials, "meshes": meshes}
     g.scene(*nodes)
     return g
-
-
-@dataclass
-class Seen:
-    """What materials show at points: (p, c) values by slot name, colours coded as sRGB, normals in space."""
-
-    values: dict[str, FloatArray]
 
 
 def linear(c: FloatArray) -> FloatArray:

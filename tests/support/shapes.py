@@ -168,18 +168,6 @@ def spiked_disk(n: int = 400, ratio: float = 20.0, seed: int = 0) -> Shape:
     return np.stack([p[:, 0], p[:, 1], z], 1), f
 
 
-def spire(around: int = 32, radius: float = 0.05, height: float = 0.3) -> Shape:
-    """A flat disk of radius 1 with a thin closed cone in its middle, fine there and coarse at the boundary."""
-    r = np.r_[radius * np.linspace(0.1, 1.0, 12), np.geomspace(1.2 * radius, 1.0, 20)]
-    rings, a = _mesh_grid(r, 2 * np.pi * np.arange(around) / around)
-    z = height * np.maximum(1 - rings / radius, 0.0)
-    p = np.stack([rings * np.cos(a), rings * np.sin(a), z], 1)
-    k, tip = np.arange(around), len(p)
-    fan = np.stack([np.full(around, tip), k, (k + 1) % around], 1)
-    f = np.concatenate([_grid_faces(len(r), around, closed_v=True), fan])
-    return np.concatenate([p, [[0.0, 0.0, height]]]), f
-
-
 # several borders -----------------------------------------------------------------------------------
 
 
