@@ -100,15 +100,6 @@ class Atlas:
         length = self.surface.edge_lengths
         return length if self.prices is None else length * self.prices.price
 
-    @cached_property
-    def costs(self) -> FloatArray:
-        """(e,) the weighted lengths at the prices of the surface, infinite if an edge is locked."""
-        cost = self.lengths
-        if self.surface.price is not None:
-            # a hidden seam in a flat costs the same: otherwise visibility would draw seams into flats
-            cost = cost * np.where(False if self.flat is None else self.flat, 1, self.surface.price)
-        return np.where(self.surface.locked, np.inf, cost)
-
     @property
     def flat(self) -> BoolArray | None:
         """(e,) bool, edges inside flats, where they are known."""
@@ -118,12 +109,6 @@ class Atlas:
     def seam_length(self) -> float:
         """Length of all seams over the square root of the area."""
         total = self.surface.edge_lengths[self.cut].sum()
-        return float(total / np.sqrt(self.surface.areas.sum()))
-
-    @property
-    def seam_price(self) -> float:
-        """As ``seam_length``, with the price of each edge."""
-        total = self.surface.priced_lengths[self.cut].sum()
         return float(total / np.sqrt(self.surface.areas.sum()))
 
     def charts(self) -> tuple[int, IntArray]:

@@ -33,6 +33,7 @@ class Surface:
     the same way along their edge; the cut between them is a seam like any other, though no pair.
     density: (m,) positive, how dense the texels of each face are to be beside others; None if all are alike.
     dense: shapes and areas are those at the density, as layouts are compared with them.
+    whole_area: of the surface that this one is a part of; None if it is whole.
     """
 
     points: FloatArray
@@ -47,6 +48,7 @@ class Surface:
     weighted: bool = False
     density: FloatArray | None = None
     dense: bool = False
+    whole_area: float | None = None
 
     @cached_property
     def file_corners(self) -> IntArray:
@@ -90,6 +92,11 @@ class Surface:
     def areas(self) -> FloatArray:
         """(m,) area of each face."""
         return self.rest_triangles[:, 1, 0] * self.rest_triangles[:, 2, 1] / 2
+
+    @property
+    def unit(self) -> float:
+        """√ of the area of the whole surface: the length in which the cost of an atlas is measured."""
+        return float(np.sqrt(self.areas.sum() if self.whole_area is None else self.whole_area))
 
     @property
     def true_areas(self) -> FloatArray:
@@ -235,4 +242,5 @@ class Surface:
             weighted=self.weighted,
             density=None if self.density is None else self.density[fid],
             dense=self.dense,
+            whole_area=float(self.areas.sum()) if self.whole_area is None else self.whole_area,
         )

@@ -19,8 +19,8 @@ from circparam.mesh.surface import Surface
 from circparam.packing.nest.sketch import Sketch, SketchGrid
 from circparam.pipeline.chords import Chords, Outline, chords, outlines, split
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
-from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
-from circparam.seams.hard.regions import HARD, hardness, seam_prices
+from circparam.seams.hard.regions import HARD, hardness
+from circparam.seams.prices import designed_flats, edge_prices
 from circparam.seams.segmentation.weigh import share_over
 
 LONGEST = 512  # cells of a sketch: a longer chart is a sliver and gets no sketch
@@ -232,9 +232,5 @@ class AtlasCutter:
 def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((e,) price of a cut along each edge, (e,) bool: edges inside flats of the design)."""
     cost = np.where(surface.locked, np.inf, surface.priced_lengths)
-    flat, _ = real_flats(surface)
-    hard = hardness(surface) == HARD
-    if hard.any():
-        prices = hard_prices(surface, [(hard, seam_prices(surface.part(hard)))])
-        return cost * prices.price, flat | prices.flat
-    return cost * np.where(flat, DEAR, 1.0), flat
+    prices = edge_prices(surface, hardness(surface) == HARD)
+    return cost * prices.price, prices.flat | designed_flats(surface)

@@ -10,8 +10,6 @@ from circparam.solvers.newton import RelaxOptions
 TRIAL = RelaxOptions(tolerance=1e-3, max_iterations=25)
 # first charts: those a hundredth above an isometry need no further step to be judged
 ROUGH = replace(TRIAL, bound=1.01)
-# charts that are kept and may change once more
-FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
-# charts as they are written: the bound has four digits
+# charts that are kept: the bound has four digits
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 UNROLLED = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled

@@ -18,12 +18,10 @@ from circparam.seams.decided import Decided
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
 from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
-from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
-from circparam.seams.hard.straighten import straighten
-from circparam.seams.hidden import weighted, with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
+from circparam.seams.prices import edge_prices, with_visibility, with_weights
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
@@ -33,7 +31,6 @@ from circparam.seams.segmentation.grow import (
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.starts import CROWD
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.stretch import LOCAL_STEPS, STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris
@@ -44,7 +41,6 @@ DOUBTS = 10_000
 FEW = 0.05  # of a large surface: hard components below that have seams that nobody has to hide
 # faces of hard surfaces, or perhaps hard ones, that get charts at once where a deadline is set
 QUICK_FACES = 20_000
-SOUP = 1_000  # charts, from which on nobody sees which way a seam runs
 
 
 def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
@@ -66,9 +62,9 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         # else they are found when it is clear what for, beside other things where that can be
         whole = mirror is not None or options.max_charts is not None or options.weights is not None
         if whole or (forced.any() and len(surface.faces) <= LEVEL_FACES):
-            surface = with_prices(surface, options, monitor)
+            surface = with_visibility(surface, options, monitor)
     if options.weights is not None:
-        surface = weighted(surface, options.weights)
+        surface = with_weights(surface, options.weights)
     if mirror is not None:
         surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))
         forced = mirror.closed(forced) & ~surface.locked
@@ -89,13 +85,8 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     best = Atlas(opened, atlas.cut, atlas.corners)
     try:
         with monitor.stage("stretch"):
-            if monitor.expired:
-                return _seams(best, forced, notes)
-            limit_stretch_of_all(atlas, limits, monitor, slits and mirror is None, splits)
-        best = Atlas(opened, atlas.cut, atlas.corners)
-        if mirror is None and not options.search.draft:
-            with monitor.stage("charts"):
-                straighten_parts(atlas, limits, monitor)
+            if not monitor.expired:
+                limit_stretch_of_all(atlas, limits, monitor, slits and mirror is None, splits)
     except OutOfTimeError:
         monitor.late = True
         return _seams(best, forced, notes)
@@ -107,24 +98,6 @@ def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
-
-
-def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
-    """Move seams to cheaper paths: on hard components all of them, on others where they have flats."""
-    if atlas.charts()[0] > SOUP:
-        return
-    hard = with_hard_prices(atlas)
-    rest = ~hard
-    if rest.any():
-        rest[rest] = with_flats(atlas.surface.part(rest))
-    for which in (hard, rest):
-        if not which.any() or not atlas.cut.any():
-            continue
-        part = atlas.part(which)
-        if which is rest:
-            part.prices = flat_prices(part.surface)
-        straighten(part, limits, monitor)
-        atlas.put(which, part)
 
 
 def mirrored_atlas(
@@ -205,7 +178,7 @@ def free_atlas(
         if len(surface.faces) <= LEVEL_FACES:
             merge_on(atlas, bound, MARGIN / 2, monitor)
             return atlas
-        hard = with_hard_prices(atlas)
+        hard = with_creases(atlas)
         for which in (hard, ~hard):
             # charts from a level were merged there: a union costs a twelfth of what it does here
             if which.any() and (which is hard or which.sum() <= LEVEL_FACES):
@@ -230,7 +203,7 @@ def _first_atlas(
             monitor.keep(quick_atlas(surface.part(hard | doubtful), bound, monitor))
     dear = (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES
     if dear and not unrolls_whole(surface.part(hard | doubtful)):
-        surface = with_prices(surface, options, monitor)
+        surface = with_visibility(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~hard
     # a disk may need no seam, and no second way then; of other components both are made at once
@@ -240,20 +213,28 @@ def _first_atlas(
     if not disks:
         ways["grown"] = rest
     made = made_ways(surface, ways, bound, options, monitor, notes)
-    other, parts = made.get("doubtful"), []
+    other = made.get("doubtful")
     rest = left_by(other, doubtful, rest)
     if disks:
         made |= made_ways(surface, {"grown": rest}, bound, options, monitor, notes)
+    unrolled = hard & ("hard" in made)
     if "hard" in made:
         atlas.put(hard, made["hard"])
-        parts.append((hard, made["hard"].prices))
     if "grown" in made:
         atlas.put(rest, made["grown"])
     if other is not None:
         plain = doubtful & ~rest
         atlas.put(plain, other.part(plain[doubtful]))
-        taken = plain | take_better(atlas, doubtful, other)
-        parts.append((taken, other.part(taken[doubtful]).prices))
-    if any(faces.any() for faces, _ in parts):
-        atlas.prices = hard_prices(surface, parts)
+        unrolled |= plain | take_better(atlas, doubtful, other)
+    if unrolled.any():
+        atlas.prices = edge_prices(surface, unrolled)
     return atlas
+
+
+def with_creases(atlas: Atlas) -> BoolArray:
+    """(m,) bool: faces of hard components that have creases."""
+    surface, prices = atlas.surface, atlas.prices
+    beside = np.zeros(len(surface.faces), bool)
+    if prices is not None:
+        beside[surface.edges[prices.crease, 0] // 3] = True
+    return surface.whole_components(beside)

@@ -3,8 +3,8 @@
 C = Σ ℓ(e) / √A + chart · n + distortion · (D − 1) + tail · T + page · log(1 / share)
 
 ℓ(e) length of each seam edge, A area of the surface, n number of charts, D mean symmetric Dirichlet energy / 4,
-T share of the surface stretched over twice, share the covered share of the page. Every term is in roots of the
-area of seam, so a weight says how much seam a user would give for one unit of the term.
+T share of the surface stretched over TAIL_STRETCH, share the covered share of the page. Every term is in roots
+of the area of seam, so a weight says how much seam a user would give for one unit of the term.
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.records import dataclass
+from circparam.geometry.distortion import stretch_and_distortion
 from circparam.mesh.atlas import Atlas
+
+TAIL_STRETCH = 2.0  # times its size: faces stretched or shrunk more make up the tail
 
 
 @dataclass(frozen=True)
@@ -35,22 +38,34 @@ class AtlasCost:
 
     def seams(self, atlas: Atlas) -> float:
         """Seams and charts alone, for atlases that are not relaxed to the end."""
-        return atlas.seam_length + self.chart * atlas.charts()[0]
+        surface = atlas.surface
+        length = float(surface.edge_lengths[atlas.cut].sum())
+        return length / surface.unit + self.chart * atlas.charts()[0]
 
-    def of_components(self, atlas: Atlas, flat: BoolArray | None, unit: float) -> FloatArray:
-        """(components,) seams and charts of each component; ``unit``: the length that counts as 1.
+    def of_components(
+        self, atlas: Atlas, flat: BoolArray | None = None, relaxed: bool = False
+    ) -> FloatArray:
+        """(components,) what each component adds to the cost of the whole surface.
 
-        flat: (e,) bool, edges inside flats; None where there are none.
+        flat: (e,) bool, edges inside flats; None where there are none. relaxed: the layout is, so that its
+        distortion and its tail count.
         """
         surface = atlas.surface
         n, component = surface.components
         on = surface.edges[atlas.cut, 0] // 3
-        length = surface.edge_lengths[atlas.cut] / unit
+        length = surface.edge_lengths[atlas.cut] / surface.unit
         if flat is not None:
             length = length * (1 + self.flat * flat[atlas.cut])
         _, first = np.unique(atlas.charts()[1], return_index=True)
-        seam: FloatArray = group_sum(length, component[on], n)
-        return seam + self.chart * np.bincount(component[first], minlength=n)
+        cost: FloatArray = group_sum(length, component[on], n)
+        cost += self.chart * np.bincount(component[first], minlength=n)
+        if relaxed:
+            cut_mesh, uv = atlas.open()
+            stretch, distortion = stretch_and_distortion(cut_mesh, uv)
+            loss = self.distortion * (distortion - 1)[cut_mesh.chart]
+            loss += self.tail * (stretch > TAIL_STRETCH)
+            cost += group_sum(loss * surface.areas, component, n) / surface.unit**2
+        return cost
 
     def finished(
         self, seam: float, charts: int, distortion: float, tail: float, share: float

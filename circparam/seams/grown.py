@@ -25,13 +25,13 @@ from circparam.seams.finish import (
     finish,
     plain_finished,
 )
-from circparam.seams.hidden import with_prices
 from circparam.seams.multires.decimate import Proxy, decimate, priced, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
 from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
+from circparam.seams.prices import with_visibility
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import (
     better_in_all,
@@ -85,7 +85,7 @@ def grown_atlas(
     if options.max_charts is None and options.min_chart_faces == 1:
         tiny = tiny_components(surface)
         if tiny.any():
-            surface = with_prices(surface, options, monitor, LEVEL_FACES)
+            surface = with_visibility(surface, options, monitor, LEVEL_FACES)
             atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
             atlas.put(tiny, tiny_atlas(surface.part(tiny), bound, worker, monitor))
             monitor.keep(atlas.part(tiny))
@@ -103,7 +103,7 @@ def grown_atlas(
         decided = _decided(surface, bound, options, worker, monitor, target)
     else:
         if some := bent.any():  # what is nearly flat needs no seam that could be hidden
-            atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
+            atlas.surface = surface = with_visibility(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if some:
             own = surface.part(bent)
@@ -187,7 +187,7 @@ def _decided(
     gone back on.
     """
     if complexity(surface) > LOOPS:
-        surface = with_prices(surface, options, monitor, LEVEL_FACES)
+        surface = with_visibility(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
             found = _decided(closed, bound, options, worker, monitor)
@@ -202,7 +202,7 @@ def _decided(
     proxy, most = None, options.max_charts
 
     def prices() -> FloatArray | None:
-        fine = with_prices(surface, options, monitor)
+        fine = with_visibility(surface, options, monitor)
         return fine.price if proxy is None else priced(proxy.surface, fine, proxy.cell).price
 
     how = most, worker, monitor, prices
@@ -286,7 +286,7 @@ def _from_level(
         near = nearest_coarse_face(surface, level)
         rough = UNEVEN * roughness(surface, middle, near)
         lost = min(rough, MOST_LOST * (bound - 1))
-    middle = with_prices(middle, options, monitor)
+    middle = with_visibility(middle, options, monitor)
     inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
     with _before_transfer(monitor):
         tried = _levels(middle, inner, options, worker, monitor)

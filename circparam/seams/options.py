@@ -39,7 +39,7 @@ class SeamOptions:
     groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are seams. start:
     (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or 'auto' for
     the first of them, across which the seams are the mirror image of each other. hide_seams: 0 to 1, how
-    much cheaper seams are where they are hardly seen (see ``seams.hidden``); None for HIDDEN, and 0 where
+    much cheaper seams are where they are hardly seen (see ``seams.prices``); None for HIDDEN, and 0 where
     max_stretch is below 2, or in a draft. search: see ``Search``. weights: (e,) over surface.edges, how many
     times its length a seam along an edge costs, infinite: never.
     """

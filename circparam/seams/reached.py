@@ -51,7 +51,6 @@ class Reached:
         self._by_source = np.argsort(surface.source)  # faces enter a search by their position
         count, component = surface.components
         self._size = np.bincount(component, minlength=count)
-        self._unit = float(np.sqrt(surface.areas.sum()))
         self._chart = np.full(len(surface.faces), -1)
         self._corners = np.full((len(surface.faces), 3, 2), np.nan)
         self.cost = np.full(count, np.inf)
@@ -70,7 +69,7 @@ class Reached:
         _, first = np.unique(component, return_index=True)
         there = whole.components[1][face[first]]
         complete = np.bincount(component, minlength=count) == self._size[there]
-        cost = COST.of_components(atlas, atlas.flat, self._unit) + (0 if sound else UNSOUND)
+        cost = COST.of_components(atlas, atlas.flat) + (0 if sound else UNSOUND)
         better = complete & (cost < self.cost[there])
         taken = better[component]
         self.cost[there[better]] = cost[better]

@@ -214,7 +214,13 @@ def about_image_of(mirror: Mirror, half: Atlas, rest: Surface) -> tuple[Atlas, P
     back = np.sort(3 * (s.edges // 3) + 2 - s.edges % 3, axis=1)
     order = np.argsort(back[:, 0], kind="stable")
     image = Surface(
-        points, s.faces[:, [0, 2, 1]], s.source, ~s.reversed_faces, back[order], s.locked[order]
+        points,
+        s.faces[:, [0, 2, 1]],
+        s.source,
+        ~s.reversed_faces,
+        back[order],
+        s.locked[order],
+        whole_area=s.whole_area,
     )
     corners = half.corners[:, [0, 2, 1]] * [-1.0, 1.0]
     coarse = Atlas(image, half.cut[order], corners)

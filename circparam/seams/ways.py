@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Worker
-from circparam.mesh.atlas import Atlas, SeamPrices
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import hard_atlas, with_seams
@@ -38,8 +38,8 @@ def made_ways(
     found = {name: way for name, way in made if way is not None}
     out = {}
     for name in (name for name in ways if name in found):
-        cut, corners, prices, own = found[name]
-        out[name] = Atlas(parts[name], cut, corners, prices)
+        cut, corners, own = found[name]
+        out[name] = Atlas(parts[name], cut, corners)
         monitor.keep(out[name])  # processes keep none
         notes += own
     return out
@@ -62,8 +62,8 @@ def one_way(
     bound: float,
     options: SeamOptions,
     monitor: Monitor,
-) -> tuple[BoolArray, FloatArray, SeamPrices | None, list[str]] | None:
-    """(cut, corners, prices, notes) of an atlas; None where it can be done without and time is up."""
+) -> tuple[BoolArray, FloatArray, list[str]] | None:
+    """(cut, corners, notes) of an atlas; None where it can be done without and time is up."""
     if name in SPARE and monitor.expired:
         return None
     notes: list[str] = []
@@ -75,4 +75,4 @@ def one_way(
         return hard_atlas(surface, bound, options, worker, monitor, notes)
 
     atlas = in_time(surface, search, monitor)
-    return atlas.cut, atlas.corners, atlas.prices, notes
+    return atlas.cut, atlas.corners, notes

@@ -5,7 +5,6 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas, SeamPrices
-from circparam.seams.hard.straighten import straighten
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
@@ -33,7 +32,6 @@ def cut(atlas: Atlas, bound: float) -> None:
 # those that only move seams keep the charts and cost no more; others may cut
 MOVES = {
     "move": lambda atlas, bound: move_seams(atlas, bound, 0.001, Monitor()),
-    "straighten": lambda atlas, bound: straighten(atlas, Limits(bound, 2.0), Monitor()),
 }
 CUTS = {
     "hold stretch": lambda atlas, bound: limit_stretch(atlas, Limits(bound, 1.5), Monitor()),

@@ -16,24 +16,23 @@ from circparam.seams.accuracy import FINAL, ROUGH, TRIAL, UNROLLED
 from circparam.seams.cost import COST
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
-from circparam.seams.hard.regions import CURVED, SHARP, curvature, seam_prices, turns
+from circparam.seams.hard.regions import CURVED, SHARP, curvature, flats, turns
 from circparam.seams.hard.unroll import layers, slits, straight, unroll
 from circparam.seams.options import SeamOptions
+from circparam.seams.prices import edge_prices
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.unions import ENOUGH, MergeOptions
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
 SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
-MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
-COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
-WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
-DRAFT_WORK = 3.0  # the same in a draft
-SPLITS = 16  # rounds of splitting regions that break the bound
+MARGIN = 0.001  # of the root of the area of a chart: its parts keep so far apart
+# times the faces of the surface: all trials of merging together hold no more, in a draft and in a full search
+DRAFT_WORK, WORK = 3.0, 16.0
 
 
 def hard_atlas(
@@ -49,7 +48,7 @@ def hard_atlas(
     Of components that are copies of each other one is worked on, and the others get the same charts.
     """
     copies = find_copies(surface)
-    whole = Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
+    whole = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
     if copies.first.all():
         return _decided(whole, bound, options, worker, monitor, notes)
     part = _decided(whole.part(copies.first), bound, options, worker, monitor, notes)
@@ -66,7 +65,7 @@ def hard_atlas(
 
 def quick_atlas(surface: Surface, bound: float, monitor: Monitor) -> Atlas:
     """Charts of any surface at once, sound but many: what there is before a search has come to a component."""
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
     first_regions(atlas, dual_graph(surface, atlas.flat), bound, Worker(1), monitor)
     return atlas
 
@@ -125,13 +124,11 @@ def unrolls_whole(surface: Surface) -> bool:
 def take_better(atlas: Atlas, faces: BoolArray, other: Atlas) -> BoolArray:
     """Take components of ``other``, an atlas of some faces ((m,) bool), where it costs less.
 
-    Both are compared by ``AtlasCost.of_components``, in roots of the area of all. Returns (all faces of
-    ``atlas``,) bool: what was taken.
+    Returns (all faces of ``atlas``,) bool: what was taken.
     """
     surface = other.surface
-    mine = atlas.part(faces)
-    unit = float(np.sqrt(surface.areas.sum()))
-    theirs, own = (COST.of_components(one, other.flat, unit) for one in (other, mine))
+    mine, flat = atlas.part(faces), flats(surface)[1]
+    theirs, own = (COST.of_components(one, flat, relaxed=True) for one in (other, mine))
     better = (theirs < own)[surface.components[1]]
     if better.any():
         mine.put(better, other.part(better))
@@ -145,7 +142,7 @@ def first_regions(
     atlas: Atlas, graph: DualGraph, bound: float, worker: Worker, monitor: Monitor
 ) -> None:
     """Cut along sharp edges, open what does not unroll, and split what still breaks the bound."""
-    prices = seam_prices(atlas.surface) if atlas.prices is None else atlas.prices
+    prices = edge_prices(atlas.surface) if atlas.prices is None else atlas.prices
     locked = atlas.surface.locked
     atlas.cut |= prices.sharp & ~locked
     todo = np.ones(len(atlas.surface.faces), bool)
@@ -157,10 +154,10 @@ def first_regions(
         if new.any():
             atlas.cut |= new
             layouts = _laid_out(atlas, graph, todo, bound)
-    for _ in range(SPLITS):
+    while not monitor.expired:
         monitor.keep(atlas, sound=False)
         bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
-        if not bad.any() or monitor.expired:
+        if not bad.any():
             break
         todo = bad[layouts.cut_mesh.chart]
         sub, vid, _ = layouts.cut_mesh.subset(bad & np.isfinite(layouts.energy))
@@ -203,7 +200,7 @@ def uncoiled(layouts: ChartLayouts, which: BoolArray, bound: float) -> ChartLayo
         return layouts
     sub, vid, _ = layouts.cut_mesh.subset(coils)
     # no further than needed: a strip that is relaxed to the end coils up again
-    near = dataclasses.replace(TRIAL, bound=1 + COILED * (bound - 1))
+    near = dataclasses.replace(TRIAL, bound=1 + ENOUGH * (bound - 1))
     trial = judge(sub, relax(sub, straight(sub), near).uv)
     good = ~trial.bad(bound)
     uv = layouts.uv.copy()

@@ -8,12 +8,11 @@ from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
+from circparam.seams.accuracy import UNROLLED
 from circparam.seams.cost import COST
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.objective import chart_energies
-
-EXACT = 1 + 1e-5  # distortion up to which a layout counts as an unfolding
 
 
 def polyhedra(atlas: Atlas) -> BoolArray:
@@ -38,13 +37,14 @@ def prefer_exact(
     from there to ``atlas``.
     """
     which = polyhedra(atlas)
-    which &= (_distortion(atlas) > EXACT)[atlas.surface.components[1]]
+    which &= (_distortion(atlas) > UNROLLED)[atlas.surface.components[1]]
     if not which.any() or monitor.expired:
         return
     mine, exact = atlas.part(which), start.part(which)
-    within = MergeOptions(EXACT, margin=options.margin, rigid=True, work=options.work)
+    within = MergeOptions(UNROLLED, margin=options.margin, rigid=True, work=options.work)
     Merger(exact, within, np.zeros(len(exact.cut), bool), worker).run(monitor)
-    better = (_cost(exact) < _cost(mine)) & (_distortion(exact) <= EXACT)
+    exact_cost, cost = (COST.of_components(one, relaxed=True) for one in (exact, mine))
+    better = (exact_cost < cost) & (_distortion(exact) <= UNROLLED)
     taken = better[exact.surface.components[1]]
     if taken.any():
         mine.put(taken, exact.part(taken))
@@ -59,15 +59,3 @@ def _distortion(atlas: Atlas) -> FloatArray:
     areas = atlas.surface.areas
     total = np.maximum(group_sum(areas, component, n), 1e-300)
     return np.asarray(group_sum(energy * areas, component, n) / total)
-
-
-def _cost(atlas: Atlas) -> FloatArray:
-    """(components,) length of the seams, charts and distortion, in roots of the area of the component."""
-    surface = atlas.surface
-    n, component = surface.components
-    root = np.sqrt(np.maximum(group_sum(surface.areas, component, n), 1e-300))
-    of = component[surface.edges[atlas.cut, 0] // 3]
-    seam = group_sum(surface.edge_lengths[atlas.cut], of, n) / root
-    _, first = np.unique(atlas.charts()[1], return_index=True)
-    charts = np.bincount(component[first], minlength=n)
-    return np.asarray(seam + COST.chart * charts + COST.distortion * (_distortion(atlas) - 1))

@@ -2,52 +2,45 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    cross2,
     group_min,
     group_sum,
     next_half_edge,
     slices,
 )
 from circparam.core.graph import components, nearest, undirected
-from circparam.core.records import dataclass
-from circparam.mesh.atlas import SeamPrices
+from circparam.geometry.intrinsic import corner_angles
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 from circparam.mesh.surface import Surface
 
-NOISE = 3e-7  # of the extent of the mesh: how far single precision and exporters move a point
-TURNED = 0.02  # radians by which such a move may turn the normal of a face that is sure of it
-NEEDLE = 1e-6  # height over longest edge below which no face is sure of its normal
-ACROSS = 3.0  # times as long a sharp edge has to be for a needle to belong with what lies beyond it
+NOISE = 3e-7  # of the extent of the mesh: single precision and exporters move a point so far
+TURNED = 0.02  # radians: a normal that noise may turn by less is sure
+NEEDLE = 1e-6  # height over longest edge: no normal of a flatter face is sure
+ACROSS = 3.0  # times its length: a sharp edge counts so long when a needle looks for the face it belongs to
 FLAT = np.radians(0.5)  # edges that turn less lie inside a flat
-LEVEL = np.radians(1.0)  # no face of a flat leans more against the mean of it
+LEVEL = 2 * FLAT  # no face of a flat leans more against its mean normal
 SHARP = np.radians(30)  # edges that turn more bound smooth regions
-CREASE = np.radians(20)  # so do these where a region cannot be laid out otherwise
-CURVED = 0.3  # radians of curvature inside a region up to which it counts as developable
-# a flat has at least so many faces to tell a hard surface: quads are cut in two anywhere
-FLAT_FACES = 3
-# regions are scraps, not parts, where more than MANY have fewer faces in the mean
-SCRAPS, MANY = 8, 64
-PAIRS = 2  # faces of a region in the mean, from which on sharp creases alone make it a part
+CREASE = np.radians(20)  # edges that turn more bound regions that cannot be laid out otherwise
+BLUNT = np.radians(40)  # creases that turn less may come from few faces on a round shape
+CURVED = 0.3  # radians of curvature: a region with less counts as developable
+FLAT_FACES = 3  # at least in a flat that tells a hard surface: quads are cut in two anywhere
+REGION_FACES = 2  # at least in the mean region of a part: noise has regions of one face
 ORGANIC, DOUBTFUL, HARD = 0, 1, 2
-HARDLY = 0.1  # nor is there any doubt where so few of the creases are blunt
-BLUNT, MOSTLY = (
-    np.radians(40),
-    0.5,
-)  # of the creases of a hard surface less than that share turns less
-HARD_FLATS, HARD_REGIONS = 0.25, 0.5  # shares of the area from which on a component is hard
-# more regions than FEW have at least so many faces in the mean, where there is no doubt
-FEW, PARTS = 16, 4
-LARGE = 32  # faces of a region in the mean, from which on it is none of a round shape of few
-CRUMBS = 0.01  # of the area: less of hard surfaces than that is taken as organic
-SURE_FLATS, SURE_REGIONS = 0.6, 0.75  # and from which on there is no doubt
-ALL_REGIONS = 0.9  # likewise, of regions between sharp edges
+HARD_FLATS, HARD_REGIONS = 0.25, 0.5  # of the area: a component may be hard from either share on
+# of the area: from either share on it is hard if most creases are sharp
+SURE_FLATS, SURE_REGIONS = 0.5, 0.75
+FEW_BLUNT = (
+    0.1  # of the length of the creases: with fewer blunt ones a component is hard in any case
+)
+FRAGMENTS = 0.01  # of the area: hard components with less in all are not searched apart
 
 
 def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +84,25 @@ def sure_normals(surface: Surface) -> FloatArray:
     return result
 
 
+_turns: WeakKeyDictionary[Surface, tuple[FloatArray, BoolArray]] = WeakKeyDictionary()
+_flats: WeakKeyDictionary[Surface, tuple[IntArray, BoolArray]] = WeakKeyDictionary()
+
+
 def turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
+    """As ``measured_turns``, kept as long as the surface is used."""
+    if surface not in _turns:
+        _turns[surface] = measured_turns(surface)
+    return _turns[surface]
+
+
+def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
+    """As ``measured_flats``, kept as long as the surface is used."""
+    if surface not in _flats:
+        _flats[surface] = measured_flats(surface)
+    return _flats[surface]
+
+
+def measured_turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((e,) angle between the sure normals of both faces of each edge in radians, (e,) bool: it is concave)."""
     n, points, flat = sure_normals(surface), surface.points, surface.faces.ravel()
     count = len(surface.edges)
@@ -106,14 +117,14 @@ def turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     return angle, concave
 
 
-def flats(surface: Surface, angle: FloatArray) -> tuple[IntArray, BoolArray]:
-    """((m,) flat of each face, (e,) bool: edges inside flats). angle: (e,) of each edge.
+def measured_flats(surface: Surface) -> tuple[IntArray, BoolArray]:
+    """((m,) flat of each face, (e,) bool: edges inside flats).
 
     A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not.
     """
     m = len(surface.faces)
     fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
-    inside = angle < FLAT
+    inside = turns(surface)[0] < FLAT
     n, flat = components(m, fi[inside], fj[inside])
     normal = sure_normals(surface)
     mean = np.stack([group_sum(normal[:, d] * surface.areas, flat, n) for d in range(3)], 1)
@@ -123,105 +134,55 @@ def flats(surface: Surface, angle: FloatArray) -> tuple[IntArray, BoolArray]:
     return components(m, fi[inside], fj[inside])[1], inside
 
 
-def seam_prices(surface: Surface) -> SeamPrices:
-    """The prices of all edges of a hard surface: sharp and concave ones are cheap, flats dear."""
-    angle, concave = turns(surface)
-    _, flat = flats(surface, angle)
-    price = np.interp(angle, [FLAT, np.radians(5), CREASE, SHARP], [1.6, 1.2, 0.6, 0.4])
-    price = np.where(flat | (angle < FLAT), 4.0, price * np.where(concave, 0.8, 1.0))
-    return SeamPrices(price, flat, angle >= SHARP, angle >= CREASE)
-
-
-def corner_angles(rest_triangles: FloatArray) -> FloatArray:
-    """(m, 3) angle of every corner."""
-    out = np.empty((len(rest_triangles), 3))
-    for k in slices(len(out)):
-        triangles = rest_triangles[k]
-        ahead, back = triangles[:, [1, 2, 0]] - triangles, triangles[:, [2, 0, 1]] - triangles
-        out[k] = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
-    return out
-
-
 def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
     """((nv,) 2π less the angles at inner vertices, π less them on boundaries, (nv,) bool: on a boundary)."""
     flat = cut_mesh.faces.ravel()
-    total = group_sum(corner_angles(cut_mesh.rest_triangles).ravel(), flat, cut_mesh.n_vertices)
+    total = group_sum(corner_angles(cut_mesh).ravel(), flat, cut_mesh.n_vertices)
     rim = np.zeros(cut_mesh.n_vertices, bool)
     rim[flat[cut_mesh.boundary]] = True
     return np.where(rim, np.pi, 2 * np.pi) - total, rim
 
 
-@dataclass(frozen=True, eq=False)
-class _Bounded:
-    """Regions bounded by edges that turn more than some angle, summed over components.
-
-    unrolls: share of the area in regions that hold hardly any curvature. regions: their number. creases: length
-    of the edges between them; blunt: of it where they turn by less than BLUNT.
-    """
-
-    unrolls: FloatArray
-    regions: IntArray
-    creases: FloatArray
-    blunt: FloatArray
-
-    @staticmethod
-    def of(surface: Surface, angle: FloatArray, limit: float) -> _Bounded:
-        """angle: (e,) of every edge."""
-        fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
-        n, component = surface.components
-        total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
-        inner = angle < limit
-        _, corners = corner_classes(len(surface.faces), surface.edges[inner])
-        count, region = components(len(surface.faces), fi[inner], fj[inner])
-        cut_mesh = CutMesh(corners, surface.rest_triangles, region, surface.edges[inner])
-        defect, rim = curvature(cut_mesh)
-        bent = group_sum(np.where(rim, 0.0, np.abs(defect)), cut_mesh.vertex_chart, count)
-        unrolls = group_sum(surface.areas * (bent < CURVED)[region], component, n) / total
-        _, first = np.unique(region, return_index=True)
-        of, length = component[fi[~inner]], surface.edge_lengths[~inner]
-        return _Bounded(
-            unrolls,
-            np.bincount(component[first], minlength=n),
-            group_sum(length, of, n),
-            group_sum(length * (angle[~inner] < BLUNT), of, n),
-        )
-
-
 def hardness(surface: Surface) -> IntArray:
     """(m,) ORGANIC, DOUBTFUL or HARD: what the component of each face is, by measurement.
 
-    Hard surfaces have much of their area in flats of several faces, or in regions bounded by creases that hold
-    hardly any curvature, and their creases are sharp: where most of them are blunt, it may be a round shape of
-    few faces, unless all of it unrolls between its sharp edges alone. Scans and organic shapes have neither; a
-    soup of tiny regions has no parts worth keeping whole.
+    A component may be hard if much of its area lies in flats of several faces, or in developable regions
+    between creases. It is if its creases are sharp as well: blunt creases may come from few faces on a round
+    shape. Scans and organic shapes have neither.
     """
     n, component = surface.components
     angle, _ = turns(surface)
+    flat, _ = flats(surface)
     total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
-    flat, _ = flats(surface, angle)
-    in_flat = (np.bincount(flat) >= FLAT_FACES)[flat]
-    share = group_sum(surface.areas * in_flat, component, n) / total
-    size = np.bincount(component, minlength=n)
-    found = _Bounded.of(surface, angle, CREASE)
-    regions, creases, blunt = found.regions, found.creases, found.blunt
-    scraps = (regions > MANY) & (regions * SCRAPS > size)
-    # fins and combs are boxes beside boxes, of two triangles a side; noise has regions of one face
-    scraps &= (blunt >= HARDLY * creases) | (regions * PAIRS > size)
-    whole = (regions <= FEW) | (regions * PARTS <= size)
-    candidate = (share >= HARD_FLATS) | ((creases > 0) & (found.unrolls >= HARD_REGIONS) & ~scraps)
-    clear = (share >= SURE_FLATS) | ((found.unrolls >= SURE_REGIONS) & whole)
-    # no round shape of few faces has so much in flats of several, or regions so large that unroll
-    plain = (share >= SURE_FLATS) | ((found.unrolls >= SURE_REGIONS) & (regions * LARGE <= size))
-    plain &= blunt < (1 - HARDLY) * creases
-    sure = plain | (blunt < MOSTLY * creases) & (clear | (blunt < HARDLY * creases))
-    if (candidate & ~sure).any():
-        # a tube of few sides has blunt creases along it, and unrolls
-        parts = _Bounded.of(surface, angle, SHARP)
-        sharp = (parts.creases > 0) & (parts.blunt < HARDLY * parts.creases)
-        sure |= sharp & (parts.unrolls >= ALL_REGIONS) & (parts.regions * PARTS <= size)
+    in_flats = surface.areas * (np.bincount(flat) >= FLAT_FACES)[flat]
+    flat_share = group_sum(in_flats, component, n) / total
+    count, region, developable = developable_regions(surface)
+    region_share = group_sum(surface.areas * developable[region], component, n) / total
+    of_region = np.zeros(count, np.int64)
+    of_region[region] = component
+    large = np.bincount(component) >= REGION_FACES * np.bincount(of_region, minlength=n)
+    on = angle >= CREASE
+    of, length = component[surface.edges[on, 0] // 3], surface.edge_lengths[on]
+    creases = group_sum(length, of, n)
+    blunt = group_sum(length * (angle[on] < BLUNT), of, n)
+    candidate = (creases > 0) & (region_share >= HARD_REGIONS) & large
+    candidate |= flat_share >= HARD_FLATS
+    clear = (flat_share >= SURE_FLATS) | (region_share >= SURE_REGIONS)
+    sure = (blunt < FEW_BLUNT * creases) | (clear & (blunt < 0.5 * creases))
     kind = np.where(candidate, np.where(sure, HARD, DOUBTFUL), ORGANIC)
-    if total[kind != ORGANIC].sum() < CRUMBS * total.sum():
-        # a few fragments beside an organic shape are not worth a way of their own
+    if total[kind != ORGANIC].sum() < FRAGMENTS * total.sum():
         kind[:] = ORGANIC
     result: IntArray = kind[component]
     return result
+
+
+def developable_regions(surface: Surface) -> tuple[int, IntArray, BoolArray]:
+    """(number of regions between creases, (m,) region of each face, (regions,) bool: hardly any curvature)."""
+    inner = turns(surface)[0] < CREASE
+    edges = surface.edges[inner]
+    _, corners = corner_classes(len(surface.faces), edges)
+    count, region = components(len(surface.faces), edges[:, 0] // 3, edges[:, 1] // 3)
+    cut_mesh = CutMesh(corners, surface.rest_triangles, region, edges)
+    defect, rim = curvature(cut_mesh)
+    bent = group_sum(np.where(rim, 0.0, np.abs(defect)), cut_mesh.vertex_chart, count)
+    return count, region, bent < CURVED

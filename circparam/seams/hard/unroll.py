@@ -22,6 +22,7 @@ from circparam.geometry.intersect import windings
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.regions import curvature
+from circparam.seams.prices import edge_costs
 from circparam.solvers.poisson import first_vertices, from_jacobians, laplacian
 
 CHARGED = 0.5  # radians that a boundary turns other than round a hole in a plane; curvature of a cone's tip
@@ -115,7 +116,7 @@ def slits(atlas: Atlas, which: BoolArray | None = None) -> BoolArray:
     flat = cut_mesh.faces.ravel()
     h = cut_mesh.edges[:, 0]
     a, b = node[flat[h]], node[flat[next_half_edge(h)]]
-    cost = atlas.costs[index]
+    cost = edge_costs(atlas)[index]
     ok = np.isfinite(cost) & (a != b)
     index, a, b, cost = index[ok], a[ok], b[ok], cost[ok]
     if len(sites) < 2 or len(a) == 0:

@@ -122,6 +122,7 @@ def decimate(surface: Surface, target: int) -> Proxy:
     number = np.full(n, -1)
     number[kept] = np.arange(len(kept))
     proxy, apart = pair_edges(position[kept], number[coarse])
+    proxy = replace(proxy, whole_area=surface.whole_area)
     cell = _settle(surface, number[root])
     return Proxy(priced(proxy, surface, cell), cell, apart)
 

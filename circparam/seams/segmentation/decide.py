@@ -13,7 +13,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams.accuracy import FAIR, ROUGH
+from circparam.seams.accuracy import FINAL, ROUGH
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.move import move_seams
@@ -151,7 +151,7 @@ def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
         return coarse
     out = Atlas(coarse.surface, coarse.cut, coarse.corners)
     cut_mesh, uv = out.open()
-    relaxed = judge(cut_mesh, relax(cut_mesh, uv, FAIR).uv)
+    relaxed = judge(cut_mesh, relax(cut_mesh, uv, FINAL).uv)
     fine = ~relaxed.bad(bound)
     at = np.where(fine[cut_mesh.vertex_chart][:, None], relaxed.uv, uv)
     out.scatter(cut_mesh, at)

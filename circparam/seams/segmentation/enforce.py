@@ -18,6 +18,7 @@ from circparam.core.records import dataclass
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
+from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import (
     GAP,
@@ -27,7 +28,7 @@ from circparam.seams.segmentation.layout import (
     pushed_apart,
 )
 from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
-from circparam.seams.segmentation.shorten import edge_costs, propose
+from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies

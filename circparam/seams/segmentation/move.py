@@ -12,8 +12,9 @@ from circparam.core.records import dataclass
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.layout import lay_out_again
-from circparam.seams.segmentation.shorten import Proposal, edge_costs, propose
+from circparam.seams.segmentation.shorten import Proposal, propose
 from circparam.seams.segmentation.state import LaidOut
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.separate import push_apart

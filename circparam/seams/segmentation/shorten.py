@@ -8,26 +8,8 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.graph import nearest, undirected
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.surface import Surface
+from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.paths import Bands, Chains, chains_of, route
-
-SHARP_BONUS = 0.5  # a step along an edge that turns by 60° or more costs 1 / (1 + this)
-
-
-def edge_costs(atlas: Atlas) -> FloatArray:
-    """(e,) cost of a seam along an edge: its length, less where the surface is sharp, infinite if locked."""
-    if atlas.prices is not None:
-        return atlas.costs
-    surface = atlas.surface
-    return np.where(surface.locked, np.inf, surface.priced_lengths * sharp_prices(surface))
-
-
-def sharp_prices(surface: Surface) -> FloatArray:
-    """(e,) factor of the length of a seam: 1, and less where the surface is sharp."""
-    e = surface.edges
-    turn = 1 - (surface.normals[e[:, 0] // 3] * surface.normals[e[:, 1] // 3]).sum(1)
-    price: FloatArray = 1 / (1 + SHARP_BONUS * np.clip(2 * turn, 0, 1))
-    return price
 
 
 def bands(

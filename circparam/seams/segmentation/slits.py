@@ -16,8 +16,8 @@ from circparam.core.arrays import (
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.layout import ChartLayouts
-from circparam.seams.segmentation.shorten import edge_costs
 from circparam.solvers import dirichlet
 
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split

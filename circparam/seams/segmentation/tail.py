@@ -18,7 +18,7 @@ from circparam.core.workers import PARTED, DeferredTask, in_parts
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.accuracy import FAIR
+from circparam.seams.accuracy import FINAL
 from circparam.seams.hard.unroll import slits
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
@@ -234,7 +234,7 @@ def _split(
         return False
     graph = dual_graph(part.surface, part.flat)
     inner, uv = part.open()
-    layouts = judge(inner, relax(inner, uv, FAIR, monitor).uv)
+    layouts = judge(inner, relax(inner, uv, FINAL, monitor).uv)
     if not layouts.bad(limits.bound).any():
         if pieces != CUT_OFF:
             split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool), pieces)
@@ -242,8 +242,8 @@ def _split(
             return False
         make_disks(part, graph)
         inner, uv = part.open()
-        layouts = judge(inner, lay_out_sound(inner, uv, FAIR, monitor))
-    enforce(part, graph, layouts, limits.bound, FAIR, monitor)
+        layouts = judge(inner, lay_out_sound(inner, uv, FINAL, monitor))
+    enforce(part, graph, layouts, limits.bound, FINAL, monitor)
     after, uv = part.open()
     rest = limits.without(over[~long].sum(), cut_mesh, after)
     uv, _ = relax_weighted(after, uv, rest, monitor)

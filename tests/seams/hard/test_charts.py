@@ -15,19 +15,19 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, ways
 from circparam.seams import charts as module
+from circparam.seams.accuracy import ROUGH
 from circparam.seams.hard.charts import take_better, uncoiled, unrolls_whole
-from circparam.seams.hard.flats import with_hard_prices
 from circparam.seams.hard.regions import (
     DOUBTFUL,
     HARD,
     ORGANIC,
     hardness,
-    seam_prices,
     turns,
 )
 from circparam.seams.hard.unroll import layers, straight, unroll
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.layout import judge
+from circparam.seams.prices import edge_prices
+from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import assert_promises, coil, energies, surface_of
@@ -138,17 +138,19 @@ def test_organic_components_are_laid_out_as_without_the_hard_ones() -> None:
     assert np.array_equal(together.cut[sphere], single.cut)
 
 
-def test_of_two_atlases_each_component_takes_the_better(monkeypatch) -> None:
-    """Two cubes: one atlas cuts all edges of the first, the other those of the second."""
+def test_of_two_atlases_each_component_takes_the_better() -> None:
+    """Two cubes: one atlas has squares for the first and a net of the second, the other the reverse."""
     part = PARTS["cube"]()
     pair = shapes.join((part.points, part.faces), (part.points + 3.0, part.faces))
     surface = surface_of(*pair)
     first = surface.points[surface.faces[surface.edges[:, 0] // 3, 0], 0] < 2
-    sharp = turns(surface)[0] > 1
-    one = Atlas(surface, sharp & first)
-    other = Atlas(surface, sharp & ~first, prices=seam_prices(surface))
+    squares = turns(surface)[0] > 1
+    nets = module.charts(surface, SeamOptions(), Monitor()).cut
+    one, other = (Atlas(surface, np.where(k, squares, nets)) for k in (first, ~first))
+    for atlas in (one, other):
+        lay_out_fresh(atlas, None, ROUGH)
     taken = take_better(one, np.ones(len(surface.faces), bool), other)
-    assert not one.cut.any()
+    assert np.array_equal(one.cut, nets)
     assert np.array_equal(taken[surface.edges[:, 0] // 3], first)
 
 
@@ -177,19 +179,19 @@ def test_a_pocket_that_is_stretched_too_much_is_cut_off_along_its_rim(monkeypatc
     loose, held = found
     assert held.seam_length < 1.5 * loose.seam_length
     assert held.charts()[0] <= loose.charts()[0] + 3
-    assert not held.cut[seam_prices(surface).flat].any()
+    assert not held.cut[edge_prices(surface).flat].any()
 
 
-def test_only_what_was_laid_out_as_hard_has_prices() -> None:
+def test_only_hard_components_have_creases() -> None:
     ball = shapes.noisy(*shapes.icosphere(1), amount=0.02)
     part = PARTS["cube"]()
     surface = surface_of(*shapes.join(ball, (part.points + np.array([5.0, 0, 0]), part.faces)))
     hard = hardness(surface) == HARD
     assert 0 < hard.sum() < len(hard)
     atlas = module.free_atlas(surface, 1.05, SeamOptions(), Monitor(), [])
-    assert np.array_equal(with_hard_prices(atlas), hard)
+    assert np.array_equal(module.with_creases(atlas), hard)
     few = module.bounded_atlas(surface, 1.05, SeamOptions(max_charts=2), Monitor(), [])
-    assert np.array_equal(with_hard_prices(few), hard)
+    assert np.array_equal(module.with_creases(few), hard)
 
 
 def cost(surface: Surface, cut: np.ndarray) -> float:

@@ -10,8 +10,8 @@ from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.seams import SEAMS
 from circparam.seams.hard.exact import polyhedra
-from circparam.seams.hard.regions import seam_prices
 from circparam.seams.options import SeamOptions
+from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import assert_promises, surface_of
 from tests.support.parts import Part, extrude, lathe, rectangle
@@ -60,6 +60,6 @@ def test_what_is_round_anywhere_is_no_polyhedron() -> None:
     tube = lathe(np.array([[0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5, 1.0]]), 48)
     surface = surface_of(*shapes.join((box.points, box.faces), (tube.points + 3.0, tube.faces)))
     none = np.zeros(len(surface.edges), bool)
-    found = polyhedra(Atlas(surface, none, prices=seam_prices(surface)))
+    found = polyhedra(Atlas(surface, none, prices=edge_prices(surface)))
     assert np.array_equal(found, surface.points[surface.faces].max((1, 2)) < 1.5)
     assert not polyhedra(Atlas(surface, none)).any()

@@ -9,14 +9,13 @@ from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import (
     HARD,
     ORGANIC,
-    corner_angles,
     curvature,
     flats,
     hardness,
-    seam_prices,
     sure_normals,
     turns,
 )
+from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import surface_of
 from tests.support.parts import PARTS, circle, extrude, lathe, rectangle
@@ -50,7 +49,7 @@ def test_slivers_have_the_normals_of_what_they_lie_in() -> None:
     )
     assert surface.normals[:, 2].min() < 0.9
     assert sure_normals(surface)[:, 2] == pytest.approx(np.ones(len(faces)), abs=1e-6)
-    label, _ = flats(surface, turns(surface)[0])
+    label, _ = flats(surface)
     assert label.max() == 0
 
 
@@ -70,7 +69,7 @@ def test_a_needle_beside_a_wall_stays_in_its_flat() -> None:
     faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 5, 2], [2, 5, 3], [1, 0, 6]])
     surface = surface_of(points, faces)
     assert sure_normals(surface)[:5] == pytest.approx(surface.normals[:5], abs=1e-9)
-    label, _ = flats(surface, turns(surface)[0])
+    label, _ = flats(surface)
     assert len(set(label[:5])) == 1
     assert label[5] != label[0]
 
@@ -80,7 +79,7 @@ def test_a_fine_tube_is_not_a_flat() -> None:
     surface = surface_of(*shapes.cylinder(around=900, along=1))
     angle, _ = turns(surface)
     assert angle.max() < np.radians(0.5)
-    label, _ = flats(surface, angle)
+    label, _ = flats(surface)
     assert label.max() > 100
 
 
@@ -112,7 +111,7 @@ def test_seams_are_dear_in_flats_and_cheap_on_sharp_edges() -> None:
     """And on concave ones cheaper still: the floor of a pocket against the rim of the plate."""
     part = extrude(rectangle(4.0, 2.0), (), 1.0, [(circle(48, 0.5), 0.5)])
     surface = surface_of(part.points, part.faces)
-    prices = seam_prices(surface)
+    prices = edge_prices(surface)
     kind = np.sort(part.surface[surface.source][surface.edges // 3], axis=1)
     floor, wall = np.flatnonzero(part.flat)[-1], np.flatnonzero(part.tube)[0]
     inside = prices.price[(kind[:, 0] == kind[:, 1]) & part.flat[kind[:, 0]]]
@@ -166,14 +165,8 @@ def test_a_comb_of_boxes_is_hard_and_a_surface_of_spikes_is_not() -> None:
     assert (hardness(surface_of(points * reach[:, None], faces)) == ORGANIC).all()
 
 
-def test_angles_of_corners_and_what_they_leave() -> None:
-    """3, 4, 5; a cube has a quarter turn at each corner, and a square sheet one at each of its own."""
-    p = np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]])
-    surface = surface_of(p, np.array([[0, 1, 2]]))
-    angles = np.sort(corner_angles(surface.rest_triangles)[0])
-    assert angles == pytest.approx([np.arctan2(3, 4), np.arctan2(4, 3), np.pi / 2])
-    first = corner_angles(np.array([[[0.0, 0], [4, 0], [0, 3]]]))[0]
-    assert first == pytest.approx([np.pi / 2, np.arctan2(3, 4), np.arctan2(4, 3)])
+def test_curvature_is_what_angles_leave_of_a_turn() -> None:
+    """A cube has a quarter turn at each corner, and a square sheet one at each of its own."""
     box = surface_of(*shapes.cube(2))
     defect, rim = curvature(box.cut_mesh(np.zeros(len(box.edges), bool)))
     assert not rim.any()
@@ -189,7 +182,7 @@ def test_angles_of_corners_and_what_they_leave() -> None:
 def test_edges_of_a_box_are_sharp_and_creases() -> None:
     surface = surface_of(*shapes.cube(2))
     angle, concave = turns(surface)
-    prices = seam_prices(surface)
+    prices = edge_prices(surface)
     assert np.array_equal(prices.sharp, angle > 1)
     assert np.array_equal(prices.crease, angle > 1)
     assert np.array_equal(prices.flat, angle < 1)

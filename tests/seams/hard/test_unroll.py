@@ -9,10 +9,8 @@ import pytest
 
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
-from circparam.seams.hard.regions import (
-    seam_prices,
-)
 from circparam.seams.hard.unroll import layers, slits, straight, transported, unroll
+from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import coil, energies, surface_of
 
@@ -20,7 +18,7 @@ from tests.support.atlases import coil, energies, surface_of
 def test_a_tube_is_unrolled_along_a_straight_line() -> None:
     """An open tube of quads in rings: one slit from end to end, as long as the tube, and no distortion."""
     surface = surface_of(*shapes.cylinder(around=24, along=6, height=2.0))
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
     atlas.cut |= slits(atlas)
     assert surface.edge_lengths[atlas.cut].sum() == pytest.approx(2.0)
     cut_mesh = atlas.cut_mesh()
@@ -32,10 +30,10 @@ def test_a_tube_is_unrolled_along_a_straight_line() -> None:
 
 def test_holes_in_a_plane_need_no_slit_and_cone_tips_do() -> None:
     plane = surface_of(*shapes.annulus())
-    atlas = Atlas(plane, np.zeros(len(plane.edges), bool), prices=seam_prices(plane))
+    atlas = Atlas(plane, np.zeros(len(plane.edges), bool), prices=edge_prices(plane))
     assert not slits(atlas).any()
     cone = surface_of(*shapes.cone())
-    atlas = Atlas(cone, np.zeros(len(cone.edges), bool), prices=seam_prices(cone))
+    atlas = Atlas(cone, np.zeros(len(cone.edges), bool), prices=edge_prices(cone))
     atlas.cut |= slits(atlas)
     cut_mesh = atlas.cut_mesh()
     assert energies(cut_mesh, unroll(cut_mesh)) == pytest.approx([1.0], abs=1e-9)
@@ -84,7 +82,7 @@ def test_layers_are_counted_chart_by_chart() -> None:
 
 def uncut_hard(shape) -> Atlas:
     surface = surface_of(*shape)
-    return Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
+    return Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
 
 
 def test_only_charts_that_are_named_are_slit() -> None:

@@ -9,12 +9,12 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams.accuracy import FINAL
+from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation import enforce as module
 from circparam.seams.segmentation.enforce import enforce, unstick
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.overlap_cut import split_layers
-from circparam.seams.segmentation.shorten import edge_costs
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.separate import push_apart
 

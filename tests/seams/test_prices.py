@@ -1,7 +1,11 @@
-"""Seams that go where they are hardly seen: their prices, and what they do to an atlas."""
+"""Prices of edges by shape, visibility and weights, and what they do to an atlas."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.visibility import edge_shares, visible_share
@@ -9,10 +13,24 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.charts import charts
-from circparam.seams.hidden import DIRECTIONS, LEAST, PIXELS, POWER, hiding_prices, shares_of_part
 from circparam.seams.options import HIDDEN, SeamOptions
+from circparam.seams.prices import (
+    DIRECTIONS,
+    FLAT_PRICE,
+    LEAST_SHARE,
+    PIXELS,
+    QUAD_PRICE,
+    VISIBILITY_POWER,
+    designed_flats,
+    edge_costs,
+    shares_of_part,
+    visibility_prices,
+)
 from tests.support import shapes
-from tests.support.atlases import energies, surface_of
+from tests.support.atlases import energies, surface_of, uncut
+
+RING = shapes.torus(24, 12)  # plane quads, each cut in two
+TUBE = shapes.cylinder(around=12, along=6)  # its quads form flats from end to end
 
 
 def grooved(level: int = 4) -> Surface:
@@ -30,10 +48,10 @@ def decided(surface: Surface, strength: float) -> Atlas:
 
 def test_prices_are_one_at_no_strength_and_fall_with_the_share_that_sees_an_edge() -> None:
     surface = grooved(3)
-    assert hiding_prices(surface, 0.0) == pytest.approx(1)
-    half, full = hiding_prices(surface, 0.5), hiding_prices(surface, 1.0)
+    assert visibility_prices(surface, 0.0) == pytest.approx(1)
+    half, full = visibility_prices(surface, 0.5), visibility_prices(surface, 1.0)
     assert full == pytest.approx(half**2)
-    assert full.min() >= LEAST**POWER * (1 - 1e-12)
+    assert full.min() >= LEAST_SHARE**VISIBILITY_POWER * (1 - 1e-12)
     h = surface.edges[:, 0]
     middle = surface.points[surface.faces].reshape(-1, 3)[h]
     deep = np.linalg.norm(middle, axis=1) < 0.75
@@ -47,9 +65,9 @@ def test_processes_look_along_some_of_the_directions_each() -> None:
     parts = [shares_of_part(surface, DIRECTIONS, k, 4, Monitor()) for k in range(4)]
     assert sum(parts) == pytest.approx(whole, abs=1e-12)
     assert all((part < 0.5 * whole.max()).all() for part in parts)
-    shared = hiding_prices(surface, 0.5, Monitor(jobs=2))
-    assert np.array_equal(shared, hiding_prices(surface, 0.5, Monitor()))
-    assert shared == pytest.approx(hiding_prices(surface, 0.5))
+    shared = visibility_prices(surface, 0.5, Monitor(jobs=2))
+    assert np.array_equal(shared, visibility_prices(surface, 0.5, Monitor()))
+    assert shared == pytest.approx(visibility_prices(surface, 0.5))
 
 
 def test_parts_keep_the_prices_of_their_edges_and_so_do_surfaces_that_are_cut_open() -> None:
@@ -82,3 +100,54 @@ def test_seams_hide_in_a_groove_and_every_chart_is_good(level: int) -> None:
     cut_mesh = hidden.cut_mesh()
     assert not not_disks(cut_mesh).any()
     assert (energies(cut_mesh, hidden.gather(cut_mesh)) <= 1.05).all()
+
+
+def ball(seed: int = 0) -> shapes.Shape:
+    """A round surface whose faces are coplanar by chance only."""
+    return shapes.noisy(*shapes.icosphere(4), 0.002, seed)
+
+
+@pytest.mark.parametrize(("shape", "faces"), [(RING, 2), (TUBE, 12)])
+def test_faces_coplanar_by_design_are_flats(shape: shapes.Shape, faces: int) -> None:
+    surface = surface_of(*shape)
+    flat = designed_flats(surface)
+    a, b = surface.edges.T // 3
+    assert np.array_equal(flat, (surface.normals[a] * surface.normals[b]).sum(1) > 1 - 1e-9)
+    assert flat.sum() == len(shape[1]) * (faces - 1) // faces
+
+
+@given(st.integers(0, 50))
+def test_faces_coplanar_by_chance_are_no_flats(seed: int) -> None:
+    assert not designed_flats(surface_of(*ball(seed))).any()
+
+
+def test_each_component_is_judged_alone() -> None:
+    surface = surface_of(*shapes.join(RING, ball()))
+    flat = designed_flats(surface)
+    of_ring = surface.edges[:, 0] // 3 < len(RING[1])
+    assert flat[of_ring].sum() == len(RING[1]) // 2
+    assert not flat[~of_ring].any()
+
+
+@pytest.mark.parametrize(("shape", "price"), [(RING, QUAD_PRICE), (TUBE, FLAT_PRICE)])
+def test_flats_of_organic_components_are_dear(shape: shapes.Shape, price: float) -> None:
+    atlas = uncut(*shape)
+    flat = designed_flats(atlas.surface)
+    paid = edge_costs(atlas) / atlas.surface.edge_lengths
+    assert paid[flat] == pytest.approx(price)
+    assert (paid[~flat] <= 1).all()
+
+
+def test_a_flat_is_dearer_than_its_rim_however_many_see_the_rim() -> None:
+    """Prices of visibility make the rim of a flat more than twice as dear as the flat is."""
+    surface = surface_of(*shapes.cube(2))
+    flat = designed_flats(surface)
+    seen = replace(surface, price=visibility_prices(surface, 0.5))
+    assert seen.price is not None
+    assert flat.any()
+    assert seen.price[~flat].max() > 2
+    plain, hidden = (edge_costs(Atlas(s, np.zeros(len(flat), bool))) for s in (surface, seen))
+    assert (hidden / surface.edge_lengths)[flat].min() > (hidden / surface.edge_lengths)[
+        ~flat
+    ].max()
+    assert (hidden / plain)[~flat] == pytest.approx(seen.price[~flat])

@@ -1,0 +1,139 @@
+"""What a seam along an edge costs: the one place where the edges of a surface get their prices.
+
+The cost of an edge is ℓ · shape · visibility · weight, infinite where the edge is locked. ``edge_prices``
+gives the price of the shape: sharp edges are cheap, edges inside flats are dear. ``with_visibility`` gives the
+price of visibility, which is found late and kept on the surface. ``with_weights`` adds the weights of the user.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.geometry.visibility import PARTS, edge_shares
+from circparam.mesh.atlas import Atlas, SeamPrices
+from circparam.mesh.surface import Surface
+from circparam.seams.hard.regions import CREASE, FLAT, FLAT_FACES, SHARP, flats, turns
+from circparam.seams.options import SeamOptions
+
+FLAT_PRICE = 4.0  # lengths: a seam inside a flat, so that any way round the flat is cheaper
+# lengths: a seam inside a plane quad of an organic surface; the way round over two sides is √2 times as long
+QUAD_PRICE = 1.35
+EXACT = np.radians(0.1)  # faces that a designer laid in one plane turn less, rounding included
+# of the length of edges that turn less than FLAT: those below EXACT; by chance they have a share of 0.2
+DESIGNED_SHARE = 0.3
+DIRECTIONS = 64  # of parallel light in which an edge may be seen
+# faces: of larger surfaces fewer directions are drawn
+LARGE_FACES, FEWER_DIRECTIONS = 20_000, 24
+PIXELS = 128  # side of the image of one direction
+TYPICAL_SHARE = 0.5  # of the directions see an edge of a convex shape
+LEAST_SHARE = 0.2  # of TYPICAL_SHARE: an edge seen from fewer directions counts as hidden
+VISIBILITY_POWER = 4.0  # of the share in the price, at full strength
+VISIBILITY_COST = (
+    30.0  # times the seconds of the repair: with less time left there is no visibility
+)
+LEAST_WEIGHT = 1e-3  # least weight of the user: seams that cost nothing would take any detour
+
+
+def edge_costs(atlas: Atlas) -> FloatArray:
+    """(e,) cost of a seam along each edge, infinite where it is locked."""
+    surface = atlas.surface
+    none = np.zeros(len(surface.faces), bool)
+    price = (edge_prices(surface, none) if atlas.prices is None else atlas.prices).price
+    if surface.price is not None:
+        # the rim of a flat is seen from more directions than the flat, which must not draw seams into it
+        price = np.where(price < FLAT_PRICE, price * surface.price, price)
+    cost: FloatArray = np.where(surface.locked, np.inf, surface.edge_lengths * price)
+    return cost
+
+
+def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
+    """The prices that the shape of a surface gives its edges.
+
+    hard: (m,) bool, faces of hard components (None: all). Only their flats and creases are named: no step cuts
+    those flats. On other components flats are dear if a designer made them.
+    """
+    angle, concave = turns(surface)
+    sides = surface.edges // 3
+    of_hard = np.ones(len(sides), bool) if hard is None else hard[sides[:, 0]]
+    label, inside = flats(surface)
+    steep = np.interp(angle, np.radians([0.5, 5, 20, 30]), [1.6, 1.2, 0.6, 0.4])
+    steep = np.where(inside | (angle < FLAT), FLAT_PRICE, steep * np.where(concave, 0.8, 1.0))
+    price = np.where(of_hard, steep, 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(angle)), 0, 1)))
+    if not of_hard.all():
+        designed = designed_flats(surface) & ~of_hard
+        large = (np.bincount(label) >= FLAT_FACES)[label[sides[:, 0]]]
+        price = np.where(designed, np.where(large, FLAT_PRICE, QUAD_PRICE * price), price)
+    return SeamPrices(
+        price, inside & of_hard, (angle >= SHARP) & of_hard, (angle >= CREASE) & of_hard
+    )
+
+
+def designed_flats(surface: Surface) -> BoolArray:
+    """(e,) bool: edges inside flats of components whose flats were designed.
+
+    On a round surface faces are coplanar by chance: the angles of its edges are spread evenly. Quads cut in two
+    and the faces of a part are coplanar but for rounding.
+    """
+    angle, _ = turns(surface)
+    _, inside = flats(surface)
+    count, component = surface.components
+    of = component[surface.edges[:, 0] // 3]
+    length = np.where(inside, surface.edge_lengths, 0.0)
+    exact = group_sum(np.where(angle < EXACT, length, 0.0), of, count)
+    designed = exact > DESIGNED_SHARE * group_sum(length, of, count)
+    result: BoolArray = inside & designed[of]
+    return result
+
+
+def shares_of_part(
+    surface: Surface, count: int, part: int, parts: int, monitor: Monitor
+) -> FloatArray:
+    """(e,) what one of so many parts of the directions has in the share of each edge. monitor: not asked."""
+    return edge_shares(surface, count, PIXELS, turn=slice(part, None, parts))
+
+
+def visibility_prices(
+    surface: Surface, strength: float, monitor: Monitor | None = None
+) -> FloatArray:
+    """(e,) price of every edge: (share / TYPICAL_SHARE) to the power VISIBILITY_POWER · strength.
+
+    share: of all directions from which the edge is seen, at least LEAST_SHARE · TYPICAL_SHARE. strength: from
+    0, where all edges cost the same, to 1. An edge on a convex place costs its length. An edge down a groove
+    that half as many directions see costs a quarter of it at a strength of ½. monitor: its processes share
+    the directions (None: this one takes all).
+    """
+    count = DIRECTIONS if len(surface.faces) <= LARGE_FACES else FEWER_DIRECTIONS
+    parts = 1 if monitor is None else PARTS
+    tasks = [(surface, count, part, parts) for part in range(parts)]
+    worker = Worker(1 if monitor is None else monitor.jobs)
+    share = sum(worker.map(shares_of_part, tasks, monitor or Monitor()))
+    relative = np.maximum(share / TYPICAL_SHARE, LEAST_SHARE)
+    price: FloatArray = relative ** (VISIBILITY_POWER * strength)
+    return price
+
+
+def with_visibility(
+    surface: Surface, options: SeamOptions, monitor: Monitor, most: int | None = None
+) -> Surface:
+    """The surface with the prices of visibility, if they are asked for, missing, and time allows.
+
+    most: faces; a larger surface gets none, since those of its level are used.
+    """
+    large = most is not None and len(surface.faces) > most
+    late = monitor.short(VISIBILITY_COST * monitor.seconds.get("repair", 0.0))
+    if large or late or not options.hide_seams or surface.price is not None:
+        return surface
+    with monitor.stage("visibility"):
+        return replace(surface, price=visibility_prices(surface, options.hide_seams, monitor))
+
+
+def with_weights(surface: Surface, weights: FloatArray) -> Surface:
+    """The surface with its prices times the weights (e,) of the user; infinite ones only lock."""
+    factor = np.where(np.isfinite(weights), np.maximum(weights, LEAST_WEIGHT), 1.0)
+    price = factor if surface.price is None else factor * surface.price
+    return replace(surface, price=price, weighted=True)
