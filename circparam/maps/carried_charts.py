@@ -28,7 +28,7 @@ from circparam.core.records import dataclass
 from circparam.geometry.closest import closest_on_triangles
 from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas
-from circparam.maps.least_drift import HEIGHT, faults, meetings, mend
+from circparam.maps.least_drift import LEAST_HEIGHT_PAGES, faults, meetings, mend
 from circparam.maps.loose_faces import lay_anew
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
@@ -380,7 +380,7 @@ def _relabel(
     now = np.zeros(len(uv))
     height = _heights(uv[face], mirrored[source.chart[led.face[face]]])
     now[face] = np.maximum(_depths(uv[face], face, uv), -height)
-    face = face[now[face] > HEIGHT]
+    face = face[now[face] > LEAST_HEIGHT_PAGES]
     if len(face) == 0:
         return False
     other, beside = _around(target, face)
