@@ -64,12 +64,12 @@ class PackOptions:
         At least the diagonal of a texel, so no two charts touch one texel whatever the padding. This separates
         charts too small to cover any centre.
         """
-        return max(lattice_gap(self.padding), math.sqrt(2)) + MARGIN
+        return max(lattice_gap(self.padding), math.sqrt(2)) + MARGIN_TEXELS
 
     @property
     def box_gap(self) -> float:
         """The same for charts that an upright strip separates: centres on its sides are whole texels apart."""
-        return max(self.padding, 1) + MARGIN
+        return max(self.padding, 1) + MARGIN_TEXELS
 
     @property
     def border(self) -> float:
@@ -78,7 +78,7 @@ class PackOptions:
         The centre of texel ``padding − 1`` must stay empty and is the last such centre. It is half a texel
         nearer to the border than the texel's inner side.
         """
-        return max(self.padding - 0.5, 0.0) + MARGIN
+        return max(self.padding - 0.5, 0.0) + MARGIN_TEXELS
 
     @property
     def fixed_scale(self) -> float | None:
@@ -110,7 +110,7 @@ def too_dense(area: float, options: PackOptions) -> str:
 
 
 # Room for rounding to float32 (1.2e-4 texels at 2048, 1e-3 at 16384) and for the raster's own rounding.
-MARGIN = 0.01
+MARGIN_TEXELS = 0.01
 
 
 def lattice_gap(padding: int) -> float:
@@ -137,7 +137,7 @@ def strip_gap(padding: int, normal: FloatArray) -> FloatArray:
     a = np.arange(padding + 1)
     b = np.array([math.isqrt((padding + 1) ** 2 - 1 - int(x) ** 2) for x in a])
     width = (np.abs(normal) @ np.stack([a, b]).astype(np.float64)).max(1)
-    return np.asarray(np.maximum(width, math.sqrt(2)) + MARGIN)
+    return np.asarray(np.maximum(width, math.sqrt(2)) + MARGIN_TEXELS)
 
 
 @dataclass(frozen=True, eq=False)

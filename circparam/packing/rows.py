@@ -13,7 +13,7 @@ from circparam.core.monitor import Monitor
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Placement
-from circparam.packing.skyline import COLUMNS, Bounds, Profiles, largest_placement, profiles
+from circparam.packing.skyline import CHART_COLUMNS, Bounds, Profiles, largest_placement, profiles
 
 # Angles of a quarter turn that are tried for boxes: of 30,000 charts finer ones take longer than all the rest.
 ANGLE_STEPS = 12
@@ -57,7 +57,7 @@ def _dropped(
     x = np.empty(n)
     x[order] = left
     centre = x[:, None] - box[:, :, 0]
-    cell = float(max((size[:, 0].mean() + options.gap) / COLUMNS, options.resolution / 8192))
+    cell = float(max((size[:, 0].mean() + options.gap) / CHART_COLUMNS, options.resolution / 8192))
     shape = profiles(shapes, angle, scale, grow, cell, centre)
     column = np.rint((centre.ravel() + shape.left) / cell).astype(np.int64) + 1
     sky = np.zeros(int(options.resolution / cell) + 4, np.float32)

@@ -21,10 +21,10 @@ from circparam.packing.placement import Placement
 
 Bounds: TypeAlias = npt.NDArray[np.float32]
 
-COLUMNS = 24  # of a chart of average width: more are slower and hardly tighter
+CHART_COLUMNS = 24  # of a chart of average width: more are slower and hardly tighter
 
 # Directions in a turn at which each chart is tried if it may turn freely.
-TURNS = 8
+CHART_TURNS = 8
 
 # Weight of the height at which a chart ends beside the room that it wastes, for charts by falling height.
 HEIGHT_WEIGHT = 0.5
@@ -152,7 +152,7 @@ def skyline_placement(
     Charts come by falling size, then by falling height. least: scale of a known layout, which is tried first.
     """
     n = shapes.n
-    turns = {"free": TURNS, "90": 4, "none": 1}[options.rotate]
+    turns = {"free": CHART_TURNS, "90": 4, "none": 1}[options.rotate]
     base = least_box_angles(shapes, options.rotate) if options.rotate == "free" else np.zeros(n)
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
     if shapes.upright is not None and options.rotate == "free":
@@ -238,7 +238,7 @@ def _stacked(
     n, k = angle.shape
     wide = shapes.boxes(angle[:, 0])
     mean = float((wide[:, 2] - wide[:, 0]).mean()) * scale + 2 * options.gap
-    cell = float(max(mean / COLUMNS, options.resolution / 4096))
+    cell = float(max(mean / CHART_COLUMNS, options.resolution / 4096))
     grow = options.gap / 2
     shape = profiles(shapes, angle, scale, grow, cell)
     margin = options.border - grow

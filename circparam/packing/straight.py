@@ -10,8 +10,8 @@ from circparam.geometry.straight import directions, straight_edges
 from circparam.packing.outlines import Shapes
 
 # share of an outline that runs along two perpendicular directions where a chart counts
-STRAIGHT = 0.4
-EXACT = 1e-9  # radians within which a chart lies along the axes
+STRAIGHT_SHARE = 0.4
+EXACT_RADIANS = 1e-9  # radians within which a chart lies along the axes
 _QUARTER = np.pi / 2
 
 
@@ -26,7 +26,7 @@ class Straight:
     def lying(self, angle: FloatArray) -> BoolArray:
         """(n,) the charts that count and lie along the axes at angles (n,)."""
         off = np.mod(angle - self.angle + _QUARTER / 2, _QUARTER) - _QUARTER / 2
-        result: BoolArray = self.counts & (np.abs(off) < EXACT)
+        result: BoolArray = self.counts & (np.abs(off) < EXACT_RADIANS)
         return result
 
 
@@ -47,4 +47,4 @@ def straight_charts(shapes: Shapes, longest: float) -> Straight:
     angle = -found.angle
     box = shapes.boxes(angle)
     length_of = (box[:, 2:] - box[:, :2]).max(1)
-    return Straight(angle, (found.share >= STRAIGHT) & (length_of <= longest))
+    return Straight(angle, (found.share >= STRAIGHT_SHARE) & (length_of <= longest))

@@ -8,7 +8,7 @@ from circparam.geometry.quad_grid import diagonals, grid_layout
 from circparam.geometry.straight import directions
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.packing.straight import STRAIGHT
+from circparam.packing.straight import STRAIGHT_SHARE
 from circparam.pipeline import fallback
 from circparam.seams.hard.unroll import unroll
 from circparam.seams.segmentation.weigh import share_over
@@ -53,7 +53,7 @@ def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool
     if always:
         h = cut_mesh.boundary
         border = uv[cut_mesh.faces.ravel()[next_half_edge(h)]] - uv[cut_mesh.faces.ravel()[h]]
-        bent |= directions(border, cut_mesh.chart[h // 3], cut_mesh.n_charts).share < STRAIGHT
+        bent |= directions(border, cut_mesh.chart[h // 3], cut_mesh.n_charts).share < STRAIGHT_SHARE
     if not bent.any():
         return atlas
     part, _, faces = cut_mesh.subset(bent)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.errors import OptionError
-from circparam.packing.options import MARGIN, PackOptions, lattice_gap, strip_gap
+from circparam.packing.options import MARGIN_TEXELS, PackOptions, lattice_gap, strip_gap
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_the_scale_that_the_user_fixes():
 def test_borders_and_boxes_keep_the_padding():
     for padding, border, box in ((0, 0.0, 1), (1, 0.5, 1), (2, 1.5, 2), (4, 3.5, 4)):
         options = PackOptions(padding=padding)
-        assert options.border == pytest.approx(border + MARGIN)
-        assert options.box_gap == pytest.approx(box + MARGIN)
+        assert options.border == pytest.approx(border + MARGIN_TEXELS)
+        assert options.box_gap == pytest.approx(box + MARGIN_TEXELS)
         # the centre of the last texel that must stay empty lies outside what charts may reach
         assert options.border > padding - 0.5

@@ -248,10 +248,10 @@ def test_a_start_is_gone_on_with(turned: bool) -> None:
     angle = rng.uniform(-3, 3, 9) * turned
     c, s = np.cos(angle)[of], np.sin(angle)[of]
     uv = np.stack([c * flat[:, 0] + s * flat[:, 1], c * flat[:, 1] - s * flat[:, 0]], 1)
-    options = PackOptions(resolution=512, padding=2, effort=1e-2)
+    options = PackOptions(resolution=512, padding=2, effort=5e-3)
     scale = options.resolution - 2.0 * options.border
     start = Placement(scale, angle, np.full((9, 2), float(options.border)), np.zeros(9, np.int64))
     without, packed = (
         pack(faces, uv, chart, options, start=begun).share[0] for begun in (None, start)
     )
-    assert packed > 0.6 > 0.55 > without
+    assert packed > 0.65 > 0.6 > without

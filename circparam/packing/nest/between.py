@@ -25,7 +25,7 @@ def completed(task: PackTask, start: Placement) -> Placement | None:
     if len(rest) == 0:
         return start
     rest = rest[np.argsort(-shapes.area[rest], kind="stable")]
-    cells = SCHEDULE.cells(shapes.n)
+    cells = SCHEDULE.cells(shapes.n, options.effort)
     texels = (options.resolution - 2 * options.border + options.gap) / cells
     first = options.border - options.gap / 2  # texel at which the first cell begins
     # the density at which a page at the scale of the start has so many cells

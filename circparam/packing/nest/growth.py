@@ -36,7 +36,7 @@ OVERLAP_CELLS = 256
 STEP_LEAST_TEXELS = 1.0
 
 # Steps at which outlines are sampled lie on a ladder of this ratio.
-STEP_RATIO = 2**0.5
+STEP_LADDER_RATIO = 2**0.5
 
 # Room in texels for the error of the linear programs: curvature of the outlines and of the turns.
 SLACK_TEXELS = 0.02
@@ -73,7 +73,7 @@ class Growth:
 
         Steps are rounded down to one of a ladder, so that layouts of nearly one scale share their samples.
         """
-        rung = STEP_RATIO ** np.floor(np.log(step) / np.log(STEP_RATIO))
+        rung = STEP_LADDER_RATIO ** np.floor(np.log(step) / np.log(STEP_LADDER_RATIO))
         if rung not in self.sampled:
             self.sampled[rung] = sample_outlines(self.shapes, rung)
         return self.sampled[rung]

@@ -20,10 +20,10 @@ Spectrum = npt.NDArray[np.complex64]
 Single = npt.NDArray[np.float32]
 
 # Threads of the transforms: a second thread costs 70 µs a call, about the time of one chart.
-THREADS = 1
+FFT_THREADS = 1
 
 # Error of contacts beside taken cells, as a share of the weight of a taken cell.
-NOISE = 2e-6
+CONTACT_ERROR_SHARE = 2e-6
 
 
 @lru_cache(maxsize=64)
@@ -59,7 +59,7 @@ def best_place(
     highest = float(score.max())
     if highest < 0:
         return None
-    near = np.flatnonzero(score >= highest - NOISE * used)
+    near = np.flatnonzero(score >= highest - CONTACT_ERROR_SHARE * used)
     if len(near) > 1:
         some = np.unique(near // (tall * wide))
         score = _at_places(kernel[some] * (page * blur), tall, wide)
@@ -130,7 +130,7 @@ def _at_places(product: Spectrum, tall: int, wide: int) -> Single:
     Equal to ``irfft2`` to the last bit, which also transforms the other rows.
     """
     size = product.shape[1]
-    half = sf.ifft(product, axis=1, norm="forward", overwrite_x=True, workers=THREADS)[:, :tall]
-    whole = sf.irfft(half, n=size, axis=2, norm="forward", workers=THREADS)[:, :, :wide]
+    half = sf.ifft(product, axis=1, norm="forward", overwrite_x=True, workers=FFT_THREADS)[:, :tall]
+    whole = sf.irfft(half, n=size, axis=2, norm="forward", workers=FFT_THREADS)[:, :, :wide]
     found: Single = whole * np.float32(1 / size**2)
     return found

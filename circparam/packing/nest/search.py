@@ -27,7 +27,7 @@ ANGLES_MOST = 24
 GRID_SLACK = 1.18
 
 # Spread of the logarithmic area by which later trials change the order.
-SPREAD = 0.25
+LOG_AREA_SPREAD = 0.25
 
 # Blurs of the contact score in cells, one for each trial in turn: wide ones pull charts into bays.
 SIGMAS = tuple(2.0 ** np.array([1, 2, 0, 3]))
@@ -186,7 +186,7 @@ def search(
     while side >= least and not budget.over and (layouts or trial < TRIALS_MOST):
         key = length if trial % 2 else area
         if trial > 1:
-            key = key + rng.normal(0, SPREAD, shapes.n)
+            key = key + rng.normal(0, LOG_AREA_SPREAD, shapes.n)
         masks = [a[_half(rng, len(a))] for a in allowed]
         sigma = SIGMAS[trial % len(SIGMAS)]
         layouts = _shrink(board, key, side, sigma, options.pages, masks, budget) + layouts

@@ -100,7 +100,8 @@ class _Boards:
     @property
     def cells(self) -> int:
         """Side of a page in cells. Several pages share the cells of one, so that the work stays the same."""
-        return int(SCHEDULE.cells(self.shapes.n) / np.sqrt(min(self.options.pages, 6)))
+        side = SCHEDULE.cells(self.shapes.n, self.options.effort)
+        return max(int(side / np.sqrt(min(self.options.pages, 6))), 1)
 
     def of(self, density: float) -> Board:
         """The board of a page of which charts are hoped to cover ``density``."""
@@ -221,7 +222,7 @@ def _at_fixed_scale(task: PackTask, scale: float) -> Placement | None:
     shapes, options = task.shapes, task.options
     inner = options.resolution - 2 * options.border + options.gap
     # no compaction mends the error of this grid, so it is twice as fine
-    cells = 2 * SCHEDULE.cells(shapes.n)
+    cells = 2 * SCHEDULE.cells(shapes.n, options.effort)
     density = float(shapes.area.sum() * scale**2 / inner**2 / options.pages)
     if not 0 < density <= 1:
         return None
