@@ -284,3 +284,14 @@ def _singular(
     if live.all():
         return large, np.abs(small), cut_mesh.areas
     return large[live], np.abs(small[live]), cut_mesh.areas[live]
+
+
+def energy_terms(cut_mesh: CutMesh, uv: FloatArray, faces: IntArray) -> FloatArray:
+    """(f, 3) terms (P, N, A) of some faces (f,): their sums over a chart give its distortion √(P N) / (2 A)."""
+    with np.errstate(all="ignore"):
+        large, small = singular_values(jacobians(cut_mesh, uv, faces))
+    large, small = np.maximum(large, COLLAPSED), np.maximum(np.abs(small), COLLAPSED)
+    area = cut_mesh.areas[faces]
+    terms = [area * (large**2 + small**2), area * (large**-2.0 + small**-2.0), area]
+    result: FloatArray = np.where(_live(cut_mesh)[faces], terms, 0.0).T
+    return result

@@ -55,7 +55,9 @@ def vertex_angle_sums(cut_mesh: CutMesh, angles: FloatArray) -> FloatArray:
     return group_sum(angles.ravel(), cut_mesh.faces.ravel(), cut_mesh.n_vertices)
 
 
-def jacobians(cut_mesh: CutMesh, uv: FloatArray, faces: slice = slice(None)) -> FloatArray:
+def jacobians(
+    cut_mesh: CutMesh, uv: FloatArray, faces: slice | IntArray = slice(None)
+) -> FloatArray:
     """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂x_j.
 
     x: the plane of the rest triangle. uv: (n_vertices, 2). Built from differences, so that a translation of uv

@@ -25,14 +25,12 @@ def pack(
     chart: IntArray,
     options: PackOptions | None = None,
     monitor: Monitor | None = None,
-    start: Placement | None = None,
 ) -> Packed:
     """Place charts on pages: faces (m, 3) into uv (nv, 2), chart (m,) labels 0..n-1.
 
     All charts get one scale, so relative sizes are kept. Charts are moved, turned as the options allow, and
     scaled, never mirrored. On a raster of the stated resolution the covered texel centres of two charts are at
-    least padding + 1 apart. At the border of the page padding texels are empty. start: a layout to continue,
-    with offsets of the origin of the uv in texels of the page; its gaps may be somewhat narrow.
+    least padding + 1 apart. At the border of the page padding texels are empty.
 
     Raises OptionError if the charts cannot fit (padding, density or sizes too large, too many charts),
     NoResultError if no chart has any extent.
@@ -41,13 +39,12 @@ def pack(
     monitor = monitor or Monitor()
     shapes = shapes_of(faces, uv, chart)
     if options.straighten == "all" and options.rotate == "free":
-        shapes, start = along_axes(shapes), None
+        shapes = along_axes(shapes)
     check_room(shapes, options)
     check_fixed_room(shapes, options)
     with monitor.stage("pack"):
         checked = _Check(shapes, options)
-        begun = None if start is None else _centred(shapes, uv, start)
-        candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound, begun))
+        candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound))
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
         # the largest scale, then the fewest pages; the next one follows if the check refuses
@@ -60,14 +57,6 @@ def pack(
         f"packing failed its own check ({wrong}): try another --resolution, or make new charts with "
         "circparam unwrap"
     )
-
-
-def _centred(shapes: Shapes, uv: FloatArray, start: Placement) -> Placement:
-    """A layout with offsets of the origin of the uv, as one with offsets of the centres of charts."""
-    v = shapes.start[shapes.edge_start[:-1]]
-    x, y = (np.asarray(uv, np.float64)[v] - shapes.points[v]).T * start.scale
-    c, s = np.cos(start.angle), np.sin(start.angle)
-    return replace(start, offset=start.offset + np.stack([c * x - s * y, s * x + c * y], 1))
 
 
 class _Check:

@@ -104,7 +104,7 @@ def split(outline: Outline, i: int, j: int) -> tuple[Outline, Outline]:
     """Both parts of an outline, cut from corner i to corner j > i."""
     ahead = np.arange(i, j + 1)
     back = np.r_[np.arange(j, len(outline.p)), np.arange(i + 1)]
-    inside = [_holds(outline.p[ahead], hole[0]) for hole in outline.holes]
+    inside = [within(outline.p[ahead], hole[:1])[0] for hole in outline.holes]
     first, second = (
         Outline(
             outline.chart,
@@ -202,10 +202,10 @@ def extents(p: FloatArray, pick: IntArray, first: IntArray, pieces: IntArray) ->
     return least_frames(top[..., :2] + top[..., 2:])
 
 
-def _holds(polygon: FloatArray, point: FloatArray) -> bool:
-    """Whether a point lies in a polygon (k, 2)."""
-    a, b = polygon, np.roll(polygon, -1, axis=0)
-    crossed = (a[:, 1] > point[1]) != (b[:, 1] > point[1])
-    rise = np.where(crossed, b[:, 1] - a[:, 1], 1.0)
-    x = a[:, 0] + (point[1] - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
-    return bool((crossed & (x > point[0])).sum() % 2)
+def within(polygon: FloatArray, points: FloatArray) -> BoolArray:
+    """(p,) bool: the points (p, 2) that lie in a polygon (k, 2)."""
+    a, b = polygon[:, None], np.roll(polygon, -1, axis=0)[:, None]
+    crossed = (a[..., 1] > points[:, 1]) != (b[..., 1] > points[:, 1])
+    rise = np.where(crossed, b[..., 1] - a[..., 1], 1.0)
+    x = a[..., 0] + (points[:, 1] - a[..., 1]) / rise * (b[..., 0] - a[..., 0])
+    return np.asarray((crossed & (x > points[:, 0])).sum(0) % 2 == 1)

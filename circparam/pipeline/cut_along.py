@@ -8,20 +8,14 @@ import scipy.sparse as sps
 from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge, stable_order
 from circparam.core.graph import components, nearest
 from circparam.core.records import dataclass
-from circparam.geometry.distortion import at_best_scales, chart_distortion
-from circparam.geometry.overlap import overlaps, signs
+from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
-from circparam.solvers.newton import RelaxOptions, relax
 
 BAND = 0.2  # of a chord's length: largest distance of the path along edges from the chord
 EDGES = 4.0  # and this many edges more
 ENDS = (0.35, 0.1, 0.0)  # of a chord's length: largest distance of the path's ends from its ends
 ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
-# Newton steps for a part above the bound: the first steps show the room that a cut makes. A part is given up
-# if its first step leaves more than this share of the excess. Parts that came below the bound ended the step
-# at 0.93 at most; four fifths of the others were above (150 parts, 11 meshes).
-STEPS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +30,10 @@ class Chord:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits for both parts of a chart that is cut: the bound on the distortion, the least number of faces.
-
-    flats: share of the length of a cut that may run through flats.
-    """
+    """Limits for both parts of a chart that is cut: the bound on the distortion, the least number of faces."""
 
     bound: float
     faces: int = 1
-    flats: float = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +54,7 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
     """The atlas of one chart cut along edges near a chord; None unless both parts are valid disks.
 
     costs: (e,) of a seam along each edge, infinite if seams are forbidden. The way begins and ends on a
-    boundary near the ends of the chord, wherever it is shortest. Layouts stay, except for parts above the
-    bound. These are relaxed, because the cut often makes room.
+    boundary near the ends of the chord, wherever it is shortest. The layout stays.
     """
     atlas, tried = whole.atlas, np.zeros(0, np.int64)
     for ends in ENDS:
@@ -178,8 +167,8 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:
     """An atlas cut along a path (edges) if both charts are valid, else None.
 
-    Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound as it is or
-    after relaxation. The smaller part has about the planned area.
+    Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound as it is. The
+    smaller part has about the planned area.
     """
     count, chart = atlas.charts()
     if count != 2 or np.bincount(chart).min() < limits.faces:
@@ -191,17 +180,6 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened 
         return None
     if not_disks(cut_mesh).any():
         return None
-    high = chart_distortion(cut_mesh, uv) > limits.bound
-    if not high.any():
-        return Opened(atlas, cut_mesh, uv)
-    part, vertices, faces = cut_mesh.subset(high)
-    options = RelaxOptions(max_iterations=STEPS, give_up=limits.bound, early=True)
-    better = relax(part, at_best_scales(part, uv[vertices]), options).uv
-    sound = np.isfinite(better).all() and (signs(better, part.faces) > 0).all()
-    if not sound or (chart_distortion(part, better) > limits.bound).any():
+    if (chart_distortion(cut_mesh, uv) > limits.bound).any():
         return None
-    if overlaps(part.faces, better, part.chart, part.edges).self_overlapping.any():
-        return None
-    after = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-    after.scatter(part, better, faces)
-    return Opened(after, cut_mesh, after.gather(cut_mesh))
+    return Opened(atlas, cut_mesh, uv)

@@ -16,7 +16,6 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker
 from circparam.errors import CircparamError
-from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.pipeline import fallback
@@ -24,13 +23,10 @@ from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import seam_options
 from circparam.pipeline.flatten import rules, seams_in_frame, with_straight
 from circparam.pipeline.job import Job
+from circparam.pipeline.layout_cost import finished_cost
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Effort
-from circparam.seams.cost import COST
 from circparam.seams.options import SeamOptions, Search
-from circparam.seams.segmentation.weigh import share_over
-from circparam.seams.stretch import STRETCH
-from circparam.solvers.objective import chart_energies
 
 LIKELY = (
     0.5  # share of the seconds of the last search that must be left for another one to be begun
@@ -56,10 +52,10 @@ def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         return cascade
     if not options.fills_page:
         return cascade
-    if not options.fills_one_page:
-        from circparam.pipeline.more_pages import fill_pages
+    if options.texel_density is not None:
+        from circparam.pipeline.fit_pages import fit_pages
 
-        return fill_pages(cascade, options, monitor)
+        return fit_pages(cascade, options, monitor)
     from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
 
     return fill_page(cascade, options, monitor)
@@ -143,10 +139,4 @@ def cost_of(cascade: Cascade, options: Options) -> float:
         return float(np.inf)
     if (fallback.faults(cut_mesh, uv)[0] > 0).any():
         return float(np.inf)
-    share = 1.0
-    if cascade.packing is not None:
-        share = float(cascade.packing.packed.share[: cascade.packing.packed.page.max() + 1].mean())
-    area = cut_mesh.chart_areas
-    distortion = float(chart_energies(cut_mesh, uv) @ area / area.sum())
-    tail = float(share_over(cut_mesh, face_stretch(cut_mesh, uv), STRETCH).sum())
-    return COST.finished(cascade.atlas.seam_length, cut_mesh.n_charts, distortion, tail, share)
+    return finished_cost(cascade)

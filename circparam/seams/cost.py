@@ -26,15 +26,16 @@ class AtlasCost:
     chart: a chart less is worth a quarter more. flat: a seam inside a flat is seen at once and counts so much
     on top of its length. distortion: a hundredth of the mean distortion is worth as much as a chart: a cube
     gets its net of six squares, 0.82 longer than the shortest net, which is 0.033 to 0.048 skewed. tail: a
-    thousandth of the surface stretched over twice is worth a tenth. page: a page fuller by a tenth is worth a
-    fifth.
+    thousandth of the surface stretched over twice is worth a tenth. page: a page
+    fuller by a tenth is worth three quarters, half a root of seam and a chart. Weights of 6, 10 and 16 cover
+    0.60, 0.63 and 0.65 of the page in the mean of 20 meshes, with seams as 0.96 to 1.00 to 1.03.
     """
 
     chart: float = 0.25
     flat: float = 4.0
     distortion: float = 26.0
     tail: float = 100.0
-    page: float = 2.0
+    page: float = 8.0
 
     def seams(self, atlas: Atlas) -> float:
         """Seams and charts alone, for atlases that are not relaxed to the end."""

@@ -14,9 +14,7 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
-from circparam.packing.placement import Placement
 from circparam.packing.skyline import skyline_placement
-from tests.support import shapes
 from tests.support.packing import QUICK, blobs, promise, shelf, triangles, vertices_of
 
 
@@ -231,27 +229,3 @@ def _squares(n):
     uv = np.concatenate([corner + np.array([3.0 * k, 0]) for k in range(n)])
     faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(n)])
     return faces, uv, np.repeat(np.arange(n), 2)
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_start_is_gone_on_with(turned: bool) -> None:
-    """A disk in nine ragged pieces a little apart, each turned in the uv: the start turns them back."""
-    rng = np.random.default_rng(0)
-    points, whole = shapes.delaunay_disk(600)
-    points = 0.5 + 0.5 * points
-    centre = points[whole].mean(1)[:, :2]
-    chart = np.linalg.norm(centre[:, None] - centre[rng.choice(len(centre), 9)], axis=2).argmin(1)
-    pairs, faces = np.unique(chart[:, None] * len(points) + whole, return_inverse=True)
-    faces, of, flat = faces.reshape(-1, 3), pairs // len(points), points[pairs % len(points), :2]
-    middle = np.stack([flat[of == k].mean(0) for k in range(9)])[of]
-    flat = middle + 0.88 * (flat - middle)
-    angle = rng.uniform(-3, 3, 9) * turned
-    c, s = np.cos(angle)[of], np.sin(angle)[of]
-    uv = np.stack([c * flat[:, 0] + s * flat[:, 1], c * flat[:, 1] - s * flat[:, 0]], 1)
-    options = PackOptions(resolution=512, padding=2, effort=5e-3)
-    scale = options.resolution - 2.0 * options.border
-    start = Placement(scale, angle, np.full((9, 2), float(options.border)), np.zeros(9, np.int64))
-    without, packed = (
-        pack(faces, uv, chart, options, start=begun).share[0] for begun in (None, start)
-    )
-    assert packed > 0.65 > 0.6 > without

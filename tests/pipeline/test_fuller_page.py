@@ -17,9 +17,10 @@ from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.pipeline import fallback, fuller_page, jobs
 from circparam.pipeline.cascade import Cascade, CascadeRules
-from circparam.pipeline.fuller_page import LIMIT, fill_page
+from circparam.pipeline.fuller_page import fill_page
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options
+from circparam.seams.cost import COST
 from circparam.seams.segmentation.weigh import share_over
 from tests.support import shapes
 
@@ -48,7 +49,7 @@ def filled(atlas: Atlas, most: int | None = None, least: int = 1, bound: float =
 def test_a_long_strip_is_cut_across() -> None:
     """One short cut through a long strip doubles what a square page holds of it, and more."""
     before = roll()
-    after = filled(before)
+    after = filled(before, most=2)
     assert after.atlas.charts()[0] == 2
     _, chart = after.atlas.charts()
     longest = max(np.ptp(before.corners[chart == c, :, 0]) for c in (0, 1))
@@ -92,14 +93,22 @@ def test_a_mesh_without_a_seam_gets_none() -> None:
     assert filled(flat).atlas is flat
 
 
-def test_seams_grow_by_no_more_than_the_limit() -> None:
-    """A slit as long as five cuts allows none of them; one as long as twenty allows some."""
-    short = roll(50)
-    assert filled(short).atlas is short
-    long = roll(200)
-    after = filled(long).atlas
-    assert 2 <= after.charts()[0] <= 3
-    assert after.seam_length <= (1 + LIMIT) * long.seam_length
+def cost(cascade: Cascade) -> float:
+    """Seams, charts and page of a layout, which cuts of a strip change."""
+    found = cascade.packing or fuller_page.packing(cascade, Options(resolution=512), Monitor())
+    assert found is not None
+    share = fuller_page.covered_share(found)
+    return COST.finished(cascade.atlas.seam_length, cascade.atlas.charts()[0], 1.0, 0.0, share)
+
+
+@pytest.mark.parametrize("length", [16, 24, 50, 200])
+def test_cuts_lower_the_cost_of_the_atlas(length: int) -> None:
+    """Seams of any length are added if the page pays them, and none otherwise."""
+    before = Cascade(roll(length), CascadeRules(bound=1.05))
+    after = filled(before.atlas)
+    cuts = after.atlas.charts()[0] - 1
+    assert cost(after) < cost(before) if cuts else after.atlas is before.atlas
+    assert cuts >= 1 if length >= 50 else cuts <= 1
 
 
 @pytest.mark.parametrize("refine", [1, 3])
@@ -131,9 +140,9 @@ def test_what_may_not_be_a_seam_is_none() -> None:
     assert filled(held).atlas is held
 
 
-def test_a_part_above_the_bound_is_relaxed() -> None:
-    """Two fifths of the strip are drawn to 1.6 times their length: the whole is below the bound, that part is
-    not until it is laid out again."""
+def test_no_part_is_above_the_bound() -> None:
+    """Two fifths of the strip are drawn to 1.6 times their length: the whole is below the bound, that part
+    alone is not."""
     before = roll()
     corners = before.corners.copy()
     corners[..., 0] += 0.6 * np.maximum(corners[..., 0] - 60, 0)
@@ -143,7 +152,7 @@ def test_a_part_above_the_bound_is_relaxed() -> None:
     assert chart_distortion(*drawn.open()).max() < 1.08 < chart_distortion(*stretched.open()).max()
     after = filled(drawn, bound=1.08).atlas
     cut_mesh, uv = after.open()
-    assert cut_mesh.n_charts == 2
+    assert cut_mesh.n_charts >= 2
     assert chart_distortion(cut_mesh, uv).max() <= 1.08
     assert fallback.faults(cut_mesh, uv)[0].max() == fallback.SOUND
 
@@ -190,7 +199,7 @@ def test_processes_share_the_search_and_change_nothing() -> None:
     one, two = (f.packing.packed.uv for f in found if f.packing is not None)
     assert np.array_equal(one, two)
     assert np.array_equal(found[0].atlas.cut, found[1].atlas.cut)
-    assert found[0].atlas.charts()[0] == 3
+    assert found[0].atlas.charts()[0] >= 3
 
 
 @pytest.mark.parametrize("more", [{"cut": "disk"}, {"rotate": "90"}, {"method": "circle"}])

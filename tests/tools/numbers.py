@@ -18,8 +18,8 @@ STEERING = [
     *(
         f"pipeline/{name}.py"
         for name in (
-            "chords", "cut_along", "cut_plan", "cut_search", "fuller_page", "more_pages", "pieces",
-            "place", "searches", "sprawl",
+            "chords", "cut_along", "fit_pages", "fuller_page", "page_cuts", "page_search", "place",
+            "searches",
         )
     ),
 ]  # fmt: skip

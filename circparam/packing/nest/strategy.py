@@ -187,20 +187,6 @@ def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> P
     return None
 
 
-def on_page(placement: Placement, before: PackOptions, after: PackOptions) -> Placement:
-    """The same layout on a page of another resolution and padding."""
-    if before is after:
-        return placement
-    factor = _inner(after) / _inner(before)
-    offset = (placement.offset - before.border) * factor + after.border
-    return replace(placement, scale=placement.scale * factor, offset=offset)
-
-
-def _inner(options: PackOptions) -> float:
-    """Side in texels of the page between its borders."""
-    return options.resolution - 2 * options.border
-
-
 def _alone(shapes: Shapes, options: PackOptions) -> Placement:
     """One chart in the middle of its page, at the angle where it fits the smallest square."""
     angle = least_square_angles(shapes, options.rotate)

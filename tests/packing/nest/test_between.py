@@ -9,7 +9,6 @@ import pytest
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.packing import pack
 from circparam.packing.nest.between import completed
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, shapes_of
@@ -78,15 +77,3 @@ def test_what_finds_no_room_or_no_time_is_left() -> None:
     assert put(shapes, start) is None
     shapes = shapes_of(*squares(1.0, 1.0, 1.0, 0.4, 0.4))
     assert put(shapes, quarters(shapes, 0.46 * PAGE.resolution), effort=1e-9) is None
-
-
-def test_packing_goes_on_from_the_large_charts() -> None:
-    """A layout of the large charts alone leads to one of all that is as full as what it began with."""
-    sides = [1.0, 1.0, 1.0, *[0.3] * 9, 0.05]
-    given = squares(*sides)
-    shapes = shapes_of(*given)
-    start = quarters(shapes, 0.47 * PAGE.resolution)
-    # offsets of the origin of the uv: the lower left corners
-    half = np.array(sides)[:, None] / 2 * start.scale
-    packed = pack(*given, PAGE, start=replace(start, offset=start.offset - half))
-    assert packed.scale * PAGE.resolution >= 0.97 * start.scale
