@@ -17,9 +17,6 @@ from circparam.pipeline.page_cuts import Cutter, Part, joined
 from circparam.seams.cost import COST
 
 SHARES = (0.98, 0.7, 0.5)  # of a page's side that charts may have: askew, they leave no room
-SMALLER = (
-    0.95  # of the side of a chart's square, that its parts are at most: else nothing is gained
-)
 CUTS = 64  # at most, if the user gives no number
 FAILED = 12  # chords of a chart along which no cut could be made before the search ends
 
@@ -40,7 +37,7 @@ def fit_pages(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     side = (page.resolution - 2 * page.border) / page.fixed_scale
     # there is no layout otherwise: cuts lead through flats too
     cutter = replace(page_cutter(cascade, options), through_flats=True)
-    for share in SHARES:
+    for share in SHARES if cutter.charts else ():
         parts = _divided(cutter, share * side, int(most), monitor)
         if parts is None:
             continue
@@ -75,10 +72,9 @@ def _halves(cutter: Cutter, part: Part, side: float) -> list[Part] | None:
     chords = part.chords
     page = 2 * np.log(np.maximum(chords.square / side, 1.0))
     cost = chords.length / cutter.root + COST.page * page
-    smaller = np.flatnonzero(chords.square < SMALLER * part.square)
-    for k in smaller[np.argsort(cost[smaller], kind="stable")].tolist():
-        if len(part.failed) < FAILED and part.distortion(k) <= cutter.limits.bound:
-            done = cutter.cut(part, k)
-            if done is not None:
-                return done[0]
+    sound = [part.distortion(k) <= cutter.limits.bound for k in range(len(cost))]
+    for k in np.lexsort([cost, ~np.array(sound, bool)]).tolist():
+        done = cutter.cut(part, k) if len(part.failed) < FAILED else None
+        if done is not None:
+            return done[0]
     return None
