@@ -55,8 +55,8 @@ def test_a_long_strip_is_cut_across() -> None:
     longest = max(np.ptp(before.corners[chart == c, :, 0]) for c in (0, 1))
     assert longest < 60
     root = np.sqrt(before.surface.areas.sum())
-    # across it is 10; the way along sharper edges may be a little longer
-    assert 9.9 < (after.atlas.seam_length - before.seam_length) * root < 1.35 * 10
+    # across it is 10 less what chords of a wave leave out; the way along sharper edges may be a little longer
+    assert 9.8 < (after.atlas.seam_length - before.seam_length) * root < 1.35 * 10
     assert np.array_equal(after.atlas.corners, before.corners)
     (note,) = after.notes
     assert "1 cut " in note

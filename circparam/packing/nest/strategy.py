@@ -187,6 +187,11 @@ def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> P
     return None
 
 
+def _inner(options: PackOptions) -> float:
+    """Side in texels of the page between its borders."""
+    return options.resolution - 2 * options.border
+
+
 def _alone(shapes: Shapes, options: PackOptions) -> Placement:
     """One chart in the middle of its page, at the angle where it fits the smallest square."""
     angle = least_square_angles(shapes, options.rotate)
