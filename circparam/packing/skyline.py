@@ -29,6 +29,9 @@ CHART_TURNS = 8
 # Weight of the height at which a chart ends beside the room that it wastes, for charts by falling height.
 HEIGHT_WEIGHT = 0.5
 
+# Charts up to which both orders are tried: of more the second one takes seconds.
+TWO_ORDERS_CHARTS = 1000
+
 # Scales that are tried, and the ratio of a scale too large to one that fits at which the search ends.
 SCALES_MOST = 6
 CLOSE_RATIO = 1.005
@@ -167,7 +170,8 @@ def skyline_placement(
 
         found = largest_placement(shapes, options, place, monitor, first)
         best = found or best
-        if monitor.expired or (best is not None and options.fixed_scale is not None):
+        enough = options.fixed_scale is not None or n > TWO_ORDERS_CHARTS
+        if monitor.expired or (best is not None and enough):
             break
     return best
 

@@ -20,8 +20,8 @@ from circparam.packing.skyline import skyline_placement
 NEST_CHARTS = 200
 
 # Numbers of charts between which the skyline runs. Of more than 40 its layout is at times the better start of
-# the compaction; of more than 10,000 it takes a minute, and rows take seconds.
-SKYLINE_CHARTS = 40, 10_000
+# the compaction. Of 10,000 triangles it holds 24 % more than rows, in 17 s for 0.5 s.
+SKYLINE_CHARTS = 40, 6000
 
 
 def _few_enough_to_nest(shapes: Shapes, options: PackOptions) -> bool:
