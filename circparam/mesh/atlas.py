@@ -37,8 +37,7 @@ class Atlas:
 
     cut: (e,) bool over ``surface.edges``. corners: (m, 3, 2) uv of each corner, zeros where none is given. Both
     are copied. The segmentation moves them as it goes; the stages of the pipeline make a new atlas instead.
-    prices: of seams along edges, on hard surfaces; None if all edges are equal. merged_on: its charts have been
-    tried for merging, and none merges.
+    prices: of seams along edges, on hard surfaces; None if all edges are equal.
     """
 
     def __init__(
@@ -50,7 +49,6 @@ class Atlas:
     ) -> None:
         self.surface = surface
         self.prices = prices
-        self.merged_on = False
         self.cut = cut.copy()
         self.corners = np.zeros((len(surface.faces), 3, 2)) if corners is None else corners.copy()
 

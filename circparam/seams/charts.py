@@ -14,8 +14,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
-from circparam.seams.decided import Decided
-from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
+from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, Decided, finish
 from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
@@ -172,7 +171,7 @@ def free_atlas(
     atlas = _first_atlas(surface, bound, options, monitor, notes)
     if options.min_chart_faces > 1:  # small charts are what decides who joins whom then
         return atlas
-    if atlas.merged_on or options.search.draft:
+    if options.search.draft:
         return atlas
     with monitor.stage("charts"):
         if len(surface.faces) <= LEVEL_FACES:

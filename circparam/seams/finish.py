@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import DeferredTask, Worker, in_parts
+from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL
-from circparam.seams.cost import COST
 from circparam.seams.cut_graph import cut_handles, genus_of
-from circparam.seams.decided import Decided
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import ANY_BOUND
-from circparam.seams.segmentation.enforce import Vain, below, enforce, relaxed_layouts
-from circparam.seams.segmentation.grow import dual_graph, make_disks
-from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.enforce import below, enforce, relaxed_layouts
+from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.unions import MergeOptions
@@ -29,59 +25,15 @@ from circparam.solvers.newton import RelaxOptions
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
-# of the faces in one part: the others do not keep the processes busy as long as that one
-MOST_OF_IT = 0.5
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 
 
-def plain_finished(
-    make: Callable[[Monitor], Decided], bound: float, options: SeamOptions, monitor: Monitor
-) -> tuple[BoolArray, FloatArray]:
-    """(cut, corners) of what ``Decided.plain`` makes, finished."""
-    decided = make(monitor)
-    finish(decided, bound, options, Worker(monitor.jobs), monitor, [])
-    return decided.atlas.cut, decided.atlas.corners
+class Decided(NamedTuple):
+    """An atlas whose seams are decided, its dual graph, and how far its layout is relaxed on the surface."""
 
-
-def begun(
-    make: Callable[[Monitor], Decided], monitor: Monitor
-) -> tuple[BoolArray, FloatArray, int]:
-    """(cut, corners, number of relaxed parts) of what ``Decided.plain`` makes.
-
-    The first part is relaxed, as ``finish`` would, where it is most; of several all processes have some.
-    """
-    decided = make(monitor)
-    atlas = decided.atlas
-    make_disks(atlas, decided.graph)
-    faces = in_parts(atlas.charts()[1])[0]
-    if faces.mean() < MOST_OF_IT:
-        return atlas.cut, atlas.corners, 0
-    part = atlas.apart(faces)
-    with monitor.stage("relax"):
-        relaxed_layouts(part, decided.relaxing, monitor)
-    atlas.take(faces, part.cut, part.corners)
-    return atlas.cut, atlas.corners, 1
-
-
-class NextBest:
-    """The atlas that charts give way to: asked for where those have to be cut, finished by then perhaps.
-
-    taken: whether the other was left for it.
-    """
-
-    def __init__(self, surface: Surface, finished: DeferredTask) -> None:
-        self._surface, self._finished = surface, finished
-        self.taken = False
-
-    @property
-    def atlas(self) -> Atlas:
-        """The finished atlas."""
-        return Atlas(self._surface, *self._finished.result())
-
-    def __call__(self, atlas: Atlas, bad: int) -> bool:
-        """Whether it costs no more than another atlas does once its bad charts are cut in two."""
-        self.taken = COST.seams(self.atlas) <= COST.seams(atlas) + COST.chart * bad
-        return self.taken
+    atlas: Atlas
+    graph: DualGraph
+    relaxing: RelaxOptions = FINAL
 
 
 def finish(
@@ -91,12 +43,8 @@ def finish(
     worker: Worker,
     monitor: Monitor,
     notes: list[str],
-    vain: Vain | None = None,
 ) -> None:
-    """Relax charts on the surface itself, and split and merge again what is not as wanted there.
-
-    vain: as for ``enforce``; asked only where one process has all charts.
-    """
+    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
     atlas = decided.atlas
     if decided.relaxing.local is not None:
         # handles that only the mesh has, as those of noise: a loop each, where halves would go right across
@@ -110,9 +58,7 @@ def finish(
         # where the number of charts counts more than the bound, only what overlaps is split
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
-        steps = [None] * decided.relaxed + [decided.relaxing] * len(parts)
-        asked = vain if len(parts) == 1 else None
-        tasks = ((atlas.apart(f), to_bound, steps[k], asked) for k, f in enumerate(parts))
+        tasks = ((atlas.apart(faces), to_bound, decided.relaxing) for faces in parts)
         for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
             atlas.take(faces, *moved)
         monitor.keep(atlas)
@@ -125,28 +71,17 @@ def finish(
 
 
 def settle_part(
-    atlas: Atlas,
-    bound: float,
-    options: RelaxOptions | None,
-    vain: Vain | None,
-    monitor: Monitor,
+    atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor
 ) -> tuple[BoolArray, FloatArray]:
-    """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back.
-
-    options: None where they are relaxed. vain: as for ``enforce``.
-    """
+    """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back."""
+    steps = FINAL
     with monitor.stage("relax"):
-        steps = FINAL
-        if options is None:
-            layouts = judge(*atlas.open())
-        else:
-            layouts = relaxed_layouts(atlas, options, monitor)
-            if options.local is not None:  # what a level has decided need not be relaxed to the end
-                layouts = below(atlas, layouts, bound, monitor)
-                steps = dataclasses.replace(FINAL, bound=bound)
-    if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
-        return atlas.cut, atlas.corners
-    enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor, vain)
+        layouts = relaxed_layouts(atlas, options, monitor)
+        if options.local is not None:  # what a level has decided need not be relaxed to the end
+            layouts = below(atlas, layouts, bound, monitor)
+            steps = dataclasses.replace(FINAL, bound=bound)
+    if layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
+        enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
     return atlas.cut, atlas.corners
 
 

@@ -1,24 +1,17 @@
 """Large surfaces: charts made on a smaller surface first, a level, keep everything that is promised of them."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import DeferredTask, Worker
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, finish, grown, stretch
 from circparam.seams import charts as module
-from circparam.seams.decided import Decided
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
 from circparam.seams.multires.transfer_seams import NEAR_RINGS, transfer_seams
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.grow import dual_graph
-from circparam.seams.segmentation.layout import judge
 from tests.support import shapes
 from tests.support.atlases import assert_promises, surface_of
 
@@ -121,33 +114,3 @@ def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
     assert np.array_equal(whole.cut[inside], fine.cut[inside])
     p = surface.points[surface.faces[taken]]
     assert np.array_equal(p, level.surface.points[level.surface.faces[near[taken]]])
-
-
-def halved(surface: Surface, monitor: Monitor) -> Decided:
-    """A sphere in eight."""
-    side = (surface.points[surface.faces].mean(1) > 0) @ [1, 2, 4]
-    cut = np.diff(side[surface.edges // 3], axis=1)[:, 0] != 0
-    return Decided(Atlas(surface, cut), grown.dual_graph(surface))
-
-
-@pytest.mark.parametrize("dear", [False, True])
-def test_a_level_that_has_to_be_split_is_left_for_one_that_costs_no_more(dear: bool) -> None:
-    """A whole sphere would be split: two halves cost less than that, a hundred pieces do not."""
-    surface = surface_of(*shapes.icosphere(3))
-    graph = dual_graph(surface)
-    half = (surface.points[surface.faces].mean(1)[:, 2] > 0).astype(np.int64)
-    if dear:
-        half = np.arange(len(surface.faces)) // 13
-    other = Atlas(surface, np.diff(half[surface.edges // 3], axis=1)[:, 0] != 0)
-    made = DeferredTask(1, given_back, (other.cut, other.corners), Monitor())
-    rest = finish.NextBest(surface, made)
-    merged = Atlas(surface, np.zeros(len(surface.edges), bool))
-    decided = Decided(merged, graph, plain=partial(halved, surface), most=100.0)
-    finish.finish(decided, 1.02, SeamOptions(), Worker(1), Monitor(), [], rest)
-    assert rest.taken is not dear
-    assert np.array_equal(rest.atlas.cut, other.cut)
-    assert judge(*merged.open()).bad(1.02).any() is np.bool_(not dear)
-
-
-def given_back(cut: BoolArray, corners: FloatArray, monitor: Monitor) -> object:
-    return cut, corners

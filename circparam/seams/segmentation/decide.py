@@ -25,7 +25,6 @@ from circparam.solvers.tutte.embed import tutte_embedding
 
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 RISE = 1e-3  # share of the mean distortion that fewer charts and shorter seams may cost: nobody sees it
-LONGER = 0.01  # share by which seams may be longer that part fewer charts
 LAST_WORK = 1.0  # times the faces of the surface that unions for it may have together
 # faces of trials, from which on a round without a union is the last for hard surfaces
 BARREN = 20_000
@@ -130,15 +129,6 @@ def merge_on(
     return merger
 
 
-def merge_on_once(
-    atlas: Atlas, bound: float, margin: float, monitor: Monitor
-) -> tuple[BoolArray, FloatArray, bool]:
-    """(cut, corners) of an atlas merged on; whether nothing was merged, so that no other try will do more."""
-    count, _ = atlas.charts()
-    merge_on(atlas, bound, margin, monitor)
-    return atlas.cut, atlas.corners, not monitor.expired and atlas.charts()[0] == count
-
-
 def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
     """The atlas of a proxy merged on, as far as that may turn out well on the mesh.
 
@@ -179,20 +169,6 @@ def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> Non
         merger = Merger(atlas, options, fixed)
         while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
             pass
-
-
-def better_in_all(atlas: Atlas, other: Atlas) -> bool:
-    """Whether an atlas has fewer charts than another, seams hardly longer, and as little distortion."""
-    if atlas is other or atlas.charts()[0] >= other.charts()[0]:
-        return False
-    (first, at), (second, there) = atlas.open(), other.open()
-    mine, theirs = (
-        chart_energies(first, at) @ first.chart_areas,
-        chart_energies(second, there) @ second.chart_areas,
-    )
-    return bool(
-        atlas.seam_length <= (1 + LONGER) * other.seam_length and mine <= (1 + RISE) * theirs
-    )
 
 
 def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -41,9 +40,6 @@ FRAGMENT = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 
-# (atlas, number of charts to cut): whether cutting them is not worth it
-Vain = Callable[[Atlas, int], bool]
-
 
 def enforce(
     atlas: Atlas,
@@ -52,18 +48,17 @@ def enforce(
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
-    vain: Vain | None = None,
 ) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
     layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
     little is slit from its boundary to where it is distorted most; others are split in two. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
-    the faces, the work goes on with the others alone. vain: asked before they are cut whether to leave that.
+    the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
     slits = np.zeros(len(atlas.surface.faces), np.int64)
-    _rounds(atlas, graph, layouts, _Held(bound, options, 0, slits), monitor, vain)
+    _rounds(atlas, graph, layouts, _Held(bound, options, 0, slits), monitor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +78,8 @@ def _rounds(
     layouts: ChartLayouts,
     held: _Held,
     monitor: Monitor,
-    vain: Vain | None = None,
 ) -> None:
-    """The rounds that are left. layouts: what the atlas has in its corners. vain: as for ``enforce``."""
+    """The rounds that are left. layouts: what the atlas has in its corners."""
     bound, slits = held.bound, held.slits
     whole, faces = atlas, np.ones(len(slits), bool)
     clear, last = np.zeros(len(slits), bool), atlas.corners
@@ -96,8 +90,6 @@ def _rounds(
         layouts = unstick(atlas, layouts, bound, monitor, pushed)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
-            break
-        if atlas is whole and vain is not None and vain(atlas, int(bad.sum())):
             break
         inside = bad[layouts.cut_mesh.chart]
         if inside.mean() < NARROW:
@@ -272,23 +264,6 @@ def _map_again(
         uv[vid] = part
         atlas.corners[fid] = part[sub.faces]
     return judge(cut_mesh, uv)
-
-
-def breaks_up(
-    atlas: Atlas, graph: DualGraph, bound: float, options: RelaxOptions, monitor: Monitor
-) -> int:
-    """Number of charts that would have to be split: of several, another atlas is the better one.
-
-    Splitting is most of what large surfaces cost, and charts that merged only on a proxy come out in more
-    pieces than they had been: of a bunny one broke and it won, of a beast five of six did, and it lost. The
-    charts are made disks and relaxed.
-    """
-    count, _ = atlas.charts()
-    make_disks(atlas, graph)
-    more = atlas.charts()[0] - count
-    if more > 1:
-        return more
-    return int(relaxed_layouts(atlas, options, monitor).bad(bound).sum())
 
 
 def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:

@@ -217,18 +217,3 @@ def test_nearly_collapsed_faces_are_widened_before_the_chart_moves() -> None:
     found = lay_out_sound(cut_mesh, uv, one, Monitor())
     assert chart_energies(cut_mesh, found)[0] < 1.001
     assert np.abs(found[far] - exact[far]).max() < 1e-4
-
-
-@pytest.mark.parametrize(
-    ("low", "bound", "breaks"), [(0, 1.001, True), (0, 9, False), (0.9, 1.001, False)]
-)
-def test_a_second_atlas_breaks_up_where_more_than_one_chart_would_be_split(
-    low: float, bound: float, breaks: bool
-) -> None:
-    """Two halves of a ball are both above a low bound; of a small cap and the rest only the rest is."""
-    ball = surface_of(*shapes.icosphere(3))
-    atlas = cut_between(ball, (middles(ball)[:, 2] > low).astype(np.int64))
-    lay_out_fresh(atlas, None, GAPS)
-    graph = grow.dual_graph(ball)
-    bad = module.breaks_up(atlas, graph, bound, module.FINAL, Monitor())
-    assert (bad > 1) == breaks

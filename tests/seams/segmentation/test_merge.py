@@ -5,7 +5,7 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation import decide, grow
+from circparam.seams.segmentation import grow
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.seams.segmentation.merge import FREE_WORK, Merger
 from circparam.seams.segmentation.unions import MergeOptions
@@ -146,24 +146,6 @@ def test_merging_that_may_cost_so_much_costs_no_more_however_many_rounds(
         assert cost > 0.02
     else:
         assert 0.2 * rise < cost <= rise
-
-
-def test_better_in_all_is_fewer_charts_at_no_cost() -> None:
-    sheet = surface_of(*shapes.grid(8, 8))
-    x, y = middles(sheet)[:, 0], middles(sheet)[:, 1]
-    halves = as_it_lies(cut_between(sheet, (x > x.mean()).astype(np.int64)))
-    quarters = as_it_lies(cut_between(sheet, (x > x.mean()) + 2 * (y > y.mean())))
-    assert decide.better_in_all(halves, quarters)
-    assert not decide.better_in_all(quarters, halves)
-    assert not decide.better_in_all(halves, halves)
-    stretched = Atlas(sheet, halves.cut, halves.corners * [1.2, 1.0])
-    assert not decide.better_in_all(stretched, quarters), "more distortion"
-    comb = as_it_lies(uncut(*shapes.grid(8, 8)))
-    middle = comb.surface.points[comb.surface.faces].mean(1)[comb.surface.edges // 3].mean(1)
-    comb.cut = _upright(comb) & (middle[:, 1] < 0.8 * middle[:, 1].max())
-    assert comb.charts()[0] == 1
-    assert comb.seam_length > 1.1 * halves.seam_length
-    assert not decide.better_in_all(comb, halves), "longer seams"
 
 
 def _upright(atlas: Atlas) -> np.ndarray:
