@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 
 from circparam.core import clock
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
+from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL
@@ -28,14 +28,13 @@ from circparam.seams.options import SeamOptions
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import decide, merge_on, merged_on, nearly_flat_components
 from circparam.seams.segmentation.grow import dual_graph
-from circparam.seams.segmentation.starts import LOOPS
+from circparam.seams.segmentation.move import move_seams
+from circparam.seams.segmentation.starts import DIRECT_FACES, LOOPS, starts_of
 from circparam.seams.segmentation.unions import ENOUGH, MergeOptions
 from circparam.seams.stretch import stretch_held
 from circparam.seams.tiny_components import tiny_atlas, tiny_components
 from circparam.solvers.newton import RelaxOptions
 
-DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
-DRAFT_FACES = 1_500  # the same in a draft
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
@@ -43,7 +42,6 @@ TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
-OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
 LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
 MOST_LOST = 0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
 UNEVEN = 1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
@@ -56,9 +54,8 @@ def grown_atlas(
     options: SeamOptions,
     monitor: Monitor,
     notes: list[str],
-    target: int | None = None,
 ) -> Atlas:
-    """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
+    """Decide the seams of a surface on a coarse proxy and lay its charts out.
 
     Components that need hardly a seam get theirs on the surface itself.
     """
@@ -88,7 +85,7 @@ def grown_atlas(
         own = surface.part(rest)
         if own is not surface and len(surface.faces) > LEVEL_FACES:
             surface.forget()  # both would have all that is known of them side by side
-        decided = _decided(own, bound, options, worker, monitor, target)
+        decided = _decided(own, bound, options, worker, monitor)
         finish(decided, bound, options, worker, monitor, notes)
         if own is surface:
             return decided.atlas
@@ -97,54 +94,109 @@ def grown_atlas(
 
 
 def _decided(
-    surface: Surface,
-    bound: float,
-    options: SeamOptions,
-    worker: Worker,
-    monitor: Monitor,
-    target: int | None = None,
+    surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> Decided:
-    """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces)."""
+    """Seams before the last relaxation, decided on the surface or on its proxy."""
     if complexity(surface) > LOOPS:
         surface = with_visibility(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
-            found = _decided(closed, bound, options, worker, monitor)
-            return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
+            decided = _decided(closed, bound, options, worker, monitor)
+            atlas = without_fans(decided.atlas, surface)
+            return Decided(atlas, dual_graph(surface), decided.relaxing)
     if len(surface.faces) > LEVEL_FACES and options.max_charts is None:
-        return _from_level(surface, bound, options, worker, monitor)
-    count, graph, search = len(surface.faces), dual_graph(surface), options.search
-    most, proxy = options.max_charts, None
-    if count > (DRAFT_FACES if search.draft else DIRECT_FACES):
-        with monitor.stage("charts"):
-            fewer_faces = target or proxy_faces(surface, search.draft)
-            proxy = decimate(surface, fewer_faces) if fewer_faces < count else None
-    if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-        fine = partial(_prices, surface, None, options, monitor)
-        merging = MergeOptions(bound, margin=MARGIN, search=search)
-        with monitor.stage("charts"):
-            return Decided(decide(surface, merging, most, worker, monitor, fine), graph)
-    inner = 1 + (bound - 1) * (1 - SLACK)
-    merging = MergeOptions(inner, margin=PROXY_MARGIN, search=search)
-    prices = partial(_prices, surface, proxy, options, monitor)
-    with monitor.stage("charts"), _before_transfer(monitor):
-        make = partial(decide, proxy.surface, merging, most, worker, monitor, prices)
-        coarse = in_time(proxy.surface, make, monitor)
-        free = target is None and most is None and options.min_chart_faces == 1
-        if free and not search.draft and not monitor.expired:
-            coarse = in_time(proxy.surface, partial(_merged_on, coarse, inner, monitor), monitor)
+        return _from_level(surface, bound, options, monitor)
+    graph, draft = dual_graph(surface), options.search.draft
+    with monitor.stage("charts"):
+        found = _on_proxies(surface, bound, options, worker, monitor)
+        if found is None:
+            merging = MergeOptions(bound, margin=MARGIN, search=options.search)
+            starts = starts_of(options.search, surface)
+            if len(surface.faces) > DIRECT_FACES:
+                starts = starts[:1]
+            regions = [regions for _, regions in starts]
+            atlas = decide(surface, merging, regions, options.max_charts, worker, monitor)
+            if not draft:
+                atlas = _moved(atlas, surface, None, merging, options, monitor)
+            return Decided(atlas, graph)
+        proxy, coarse = found
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         carried = transfer_to_fine(surface.unpriced(), graph, coarse, proxy)
-    return Decided(carried, graph, _relaxing(bound, options) if search.draft else FINAL)
+    return Decided(carried, graph, _relaxing(bound, options) if draft else FINAL)
 
 
-def _prices(
-    surface: Surface, proxy: Proxy | None, options: SeamOptions, monitor: Monitor
-) -> FloatArray | None:
-    """Prices of the edges of a surface, or of its proxy, by their visibility on the surface."""
+def _on_proxies(
+    surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
+) -> tuple[Proxy, Atlas] | None:
+    """The cheapest atlas of several starts, each on a proxy, with that; None where the surface is as small."""
+    inner = 1 + (bound - 1) * (1 - SLACK)
+    merging = MergeOptions(inner, margin=PROXY_MARGIN, search=options.search)
+    draft = options.search.draft
+    if len(surface.faces) <= DIRECT_FACES:
+        return None
+    starts = starts_of(options.search, surface)
+    tasks = [(surface, start, start == starts[0], merging, options) for start in starts]
+    with _before_transfer(monitor):
+        found = [one for one in worker.map(_on_proxy, tasks, monitor) if one is not None]
+        if not found:
+            return None
+        proxy, coarse = min(found, key=lambda one: COST.of_components(one[1], relaxed=True).sum())
+        if not draft:
+            coarse = _moved(coarse, surface, proxy, merging, options, monitor)
+    return proxy, coarse
+
+
+def _on_proxy(
+    surface: Surface,
+    start: tuple[float, int],
+    needed: bool,
+    merging: MergeOptions,
+    options: SeamOptions,
+    monitor: Monitor,
+) -> tuple[Proxy, Atlas] | None:
+    """Charts of one start; None without time for it, or where its proxy keeps too many faces."""
+    if monitor.expired and not needed:
+        return None
+    size, regions = start
+    faces = proxy_faces(surface, size)
+    if faces >= len(surface.faces):
+        return None
+    proxy = decimate(surface, faces)
+    if len(proxy.surface.faces) > WORTH_IT * len(surface.faces):
+        return None
+    worker, most = Worker(monitor.jobs), options.max_charts
+    try:
+        make = partial(decide, proxy.surface, merging, [regions], most, worker, monitor)
+        coarse = in_time(proxy.surface, make, monitor)
+    except OutOfTimeError:
+        if needed:
+            raise
+        return None
+    free = most is None and options.min_chart_faces == 1 and not merging.search.draft
+    if free and not monitor.expired:
+        coarse = in_time(
+            proxy.surface, partial(_merged_on, coarse, merging.bound, monitor), monitor
+        )
+    return proxy, coarse
+
+
+def _moved(
+    atlas: Atlas,
+    surface: Surface,
+    proxy: Proxy | None,
+    merging: MergeOptions,
+    options: SeamOptions,
+    monitor: Monitor,
+) -> Atlas:
+    """The atlas of a surface, or of its proxy, with seams moved to where they are hardly seen."""
+    if not atlas.cut.any() or monitor.expired:
+        return atlas
     fine = with_visibility(surface, options, monitor)
-    return fine.price if proxy is None else priced(proxy.surface, fine, proxy.cell).price
+    price = fine.price if proxy is None else priced(proxy.surface, fine, proxy.cell).price
+    out = Atlas(dataclasses.replace(atlas.surface, price=price), atlas.cut, atlas.corners)
+    move_seams(out, merging.bound, merging.margin, monitor)
+    return Atlas(atlas.surface, out.cut, out.corners)
 
 
 def _relaxing(bound: float, options: SeamOptions) -> RelaxOptions:
@@ -167,9 +219,7 @@ def _merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
     return merged_on(coarse, bound, monitor)
 
 
-def _from_level(
-    surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
-) -> Decided:
+def _from_level(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Decided:
     """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little."""
     with monitor.stage("charts"):
         level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
@@ -179,8 +229,7 @@ def _from_level(
     middle = with_visibility(level.surface, options, monitor)
     inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
     with _before_transfer(monitor):
-        best = min(_levels(middle, inner, options, worker, monitor), key=COST.seams)
-        best = stretch_held(best, inner, options, monitor)
+        best = stretch_held(_level_atlas(middle, inner, options, monitor), inner, options, monitor)
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
         blind, graph = surface.unpriced(), dual_graph(surface)
@@ -188,33 +237,12 @@ def _from_level(
     return Decided(atlas, graph, _relaxing(inner, options))
 
 
-def _levels(
-    middle: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
-) -> list[Atlas]:
-    """Atlases of a level, decided on proxies of several sizes where it is not too large itself."""
-    targets = [proxy_faces(middle, options.search.draft)]
-    if len(middle.faces) <= LEVEL_FACES and not options.search.draft:
-        targets += [int(k * targets[0]) for k in OTHER_PROXIES]
-    tasks = [(middle, bound, options, k, k == targets[0]) for k in targets]
-    found = worker.map(_level_atlas, tasks, monitor)
-    return [Atlas(middle, *t) for t in found if t]
-
-
-def _level_atlas(
-    surface: Surface,
-    bound: float,
-    options: SeamOptions,
-    target: int,
-    needed: bool,
-    monitor: Monitor,
-) -> tuple[BoolArray, FloatArray] | None:
-    """(cut, corners) of a level, decided on a proxy of so many faces; None where there is no time for it."""
-    if monitor.expired and not needed:
-        return None
+def _level_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
+    """The atlas of a level, merged on there: on the surface itself a union costs as many times more."""
     with monitor.shown_as("level"):
-        search = partial(grown_atlas, surface, bound, options, monitor, [], target)
+        search = partial(grown_atlas, surface, bound, options, monitor, [])
         atlas = in_time(surface, search, monitor)
         if options.min_chart_faces == 1 and not options.search.draft:
             with monitor.stage("charts"):
                 merge_on(atlas, bound, MARGIN, monitor)
-    return atlas.cut, atlas.corners
+    return atlas

@@ -24,9 +24,9 @@ from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.holes import complexity
 
-PROXY_FACES = 2_000  # faces of the proxy of a mesh in one piece
-PIECE_FACES = 200  # more for every further piece, up to half as many again
-PROXY_SHARE = 1 / 60  # and at least this share of the faces
+PROXY_FACES = 1_000  # faces of the proxy of a mesh in one piece
+PIECE_FACES = 100  # more for every further piece, up to half as many again
+PROXY_SHARE = 1 / 120  # and at least this share of the faces
 LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
 SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
 FRAGMENT = 16  # faces; smaller torn-off parts of a component are left out of the proxy
@@ -175,11 +175,10 @@ def _settle(surface: Surface, cell: IntArray) -> IntArray:
     return out
 
 
-def proxy_faces(surface: Surface, draft: bool = False) -> int:
-    """How many faces a proxy should have; for a draft half as many."""
+def proxy_faces(surface: Surface, size: float = 1.0) -> int:
+    """How many faces a proxy should have; ``size``: times as many, but for handles and holes."""
     _, piece = surface.charts(np.zeros(len(surface.edges), bool))
     large = int((np.bincount(piece) > SMALL_COMPONENT).sum())
     pieces = PROXY_FACES + min(PIECE_FACES * max(large - 1, 0), PROXY_FACES // 2)
-    share = int(PROXY_SHARE * len(surface.faces))
-    least = LOOP_FACES * complexity(surface)
-    return max(pieces // 2, share // 2, least) if draft else max(pieces, share, least)
+    share = PROXY_SHARE * len(surface.faces)
+    return max(int(size * max(pieces, share)), LOOP_FACES * complexity(surface))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -16,7 +16,6 @@ from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.starts import CROWD, searched
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import relax
@@ -38,29 +37,22 @@ ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may n
 def decide(
     surface: Surface,
     merging: MergeOptions,
+    regions: Sequence[int],
     max_charts: int | None,
     worker: Worker,
     monitor: Monitor,
-    prices: Callable[[], FloatArray | None] | None = None,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole.
 
-    prices: gives those of the edges of a surface without, asked for once there are seams to move.
+    regions: that the charts of each start are grown from.
     """
+    # visibility does not predict which charts merge: charts are decided by length alone
     atlas = Atlas(surface.unpriced(), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, merging.bound)
     if not rest.all():
         monitor.keep(atlas.part(~rest))
     if rest.any():
-        part = surface.part(rest)
-        # visibility does not predict which charts merge: charts are decided by length alone
-        best = searched(part.unpriced(), merging, worker, monitor)
-        if not merging.search.draft:
-            if prices is not None and surface.price is None:
-                part = replace(surface, price=prices()).part(rest)
-            best = Atlas(part, best.cut, best.corners)
-            move_seams(best, merging.bound, merging.margin, monitor)
-        atlas.put(rest, best)
+        atlas.put(rest, searched(atlas.surface.part(rest), merging, regions, worker, monitor))
     if max_charts is not None:
         reach_count(atlas, merging.bound, max_charts, monitor)
     return atlas

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,41 +28,45 @@ from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.unions import MergeOptions
 
 CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
-# regions that each start of a search grows its charts from, and faces of the largest surface that it is made
-# on: one start alone costs 3 % more (seams and charts of 74 small meshes, two rotations each)
-SEEDS = (60, 12, 30, 100)
-START_FACES = (1 << 62, 6000, 1500, 1500)
-DRAFT_SEEDS = 12  # regions of the one start of a draft
-OTHER_SEEDS = (30, 20, 12, 45, 8, 60)  # of the one start of each search that more effort makes
+# (size of the proxy, regions that charts are grown from) of each start of a search. Which leads to the fewest
+# charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
+# faces). That of a draft is among them.
+STARTS = ((1.0, 12), (1.0, 60), (0.7, 30), (0.5, 100))
+DRAFT_STARTS = STARTS[:1]
+OTHER_REGIONS = (30, 20, 12, 45, 8, 60)  # of the one start of each search that more effort makes
+# up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
+DIRECT_FACES = 1_500
 HASTY = replace(ROUGH, max_iterations=6)
 LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter
 CROWD = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
 
 
-def searched(surface: Surface, options: MergeOptions, worker: Worker, monitor: Monitor) -> Atlas:
-    """The cheapest atlas of a few starts, each of which grows charts and merges them.
+def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:
+    """(size of the proxy, regions) of each start of a search; size 1 is that of a draft."""
+    if search.draft:
+        return list(DRAFT_STARTS)
+    if search.draw:
+        sizes = [size for size, _ in STARTS[1:]]
+        return [(sizes[search.draw % len(sizes)], OTHER_REGIONS[search.draw % len(OTHER_REGIONS)])]
+    # so many holes and handles cut the surface up that regions hardly matter
+    if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
+        return [STARTS[1]]
+    return list(STARTS)
 
-    options: of merging; their ``search`` says which starts there are.
-    """
-    seeds = seeds_of(options.search, surface)
-    if len(seeds) == 1:
-        return grow_and_merge(surface, options, seeds[0], worker, monitor)
-    tasks = [(surface, options, k, k == seeds[0]) for k in seeds]
+
+def searched(
+    surface: Surface,
+    options: MergeOptions,
+    regions: Sequence[int],
+    worker: Worker,
+    monitor: Monitor,
+) -> Atlas:
+    """The cheapest atlas of a few starts, each of which grows charts from so many regions and merges them."""
+    if len(regions) == 1:
+        return grow_and_merge(surface, options, regions[0], worker, monitor)
+    tasks = [(surface, options, k, k == regions[0]) for k in regions]
     found = [Atlas(surface, *one) for one in worker.map(start_once, tasks, monitor) if one]
     return min(found, key=COST.seams)
-
-
-def seeds_of(search: Search, surface: Surface) -> list[int]:
-    """How many regions each start of a search grows its charts from."""
-    faces = len(surface.faces)
-    if search.draft:
-        return [DRAFT_SEEDS]
-    if search.draw:
-        return [OTHER_SEEDS[search.draw % len(OTHER_SEEDS)]]
-    # so many holes and handles cut the surface up that regions hardly matter
-    if complexity(surface) > min(LOOPS, faces / CUT_UP):
-        return [SEEDS[0]]
-    return [k for k, most in zip(SEEDS, START_FACES, strict=True) if faces <= most]
 
 
 def start_once(

@@ -28,10 +28,8 @@ def bumpy() -> Surface:
 def test_each_search_ends_in_charts_below_the_bound(draw: int) -> None:
     """The cheapest of its starts."""
     surface, merging = bumpy(), replace(MERGING, search=Search(draw=draw))
-    atlas = starts.searched(surface, merging, Worker(1), Monitor())
+    regions = [k for _, k in starts.starts_of(merging.search, surface)]
+    atlas = starts.searched(surface, merging, regions, Worker(1), Monitor())
     assert not judge(*atlas.open()).bad(MERGING.bound).any()
-    each = [
-        starts.grow_and_merge(surface, merging, k, None, Monitor())
-        for k in starts.seeds_of(merging.search, surface)
-    ]
+    each = [starts.grow_and_merge(surface, merging, k, None, Monitor()) for k in regions]
     assert COST.seams(atlas) == min(COST.seams(one) for one in each)
