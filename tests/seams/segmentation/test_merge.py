@@ -11,7 +11,7 @@ from circparam.seams.segmentation.merge import FREE_WORK, Merger
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, middles, surface_of, uncut
+from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
 
 
 def merger_of(atlas: Atlas, fixed: np.ndarray | None = None, **options) -> Merger:
