@@ -18,13 +18,13 @@ from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL
 from circparam.seams.cost import COST
 from circparam.seams.finish import LEVEL_FACES, MARGIN, Decided, finish
-from circparam.seams.prices import with_visibility
 from circparam.seams.multires.decimate import Proxy, decimate, priced, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
 from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
+from circparam.seams.prices import with_visibility
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import decide, merge_on, merged_on, nearly_flat_components
 from circparam.seams.segmentation.grow import dual_graph
