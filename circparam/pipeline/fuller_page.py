@@ -37,7 +37,7 @@ from circparam.seams.stretch import STRETCH, stretch_asked
 
 WORK = 12.0  # work of a search: charts are cut that have so many faces together, in faces of the surface
 PACKED = 2  # plans that are packed, beside the page without cuts
-DOUBT = 1.5  # roots of the area by which estimates promise too much: 1 to 2 on 28 meshes; a draft asks for more
+DOUBT = 2.0  # roots of the area by which estimates promise too much at most (28 meshes); a draft asks for more
 SPARED = 0.95e-3  # share of the area that cuts may stretch too much: just below the promise
 
 

@@ -17,6 +17,7 @@ from circparam.geometry.distortion import stretch_and_distortion
 from circparam.mesh.atlas import Atlas
 
 TAIL_STRETCH = 2.0  # times its size: faces stretched or shrunk more make up the tail
+NO_SHARE = 1e-300  # of a page that holds needles alone
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class AtlasCost:
     ) -> float:
         """All of it, of a layout on its page."""
         excess = self.distortion * (distortion - 1) + self.tail * tail
-        return seam + self.chart * charts + excess - self.page * float(np.log(share))
+        return seam + self.chart * charts + excess - self.page * float(np.log(max(share, NO_SHARE)))
 
 
 COST = AtlasCost()

@@ -112,7 +112,7 @@ def test_what_is_told_follows_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
     circparam.unwrap((rough, faces), listener=listen, timeout=1e9, jobs=1, effort=0.05)
     work, told = np.array(steps).T
     work /= work[-1]
-    assert (told - work).max() < 0.2
+    assert (told - work).max() < 0.4
     assert told[-1] > 0.9
 
 

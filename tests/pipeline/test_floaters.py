@@ -12,7 +12,7 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.pipeline.summary import summarise
 from tests.support import shapes
 
-QUICK = {"effort": 0.01, "resolution": 256}
+QUICK = {"effort": 0.01, "resolution": 256, "pack_splits": 0}
 
 
 def cloud(copies: int = 12, size: float = 0.01):

@@ -26,7 +26,7 @@ from circparam.seams.multires.holes import complexity
 
 PROXY_FACES = 1_000  # faces of the proxy of a mesh in one piece
 PIECE_FACES = 100  # more for every further piece, up to half as many again
-PROXY_SHARE = 1 / 120  # and at least this share of the faces
+PROXY_ROOT = 8.0  # and at least so many times the root of the faces: charts of smoother ones break on the mesh
 LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
 SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
 FRAGMENT = 16  # faces; smaller torn-off parts of a component are left out of the proxy
@@ -180,5 +180,5 @@ def proxy_faces(surface: Surface, size: float = 1.0) -> int:
     _, piece = surface.charts(np.zeros(len(surface.edges), bool))
     large = int((np.bincount(piece) > SMALL_COMPONENT).sum())
     pieces = PROXY_FACES + min(PIECE_FACES * max(large - 1, 0), PROXY_FACES // 2)
-    share = PROXY_SHARE * len(surface.faces)
+    share = PROXY_ROOT * np.sqrt(len(surface.faces))
     return max(int(size * max(pieces, share)), LOOP_FACES * complexity(surface))
