@@ -18,6 +18,7 @@ from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, Decided, 
 from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
+from circparam.seams.kinds import atlases_of_kinds, left_for_organic
 from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.prices import edge_prices, with_visibility, with_weights
@@ -33,7 +34,6 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.stretch import LOCAL_STEPS, STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris
-from circparam.seams.ways import left_by, made_ways
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
@@ -205,22 +205,22 @@ def _first_atlas(
         surface = with_visibility(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~hard
-    # a disk may need no seam, and no second way then; of other components both are made at once
+    # a disk in doubt may need no seam, and no organic charts then; of other components both are made at once
     cut_mesh = atlas.cut_mesh()
-    ways = {"hard": hard, "doubtful": doubtful}
+    kinds = {"hard": hard, "doubtful": doubtful}
     disks = (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any()
     if not disks:
-        ways["grown"] = rest
-    made = made_ways(surface, ways, bound, options, monitor, notes)
+        kinds["organic"] = rest
+    made = atlases_of_kinds(surface, kinds, bound, options, monitor, notes)
     other = made.get("doubtful")
-    rest = left_by(other, doubtful, rest)
+    rest = left_for_organic(other, doubtful, rest)
     if disks:
-        made |= made_ways(surface, {"grown": rest}, bound, options, monitor, notes)
+        made |= atlases_of_kinds(surface, {"organic": rest}, bound, options, monitor, notes)
     unrolled = hard & ("hard" in made)
     if "hard" in made:
         atlas.put(hard, made["hard"])
-    if "grown" in made:
-        atlas.put(rest, made["grown"])
+    if "organic" in made:
+        atlas.put(rest, made["organic"])
     if other is not None:
         plain = doubtful & ~rest
         atlas.put(plain, other.part(plain[doubtful]))

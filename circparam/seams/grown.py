@@ -35,17 +35,25 @@ from circparam.seams.stretch import stretch_held
 from circparam.seams.tiny_components import tiny_atlas, tiny_components
 from circparam.solvers.newton import RelaxOptions
 
-WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
+PROXY_MOST_SHARE = 0.7  # of the faces: a proxy that keeps more (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
-TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
-DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
-SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
+TRANSFER_REPAIRS = (
+    30.0  # seconds after the proxy, in those of the repair: 22 to 38 from 40,000 faces on
+)
+DECIDING_SHARE = 0.4  # of the time that is left, at least, for charts on the proxy
+PROXY_SLACK_EXCESS = (
+    0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
+)
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
-LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
-MOST_LOST = 0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
-UNEVEN = 1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
-LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
+LEVEL_SLACK_EXCESS = 0.08  # the same for the mesh after a level: splitting large charts gives less back
+ROUGH_MOST_EXCESS = (
+    0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
+)
+ROUGH_TIMES_MEAN = (
+    1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
+)
+LEVEL_STEPS = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
 
 
 def grown_atlas(
@@ -130,7 +138,7 @@ def _on_proxies(
     surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> tuple[Proxy, Atlas] | None:
     """The cheapest atlas of several starts, each on a proxy, with that; None where the surface is as small."""
-    inner = 1 + (bound - 1) * (1 - SLACK)
+    inner = 1 + (bound - 1) * (1 - PROXY_SLACK_EXCESS)
     merging = MergeOptions(inner, margin=PROXY_MARGIN, search=options.search)
     draft = options.search.draft
     if len(surface.faces) <= DIRECT_FACES:
@@ -163,7 +171,7 @@ def _on_proxy(
     if faces >= len(surface.faces):
         return None
     proxy = decimate(surface, faces)
-    if len(proxy.surface.faces) > WORTH_IT * len(surface.faces):
+    if len(proxy.surface.faces) > PROXY_MOST_SHARE * len(surface.faces):
         return None
     worker, most = Worker(monitor.jobs), options.max_charts
     try:
@@ -202,14 +210,14 @@ def _moved(
 def _relaxing(bound: float, options: SeamOptions) -> RelaxOptions:
     """How far charts from a smaller surface are relaxed; those of a draft no further than the bound needs."""
     enough = 1 + ENOUGH * (bound - 1)
-    return dataclasses.replace(LOCAL, bound=enough) if options.search.draft else LOCAL
+    return dataclasses.replace(LEVEL_STEPS, bound=enough) if options.search.draft else LEVEL_STEPS
 
 
 @contextmanager
 def _before_transfer(monitor: Monitor) -> Iterator[None]:
     """Inside, time is kept for carrying over what a smaller surface has reached by then."""
-    later = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
-    with monitor.holding(later, least=DECIDING), clock.bounded(monitor.last):
+    later = TRANSFER_REPAIRS * monitor.seconds.get("repair", 0.0)
+    with monitor.holding(later, least=DECIDING_SHARE), clock.bounded(monitor.last):
         yield
 
 
@@ -224,10 +232,10 @@ def _from_level(surface: Surface, bound: float, options: SeamOptions, monitor: M
     with monitor.stage("charts"):
         level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
         near = nearest_coarse_face(surface, level)
-        rough = UNEVEN * roughness(surface, level.surface, near)
-    lost = min(rough, MOST_LOST * (bound - 1))
+        rough = ROUGH_TIMES_MEAN * roughness(surface, level.surface, near)
+    lost = min(rough, ROUGH_MOST_EXCESS * (bound - 1))
     middle = with_visibility(level.surface, options, monitor)
-    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
+    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK_EXCESS) - lost
     with _before_transfer(monitor):
         best = stretch_held(_level_atlas(middle, inner, options, monitor), inner, options, monitor)
     with monitor.stage("carry"):

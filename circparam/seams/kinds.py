@@ -1,4 +1,4 @@
-"""The two ways to charts, of hard surfaces and of grown ones, made beside each other."""
+"""Atlases of hard and of organic components, made beside each other; of those in doubt both are made."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from circparam.seams.hard.charts import hard_atlas, with_seams
 from circparam.seams.options import SeamOptions
 from circparam.seams.reached import in_time
 
-SPARE = ("doubtful",)  # ways that are left out where time is up
+SPARE = ("doubtful",)  # kinds that are left out where time is up
 
 
-def made_ways(
+def atlases_of_kinds(
     surface: Surface,
-    ways: Mapping[str, BoolArray],
+    kinds: Mapping[str, BoolArray],
     bound: float,
     options: SeamOptions,
     monitor: Monitor,
     notes: list[str],
 ) -> dict[str, Atlas]:
-    """The atlas of some faces for each way, by its name; by several processes.
+    """The atlas of the faces of each kind, by its name; by several processes.
 
-    ways: (m,) bool, the faces of each: "grown", or else hard. Ways without faces, and those left out for want
-    of time, are missing in the result. notes: get those of the ways.
+    kinds: (m,) bool, the faces of each: "organic", or else cut as hard. Kinds without faces, and those left out
+    for want of time, are missing in the result. notes: the notes of all are added.
     """
-    parts = {name: surface.part(faces) for name, faces in ways.items() if faces.any()}
+    parts = {name: surface.part(faces) for name, faces in kinds.items() if faces.any()}
     # the caller makes the largest, whose parts other processes share as they become idle
     order = sorted(parts, key=lambda name: -len(parts[name].faces))
     tasks = [(name, parts[name], bound, options) for name in order]
-    made = zip(order, Worker(monitor.jobs).map(one_way, tasks, monitor), strict=True)
-    found = {name: way for name, way in made if way is not None}
+    made = zip(order, Worker(monitor.jobs).map(atlas_of_kind, tasks, monitor), strict=True)
+    found = {name: one for name, one in made if one is not None}
     out = {}
-    for name in (name for name in ways if name in found):
+    for name in (name for name in kinds if name in found):
         cut, corners, own = found[name]
         out[name] = Atlas(parts[name], cut, corners)
         monitor.keep(out[name])  # processes keep none
@@ -45,10 +45,10 @@ def made_ways(
     return out
 
 
-def left_by(other: Atlas | None, doubtful: BoolArray, rest: BoolArray) -> BoolArray:
-    """Of the faces ``rest`` those of components that need seams on the hard way, or never went it.
+def left_for_organic(other: Atlas | None, doubtful: BoolArray, rest: BoolArray) -> BoolArray:
+    """Of the faces ``rest`` those of components that need seams as hard ones, or were never cut so.
 
-    other: the atlas of the doubtful faces on the hard way, None where there was no time for it. All (m,) bool.
+    other: the atlas of the doubtful faces cut as hard, None without time for it. doubtful, rest: (m,) bool.
     """
     out = rest.copy()
     if other is not None:
@@ -56,7 +56,7 @@ def left_by(other: Atlas | None, doubtful: BoolArray, rest: BoolArray) -> BoolAr
     return out
 
 
-def one_way(
+def atlas_of_kind(
     name: str,
     surface: Surface,
     bound: float,
@@ -69,7 +69,7 @@ def one_way(
     notes: list[str] = []
 
     def search() -> Atlas:
-        if name == "grown":
+        if name == "organic":
             return grown_atlas(surface, bound, options, monitor, notes)
         worker = Worker(monitor.jobs if len(surface.faces) > PARTED else 1)
         return hard_atlas(surface, bound, options, worker, monitor, notes)
