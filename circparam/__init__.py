@@ -10,8 +10,6 @@
 Importing the package is light: NumPy, SciPy and trimesh are loaded when the first function is used.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

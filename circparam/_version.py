@@ -1,5 +1,3 @@
 """The version, alone in a file so that the build and ``--version`` import nothing else."""
 
-from __future__ import annotations
-
 __version__ = "1.0.0"

@@ -15,8 +15,6 @@ Every message is one line with cause, place and cure. This module knows no comma
 class to exit code is in ``circparam.cli.exits``.
 """
 
-from __future__ import annotations
-
 
 class CircparamError(Exception):
     """Root of every error that circparam raises on purpose."""

@@ -13,8 +13,6 @@ options become. Programs that cannot be changed get it with ``sys.modules["xatla
 and SciPy are loaded when the first function is used.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """Array types, and the few array operations that NumPy lacks and every room needs."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rooms that are functions too: ``circparam.bake`` is a package, and ``circparam.bake(mesh, ...)`` works."""
 
-from __future__ import annotations
-
 import sys
 import types
 from collections.abc import Callable

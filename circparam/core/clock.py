@@ -5,8 +5,6 @@ blocks (factorisations, shortest paths, steps of a minimisation) call ``tick``. 
 result sets the moment with ``bounded``.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -5,8 +5,6 @@ Those packages import each other: ``scipy.sparse.linalg`` takes 40 ms for one fu
 private to SciPy; where a version has them elsewhere, the packages are imported.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -47,13 +45,13 @@ else:
         gstrf = None  # ``splu`` calls it
 
 
-def kd_tree(points: Any, **options: Any) -> cKDTree:
+def kd_tree(points: Any, **options: Any) -> "cKDTree":
     """A k-d tree of points (n, d); options: as for ``scipy.spatial.cKDTree``."""
     return _kd_tree_class()(points, **options)
 
 
 @cache
-def _kd_tree_class() -> type[cKDTree]:
+def _kd_tree_class() -> "type[cKDTree]":
     try:
         with alone("scipy.spatial"):
             from scipy.spatial._ckdtree import cKDTree

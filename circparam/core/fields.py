@@ -4,8 +4,6 @@ The checks of a value (range, choices, condition), the flags of the command line
 same ``Spec``. So an option is added with one field.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 from collections.abc import Callable, Mapping

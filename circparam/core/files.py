@@ -1,7 +1,5 @@
 """Files that appear whole or not at all: written under another name, flushed to the disk, then renamed."""
 
-from __future__ import annotations
-
 import contextlib
 import glob
 import os

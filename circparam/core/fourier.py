@@ -1,7 +1,5 @@
 """Fourier transforms of SciPy without its choice of backends, which imports all special functions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from circparam.core.imports import alone

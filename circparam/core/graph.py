@@ -5,8 +5,6 @@ have one weight for each pair of nodes; of several edges between two nodes, each
 counts.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Modules that dependencies import without need: they load at their first use."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager

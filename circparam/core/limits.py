@@ -1,7 +1,5 @@
 """Ranges of the options of a page, shared by unwrapping and packing."""
 
-from __future__ import annotations
-
 import math
 
 from circparam.core.fields import Range

@@ -1,7 +1,5 @@
 """Sparse linear systems: factor once, solve many; conjugate gradients. Only this module knows the solver."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import islice
 from typing import Any, NamedTuple, TypeAlias

@@ -1,7 +1,5 @@
 """The memory of a process as the system reports it, and how long freed memory is kept."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Messages over a pipe: bytes with their length before them."""
 
-from __future__ import annotations
-
 from typing import IO
 
 LENGTH = 8  # bytes that hold the length of a message

@@ -4,8 +4,6 @@ The library itself never prints. A command line gives a listener. A deadline tur
 loops ask in order to return the best valid result so far.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

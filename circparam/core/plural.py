@@ -1,7 +1,5 @@
 """Words of messages: numbers with their nouns or units."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 _PLURALS = {

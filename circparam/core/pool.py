@@ -1,7 +1,5 @@
 """Worker processes: opened in the background, kept for the next mesh, ended with their caller."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os
@@ -43,7 +41,7 @@ class Pool:
     """
 
     executor: Any
-    ready: Future[Any]
+    ready: "Future[Any]"
     lifeline: Any
     limit: tuple[int, int] | None
     free: int

@@ -6,8 +6,6 @@ second for an unwrap, and most of those classes never get an instance. Here all 
 library.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any

@@ -4,8 +4,6 @@ The choices of the command line, ``circparam methods``, the contract tests and t
 the same rows. Nothing is kept in sync by hand.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Callable, Iterator
 from dataclasses import field

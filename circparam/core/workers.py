@@ -7,8 +7,6 @@ Workers change seconds, never results. The division of work does not depend on t
 part of a worker that does not answer.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import pickle
@@ -58,7 +56,7 @@ def _quota() -> int:
     return 1 << 16
 
 
-def in_parts(label: IntArray) -> list[BoolArray]:
+def in_parts(label: "IntArray") -> "list[BoolArray]":
     """Faces ((m,) bool) of a few sets of charts of about the same size; all in one where there are none such.
 
     label: (m,) chart of each face. The division serves workers and does not depend on their number. The
@@ -165,7 +163,7 @@ class DeferredTask:
         return self._result[0]
 
 
-def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
+def _submitted(pool: Pool, packed: bytes, m: Monitor) -> "Future[bytes] | None":
     """A task on its way to a process; None if the pool is broken, or at the end of the interpreter."""
     soft = None if m.deadline is None else m.deadline - m.reserved - time.monotonic()
     try:
@@ -175,7 +173,7 @@ def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
     return future
 
 
-def _answered(pool: Pool, future: Future[bytes] | None, m: Monitor) -> tuple[Any] | None:
+def _answered(pool: Pool, future: "Future[bytes] | None", m: Monitor) -> tuple[Any] | None:
     """The result of a process. None without one; after a failure no process is asked again."""
     if not pool.ready.done():  # they are not even up
         if future is not None:
@@ -190,7 +188,7 @@ def _answered(pool: Pool, future: Future[bytes] | None, m: Monitor) -> tuple[Any
     return None
 
 
-def _waited(pool: Pool, future: Future[bytes]) -> bytes:
+def _waited(pool: Pool, future: "Future[bytes]") -> bytes:
     """The result of a process. Raises TimeoutError if one was killed, which loky overlooks at times."""
     while True:
         try:
@@ -251,7 +249,7 @@ class _Shared:
             self._next += 1
             return self._next - 1
 
-    def _send(self, done: Future[bytes] | None = None) -> None:
+    def _send(self, done: "Future[bytes] | None" = None) -> None:
         """Give a free process the next task; called again as soon as it has answered."""
         if done is not None:
             self._pool.release()
@@ -270,7 +268,7 @@ class _Shared:
         else:
             self._pool.release()
 
-    def _answer(self, k: int, future: Future[bytes] | None) -> Any:
+    def _answer(self, k: int, future: "Future[bytes] | None") -> Any:
         """The answer of a process, else the same computed here."""
         answer = _answered(self._pool, future, self._monitor)
         if answer is None:

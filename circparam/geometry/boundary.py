@@ -1,7 +1,5 @@
 """The boundaries of charts in the plane, as segments."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

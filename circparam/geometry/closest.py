@@ -1,7 +1,5 @@
 """Closest points of triangles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray

@@ -5,8 +5,6 @@ That is a quarter of the memory of all later stages. The process is started as `
 circparam.geometry.collapse``; nothing else uses that door.
 """
 
-from __future__ import annotations
-
 import contextlib
 import struct
 import subprocess

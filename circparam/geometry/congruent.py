@@ -8,8 +8,6 @@
 3. Faces are compared through the vertices that belong together; where triangles differ, outlines of flats.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cached_property
 

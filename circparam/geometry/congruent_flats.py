@@ -1,7 +1,5 @@
 """Flats of components: copies whose triangles run another way across their flats."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

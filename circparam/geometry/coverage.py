@@ -6,8 +6,6 @@ of boundary segments with texel rows, at the cost of the boundary, not of the fa
 taken apart at its folds: its upright faces and its reversed ones have a boundary each.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

@@ -4,8 +4,6 @@ All are integrals over the surface of the singular values σ1 ≥ σ2 of the map
 of each face. Every measure is a plain number without unit, and 1 is perfect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
@@ -107,7 +105,7 @@ class Tail:
     share: FloatArray
 
     @classmethod
-    def of(cls, stretch: FloatArray, area: FloatArray) -> Tail:
+    def of(cls, stretch: FloatArray, area: FloatArray) -> "Tail":
         """From the stretch of each face and its area on the surface, (f,) each."""
         order = np.argsort(stretch, kind="stable")
         below = np.cumsum(area[order])

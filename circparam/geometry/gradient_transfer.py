@@ -1,7 +1,5 @@
 """Gradients of a layout as vectors in space: transferred to other faces by the least rotation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, sorted_distinct

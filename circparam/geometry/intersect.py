@@ -1,7 +1,5 @@
 """Where boundaries of charts meet, come near, or lie inside one another."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

@@ -3,8 +3,6 @@
 A surface bent without stretching gives the same numbers, and every function works on all charts at once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

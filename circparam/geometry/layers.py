@@ -1,7 +1,5 @@
 """How many layers of its own chart lie on a point of the plane: winding numbers of very many points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, ranges

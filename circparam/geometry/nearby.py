@@ -1,7 +1,5 @@
 """Points of a layout near a few places."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray

@@ -10,8 +10,6 @@ crossing, or in a touch (a shared point, pieces of one line) with surface on the
 along a common line or point touch and do not overlap, as the two sides of a cut through a plane.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
@@ -120,7 +118,7 @@ class SelfContacts:
     _boundary: BoundarySegments
 
     @staticmethod
-    def of(cut_mesh: CutMesh, uv: FloatArray) -> SelfContacts:
+    def of(cut_mesh: CutMesh, uv: FloatArray) -> "SelfContacts":
         """Those of a layout (n_vertices, 2)."""
         mesh, n = cut_mesh, cut_mesh.n_charts
         boundary = boundary_in(mesh, uv)

@@ -1,7 +1,5 @@
 """The cost of a layout in use: thin charts, seams in texels, vertices that seams add, density."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

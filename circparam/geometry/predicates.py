@@ -6,8 +6,6 @@ grow-expansion), still in array operations. Third, rationals for coordinates fur
 float64.
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

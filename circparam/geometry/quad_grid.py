@@ -1,7 +1,5 @@
 """Charts whose faces pair up to a grid of quads, laid out with straight rows and columns."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

@@ -7,8 +7,6 @@ needs this rule. ``row_crossings`` is the scan conversion of closed boundaries, 
 counting. Pixels and texels have their centres at k + ½ unless said otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import TypeAlias
 

@@ -5,8 +5,6 @@ is a capsule: its mean segment and a radius that holds all its rays. Capsules go
 and only the remaining pairs are tested ray by ray.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, ranges, relabel

@@ -5,8 +5,6 @@ segments of their group. A long segment is divided into pieces, and there are fe
 Crowded cells are swept across the direction of their segments, or quartered where even that leaves many pairs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

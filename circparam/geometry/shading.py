@@ -6,8 +6,6 @@ bitangent is w · n × t, with w = +1 if the uv are wound as the surface, −1 i
 a normal map made with these has green up, as glTF wants it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum

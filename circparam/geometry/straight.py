@@ -1,7 +1,5 @@
 """Straight borders of charts: the two perpendicular directions along which most of an outline runs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum

@@ -10,8 +10,6 @@ All faces hide places behind them, whichever way they are wound. The front of a 
 A place on a sheet (a component with a boundary) is visible from both sides.
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

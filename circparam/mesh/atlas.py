@@ -1,7 +1,5 @@
 """An atlas: a surface, the edges that are cut, and the uv of every corner."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +23,7 @@ class SeamPrices:
     sharp: BoolArray
     crease: BoolArray
 
-    def part(self, edges: BoolArray | IntArray) -> SeamPrices:
+    def part(self, edges: BoolArray | IntArray) -> "SeamPrices":
         """The prices of some edges alone."""
         return SeamPrices(
             self.price[edges], self.flat[edges], self.sharp[edges], self.crease[edges]
@@ -136,19 +134,19 @@ class Atlas:
         else:
             self.corners[fid] = uv[cut_mesh.faces]
 
-    def part(self, faces: BoolArray) -> Atlas:
+    def part(self, faces: BoolArray) -> "Atlas":
         """The atlas of some faces ((m,) bool) alone."""
         inside = np.asarray(faces[self.surface.edges // 3].all(1), bool)
         prices = None if self.prices is None else self.prices.part(inside)
         return Atlas(self.surface.part(faces), self.cut[inside], self.corners[faces], prices)
 
-    def apart(self, faces: BoolArray) -> Atlas:
+    def apart(self, faces: BoolArray) -> "Atlas":
         """As ``part``, without the points of the rest: for another process."""
         out = self.part(faces)
         out.surface = out.surface.compact()
         return out
 
-    def put(self, faces: BoolArray, part: Atlas) -> None:
+    def put(self, faces: BoolArray, part: "Atlas") -> None:
         """Take over the result of ``part(faces)``."""
         self.take(faces, part.cut, part.corners)
 

@@ -1,7 +1,5 @@
 """The surface cut open: its charts, boundary loops and Euler characteristics."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
@@ -144,7 +142,7 @@ class CutMesh:
         """Keep an order of elimination; it goes along to parts of the cut mesh. Results change by rounding."""
         self.__dict__["_elimination"] = order
 
-    def in_units_of(self, unit: float) -> CutMesh:
+    def in_units_of(self, unit: float) -> "CutMesh":
         """The same charts with lengths in that unit and with the cached topology; the result of the last call
         is kept."""
         kept: tuple[float, CutMesh] | None = self.__dict__.get("_in_units")
@@ -168,7 +166,7 @@ class CutMesh:
         vertices = np.bincount(self.vertex_chart, minlength=n)
         return vertices - (corner_edges - inner) + np.bincount(self.chart, minlength=n)
 
-    def subset(self, charts: BoolArray) -> tuple[CutMesh, IntArray, IntArray]:
+    def subset(self, charts: BoolArray) -> "tuple[CutMesh, IntArray, IntArray]":
         """The cut mesh of some charts; returns (cut mesh, vertices, faces): the earlier number of each."""
         if charts.all():
             return self, np.arange(self.n_vertices), np.arange(len(self.faces))

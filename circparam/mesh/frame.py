@@ -1,7 +1,5 @@
 """A frame that a shape carries with itself: what is decided there does not depend on the pose of the file."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, slices, sorted_distinct

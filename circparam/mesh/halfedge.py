@@ -1,7 +1,5 @@
 """How faces hang together: half-edges paired across edges, and the vertices that the pairs make."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +129,7 @@ class _Fans(NamedTuple):
         uv: FloatArray | None,
         runs: EdgeRuns,
         many: BoolArray,
-    ) -> _Fans:
+    ) -> "_Fans":
         """The half-edges of the crowded edges among the runs (many: (edges,) bool)."""
         size = runs.size[many]
         h = runs.order[np.repeat(runs.head[many], size) + ranges(size)]

@@ -1,7 +1,5 @@
 """The data: a mesh as read (never edited) and a uv layout over its faces."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The orientation of faces, chosen so that neighbours agree."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From the mesh of a file to the oriented manifold that is solved on."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 from typing import NamedTuple, TypeVar
 

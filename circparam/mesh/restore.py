@@ -1,7 +1,5 @@
 """A layout of the repaired surface back onto all faces of the file."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

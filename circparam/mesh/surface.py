@@ -1,7 +1,5 @@
 """Half-edges, the surface that seams are cut into, and the report on its topology."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 from functools import cached_property
 
@@ -106,7 +104,7 @@ class Surface:
         result: FloatArray = self.areas / self.density**2
         return result
 
-    def at_density(self) -> Surface:
+    def at_density(self) -> "Surface":
         """The surface with faces as large as their density asks, which layouts are compared with.
 
         Seams are found on the plain one: they run between densities and depend on them no further.
@@ -202,7 +200,7 @@ class Surface:
         _, corners = corner_classes(len(fid), e)
         return CutMesh(corners, self.rest_triangles[fid], chart[fid], e), fid
 
-    def without_edges(self, cut: BoolArray) -> Surface:
+    def without_edges(self, cut: BoolArray) -> "Surface":
         """The surface opened along some edges ((e,) bool), which become boundaries; of none: itself."""
         if not cut.any():
             return self
@@ -210,18 +208,18 @@ class Surface:
         price = None if self.price is None else self.price[keep]
         return replace(self, edges=self.edges[keep], locked=self.locked[keep], price=price)
 
-    def unpriced(self) -> Surface:
+    def unpriced(self) -> "Surface":
         """The surface without prices, but for those of the user."""
         return self if self.price is None or self.weighted else replace(self, price=None)
 
-    def compact(self) -> Surface:
+    def compact(self) -> "Surface":
         """The same with used points alone, in their order, for another process."""
         used = np.zeros(len(self.points), bool)
         used[self.faces] = True
         number = np.cumsum(used) - 1
         return replace(self, points=self.points[used], faces=number[self.faces])
 
-    def part(self, faces: BoolArray) -> Surface:
+    def part(self, faces: BoolArray) -> "Surface":
         """Some faces ((m,) bool); where they meet the others is a boundary. Of all: itself."""
         if faces.all() and not len(self.torn):
             return self

@@ -1,7 +1,5 @@
 """The topology of a mesh as it is in the file, before any repair."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -70,7 +68,7 @@ class _Edges:
     chain: IntArray
 
     @staticmethod
-    def of(faces: IntArray, n_points: int) -> _Edges:
+    def of(faces: IntArray, n_points: int) -> "_Edges":
         """faces: (m, 3) welded, into n_points points."""
         solid = ~(faces == faces[:, [1, 2, 0]]).any(1)
         runs = sort_by_edge(faces, n_points, solid)

@@ -1,7 +1,5 @@
 """The report of ``check``: the components of a mesh, whether each is a disk, and its defects."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Coincident vertices, degenerate and duplicate faces, found as maps: nothing is edited."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, sorted_distinct

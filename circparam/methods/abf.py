@@ -9,8 +9,6 @@ boundary, its wheel closes, and the walk along it must come back to its start. T
 all that a layout asks; on a plane the angles of the surface meet them as they are.
 """
 
-from __future__ import annotations
-
 from itertools import islice
 
 import numpy as np

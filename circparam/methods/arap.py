@@ -5,8 +5,6 @@ factorisation. L-BFGS with that factor as its start matrix then takes over, beca
 (Liu, Bouaziz, Kavan 2017).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

@@ -1,7 +1,5 @@
 """Input and output of every method."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import field
 from typing import TypeAlias

@@ -7,8 +7,6 @@ holes, and the layout is that of the uncut chart. Flips are possible where the m
 boundary crosses itself.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

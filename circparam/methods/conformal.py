@@ -1,7 +1,5 @@
 """Shared by the conformal methods: the matrix of Mullen et al. (2008) and its lowest modes."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

@@ -1,7 +1,5 @@
 """Isometric maps: a convex map relaxed to the least symmetric Dirichlet energy, never flipping a face."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray

@@ -5,8 +5,6 @@ The plane is the complex numbers. The conformal energy ½ z* L_C z, Dirichlet en
 matrix with one row a vertex, block diagonal over the charts. Nothing guarantees that no face flips.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

@@ -1,7 +1,5 @@
 """Fixed points of a layout."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, group_sum

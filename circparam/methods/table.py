@@ -3,8 +3,6 @@
 A method is one file, which ends with its row, and the name of that row here.
 """
 
-from __future__ import annotations
-
 from circparam.core.registry import Table
 from circparam.methods import abf, arap, bff, isometric, lscm, tutte
 from circparam.methods.base import Method

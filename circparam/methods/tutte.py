@@ -1,7 +1,5 @@
 """The convex methods: one algorithm, a weight scheme each."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from circparam.core.monitor import Monitor

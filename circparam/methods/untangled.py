@@ -1,7 +1,5 @@
 """Untangle the result of a method without a guarantee; a note always reports the repair."""
 
-from __future__ import annotations
-
 from circparam.core.arrays import BoolArray, FloatArray, sorted_distinct
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh

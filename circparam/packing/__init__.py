@@ -1,7 +1,5 @@
 """Packing: charts placed on pages at one texel density, never mirrored, never closer than the padding."""
 
-from __future__ import annotations
-
 from circparam.core.limits import ROTATIONS
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.pack import pack

@@ -1,7 +1,5 @@
 """A budget that is counted in operations and not in seconds, so that the same input gives the same layout."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 

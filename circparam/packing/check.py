@@ -1,7 +1,5 @@
 """Whether a finished layout keeps its promises on the raster: no texel shared, gaps and borders wide enough."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
@@ -36,7 +34,7 @@ class PlacedCharts:
     simple: BoolArray | None = None
 
     @classmethod
-    def of(cls, shapes: Shapes, uv: FloatArray, page: IntArray) -> PlacedCharts:
+    def of(cls, shapes: Shapes, uv: FloatArray, page: IntArray) -> "PlacedCharts":
         """Charts at uv (nv, 2), in units of the page (n,) that each chart lies on."""
         return cls(
             uv[shapes.faces[shapes.scanned]],

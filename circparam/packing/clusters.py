@@ -1,7 +1,5 @@
 """Charts of a group side by side: each group is packed for itself, then its box among the other boxes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ with reversed faces, or with edges at which three faces or faces of opposite ori
 by face.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
@@ -25,7 +23,7 @@ class Runs:
     last: IntArray
 
     @classmethod
-    def joined(cls, parts: list[Runs]) -> Runs:
+    def joined(cls, parts: "list[Runs]") -> "Runs":
         """The runs of all parts."""
         return cls(*(np.concatenate([getattr(p, k) for p in parts]) for k in cls.__annotations__))
 

@@ -1,7 +1,5 @@
 """Options and results of packing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import field
 

@@ -1,7 +1,5 @@
 """Charts as the packers see them: outlines about a centre, extents at any angle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
@@ -152,7 +150,7 @@ class Shapes:
         part = slice(self.edge_start[c], self.edge_start[c + 1])
         return self.points[self.start[part]], self.points[self.end[part]]
 
-    def part(self, charts: IntArray) -> Shapes:
+    def part(self, charts: IntArray) -> "Shapes":
         """Some of the charts, in the order they have here; their points stay where they are."""
         new = np.full(self.n, -1)
         kept = np.sort(charts)
@@ -168,7 +166,7 @@ class Shapes:
             faces, self.points, chart, owner, self.area[kept], start, self.end[edge], first, upright
         )
 
-    def turned(self, angle: FloatArray, upright: BoolArray) -> Shapes:
+    def turned(self, angle: FloatArray, upright: BoolArray) -> "Shapes":
         """The same charts turned by angles (n,) about their centres, some of them upright from now on."""
         points = self.place(angle, np.zeros((self.n, 2)), 1.0)
         return replace(self, points=points, upright=upright)

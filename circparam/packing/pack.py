@@ -1,7 +1,5 @@
 """The way through packing: shapes, a placement, uv, and the check on the raster at the end."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

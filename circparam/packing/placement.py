@@ -1,7 +1,5 @@
 """Placements of all charts, and the task of a packer: the common data of all packers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TypeAlias

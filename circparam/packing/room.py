@@ -5,8 +5,6 @@ chart fits where the correlation of its cells with those in use is zero, which o
 all places.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -122,7 +120,7 @@ class _Piece:
     points: FloatArray
     cells: BoolArray
 
-    def turned(self) -> _Piece:
+    def turned(self) -> "_Piece":
         """A quarter further, grid and all."""
         x, y = self.points.T
         return _Piece(np.stack([len(self.cells) - y, x], 1), self.cells[::-1].T)

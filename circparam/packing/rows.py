@@ -4,8 +4,6 @@ A row is an array operation. Its charts lie side by side, and each comes to rest
 below. The chart is upright or turned by half, whichever wastes less. Rows take seconds, a skyline minutes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, ranges

@@ -1,7 +1,5 @@
 """Rows of bounding boxes: the plain packer, always fast and always right. Others start from it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray

@@ -4,8 +4,6 @@ After Lévy, Petitjean, Ray and Maillot 2002 ("Least squares conformal maps", se
 bound of each column stand for a chart, the skyline for the page. A chart comes to rest where it wastes least.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Charts with straight borders: the angle at which most of their outline runs along the axes of the page."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray

@@ -3,8 +3,6 @@
 A packer is one module with a function PackTask → Placement or None, and one row here.
 """
 
-from __future__ import annotations
-
 import math
 
 from circparam.core.registry import Row, Table

@@ -1,7 +1,5 @@
 """Chords: straight cuts through a chart from boundary to boundary, and the shapes of both parts."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cuts along chords of a layout, made along edges of the mesh: the shortest way near each chord."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 
@@ -45,7 +43,7 @@ class Opened:
     uv: FloatArray
 
     @classmethod
-    def of(cls, atlas: Atlas) -> Opened:
+    def of(cls, atlas: Atlas) -> "Opened":
         """An atlas, opened."""
         return cls(atlas, *atlas.open())
 

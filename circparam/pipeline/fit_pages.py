@@ -1,7 +1,5 @@
 """Charts cut so that they fit on pages too small for them, at a texel density that the user fixed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

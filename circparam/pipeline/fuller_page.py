@@ -6,8 +6,6 @@ layouts are packed as they will be, beside the page without cuts, and the cheape
 one page: it cuts where the estimate promises more than estimates err. A mesh that needs no seam gets none.
 """
 
-from __future__ import annotations
-
 import contextlib
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a layout costs on its page."""
 
-from __future__ import annotations
-
 from circparam.geometry.distortion import face_stretch
 from circparam.pipeline.cascade import Cascade
 from circparam.seams.cost import COST

@@ -1,7 +1,5 @@
 """The options of carrying textures into a new layout; importing this module loads no NumPy."""
 
-from __future__ import annotations
-
 from circparam.core import limits
 from circparam.core.fields import Range, check, option
 from circparam.core.records import dataclass

@@ -1,7 +1,5 @@
 """Parts of charts, and cuts that divide them along edges of the mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import field, replace
 from functools import cached_property
@@ -47,7 +45,7 @@ class Ground:
     costs: FloatArray
     flat: BoolArray
 
-    def part(self, after: Atlas, mine: BoolArray) -> Ground:
+    def part(self, after: Atlas, mine: BoolArray) -> "Ground":
         """The part on some faces (bool) of the atlas after a cut."""
         inside = mine[after.surface.edges // 3].all(1)
         opened = Opened.of(after.part(mine))

@@ -7,8 +7,6 @@ mesh, and the search goes on from there. A cut that does not pay may prepare one
 without gain are made before the search ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Charts at their best scales, packed into pages or side by side."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ A search depends on its number alone, so the same effort gives the same bytes on
 effort contains the searches of less and never gives a dearer layout (``AtlasCost.finished``).
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The ways of cutting a surface open, one row each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """How far layouts are relaxed in the search for charts: one table for all its steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from circparam.solvers.newton import RelaxOptions

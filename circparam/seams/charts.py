@@ -1,7 +1,5 @@
 """Few charts under a distortion bound: grow, merge, shorten, on a coarse proxy where the mesh is large."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

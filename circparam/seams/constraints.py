@@ -1,7 +1,5 @@
 """Edges named by the user or by the file as seams, or as edges that no seam may follow."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

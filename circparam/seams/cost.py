@@ -7,8 +7,6 @@ T share of the surface stretched over TAIL_STRETCH, share the covered share of t
 of the area of seam, so a weight says how much seam a user would give for one unit of the term.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_sum

@@ -1,7 +1,5 @@
 """Seams that only open the surface: none at all, or one disk for each component."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

@@ -1,7 +1,5 @@
 """From charts that are decided to an atlas: relaxed on the surface, held to the bound, merged once more."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Charts of organic surfaces: decided on a coarse proxy, and those of large surfaces level by level."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,7 +44,9 @@ PROXY_SLACK_EXCESS = (
     0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 )
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
-LEVEL_SLACK_EXCESS = 0.08  # the same for the mesh after a level: splitting large charts gives less back
+LEVEL_SLACK_EXCESS = (
+    0.08  # the same for the mesh after a level: splitting large charts gives less back
+)
 ROUGH_MOST_EXCESS = (
     0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
 )

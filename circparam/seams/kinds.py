@@ -1,7 +1,5 @@
 """Atlases of hard and of organic components, made beside each other; of those in doubt both are made."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from circparam.core.arrays import BoolArray, FloatArray

@@ -1,7 +1,5 @@
 """What every way of cutting gets and gives."""
 
-from __future__ import annotations
-
 from dataclasses import field
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray

@@ -5,8 +5,6 @@ gives the price of the shape: sharp edges are cheap, edges inside flats are dear
 price of visibility, which is found late and kept on the surface. ``with_weights`` adds the weights of the user.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

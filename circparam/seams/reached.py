@@ -4,8 +4,6 @@ A search hands sound atlases of parts of its surface to ``Monitor.keep`` as it g
 component is kept, so that a longer time never gives a worse one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

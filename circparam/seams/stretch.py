@@ -1,7 +1,5 @@
 """How far faces may be stretched, and whether seams may be added for that."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

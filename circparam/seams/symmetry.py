@@ -1,7 +1,5 @@
 """Mirror images: which part of a surface is that of which, and seams that are the same on both sides."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -61,7 +59,7 @@ class Mirror:
         result: BoolArray = edges | edges[self.images.edge]
         return result
 
-    def without(self, edges: BoolArray) -> Mirror:
+    def without(self, edges: BoolArray) -> "Mirror":
         """The mirror of the surface without some edges ((e,) bool), which are the images of each other."""
         if self.images is None:
             return self

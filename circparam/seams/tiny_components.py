@@ -1,7 +1,5 @@
 """Thousands of tiny components, as the floaters of a scan are: all at once, in few passes over their faces."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, group_sum

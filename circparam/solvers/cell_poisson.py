@@ -5,8 +5,6 @@ are a twelfth as many cells as vertices, so the cost is linear in the faces, and
 stored.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

@@ -7,8 +7,6 @@ weights after Rabinovich, Poranne, Panozzo and Sorkine-Hornung (2017), "Scalable
 (SLIM).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray

@@ -4,8 +4,6 @@ The energy is finite on flipped faces too. Its parameter ε falls with the worst
 becomes a barrier once every face is upright.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

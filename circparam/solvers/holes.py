@@ -1,7 +1,5 @@
 """CutMesh with holes, for methods that walk along one boundary: their loops joined to one by cuts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, IntArray, next_half_edge

@@ -1,7 +1,5 @@
 """L-BFGS on many independent problems at once: step lengths, memory and stopping are those of each group."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

@@ -5,8 +5,6 @@ below the first collapse of a face (Smith and Schaefer 2015). A layout that star
 therefore ends without one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, dot2, group_min, group_sum

@@ -1,7 +1,5 @@
 """The objective of Newton's method: the symmetric Dirichlet energies of many charts at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

@@ -4,8 +4,6 @@ A pattern may order its vertices so that elimination fills little. The order of 
 later ones over the same edges, with one number or a block for each pair of vertices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 
@@ -27,7 +25,7 @@ TRANSPOSED = np.array(
 )  # entries of a transposed block, where a block is (00, 01, 10, 11)
 
 
-def pattern_of(cut_mesh: CutMesh) -> VertexPattern:
+def pattern_of(cut_mesh: CutMesh) -> "VertexPattern":
     """The pattern of a cut mesh in its known order of elimination; cached with the cut mesh."""
     kept: VertexPattern | None = cut_mesh.__dict__.get("_pattern")
     if kept is None or (cut_mesh.elimination is not None and not kept.ordered):

@@ -1,7 +1,5 @@
 """Lay charts out from the Jacobians their faces should have, by one linear solve for all charts."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 
@@ -51,7 +49,7 @@ def from_jacobians(
     low: float = 0.5,
     held: tuple[IntArray, FloatArray] | None = None,
     hopeless: tuple[float, float | FloatArray] = (np.inf, np.inf),
-    system: Poisson | None = None,
+    system: "Poisson | None" = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
@@ -95,7 +93,7 @@ def from_jacobians(
 
 
 def _untangled(
-    solver: Poisson,
+    solver: "Poisson",
     jacobian: FloatArray,
     uv: FloatArray,
     which: BoolArray,

@@ -1,7 +1,5 @@
 """One block matrix for all charts: the 2 × 2 vertex blocks of a Hessian, with a pattern computed once."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

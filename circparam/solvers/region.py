@@ -1,7 +1,5 @@
 """Parts of a cut mesh whose faces move while the rest of the layout stays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -61,7 +59,7 @@ class Region:
         """Number of groups."""
         return self.cut_mesh.n_charts
 
-    def groups(self, keep: BoolArray) -> tuple[Region, IntArray]:
+    def groups(self, keep: BoolArray) -> "tuple[Region, IntArray]":
         """Some groups only, and which vertex of this region each of theirs is."""
         cut_mesh, vertices, _ = self.cut_mesh.subset(keep)
         return Region(cut_mesh, self.source[vertices], self.fixed[vertices]), vertices

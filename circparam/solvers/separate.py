@@ -6,8 +6,6 @@ the wanted distance d. Their weights rise until nothing overlaps. A penalty rath
 Schaefer (2015), because the layouts that come here overlap already.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -4,8 +4,6 @@ All regions of all charts form one problem. A region grows, up to its whole char
 Vertices on its boundary stay fixed, so the rest of the map does not change.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray

@@ -1,7 +1,5 @@
 """Charts placed between others: a layout of some charts is completed with all others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ linear program. It is the compaction of Li and Milenkovic 1995 ("Compaction and 
 non-convex polygons") with turns and growth. A few steps in a shrinking trust region reach the lock.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

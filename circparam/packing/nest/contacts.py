@@ -1,7 +1,5 @@
 """Contacts between outlines: the pairs of points that come near, of all charts at once."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, dot2, first_of_runs, norms2, ranges

@@ -1,7 +1,5 @@
 """Data of charts that growth does not change: their sampled outlines, tests for contact and overlap."""
 
-from __future__ import annotations
-
 from dataclasses import field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Charts as masks on a coarse grid, one for each angle, for the greedy search."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

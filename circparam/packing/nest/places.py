@@ -1,7 +1,5 @@
 """Greedy placement on grids: the correlation of a page with the masks of a chart finds the best free place."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from functools import lru_cache
 
@@ -93,7 +91,7 @@ class GridPages:
     spectra: dict[int, Spectrum] = field(default_factory=dict)
 
     @classmethod
-    def empty(cls, pages: int, size: int, side: int, sigma: float) -> GridPages:
+    def empty(cls, pages: int, size: int, side: int, sigma: float) -> "GridPages":
         """Pages without a chart."""
         used: Single = np.ones((pages, size, size), np.float32)
         used[:, :side, :side] = 0

@@ -1,7 +1,5 @@
 """How much work goes into a page of nested charts."""
 
-from __future__ import annotations
-
 import math
 
 from circparam.core.records import dataclass

@@ -5,8 +5,6 @@ any common cell forbids the place. The second is with those cells blurred, and m
 spectra are made once; a larger scale of the charts is a smaller page on the same grid.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core import clock

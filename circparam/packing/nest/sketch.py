@@ -4,8 +4,6 @@ For whoever weighs many changes of the charts against each other: sketches rank 
 such a layout and covers a tenth more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import field
 from functools import lru_cache
@@ -69,7 +67,7 @@ class _Step:
 
     sketch: Sketch | None = None
     place: tuple[int, int, int] | None = None
-    after: dict[tuple[int, bytes], _Step] = field(default_factory=dict)
+    after: "dict[tuple[int, bytes], _Step]" = field(default_factory=dict)
 
 
 class SketchCache:
@@ -86,7 +84,7 @@ class SketchCache:
         self.sketches: dict[tuple[bytes, bytes], Sketch] = {}
         self.locked: dict[tuple[bytes, ...], Placement] = {}
 
-    def __reduce__(self) -> tuple[type[SketchCache], tuple[()]]:
+    def __reduce__(self) -> "tuple[type[SketchCache], tuple[()]]":
         return SketchCache, ()
 
     def keep(self, sketches: Sequence[Sketch]) -> None:

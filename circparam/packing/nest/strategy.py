@@ -1,7 +1,5 @@
 """Nesting from end to end: a search on a coarse grid, then the best layouts compacted until they lock."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The atlas of hard surfaces: smooth regions at full resolution that merge across sharp edges."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Components that are copies of each other: seams are decided on one of them and hold for all."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

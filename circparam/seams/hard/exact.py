@@ -1,7 +1,5 @@
 """Boxes and other polyhedra: a net without any distortion, where its seams are hardly longer."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_sum

@@ -1,7 +1,5 @@
 """How two layouts fit together: as they are, or bent round each other."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_sum

@@ -1,7 +1,5 @@
 """Smooth regions and flats of a hard surface: where its edges are sharp, and what a seam costs there."""
 
-from __future__ import annotations
-
 from weakref import WeakKeyDictionary
 
 import numpy as np

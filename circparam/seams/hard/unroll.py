@@ -1,7 +1,5 @@
 """Lay developable charts out exactly: rotations passed on from face to face, then one Poisson solve."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

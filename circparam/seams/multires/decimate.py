@@ -1,7 +1,5 @@
 """A decimated mesh on which seams are decided, with the cell of every fine vertex."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

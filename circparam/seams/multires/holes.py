@@ -1,7 +1,5 @@
 """Close small holes while seams are decided: a mesh full of them is decided like one without."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ in the plane then, whatever the chart: that share of the bound is gone before a 
 same on a small patch, so patches all over the mesh tell it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum

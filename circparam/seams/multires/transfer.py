@@ -1,7 +1,5 @@
 """Charts of a coarse surface on the fine one: seams along its edges, and a layout to be relaxed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import IntArray

@@ -1,7 +1,5 @@
 """Transfer of charts and layout from a coarse surface to the fine one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

@@ -1,7 +1,5 @@
 """Transfer of seams from a coarse surface to the fine one."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Seams decided on one surface: searched for, moved to where they are hardly seen, or merged on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Hold every chart to the bound: open, split or map anew those that exceed it, flip or overlap themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What may be glued: single arcs and all arcs of a pair of charts; the unions of many of them side by side."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

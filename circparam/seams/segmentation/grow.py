@@ -1,7 +1,5 @@
 """Grow first charts: regions of the dual graph round seeds that lie far apart, until every chart is a disk."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lay charts out anew after their seams have moved, from the layout they had."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

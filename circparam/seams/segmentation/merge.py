@@ -4,8 +4,6 @@ Every round glues at most one arc of every chart and lays all unions out in one 
 about one relaxation of the surface however many charts there are.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Move seams to where they cost less: pieces of every chain, a few edges long, one small step after another."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Split charts that overlap themselves: a shortest cut between the two layers that lie on each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

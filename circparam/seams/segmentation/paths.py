@@ -1,7 +1,5 @@
 """Seams as chains of vertices between junctions, and shortest paths for all of them in one search."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 

@@ -1,7 +1,5 @@
 """Shorten seams: every chain between two junctions becomes a shortest path inside a band round it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum

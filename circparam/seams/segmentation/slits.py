@@ -1,7 +1,5 @@
 """Slits from a chart's boundary to its worst vertex."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

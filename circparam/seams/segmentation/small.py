@@ -1,7 +1,5 @@
 """Small charts join their neighbours: face by face where they cannot as a whole."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, IntArray, group_count

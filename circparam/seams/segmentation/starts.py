@@ -1,7 +1,5 @@
 """Starts of a search for charts: regions grown round seeds, split until they are good, and merged."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The state that segmentation works on: arcs of the seams, charts before a change, charts laid out."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import (

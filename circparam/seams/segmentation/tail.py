@@ -5,8 +5,6 @@ much, the others, of which there are a hundred times as many, give way by little
 slit leads from the boundary towards the curvature that asks for it; at last a chart is split.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Unions of two charts laid out together: all of a round in one block system."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -90,14 +88,14 @@ class Tried:
     dear: BoolArray
 
     @staticmethod
-    def nothing(cut_mesh: CutMesh) -> Tried:
+    def nothing(cut_mesh: CutMesh) -> "Tried":
         """Of unions that nothing is known of."""
         n = cut_mesh.n_charts
         none = [np.zeros(n, bool) for _ in range(3)]
         uv = np.zeros((cut_mesh.n_vertices, 2))
         return Tried(uv, np.full(n, np.inf), np.ones(n), *none)
 
-    def put(self, some: BoolArray, vertices: IntArray, part: Tried) -> None:
+    def put(self, some: BoolArray, vertices: IntArray, part: "Tried") -> None:
         """Take over what is known of some unions ((n,) bool) with those vertices."""
         self.uv[vertices] = part.uv
         for mine, theirs in (

@@ -1,7 +1,5 @@
 """Weights in the energy on the few faces that a layout stretches or shrinks too much."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -54,7 +52,7 @@ class Limits:
         """The share from which on no seam is added: of a surface whose level was held all that may be."""
         return self.allowed if self.local is None else self.allowed / AIMED
 
-    def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
+    def without(self, over: float, whole: CutMesh, part: CutMesh) -> "Limits":
         """For a part of the surface, where the other parts use so much of the share."""
         left = max(self.allowed - over, 0.0)
         return replace(self, allowed=left * float(whole.areas.sum() / part.areas.sum()))
@@ -143,7 +141,7 @@ class _Best:
 
     def taken(
         self, cut_mesh: CutMesh, uv: FloatArray, over: FloatArray, better: BoolArray
-    ) -> _Best:
+    ) -> "_Best":
         """With another layout of some charts ((n,) bool)."""
         keep = better[cut_mesh.vertex_chart][:, None]
         return _Best(np.where(keep, uv, self.uv), np.where(better, over, self.over))

@@ -5,8 +5,6 @@ and their places, all charts at once. Every chart's boundary is centred on the o
 the chart; charts overlap, because packing is a later stage. Only ``virtual`` adds faces to the cut mesh.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

@@ -4,8 +4,6 @@ One algorithm for all weight schemes. With positive weights nothing flips in exa
 Floater 1997); ``embed`` repairs flips from double precision.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sps
 
@@ -28,7 +26,7 @@ class TutteReport:
 
     negative: IntArray
     clamped: bool
-    system: TutteSystem
+    system: "TutteSystem"
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,6 @@ the boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the b
 about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, sorted_distinct

@@ -1,7 +1,5 @@
 """The options of an embedding, and the outer boundary of every chart in order."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, group_sum

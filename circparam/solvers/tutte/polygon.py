@@ -1,7 +1,5 @@
 """Convex polygons as boundaries: a vertex at each corner, and sides that bend where a face would collapse."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, next_half_edge

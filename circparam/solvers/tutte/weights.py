@@ -6,8 +6,6 @@ the face in the weight w_ij of its half-edge i → j, and in w_ji of the same ed
 triangles only) and work on all charts at once; none needs a loop over vertices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 
