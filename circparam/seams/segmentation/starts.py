@@ -28,9 +28,9 @@ from circparam.seams.segmentation.unions import MergeOptions
 CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
 # (size of the proxy, regions that charts are grown from) of each start of a search. Which leads to the fewest
 # charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
-# faces). That of a draft is among them.
-STARTS = ((1.0, 12), (1.0, 60), (0.7, 30), (0.5, 100))
-DRAFT_STARTS = STARTS[:1]
+# faces). The draft beside a search is the fourth.
+STARTS = ((1.0, 60), (0.7, 30), (0.5, 100))
+DRAFT_START = (1.0, 12)
 OTHER_REGIONS = (30, 20, 12, 45, 8, 60)  # of the one start of each search that more effort makes
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
 DIRECT_FACES = 1_500
@@ -42,14 +42,14 @@ CROWD = 300  # more first charts than that are a soup of faces: those that are b
 def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:
     """(size of the proxy, regions) of each start of a search; size 1 is that of a draft."""
     if search.draft:
-        return list(DRAFT_STARTS)
+        return [DRAFT_START]
     if search.draw:
-        sizes = [size for size, _ in STARTS[1:]]
-        return [(sizes[search.draw % len(sizes)], OTHER_REGIONS[search.draw % len(OTHER_REGIONS)])]
+        size, _ = STARTS[search.draw % len(STARTS)]
+        return [(size, OTHER_REGIONS[search.draw % len(OTHER_REGIONS)])]
     # so many holes and handles cut the surface up that regions hardly matter
     if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
-        return [STARTS[1]]
-    return list(STARTS)
+        return [STARTS[0]]
+    return [*STARTS, DRAFT_START] if len(surface.faces) <= DIRECT_FACES else list(STARTS)
 
 
 def searched(
