@@ -58,12 +58,13 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
 
 
 def _beside_draft(surface: Surface, options: SeamOptions) -> bool:
-    """Whether a draft may cost less: not where a search has its start, nor where other things than the cost
-    count."""
+    """Whether a draft may cost less: not where the search contains all of it, on hard and on small surfaces, nor
+    where other things than the cost count."""
     asked = (options.max_charts, options.hide_seams, options.weights, options.start)
     plain = options.min_chart_faces == 1 and all(one is None for one in asked)
-    usual = options.search == USUAL
-    return bool(plain and usual and DIRECT_FACES < len(surface.faces) <= LEVEL_FACES)
+    if not plain or options.search != USUAL or len(surface.faces) > LEVEL_FACES:
+        return False
+    return int((hardness(surface) != HARD).sum()) > DIRECT_FACES
 
 
 def _searched_in_time(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams | None:
