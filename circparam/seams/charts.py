@@ -58,7 +58,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
 
 
 def _beside_draft(surface: Surface, options: SeamOptions) -> bool:
-    """Whether a draft may cost less: not where a search contains it (hard surfaces, small ones), nor where other
+    """Whether a draft may cost less: not where a search contains it (hard and small surfaces), nor where other
     things than the cost count."""
     asked = (options.max_charts, options.hide_seams, options.weights, options.start)
     plain = options.min_chart_faces == 1 and all(one is None for one in asked)
