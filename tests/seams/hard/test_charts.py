@@ -218,7 +218,7 @@ def test_workers_change_nothing() -> None:
     out = []
     workers.start(2, module.__name__)
     for jobs in (2, 1):
-        atlas = ways.hard_atlas(surface, 1.05, SeamOptions(), Worker(jobs), Monitor(), [])
+        atlas = kinds.hard_atlas(surface, 1.05, SeamOptions(), Worker(jobs), Monitor(), [])
         out.append(atlas.corners)
     workers.stop()
     assert np.array_equal(*out)
