@@ -13,7 +13,7 @@ from circparam.core.workers import Worker
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
+from circparam.seams import SEAMS, kinds
 from circparam.seams import charts as module
 from circparam.seams.accuracy import ROUGH
 from circparam.seams.hard.charts import take_better, uncoiled, unrolls_whole
