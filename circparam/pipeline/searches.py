@@ -48,7 +48,9 @@ def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     # charts without a layout are projected later, in far too many charts
     if monitor.expired or no_time:
         return cascade
-    if not options.fills_page:
+    # who says where seams may not run wants none for the page either, unless by --pack-splits N
+    prescribed = options.no_seams is not None or options.seam_weights is not None
+    if not options.fills_page or (prescribed and options.cuts_asked is None):
         return cascade
     if options.texel_density is not None:
         from circparam.pipeline.fit_pages import fit_pages

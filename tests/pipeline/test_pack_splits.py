@@ -85,3 +85,20 @@ def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
 def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
     with pytest.raises(OptionError, match="pack_splits has no effect"):
         circparam.unwrap(star(), pack_splits=1, **more)
+
+
+def test_no_page_is_worth_a_seam_where_none_may_run() -> None:
+    """A tube of twelve sides opens along the one line that is left, however long its strip is."""
+    lines = [(2 * k, 2 * k + 1) for k in range(12) if k != 2]
+    result = circparam.unwrap(_tube(12), no_seams=lines, resolution=256)
+    assert result.measures["charts"] == 1
+
+
+def _tube(sides: int) -> shapes.Shape:
+    """An open prism; points 2k and 2k + 1 are the ends of line k."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ends = np.tile([-1.0, 1.0], sides)
+    p = np.stack([np.repeat(np.cos(angle), 2), np.repeat(np.sin(angle), 2), ends], 1)
+    k = np.arange(sides)
+    a, b = 2 * k, 2 * ((k + 1) % sides)
+    return p, np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
