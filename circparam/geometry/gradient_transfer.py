@@ -78,18 +78,6 @@ def nearest_known(atlas: Atlas, known: BoolArray) -> tuple[IntArray, BoolArray]:
     return source, have
 
 
-def targets_beside(atlas: Atlas, moved: BoolArray) -> FloatArray:
-    """(2, 2, m) targets as from ``targets_from``, after some faces ((m,) bool) took the gradients of their
-    neighbours (``spread``); zero for the other faces."""
-    surface, todo = atlas.surface, np.flatnonzero(moved)
-    source = nearest_known(atlas, ~moved)[0][todo]
-    normals = surface.normals
-    turned = turn_gradients(space_gradients(atlas, source), normals[source], normals[todo])
-    out = np.zeros((2, 2, len(moved)))
-    out[..., todo] = in_rest_axes(surface.points, surface.faces[todo], normals[todo], turned)
-    return out
-
-
 def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
     """Give faces without a gradient that of the nearest known face of their chart, rotated to their plane.
 

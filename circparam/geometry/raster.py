@@ -195,25 +195,6 @@ def _run(p: FloatArray, triangle: IntArray, row: IntArray) -> tuple[IntArray, In
     return first, last - first + 1
 
 
-def owner_raster(corners: FloatArray, owner: IntArray, resolution: int) -> tuple[LabelGrid, int]:
-    """Owner of each texel of one page, −1 if empty; and the number of texels with two owners.
-
-    corners: (m, 3, 2) in texels, as in ``covered_runs``. owner: (m,) non-negative.
-    Returns ((resolution, resolution) int32, count).
-    """
-    page = np.full(resolution * resolution, -1, np.int32)
-    clashes = 0
-    for triangle, row, first, length in covered_runs(corners, resolution):
-        left = np.maximum(first, 0)
-        count = np.maximum(np.minimum(first + length, resolution) - left, 0)
-        texel = np.repeat(row * resolution + left, count) + ranges(count)
-        who = np.repeat(owner[triangle], count).astype(np.int32)
-        before = page[texel]
-        page[texel] = who
-        clashes += int(((before >= 0) & (before != who)).sum() + (page[texel] != who).sum())
-    return page.reshape(resolution, resolution), clashes
-
-
 def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: IntArray) -> int:
     """Number of texels that the outlines of two charts run through, or one where another chart covers.
 

@@ -48,8 +48,7 @@ class Candidates:
 
     start, end: (n, 2). group: (n,) labels 0..; segments of different groups never pair. reach: (n,) distance up
     to which two segments of a group count as near. Iterate for arrays (i, j); a pair may come more than
-    once. ``cut_short`` tells, after the iteration, whether cells were so crowded that pairs were left out
-    (then ``crowded`` (k,) holds the groups where that happened).
+    once. After the iteration ``crowded`` (k,) holds the groups in which crowded cells left pairs out.
     """
 
     def __init__(
@@ -62,11 +61,6 @@ class Candidates:
         self.length = np.maximum(np.abs(end[:, 0] - start[:, 0]), np.abs(end[:, 1] - start[:, 1]))
         self.crowded = np.zeros(0, np.int64)
         self._spent = 0
-
-    @property
-    def cut_short(self) -> bool:
-        """Whether pairs were left out."""
-        return len(self.crowded) > 0
 
     def __iter__(self) -> Iterator[tuple[IntArray, IntArray]]:
         if len(self.start) < 2:

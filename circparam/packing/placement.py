@@ -30,8 +30,6 @@ class PackTask:
 
     found: placements of the packers before it, by the name of their row; it may start from them.
     sound: whether a placement passes the check on the raster (a packer may ask before it settles for one).
-    start: a layout that is known already, on one page, whose gaps may be somewhat narrow; charts on page −1 lie
-    nowhere yet.
     """
 
     shapes: Shapes
@@ -39,7 +37,6 @@ class PackTask:
     monitor: Monitor
     found: Mapping[str, Placement]
     sound: Callable[[Placement], bool]
-    start: Placement | None = None
 
 
 Place: TypeAlias = Callable[[PackTask], Placement | None]

@@ -43,9 +43,8 @@ def _shelf(task: PackTask) -> Placement | None:
 
 
 def _skyline(task: PackTask) -> Placement | None:
-    begun = task.start is not None and _few_enough_to_nest(task.shapes, task.options)
-    if begun or _too_many_for_skyline(task.shapes, task.options):
-        return None  # nesting continues from its start
+    if _too_many_for_skyline(task.shapes, task.options):
+        return None
     return skyline_placement(task.shapes, task.options, task.monitor, _best_scale(task))
 
 

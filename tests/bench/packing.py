@@ -32,12 +32,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from circparam.core.arrays import relabel
-from circparam.geometry.raster import free_border, owner_raster, smallest_gap
+from circparam.geometry.raster import free_border, smallest_gap
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
 from tests.bench.common import Line, figures, table, write
 from tests.support.corpus import CORPUS
+from tests.support.packing import owner_raster
 
 RESOLUTION, PADDING = 2048, 4
 LARGE = 25_000_000  # bytes

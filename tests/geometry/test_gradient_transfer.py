@@ -7,7 +7,6 @@ from circparam.core.arrays import FloatArray
 from circparam.geometry.gradient_transfer import (
     space_gradients,
     spread,
-    targets_beside,
     targets_from,
     turn_gradients,
 )
@@ -39,19 +38,6 @@ def test_targets_are_the_jacobians_of_the_layout() -> None:
     cut_mesh, uv = atlas.open()
     targets = targets_from(atlas, space_gradients(atlas))
     np.testing.assert_allclose(targets.transpose(2, 0, 1), jacobians(cut_mesh, uv), atol=1e-9)
-
-
-def test_what_moved_takes_the_targets_of_what_lies_beside_it() -> None:
-    """To the same bits as if those of all faces were found."""
-    atlas = atlas_of(shapes.bumped_disk(200), lambda p: p[..., :2] * [1.5, 0.7])
-    moved = np.zeros(len(atlas.corners), bool)
-    moved[40:90] = True
-    spoilt = Atlas(atlas.surface, atlas.cut, np.where(moved[:, None, None], 7.0, atlas.corners))
-    found = targets_beside(spoilt, moved)
-    whole = targets_from(spoilt, spread(spoilt, space_gradients(spoilt), ~moved)[0])
-    np.testing.assert_array_equal(found[..., moved], whole[..., moved])
-    assert not found[..., ~moved].any()
-    assert np.linalg.det(found[..., moved].transpose(2, 0, 1)).min() > 0
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.5, 2.8])

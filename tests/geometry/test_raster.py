@@ -11,12 +11,12 @@ from circparam.geometry.raster import (
     covered_runs,
     fragments,
     free_border,
-    owner_raster,
     rasterise,
     row_crossings,
     shared_texels,
     smallest_gap,
 )
+from tests.support.packing import owner_raster
 
 
 @settings(max_examples=40)

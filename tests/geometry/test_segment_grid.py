@@ -112,7 +112,7 @@ def test_pairs_beyond_a_chunk_are_all_handed_out_once():
     assert len(parts) > 1
     keys = np.concatenate(parts)
     assert len(np.unique(keys)) == len(keys) == n * (n - 1) // 2
-    assert not candidates.cut_short
+    assert not len(candidates.crowded)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, np.pi / 2, 2.0])
@@ -148,7 +148,7 @@ def test_cells_so_crowded_that_they_are_quartered_hold_every_crossing(corner):
     assert len(expected) > 1000
     candidates, pairs = found_pairs(start, end)
     assert expected <= set(pairs)
-    assert not candidates.cut_short
+    assert not len(candidates.crowded)
     twice = np.repeat([0, 1], 500)
     apart = {(i, j) for i, j in expected if twice[i] == twice[j]}
     assert apart <= set(found_pairs(start, end, twice)[1])
@@ -162,4 +162,4 @@ def test_a_pile_that_no_grid_parts_is_looked_at_in_full():
     candidates, pairs = found_pairs(start, end)
     assert {(i, j) for i in range(n) for j in range(i + 1, n)} <= set(pairs)
     assert crossing(start, end) <= set(pairs)
-    assert not candidates.cut_short
+    assert not len(candidates.crowded)

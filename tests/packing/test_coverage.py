@@ -8,10 +8,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import cross2
-from circparam.geometry.raster import owner_raster
 from circparam.packing.coverage import Runs, face_runs, outline_runs, painted
 from circparam.packing.outlines import shapes_of
-from tests.support.packing import blobs, triangles
+from tests.support.packing import blobs, owner_raster, triangles
 
 SIDE = 64
 

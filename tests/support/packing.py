@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from circparam.packing.coverage import face_runs, painted
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
@@ -29,6 +30,11 @@ def blobs(n, seed, spread=0.8):
         chart.append(np.full(k, c))
         at += k + 1
     return np.concatenate(faces), np.concatenate(uv), np.concatenate(chart)
+
+
+def owner_raster(corners, owner, side):
+    """Owner of each texel of a page, −1 if empty, by its faces (m, 3, 2) alone; and texels with two owners."""
+    return painted(face_runs(corners, owner, side), side)
 
 
 def shelf(faces, uv, chart, options):

@@ -18,13 +18,13 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from circparam import samples, unwrap
-from circparam.geometry.raster import owner_raster
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
 from circparam.render.picture import png_bytes
 from tests.bench.packing import PADDING, RESOLUTION, Charts
 from tests.support.machined import MACHINED
+from tests.support.packing import owner_raster
 from tests.support.parts import PARTS
 
 TARGET = Path(__file__).parents[2] / "docs" / "pictures" / "pages.png"

@@ -149,13 +149,6 @@ def compact(
     return ascent.placement
 
 
-def roughly(growth: Growth, placement: Placement, steps: int, reached: float) -> Placement:
-    """Grow a layout by at most ``steps`` programs, fewer if it cannot exceed the scale ``reached``."""
-    ascent = Ascent(placement)
-    ascent.climb(growth, steps, reached)
-    return ascent.placement
-
-
 @dataclass(eq=False)
 class Ascent:
     """A layout that grows.

@@ -18,8 +18,6 @@ class Schedule:
     covered_share: share of the page that charts are hoped to cover; it sets the cell.
     candidates: layouts of the search that are compacted; the third one never won.
     rough_steps: linear programs by which candidates are compared; the best of them then grows until it locks.
-    start_scale: share of its scale from which a given layout grows again, as its gaps may be narrow. Layouts
-        of the search must exceed this scale.
     straight_loss: share of the covered area that straight charts along the axes may cost.
     """
 
@@ -31,7 +29,6 @@ class Schedule:
     covered_share: float = 0.68
     candidates: int = 2
     rough_steps: int = 4
-    start_scale: float = 0.94
     straight_loss: float = 0.02
 
     def cells(self, charts: int, effort: float) -> int:

@@ -1,13 +1,12 @@
 """Nesting from end to end: a search on a coarse grid, then the best layouts compacted until they lock."""
 
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 
 from circparam.core.arrays import IntArray
 from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
-from circparam.packing.nest.between import completed
 from circparam.packing.nest.compaction import Ascent, compact
 from circparam.packing.nest.growth import Growth
 from circparam.packing.nest.schedule import SCHEDULE
@@ -34,42 +33,37 @@ STRICT_TRUST = 1.0
 def nested(task: PackTask) -> Placement | None:
     """The best placement by nesting; None if the search found none.
 
-    Layouts of the search grow beside the given start, or beside layouts of other packers, which are the better
-    start for charts like boxes. A long step may push a thin tip through a neighbour, and no later
-    step undoes it. The check on the raster (``task.sound``) sees this, and the next layout is taken.
+    Layouts of the search grow beside layouts of other packers, which are the better start for charts like
+    boxes. A long step may push a thin tip through a neighbour, and no later step undoes it. The check on the
+    raster (``task.sound``) sees this, and the next layout is taken.
     """
     shapes, options = task.shapes, task.options
     if options.fixed_scale is not None:
         return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
         return _alone(shapes, options)
-    start = None if task.start is None else completed(task, task.start)
-    if start is not None:
-        start = replace(start, scale=SCHEDULE.start_scale * start.scale)
-    layouts, straight = _layouts(task, start)
-    candidates = layouts + ([start] if start is not None else list(task.found.values()))
+    layouts, straight = _layouts(task)
+    candidates = layouts + list(task.found.values())
     budget = Budget(SCHEDULE.program_work * options.effort, lambda: task.monitor.expired)
     grown = _compacted(task, candidates, Growth(shapes, options, budget, straight))
     return grown or (layouts[0] if layouts else None)
 
 
-def _layouts(task: PackTask, start: Placement | None) -> tuple[list[Placement], Straight | None]:
+def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
     """Layouts of the search, best first, and the charts that lie along the axes in them.
 
     Straight charts lie along the axes if that costs little: a layout with these charts at any angle must be so
-    much better. start: a layout that layouts of the search must exceed.
+    much better.
     """
     shapes, options = task.shapes, task.options
-    beaten = 0.0 if start is None else start.scale
     straight = _straight(shapes, options)
     boards = _Boards(shapes, options, straight)
     if straight is None:
-        return _searched(task, boards, beaten), None
-    along = _searched(task, boards, beaten, along=True)
+        return _searched(task, boards), None
+    along = _searched(task, boards, along=True)
     if shapes.upright is not None:
         return along, straight
-    if along:
-        beaten = along[0].scale / np.sqrt(1 - SCHEDULE.straight_loss)
+    beaten = along[0].scale / np.sqrt(1 - SCHEDULE.straight_loss) if along else 0.0
     free = _searched(task, boards, beaten)
     return (free, None) if free or not along else (along, straight)
 
@@ -123,7 +117,7 @@ class _Boards:
 
 
 def _searched(
-    task: PackTask, boards: _Boards, beaten: float, along: bool = False
+    task: PackTask, boards: _Boards, beaten: float = 0.0, along: bool = False
 ) -> list[Placement]:
     """Layouts of the search on the grid, best first; empty if it found none.
 
