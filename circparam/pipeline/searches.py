@@ -1,10 +1,13 @@
 """The best of several searches for charts: each goes all the way to a page, and the cheapest layout is kept.
 
 A search depends on its number alone, so the same effort gives the same bytes on any number of cores. More
-effort contains the searches of less and never gives a dearer layout (``AtlasCost.finished``).
+effort contains the searches of less, a draft included, and never gives a dearer layout
+(``AtlasCost.finished``).
 """
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +15,11 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.workers import Worker
+from circparam.core.workers import DeferredTask, Worker
 from circparam.errors import CircparamError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.pipeline import fallback
+from circparam.pipeline import applies, fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import seam_options
 from circparam.pipeline.flatten import rules, seams_in_frame, with_straight
@@ -24,11 +27,11 @@ from circparam.pipeline.job import Job
 from circparam.pipeline.layout_cost import finished_cost
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Effort
-from circparam.seams.options import SeamOptions, Search
+from circparam.seams.options import SeamOptions, Seams, Search
 
-LIKELY = (
-    0.5  # share of the seconds of the last search that must be left for another one to be begun
-)
+# share of the seconds of the last search that must be left for another one to be begun
+LIKELY = 0.5
+FAILURES = (CircparamError, np.linalg.LinAlgError, ArithmeticError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,47 +98,137 @@ def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Ef
     return best, Effort(len(costs), tuple(costs), kept, options.searches - len(costs))
 
 
+@dataclass(frozen=True, eq=False)
+class Drafted:
+    """A draft beside a full search, which never costs more than the draft does.
+
+    The cheaper layout of both gets its page. The other one may still cost less on its own page if that layout
+    is the draft's, so this page is made too, with as little work as in a draft.
+    """
+
+    job: Job
+    seams: DeferredTask
+
+    @classmethod
+    def of(cls, job: Job, monitor: Monitor) -> "Drafted | None":
+        """The draft, begun where a process is idle; None if a search contains it."""
+        options, surface = job.options, job.surface
+        if options.draft or not applies.searches(options):
+            return None
+        from circparam.seams.charts import contains_draft
+
+        asked = seam_options(job.document, surface, job.repair_report, options)
+        if contains_draft(surface, asked):
+            return None
+        task = (surface, asked, options.cut, Search(draft=True))
+        seams = DeferredTask(monitor.jobs, _seams, task, monitor)
+        seams.begin()
+        return cls(job, seams)
+
+    def layout(self, monitor: Monitor) -> Cascade | None:
+        """The layout of the draft; None if there is no time for it."""
+        seams = None if monitor.expired else self.seams.result()
+        return None if seams is None else _laid_out(self.job.surface, seams, self.job.options)
+
+    def on_page(self, layout: Cascade, monitor: Monitor) -> Cascade:
+        """The layout on the page of a draft."""
+        quick = replace(self.job.options, effort=0.0)
+        return _packed(with_room(layout, quick, monitor), quick, monitor)
+
+
+def on_page(
+    cascade: Cascade, draft: Drafted | None, options: Options, monitor: Monitor
+) -> tuple[Cascade, Cascade]:
+    """(a layout on its page with cuts for a fuller one, the same layout without cuts).
+
+    A draft replaces the layout if it costs less.
+    """
+    with monitor.stage("search"):
+        other = None if draft is None else draft.layout(monitor)
+    if draft is None or other is None:
+        return with_room(cascade, options, monitor), cascade
+    sound = not cascade.repairs and np.isfinite(cascade.atlas.corners).all()
+    if not sound or finished_cost(other) < finished_cost(cascade):
+        cascade = other
+    filled = _packed(with_room(cascade, options, monitor), options, monitor)
+    if finished_cost(other) < cost_of(filled, options):  # perhaps, if the page of the draft is full
+        drafted = draft.on_page(other, monitor)
+        if cost_of(drafted, options) < cost_of(filled, options):
+            return drafted, other
+    return filled, cascade
+
+
 def searched(
     surface: Surface, asked: SeamOptions, options: Options, number: int, monitor: Monitor
 ) -> _SearchResult | None:
     """One more search, to its page; None if the search fails or ends early."""
-    own = Monitor(
-        None, monitor.left, monitor.jobs
-    )  # a late search here does not make the first search late
-    try:
-        asked = replace(asked, search=Search(asked.search.draft, number))
-        seams = seams_in_frame(surface, asked, options.cut, own)
-        atlas = with_straight(Atlas(surface.at_density(), seams.cut, seams.uv), options)
-        cascade = Cascade(atlas, rules(options), notes=tuple(seams.notes))
-        cascade = with_room(cascade, options, own)
-        cascade = _packed(cascade, options, own)
-    except (CircparamError, np.linalg.LinAlgError, ArithmeticError):
+    seams = _seams(surface, asked, options.cut, Search(draw=number), monitor)
+    if seams is None:
         return None
-    finally:
-        for name, seconds in own.seconds.items():
-            monitor.seconds[name] = monitor.seconds.get(name, 0.0) + seconds
+    with _apart(monitor) as own:
+        try:
+            cascade = with_room(_laid_out(surface, seams, options), options, own)
+            cascade = _packed(cascade, options, own)
+        except FAILURES:
+            return None
     atlas = cascade.atlas
     return _SearchResult(
         atlas.cut, atlas.corners, cascade.notes, cascade.packing, cost_of(cascade, options)
     )
 
 
+def _seams(
+    surface: Surface, asked: SeamOptions, cut: str, search: Search, monitor: Monitor
+) -> Seams | None:
+    """The seams of one search; None if it fails or ends early."""
+    with _apart(monitor) as own:
+        try:
+            seams = seams_in_frame(surface, replace(asked, search=search), cut, own)
+        except FAILURES:
+            return None
+    return None if seams.uv is None or not np.isfinite(seams.uv).all() else seams
+
+
+def _laid_out(surface: Surface, seams: Seams, options: Options) -> Cascade:
+    """The layout of the seams of a search."""
+    atlas = with_straight(Atlas(surface.at_density(), seams.cut, seams.uv), options)
+    return Cascade(atlas, rules(options), notes=tuple(seams.notes))
+
+
+@contextmanager
+def _apart(monitor: Monitor) -> Iterator[Monitor]:
+    """A monitor for one more search, which does not make the first one late; the seconds are added."""
+    own = Monitor(None, monitor.left, monitor.jobs)
+    try:
+        yield own
+    finally:
+        for name, seconds in own.seconds.items():
+            monitor.seconds[name] = monitor.seconds.get(name, 0.0) + seconds
+
+
 def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """The layout with its packing, which is part of its cost; pages of several atlases are not part of the
     cost."""
-    own = options.grouped or options.sorted_by is not None or options.only is not None
-    if cascade.packing is not None or not options.packed or own:
+    if cascade.packing is not None or not _one_atlas(options):
         return cascade
     from circparam.pipeline.fuller_page import packing
 
     return replace(cascade, packing=packing(cascade, options, monitor))
 
 
+def _one_atlas(options: Options) -> bool:
+    """Whether all charts are packed together, so that the page is part of the cost."""
+    several = options.grouped or options.sorted_by is not None or options.only is not None
+    return options.packed and not several
+
+
 def cost_of(cascade: Cascade, options: Options) -> float:
-    """``AtlasCost.finished`` of a layout; infinite if a chart is faulty, or there are too many."""
+    """``AtlasCost.finished`` of a layout; infinite if charts are faulty, too many, or fit on no page."""
     cut_mesh, uv = cascade.open()
     most = np.inf if options.max_charts is None else options.max_charts
     if cascade.repairs or not np.isfinite(uv).all() or cut_mesh.n_charts > most:
+        return float(np.inf)
+    if cascade.packing is None and _one_atlas(options):
         return float(np.inf)
     if (fallback.faults(cut_mesh, uv)[0] > 0).any():
         return float(np.inf)

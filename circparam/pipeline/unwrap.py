@@ -40,7 +40,7 @@ from circparam.pipeline.place import Placed, chart_tiles, pack_groups, pack_sort
 from circparam.pipeline.result import Effort, Result, status_of, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.seam_visibility import SeamVisibility
-from circparam.pipeline.searches import best_layout, with_room
+from circparam.pipeline.searches import Drafted, best_layout, on_page
 from circparam.pipeline.stacks import copies_hold
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 
@@ -148,12 +148,13 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
     with monitor.holding(PACK_COST * pace + RESERVE_SECONDS), monitor.stage("seams"):
+        draft = Drafted.of(job, monitor)
         seams = checkpoint.seams_of(job, monitor, find_seams)
         with monitor.stage("flatten"):
             cascade = first_layout(job, seams, monitor)
     with monitor.holding(WRITE_COST * pace + RESERVE_SECONDS):
         with monitor.stage("pack"):
-            filled = with_room(cascade, options, monitor)
+            filled, cascade = on_page(cascade, draft, options, monitor)
         best, effort = best_layout(filled, job, monitor)
         if best is filled and options.fills_one_page and not options.draft:
             from circparam.pipeline.advice import advised  # the FFT takes 0.1 s to import

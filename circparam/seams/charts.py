@@ -12,14 +12,13 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
-from circparam.seams.cost import COST
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, Decided, finish
 from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.kinds import atlases_of_kinds, left_for_organic
 from circparam.seams.multires.transfer import transfer_to_fine
-from circparam.seams.options import HIDDEN, USUAL, SeamOptions, Seams, Search
+from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.prices import edge_prices, with_visibility, with_weights
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import merge_on, reach_count, worth
@@ -45,53 +44,9 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """Seams that leave few charts, each a disk (holes allowed) whose isometric map stays under the bound.
 
     Returns the seams with the layout (symmetric Dirichlet energy minimised, no flips, no chart overlapping
-    itself). A search on proxies is compared with a draft, so that more effort does not cost more. Raises
-    OptionError for contradictory seams, and for a symmetry that the surface does not have. Deterministic.
+    itself). Raises OptionError for contradictory seams, and for a symmetry that the surface does not have.
+    Deterministic.
     """
-    if not _beside_draft(surface, options):
-        return searched_charts(surface, options, monitor)
-    draft = dataclasses.replace(options, search=Search(draft=True))
-    tasks = [(surface, options), (surface, draft)]
-    made = Worker(monitor.jobs).map(_searched_in_time, tasks, monitor)
-    found: list[Seams] = [seams for seams in made if seams is not None]
-    return min(found, key=lambda seams: _cost(surface, seams))
-
-
-def _beside_draft(surface: Surface, options: SeamOptions) -> bool:
-    """Whether a draft may cost less: not where a search contains it (hard and small surfaces), nor where other
-    things than the cost count."""
-    asked = (options.max_charts, options.hide_seams, options.weights, options.start)
-    plain = options.min_chart_faces == 1 and all(one is None for one in asked)
-    if not plain or options.search != USUAL or len(surface.faces) > LEVEL_FACES:
-        return False
-    return int((hardness(surface) != HARD).sum()) > DIRECT_FACES
-
-
-def _searched_in_time(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams | None:
-    """As ``searched_charts``; no draft without time for it."""
-    if not options.search.draft:
-        return searched_charts(surface, options, monitor)
-    if monitor.expired:
-        return None
-    late = monitor.late
-    try:
-        return searched_charts(surface, options, monitor)
-    except OutOfTimeError:
-        return None
-    finally:
-        monitor.late = late
-
-
-def _cost(surface: Surface, seams: Seams) -> float:
-    """Cost of the layout of seams; infinite where a face has none."""
-    if seams.uv is None or not np.isfinite(seams.uv).all():
-        return float(np.inf)
-    atlas = Atlas(surface, seams.cut, seams.uv)
-    return float(COST.of_components(atlas, relaxed=True).sum())
-
-
-def searched_charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
-    """As ``charts``, by one search."""
     mirror = None if options.symmetry is None else find_mirror(surface, options.symmetry)
     surface, forced, notes = constrain(surface, options)
     hide = options.hide_seams
@@ -133,6 +88,20 @@ def searched_charts(surface: Surface, options: SeamOptions, monitor: Monitor) ->
         monitor.late = True
         return _seams(best, forced, notes)
     return _seams(atlas, forced, notes)
+
+
+def contains_draft(surface: Surface, options: SeamOptions) -> bool:
+    """Whether a search has the charts of a draft among those that it chooses from: on hard and small surfaces.
+
+    It counts as one where other things than the cost decide: a number of charts, hidden or weighed seams, and
+    charts of many faces; and above ``LEVEL_FACES``, where a draft takes as long.
+    """
+    asked = (options.max_charts, options.weights, options.start)
+    if options.min_chart_faces > 1 or options.hide_seams or any(x is not None for x in asked):
+        return True
+    if len(surface.faces) > LEVEL_FACES:
+        return True
+    return int((hardness(surface) != HARD).sum()) <= DIRECT_FACES
 
 
 def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:

@@ -54,6 +54,14 @@ def test_more_effort_contains_the_searches_of_less(four: circparam.Result) -> No
     assert min(four.effort.costs) <= min(two.effort.costs)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_full_search_costs_no_more_than_a_draft(seed: int) -> None:
+    """The second torus is one on which a search alone costs more."""
+    shape = shapes.noisy(*shapes.torus(50, 25), amount=0.06, seed=seed)
+    draft, normal = (cost(unwrapped(shape, effort=effort)) for effort in ("draft", "normal"))
+    assert normal <= draft
+
+
 def test_an_effort_has_the_same_bytes_on_any_number_of_processes(four: circparam.Result) -> None:
     again = unwrapped(bumpy(), effort=4.0, jobs=2)
     assert again.effort == four.effort
