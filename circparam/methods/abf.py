@@ -128,15 +128,9 @@ class _HoleBoundaries:
         value = np.concatenate(
             [-1j * pull, -pull * cot[:, [1, 2, 0]][use], pull * cot[:, [2, 0, 1]][use]]
         )
-        row = np.concatenate([at, at, at])
         column = np.concatenate([corner[use], corner[:, [1, 2, 0]][use], corner[:, [2, 0, 1]][use]])
-        return sps.csr_matrix(
-            (
-                np.concatenate([value.real, value.imag]),
-                (np.concatenate([row, row + h]), np.concatenate([column, column])),
-            ),
-            shape=(2 * h, 3 * m),
-        )
+        moves = sps.csr_matrix((value, (np.tile(at, 3), column)), shape=(h, 3 * m))
+        return sps.csr_matrix(sps.vstack([moves.real, moves.imag]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,20 +170,12 @@ class _AngleSystem:
         row = self.row[f]
         use = row >= 0
         cot = 1 / np.tan(alpha)
-        following, preceding = corner[:, [1, 2, 0]], corner[:, [2, 0, 1]]
+        after, before = [1, 2, 0], [2, 0, 1]
         wheel = self.rows + row[use]
-        return sps.csr_matrix(
-            (
-                np.concatenate(
-                    [np.ones(int(use.sum())), cot[:, [1, 2, 0]][use], -cot[:, [2, 0, 1]][use]]
-                ),
-                (
-                    np.concatenate([row[use], wheel, wheel]),
-                    np.concatenate([corner[use], following[use], preceding[use]]),
-                ),
-            ),
-            shape=(2 * self.rows, 3 * m),
-        )
+        value = [np.ones(len(wheel)), cot[:, after][use], -cot[:, before][use]]
+        column = [corner[use], corner[:, after][use], corner[:, before][use]]
+        at = np.concatenate([row[use], wheel, wheel]), np.concatenate(column)
+        return sps.csr_matrix((np.concatenate(value), at), shape=(2 * self.rows, 3 * m))
 
 
 def _system(cut_mesh: CutMesh) -> _AngleSystem:
@@ -267,29 +253,21 @@ class _StepSolver:
     """Solver for the systems of successive steps. They change little, so the factor of an earlier one
     preconditions conjugate gradients well. A new factor is made only if the iterations become slow."""
 
-    def __init__(self) -> None:
-        self.factor: Factor | None = None
+    factor: Factor | None = None
 
     def solve(self, matrix: sps.csc_matrix, b: FloatArray) -> FloatArray:
         """x with matrix @ x = b, to rounding."""
         if self.factor is not None:
-            x = self._iterate(matrix, b, self.factor)
-            if x is not None:
-                return x
+            target = 1e-13 * float(np.abs(b).max(initial=0.0))
+            start = self.factor.solve(b)
+            iterates = gradient_iterates(matrix, b, self.factor.solve, start)
+            for x, residual, weight in islice(iterates, CG_LIMIT):
+                if float(np.abs(residual).max(initial=0.0)) <= target:
+                    return x
+                if not weight > 0:
+                    break
         self.factor = Factor(matrix)
         return self.factor.solve(b)
-
-    @staticmethod
-    def _iterate(matrix: sps.csc_matrix, b: FloatArray, factor: Factor) -> FloatArray | None:
-        """Preconditioned conjugate gradients; None if they do not get there."""
-        target = 1e-13 * float(np.abs(b).max(initial=0.0))
-        iterates = gradient_iterates(matrix, b, factor.solve, factor.solve(b))
-        for x, residual, weight in islice(iterates, CG_LIMIT):
-            if float(np.abs(residual).max(initial=0.0)) <= target:
-                return x
-            if not weight > 0:
-                break
-        return None
 
 
 def _newton_step(system: _AngleSystem, alpha: FloatArray, solver: _StepSolver) -> FloatArray:

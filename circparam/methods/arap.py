@@ -33,7 +33,7 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     hold = np.zeros(cut_mesh.n_vertices, bool)
     if options.pins is not None:
         check_pins(cut_mesh, options.pins, 1)
-        hold[options.pins.vertices] = True
+        hold = options.pins.mask(cut_mesh)
     uv, notes = embed_start(cut_mesh, options.start, options.tutte, monitor)
     with monitor.stage("relax"):
         size = np.ones(cut_mesh.n_charts)

@@ -11,7 +11,6 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
-    BoolArray,
     FloatArray,
     IntArray,
     group_count,
@@ -89,13 +88,11 @@ def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
 def _flatten(cut_mesh: CutMesh, u: FloatArray, conjugate: bool) -> FloatArray:
     """(n_vertices, 2) the flattening whose log scale factor on the outer boundaries is u (n_vertices,)."""
     holed = group_count(cut_mesh.loops.chart, cut_mesh.n_charts) > 1
-    if not holed.any():
-        return _Flattening(cut_mesh).automatic(u, conjugate)
     uv = np.empty((cut_mesh.n_vertices, 2))
-    for charts, kind in ((~holed, _Flattening), (holed, _HoledFlattening)):
+    for charts, flatten in ((~holed, _Flattening.automatic), (holed, _Flattening.holed)):
         if charts.any():
             part, vertices, _ = cut_mesh.subset(charts)
-            uv[vertices] = kind(part).automatic(u[vertices], conjugate)
+            uv[vertices] = flatten(_Flattening(part), u[vertices], conjugate)
     return uv
 
 
@@ -128,8 +125,28 @@ def _log_factors(cut_mesh: CutMesh, lengths: FloatArray) -> FloatArray:
     return result
 
 
+class _Solution:
+    """Solutions x of L x = b away from vertices ``on`` (k,), whose values are given."""
+
+    def __init__(self, L: sps.csr_matrix, on: IntArray) -> None:
+        self.on, self.free = on, np.ones(L.shape[0], bool)
+        self.free[on] = False
+        rows = L[self.free]
+        self.from_given = rows[:, on]
+        self.factor = Factor(sps.csc_matrix(rows[:, self.free]))
+
+    def of(self, given: FloatArray, b: FloatArray | float = 0.0) -> FloatArray:
+        """(n, ...) the solution with the values given (k, ...); b (n,), zero for a harmonic one."""
+        out = np.empty((len(self.free), *given.shape[1:]))
+        right = b[self.free] if isinstance(b, np.ndarray) else b
+        out[self.on] = given
+        out[self.free] = self.factor.solve(right - self.from_given @ given)
+        return out
+
+
 class _Flattening:
-    """The linear algebra that every kind of boundary shares."""
+    """What every kind of boundary needs: the Laplacian L, the outer boundaries, and the sum of the corner
+    angles at each vertex, ``angles`` (n,)."""
 
     def __init__(self, cut_mesh: CutMesh) -> None:
         self.cut_mesh, self.boundary = cut_mesh, _boundary(cut_mesh)
@@ -137,24 +154,16 @@ class _Flattening:
         self.inner = np.ones(cut_mesh.n_vertices, bool)
         self.inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
         self.L = sps.csr_matrix(cotangent_laplacian(cut_mesh))
-        sums = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
-        self.defect = 2 * np.pi - sums[self.inner]
-        self.turning = np.pi - sums[self.on_outer]
+        self.angles = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
 
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
         """The flattening with log scale factor u (n_vertices,) on the boundary: curvature, curve, inside."""
-        u = u[self.on_outer]
-        inside = self.L[self.inner]
-        factor = Factor(sps.csc_matrix(inside[:, self.inner]))
-        to_outer = inside[:, self.on_outer]
-        a = factor.solve(-self.defect - to_outer @ u)
-        flux = -(to_outer.T @ a + self.L[self.on_outer][:, self.on_outer] @ u)
-        boundary = self.boundary
+        u, boundary = u[self.on_outer], self.boundary
+        inside = _Solution(self.L, self.on_outer)
+        scale = inside.of(u, self.angles - 2 * np.pi)
         lengths = boundary.length * np.exp((u + u[boundary.follower]) / 2)
-        curve = _closed_curve(boundary, lengths, self.turning - flux)
-        uv = np.empty((self.cut_mesh.n_vertices, 2))
-        uv[self.on_outer] = curve
-        uv[self.inner] = factor.solve(-(to_outer @ curve))
+        turning = np.pi - self.angles[self.on_outer] + (self.L @ scale)[self.on_outer]
+        uv = inside.of(_closed_curve(boundary, lengths, turning))
         if conjugate:
             uv[:, 1] = self._conjugate(uv[:, 0])
         return uv
@@ -162,18 +171,15 @@ class _Flattening:
     def disk(self) -> FloatArray:
         """The flattening onto a disk: boundary curvature in proportion to the resulting lengths."""
         boundary = self.boundary
-        pinned, keep = self._pinned()
-        b = np.zeros(self.cut_mesh.n_vertices)
-        b[self.inner] = -self.defect
+        pinned = self._pinned()
+        b = self.angles - 2 * np.pi
         lengths = boundary.length
         for _ in range(ROUNDS):
             share = lengths / boundary.sums(lengths)[boundary.outer.index]
             curvature = share.copy()
             curvature[boundary.follower] += share
-            b[self.on_outer] = np.pi * curvature - self.turning
-            v = np.zeros(self.cut_mesh.n_vertices)
-            v[keep] = pinned.solve(b[keep])
-            u = v[self.on_outer]
+            b[self.on_outer] = np.pi * curvature - (np.pi - self.angles[self.on_outer])
+            u = pinned.of(np.zeros(len(pinned.on)), b)[self.on_outer]
             u = u - (boundary.sums(u) / boundary.outer.size)[boundary.outer.index]
             new = boundary.length * np.exp((u + u[boundary.follower]) / 2)
             change = np.abs(np.log(new / lengths)).max()
@@ -184,51 +190,22 @@ class _Flattening:
         angle = 2 * np.pi * (boundary.running(share) - share)
         radius = np.sqrt(self.cut_mesh.chart_areas / np.pi)[boundary.outer.chart]
         curve = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
-        inside = self.L[self.inner]
-        uv = np.empty((self.cut_mesh.n_vertices, 2))
-        uv[self.on_outer] = curve
-        uv[self.inner] = Factor(sps.csc_matrix(inside[:, self.inner])).solve(
-            -(inside[:, self.on_outer] @ curve)
-        )
-        return uv
+        return _Solution(self.L, self.on_outer).of(curve)
 
-    def _pinned(self) -> tuple[Factor, BoolArray]:
-        """Factor of the Laplacian with the first boundary vertex of every chart fixed at 0."""
-        keep = np.ones(self.cut_mesh.n_vertices, bool)
-        keep[self.on_outer[self.boundary.outer.start]] = False
-        return Factor(sps.csc_matrix(self.L[keep][:, keep])), keep
-
-    def _conjugate(self, x: FloatArray) -> FloatArray:
-        """The y with the least conformal energy for this x: L y = (x_before − x_after)/2 on the boundary."""
-        flat, h = self.cut_mesh.faces.ravel(), self.cut_mesh.boundary
-        i, j = flat[h], flat[next_half_edge(h)]
-        n = self.cut_mesh.n_vertices
-        b = (group_sum(x[i], j, n) - group_sum(x[j], i, n)) / 2
-        factor, keep = self._pinned()
-        y = np.zeros(len(x))
-        y[keep] = factor.solve(b[keep])
-        return y
-
-
-class _HoledFlattening(_Flattening):
-    """Charts with holes, which are opened along cuts from boundary to boundary."""
-
-    def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
-        """The flattening whose log scale factor on the outer boundary is u (n_vertices,).
+    def holed(self, u: FloatArray, conjugate: bool) -> FloatArray:
+        """The same as ``automatic`` for charts with holes, opened along cuts from boundary to boundary.
 
         If the holes of a curved chart do not quite close, the Poisson layout distributes the error. Its
         conjugate, taken back and forth, then has the angles of a conformal map of the whole chart.
         """
         cut_mesh, opened = self.cut_mesh, open_holes(self.cut_mesh)
         scale = self._scale(u)[opened.origin]
-        walk = _boundary(opened.cut_mesh)
-        at = walk.outer.vertices
-        L = sps.csr_matrix(cotangent_laplacian(opened.cut_mesh))
-        sums = vertex_angle_sums(opened.cut_mesh, corner_angles(opened.cut_mesh))
-        turning = np.pi - sums[at] + (L @ scale)[at]
+        disk = _Flattening(opened.cut_mesh)
+        walk, at = disk.boundary, disk.on_outer
+        turning = np.pi - disk.angles[at] + (disk.L @ scale)[at]
         lengths = walk.length * np.exp((scale[at] + scale[at[walk.follower]]) / 2)
-        disk = _extended(L, at, _closed_curve(walk, lengths, turning))
-        targets = np.ascontiguousarray(jacobians(opened.cut_mesh, disk).transpose(1, 2, 0))
+        uv = _Solution(disk.L, at).of(_closed_curve(walk, lengths, turning))
+        targets = np.ascontiguousarray(jacobians(opened.cut_mesh, uv).transpose(1, 2, 0))
         if conjugate:
             uv, _ = from_jacobians(cut_mesh, targets)
             uv[:, 1] = self._conjugate(uv[:, 0])
@@ -243,8 +220,8 @@ class _HoledFlattening(_Flattening):
 
     def _scale(self, u: FloatArray) -> FloatArray:
         """(n_vertices,) log scale factor of a flat metric: u on the outer boundary, one number a hole."""
-        cut_mesh, n = self.cut_mesh, self.cut_mesh.n_vertices
-        vertices, hole, size = hole_vertices(cut_mesh)
+        n = self.cut_mesh.n_vertices
+        vertices, hole, size = hole_vertices(self.cut_mesh)
         inner = int(self.inner.sum())
         unknown = np.full(n, -1)
         unknown[self.inner] = np.arange(inner)
@@ -253,25 +230,26 @@ class _HoledFlattening(_Flattening):
         tie = sps.csr_matrix(
             (np.ones(len(used)), (used, unknown[used])), shape=(n, inner + len(size))
         )
-        sums = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
-        turning = group_sum(np.pi - sums[vertices], hole, len(size))
-        excess = np.concatenate([self.defect, turning + 2 * np.pi])
+        turning = group_sum(np.pi - self.angles[vertices], hole, len(size))
+        excess = np.concatenate([2 * np.pi - self.angles[self.inner], turning + 2 * np.pi])
         given = np.zeros(n)
         given[self.on_outer] = u[self.on_outer]
         matrix = sps.csc_matrix(tie.T @ self.L @ tie)
         result: FloatArray = given + tie @ Factor(matrix).solve(-excess - tie.T @ (self.L @ given))
         return result
 
+    def _pinned(self) -> _Solution:
+        """Solutions with the first boundary vertex of every chart given."""
+        return _Solution(self.L, self.on_outer[self.boundary.outer.start])
 
-def _extended(L: sps.csr_matrix, on: IntArray, curve: FloatArray) -> FloatArray:
-    """(n, 2) harmonic with respect to the Laplacian L, the places ``curve`` at vertices ``on`` (b,)."""
-    inner = np.ones(L.shape[0], bool)
-    inner[on] = False
-    uv = np.empty((L.shape[0], 2))
-    uv[on] = curve
-    inside = L[inner]
-    uv[inner] = Factor(sps.csc_matrix(inside[:, inner])).solve(-(inside[:, on] @ curve))
-    return uv
+    def _conjugate(self, x: FloatArray) -> FloatArray:
+        """The y with the least conformal energy for this x: L y = (x_before − x_after)/2 on the boundary."""
+        flat, h = self.cut_mesh.faces.ravel(), self.cut_mesh.boundary
+        i, j = flat[h], flat[next_half_edge(h)]
+        n = self.cut_mesh.n_vertices
+        b = (group_sum(x[i], j, n) - group_sum(x[j], i, n)) / 2
+        pinned = self._pinned()
+        return pinned.of(np.zeros(len(pinned.on)), b)
 
 
 def _closed_curve(boundary: _Walk, lengths: FloatArray, turning: FloatArray) -> FloatArray:

@@ -70,10 +70,10 @@ def conformal_spectral(
     for _ in range(limit):
         before = x[:, 0]
         x = factor.solve_complex(on_boundary[:, None] * x)
-        x -= (_chart_sums(on_boundary[:, None] * x, chart, n) / boundary_count[:, None])[chart]
+        x -= (chart_sums(on_boundary[:, None] * x, chart, n) / boundary_count[:, None])[chart]
         x = _rayleigh_ritz(cut_mesh, matrix, on_boundary, x)
         # how far the lowest mode has turned, its free phase taken out
-        phase = _chart_sums(on_boundary * before.conj() * x[:, 0], chart, n)
+        phase = chart_sums(on_boundary * before.conj() * x[:, 0], chart, n)
         phase = phase / np.maximum(np.abs(phase), 1e-300)
         x[:, 0] *= phase.conj()[chart]
         move = np.sqrt(group_sum(on_boundary * np.abs(x[:, 0] - before) ** 2, chart, n))
@@ -86,15 +86,12 @@ def conformal_spectral(
     return x[:, 0], steps
 
 
-def _chart_sums(values: ComplexArray, chart: IntArray, n: int) -> ComplexArray:
+def chart_sums(values: ComplexArray, chart: IntArray, n: int) -> ComplexArray:
     """(n, ...) sum over each chart of complex values (nv, ...)."""
-    flat = values.reshape(len(values), -1)
-    columns = [
-        group_sum(np.ascontiguousarray(c.real), chart, n)
-        + 1j * group_sum(np.ascontiguousarray(c.imag), chart, n)
-        for c in flat.T
-    ]
-    return np.stack(columns, 1).reshape(n, *values.shape[1:])
+    vertex = np.arange(len(chart))
+    sums = sps.csr_matrix((np.ones(len(chart)), (chart, vertex)), shape=(n, len(chart)))
+    out = sums @ values.reshape(len(values), -1)
+    return np.asarray(out.reshape(n, *values.shape[1:]), np.complex128)
 
 
 def _rayleigh_ritz(
@@ -102,16 +99,16 @@ def _rayleigh_ritz(
 ) -> ComplexArray:
     """Rotate the subspace of each chart to its B-normalised Ritz vectors, smallest value first."""
     chart, n, k = cut_mesh.vertex_chart, cut_mesh.n_charts, x.shape[1]
-    size = np.sqrt(_chart_sums(on_boundary[:, None] * np.abs(x) ** 2 + 0j, chart, n).real)
+    size = np.sqrt(chart_sums(on_boundary[:, None] * np.abs(x) ** 2 + 0j, chart, n).real)
     x = x / np.maximum(size, 1e-300)[chart]
     bx = on_boundary[:, None] * x
-    gram = _chart_sums(x.conj()[:, :, None] * bx[:, None, :], chart, n)
+    gram = chart_sums(x.conj()[:, :, None] * bx[:, None, :], chart, n)
     weight, basis = np.linalg.eigh(gram)
     # directions outside the span become zero vectors with a huge value
     keep = weight > 1e-12 * weight[:, -1:]
     basis = np.where(keep, 1 / np.sqrt(np.where(keep, weight, 1.0)), 0.0)[:, None, :] * basis
     x = np.einsum("vk,vkl->vl", x, basis[chart])
-    energy = _chart_sums(x.conj()[:, :, None] * (matrix @ x)[:, None, :], chart, n)
+    energy = chart_sums(x.conj()[:, :, None] * (matrix @ x)[:, None, :], chart, n)
     big = 1e3 * (1 + np.abs(energy).max((1, 2)))
     energy += np.eye(k) * np.where(keep, 0.0, big[:, None])[:, None, :]
     _, turn = np.linalg.eigh(energy)
@@ -127,7 +124,7 @@ def at_surface_area(cut_mesh: CutMesh, uv: FloatArray, charts: BoolArray) -> Flo
     z = uv[:, 0] + 1j * uv[:, 1]
     chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts
     count = np.bincount(chart, minlength=n)
-    z = z - (_chart_sums(z, chart, n) / count)[chart]
+    z = z - (chart_sums(z, chart, n) / count)[chart]
     size = np.sqrt(group_max(np.abs(z) ** 2, chart, n))
     z = z / np.maximum(size, 1e-300)[chart]
     outer = outer_boundary(cut_mesh)

@@ -32,8 +32,7 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
     size = np.ones(cut_mesh.n_charts)
     if options.pins is not None:
         check_pins(cut_mesh, options.pins, 1)
-        fixed = np.zeros(cut_mesh.n_vertices, bool)
-        fixed[options.pins.vertices] = True
+        fixed = options.pins.mask(cut_mesh)
         uv, size = _start_at_pins(cut_mesh, uv, options.pins, fixed, monitor)
     with monitor.stage("relax"):
         relaxed = relax(

@@ -45,10 +45,7 @@ def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
             z, steps = conformal_spectral(cut_mesh, start_modes(cut_mesh))
             pinned = np.zeros(cut_mesh.n_charts, bool)
         uv = at_surface_area(cut_mesh, np.stack([z.real, z.imag], 1), ~pinned)
-    still = None
-    if options.pins is not None:
-        still = np.zeros(cut_mesh.n_vertices, bool)
-        still[options.pins.vertices] = True
+    still = None if options.pins is None else options.pins.mask(cut_mesh)
     uv, notes = untangle_layout(cut_mesh, uv, "lscm", options, monitor, still)
     return Layout(uv, steps, ["solved"] * cut_mesh.n_charts, notes)
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.methods.conformal import chart_sums
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,12 @@ class Pins:
             raise OptionError("a pin has a coordinate that is not finite")
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "uv", uv)
+
+    def mask(self, cut_mesh: CutMesh) -> BoolArray:
+        """(n_vertices,) the vertices that are fixed."""
+        out = np.zeros(cut_mesh.n_vertices, bool)
+        out[self.vertices] = True
+        return out
 
 
 def check_pins(cut_mesh: CutMesh, pins: Pins, fewest: int) -> None:
@@ -57,24 +64,19 @@ def fit_pins(cut_mesh: CutMesh, uv: FloatArray, pins: Pins) -> tuple[FloatArray,
     of the chart to its size on the mesh. Returns the uv and the size of each chart (n_charts,), 1 if one pin
     or none tells none; see ``at_pins``.
     """
-    chart, n = cut_mesh.vertex_chart[pins.vertices], cut_mesh.n_charts
-    here = uv[pins.vertices]
-    count = np.maximum(np.bincount(chart, minlength=n), 1)[:, None]
-    mean_here = np.stack([group_sum(c.copy(), chart, n) for c in here.T], 1) / count
-    mean_there = np.stack([group_sum(c.copy(), chart, n) for c in pins.uv.T], 1) / count
-    a = (here - mean_here[chart]) @ np.array([1, 1j])
-    b = (pins.uv - mean_there[chart]) @ np.array([1, 1j])
-    top = a.conj() * b
-    turn = group_sum(top.real.copy(), chart, n) + 1j * group_sum(top.imag.copy(), chart, n)
-    spread = [group_sum(np.abs(z) ** 2, chart, n) for z in (a, b)]
-    many = (spread[0] > 0) & (spread[1] > 0)
-    size = np.where(many, np.sqrt(spread[1] / np.where(many, spread[0], 1.0)), 1.0)
-    turn = np.where(np.abs(turn) > 0, turn / np.where(np.abs(turn) > 0, np.abs(turn), 1.0), 1.0)
-    pinned = np.bincount(chart, minlength=n) > 0
-    of = cut_mesh.vertex_chart
-    z = ((uv - mean_here[of]) @ np.array([1, 1j])) * turn[of]
-    moved = np.stack([z.real, z.imag], 1) + (mean_there / size[:, None])[of]
-    out = np.where(pinned[of][:, None], moved, uv)
+    chart, n, of = cut_mesh.vertex_chart[pins.vertices], cut_mesh.n_charts, cut_mesh.vertex_chart
+    z, there = (p[:, 0] + 1j * p[:, 1] for p in (uv, pins.uv))
+    here = z[pins.vertices]
+    count = group_count(chart, n)
+    mean_here, mean_there = (chart_sums(x, chart, n) / np.maximum(count, 1) for x in (here, there))
+    a, b = here - mean_here[chart], there - mean_there[chart]
+    turn = chart_sums(a.conj() * b, chart, n)
+    turn = np.divide(turn, np.abs(turn), out=np.ones_like(turn), where=turn != 0)
+    spread_a, spread_b = (group_sum(np.abs(x) ** 2, chart, n) for x in (a, b))
+    many = (spread_a > 0) & (spread_b > 0)
+    size = np.sqrt(np.divide(spread_b, spread_a, out=np.ones(n), where=many))
+    moved = (z - mean_here[of]) * turn[of] + (mean_there / size)[of]
+    out = np.where((count > 0)[of][:, None], np.stack([moved.real, moved.imag], 1), uv)
     out[pins.vertices] = pins.uv / size[chart][:, None]
     return out, size
 

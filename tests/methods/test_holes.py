@@ -13,17 +13,9 @@ from circparam.methods.base import MethodOptions
 from tests.support import shapes
 from tests.support.charts import patches_of
 
-# method, options of unwrap
-FREE = [
-    ("bff", {}),
-    ("abf", {}),
-    ("abf", {"linear": True}),
-    ("lscm", {}),
-    ("arap", {}),
-    ("isometric", {}),
-]
-EXACT = FREE[:4]  # one solve, or as good as one
-NAMES = [name + "-linear" * bool(keywords) for name, keywords in FREE]
+# method and options of unwrap: one solve, or as good as one
+EXACT = [("bff", {}), ("abf", {}), ("abf", {"linear": True}), ("lscm", {})]
+NAMES = [name + "-linear" * bool(keywords) for name, keywords in EXACT]
 moved = st.builds(shapes.rotation, st.integers(0, 99))
 
 
@@ -47,26 +39,20 @@ def holes_of(shape):
     return len(cut_mesh.loops.chart) - cut_mesh.n_charts
 
 
-def test_the_figures_have_the_holes_they_are_asked_for():
-    found = [holes_of(shapes.planar_holes(k, seed)) for k in range(7) for seed in range(3)]
-    assert found == [k for k in range(7) for _ in range(3)]
-    assert [holes_of(shapes.ruled_holes(k, 1)) for k in range(7)] == list(range(7))
-
-
-@pytest.mark.parametrize(("method", "keywords"), FREE, ids=NAMES)
-@pytest.mark.parametrize("holes", [0, 1, 3, 6])
-def test_a_plane_figure_comes_back(method, keywords, holes):
+@pytest.mark.parametrize("method", ["arap", "isometric"])
+@pytest.mark.parametrize("holes", [0, 3])
+def test_a_plane_figure_comes_back_by_iteration(method, holes):
     p, f = shapes.planar_holes(holes, seed=holes + 10)
     p = p @ shapes.rotation(holes).T + [3, -2, 5]
     for cut in ("disk", "none") if holes == 0 else ("disk",):
-        result = circparam.unwrap((p, f), method=method, cut=cut, **keywords)
+        result = circparam.unwrap((p, f), method=method, cut=cut)
         assert result.status in ("ok", "repaired")  # holes may touch in a vertex
         assert result.measures["charts"] == 1
         assert result.measures["flips"] == 0
         assert result.measures["distortion"] <= 1 + 1e-5
 
 
-@pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES[:4])
+@pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES)
 @given(holes=st.integers(0, 6), seed=st.integers(0, 2**20), turn=moved)
 @settings(max_examples=6, deadline=None)
 def test_any_plane_figure_comes_back_by_one_solve(method, keywords, holes, seed, turn):
@@ -76,7 +62,7 @@ def test_any_plane_figure_comes_back_by_one_solve(method, keywords, holes, seed,
     assert result.measures["distortion"] <= 1 + 1e-7
 
 
-@pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES[:4])
+@pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES)
 @pytest.mark.parametrize("holes", [1, 6])
 @pytest.mark.parametrize("bend", [lambda s: bent(s, 1.0), lambda s: bent(s, 5.0), conical])
 def test_a_developable_surface_with_holes_comes_back(method, keywords, holes, bend):
@@ -105,7 +91,7 @@ def run(name, cut_mesh, options=None):
     return measure(cut_mesh, layout.uv)
 
 
-@pytest.mark.parametrize(("method", "keywords"), [FREE[0], FREE[1], FREE[2]], ids=NAMES[:3])
+@pytest.mark.parametrize(("method", "keywords"), EXACT[:3], ids=NAMES[:3])
 @pytest.mark.parametrize("seed", [1, 4])
 def test_a_sphere_with_wide_holes_is_one_valid_chart(method, keywords, seed):
     p, f = shapes.icosphere(3)
@@ -117,10 +103,3 @@ def test_a_sphere_with_wide_holes_is_one_valid_chart(method, keywords, seed):
     assert result.measures["flips"] == result.measures["overlap"] == 0
     assert result.measures["angle"] < 1.15  # with virtual faces over the holes bff reached 1.17
     assert holes_of(shape) >= 2
-
-
-def test_angle_based_flattening_converges_round_holes():
-    cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(5, seed=4), 0.2))
-    layout = METHODS["abf"].function(cut_mesh, MethodOptions(), Monitor())
-    assert layout.stopped == ["converged"]
-    assert layout.notes == []

@@ -14,24 +14,15 @@ from tests.support import shapes
 from tests.support.charts import apart, complex_of, patches_of
 
 
-def stereographic_error(n, weights) -> float:
-    """Distance of the map of a hemisphere of n rings from the stereographic projection, size 1."""
-    cut_mesh, points = patches_of(shapes.hemisphere(n))
-    uv, _ = tutte_embedding(cut_mesh, weights)
-    z = complex_of(points[:, :2]) / (1 + points[:, 2])
-    return apart(uv, np.stack([z.real, z.imag], 1))
-
-
 def test_the_harmonic_map_of_a_hemisphere_converges_with_the_square_of_the_edge_length():
-    errors = [stereographic_error(n, "harmonic") for n in (6, 12, 24)]
+    errors = []
+    for n in (6, 12, 24):
+        cut_mesh, points = patches_of(shapes.hemisphere(n))
+        z = complex_of(points[:, :2]) / (1 + points[:, 2])  # the stereographic projection
+        uv, _ = tutte_embedding(cut_mesh, "harmonic")
+        errors.append(apart(uv, np.stack([z.real, z.imag], 1)))
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (rates > 1.7).all(), (errors, rates)
-
-
-@pytest.mark.parametrize("weights", ["uniform", "mean-value"])
-def test_other_weights_do_not_converge_to_it(weights):
-    errors = [stereographic_error(n, weights) for n in (6, 12, 24)]
-    assert errors[2] > errors[0] / 4
 
 
 @pytest.mark.parametrize("weights", ["circle", "mean-value", "floater", "uniform"])
@@ -51,13 +42,6 @@ def test_a_thousand_charts_are_one_system():
     area = np.bincount(cut_mesh.chart, signed_areas(cut_mesh.faces, uv))
     assert (area <= cut_mesh.chart_areas).all()
     assert report.system.matrix.shape[0] == report.system.free.sum()
-
-
-def test_the_rows_of_the_system_are_means():
-    cut_mesh, _ = patches_of(shapes.bumped_disk(200))
-    _, report = tutte_embedding(cut_mesh, "mean-value")
-    total = np.asarray(report.system.matrix.sum(1)).ravel()
-    np.testing.assert_allclose(total, np.asarray(report.system.to_fixed.sum(1)).ravel(), atol=1e-12)
 
 
 def test_unknown_names_are_met_with_the_nearest():
