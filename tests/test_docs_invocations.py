@@ -5,6 +5,7 @@ import re
 import shlex
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,26 +15,19 @@ from PIL import Image
 
 from circparam.cli import cli
 from tests.support import shapes
+from tests.support.writers import obj
 from tests.test_docs import ROOT, console_commands
 
 PAGES = ("README.md", "docs/cli.md", "docs/maps.md", "docs/blender.md")
 # a bucket, a cluster, processes, a placeholder; what takes seconds or wants a layout of its own, and is run by
 # tests/compare/test_kim2019.py, tests/bake/test_across.py, tests/maps/test_charts.py and test_lods.py
 ELSEWHERE = (
-    *("s3://", "tcp://", " batch ", " transfer ", "COMMAND"),
-    *(
-        "compare --methods",
-        "compare *.obj",
-        "--cage 0.05",
-        "--charts",
-        "--map a_to_b",
-        "--map nearest",
-    ),
-)
+    "s3://", "tcp://", " batch ", " transfer ", "COMMAND", "compare --methods", "compare *.obj",
+    "--cage 0.05", "--charts", "--map a_to_b", "--map nearest",
+)  # fmt: skip
 OBJ = (
-    *("mesh", "disk", "mesh_uv", "a", "b", "left", "a_uv", "b_uv", "spot", "spot_uv", "low_uv"),
-    "scan",
-)
+    "mesh", "disk", "mesh_uv", "a", "b", "left", "a_uv", "b_uv", "spot", "spot_uv", "low_uv", "scan",
+)  # fmt: skip
 
 
 def lines() -> list[str]:
@@ -51,11 +45,10 @@ def lines() -> list[str]:
     return sorted({line for line in out if not any(word in f"{line} " for word in ELSEWHERE)})
 
 
-def wavefront(points: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> str:
-    rows = ["mtllib t.mtl", "usemtl t"]
-    rows += [f"v {x} {y} {z}" for x, y, z in points] + [f"vt {u} {v}" for u, v in uv]
-    rows += ["f " + " ".join(f"{c}/{c}" for c in face) for face in faces + 1]
-    return "\n".join(rows) + "\n"
+def write(path: Path, points: np.ndarray, faces: np.ndarray, uv: np.ndarray, **names: Any) -> None:
+    """An OBJ whose faces are of the material t, or of those that are named."""
+    materials = names or {"t": np.ones(len(faces), bool)}
+    path.write_bytes(obj(points, faces, uv, materials=materials, library="t.mtl"))
 
 
 def ran(typed: str) -> None:
@@ -83,25 +76,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     points = points + 0.1 * np.sin(3 * points[:, :1]) * [0, 0, 1]
     uv = 0.02 + 0.96 * (points[:, :2] - points[:, :2].min(0)) / np.ptp(points[:, :2], axis=0).max()
     for name in OBJ:
-        (out / f"{name}.obj").write_text(wavefront(points, faces, uv))
-    left, both = uv * [0.4, 0.4], faces + len(points)
-    sheets = np.concatenate([points, points + 2]), np.concatenate([faces, both])
-    two = wavefront(*sheets, np.concatenate([left, np.add(left, [0.5, 0])]))
-    second = "f " + " ".join(f"{c}/{c}" for c in both[0] + 1)
-    (out / "parts.obj").write_text(two.replace(second, f"usemtl face\n{second}"))
-    (out / "right.obj").write_text(wavefront(points * [-1, 1, 1], faces[:, ::-1], uv))
+        write(out / f"{name}.obj", points, faces, uv)
+    first = np.arange(2 * len(faces)) < len(faces)
+    two, left = shapes.join((points, faces), (points + 2, faces)), uv * [0.4, 0.4]
+    write(
+        out / "parts.obj",
+        *two,
+        np.concatenate([left, left + np.array([0.5, 0])]),
+        t=first,
+        face=~first,
+    )
+    write(out / "right.obj", points * [-1, 1, 1], faces[:, ::-1], uv)
     (out / "t.mtl").write_text("newmtl t\nmap_Kd t.png\n")
     Image.new("RGB", (16, 16), (200, 80, 20)).save(out / "t.png")
-    head = (
-        f"ply\nformat ascii 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\n"
-        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    rows = [f"{x} {y} {z} 200 90 10" for x, y, z in points] + [
-        f"3 {i} {j} {k}" for i, j, k in faces
-    ]
+    colours = np.full((len(points), 3), [200, 90, 10], np.uint8)
+    scan = trimesh.Trimesh(points, faces, vertex_colors=colours, process=False)
     for name in ("scan", "remeshed", "high"):
-        (out / f"{name}.ply").write_text(head + "\n".join(rows) + "\n")
+        scan.export(out / f"{name}.ply", encoding="ascii")
     trimesh.Trimesh(points, faces).export(out / "mesh.stl")
     (out / "pairs.txt").write_text("8 8\n12 12\n36 36\n")
     with pytest.MonkeyPatch.context() as patch:

@@ -15,6 +15,7 @@ from tests.fuzz import hostile
 from tests.fuzz.cases import Case, cases, layouts_of_others
 from tests.fuzz.check import ALLOWED, bounded, live_faces, overlapping, problems
 from tests.support import shapes
+from tests.support.writers import obj
 
 needs_alarm = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="the bound needs SIGALRM")
 
@@ -49,9 +50,8 @@ def test_the_judge_finds_a_lying_report(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(job, "complete", crushed)
     monkeypatch.setattr("circparam.pipeline.fallback.faults", _sound)
     monkeypatch.setattr("circparam.pipeline.result.reasons", lambda *_: [])
-    p, f = shapes.bumped_disk(60)
-    lines = [f"v {x} {y} {z}" for x, y, z in p] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in f]
-    case = Case("mesh.obj", "\n".join(lines).encode(), ("unwrap",), ("--no-normalize",), ".obj")
+    data = obj(*shapes.bumped_disk(60))
+    case = Case("mesh.obj", data, ("unwrap",), ("--no-normalize",), ".obj")
     found = problems(case, tmp_path)
     assert any("overlap" in line for line in found), found
 
@@ -75,9 +75,8 @@ def test_degenerate_faces_and_twins_are_not_live() -> None:
     assert live_faces(p * 1e-30, f).tolist() == [0]
 
 
-_OPENED: list[
-    list[str]
-] = []  # a hook stays for good; it notes what is opened while there is a list here
+# a hook stays for good; it notes the files that are opened while there is a list here
+_OPENED: list[list[str]] = []
 
 
 def _hear(event: str, given: tuple[object, ...]) -> None:

@@ -1,21 +1,11 @@
-"""``python -m tests.bench [NAME] ...``: one of NAMES, or solve."""
+"""``python -m tests.bench [NAME] ...``: the benchmark of that name, a module of this folder; solve if none."""
 
 import importlib
 import sys
 
 NAMES = (
-    "solve",
-    "atlas",
-    "packing",
-    "hard",
-    "speed",
-    "scale",
-    "batch",
-    "front",
-    "maps",
-    "look",
-    "noise",
-    "hand",
+    *("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps", "look"),
+    *("noise", "hand"),
 )
 
 

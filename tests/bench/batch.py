@@ -30,11 +30,11 @@ from circparam.cli import exits
 from circparam.core.workers import environment
 from circparam.pipeline.gates import Gates
 from circparam.pipeline.options import Options
-from tests.bench import common
-from tests.bench.common import Line, say
+from tests.bench.common import Line, options, run_cases
 from tests.support import shapes
 from tests.support.batch_faults import empty_item
 from tests.support.shapes import Shape
+from tests.support.writers import obj
 
 WORKERS = 2
 TURNS = 14  # meshes that are done both ways in turns
@@ -62,14 +62,10 @@ def generated(number: int) -> Shape:
 
 def write_meshes(folder: Path, count: int) -> list[Path]:
     """So many generated meshes as OBJ."""
-    folder.mkdir(parents=True, exist_ok=True)
-    out = []
-    for k in range(count):
-        p, f = generated(k)
-        path = folder / f"m{k:05d}.obj"
-        text = [f"v {x:.7g} {y:.7g} {z:.7g}\n" for x, y, z in p]
-        path.write_text("".join(text + [f"f {a} {b} {c}\n" for a, b, c in f + 1]))
-        out.append(path)
+    folder.mkdir(parents=True)
+    out = [folder / f"m{k:05d}.obj" for k in range(count)]
+    for k, path in enumerate(out):
+        path.write_bytes(obj(*generated(k)))
     return out
 
 
@@ -129,8 +125,9 @@ def in_turns(meshes: list[Path], folder: Path) -> Line:
     return Line("CPU a mesh, warm / forked", own / forked, "", None, told)
 
 
-def rate(count: int) -> list[Line]:
+def rate(chosen: argparse.Namespace) -> list[Line]:
     """Meshes a second of a batch, of one warm process, and of xargs."""
+    count = chosen.meshes
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         meshes = write_meshes(folder / "src", count)
@@ -157,13 +154,9 @@ def rate(count: int) -> list[Line]:
         spent: list[tuple[int, float, float]] = []
 
         def on_line(line: dict[str, Any]) -> None:
-            if len(spent) % 10 == 0 or len(spent) >= count - 5:
-                mine = sum(os.times()[:2])
-                spent.append(
-                    (len(spent) + 1, time.perf_counter(), cpu_of_tree(clusters()[0]) + mine)
-                )
-            else:
-                spent.append((len(spent) + 1, time.perf_counter(), spent[-1][2]))
+            looked = len(spent) % 10 == 0 or len(spent) >= count - 5
+            cpu = cpu_of_tree(clusters()[0]) + sum(os.times()[:2]) if looked else spent[-1][2]
+            spent.append((len(spent) + 1, time.perf_counter(), cpu))
 
         summary = run_batch(
             Plan([str(folder / "src")], settings(folder / "out"), workers=WORKERS),
@@ -189,8 +182,9 @@ def resident(pid: int) -> float:
     return psutil.Process(pid).memory_info().rss / 1e6
 
 
-def empty(count: int) -> list[Line]:
+def empty(chosen: argparse.Namespace) -> list[Line]:
     """What a task costs the client, and the memory of client and scheduler."""
+    count = chosen.tasks
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for k in range(count):
@@ -227,30 +221,22 @@ def empty(count: int) -> list[Line]:
         ]  # fmt: skip
 
 
+def page(chosen: argparse.Namespace) -> tuple[str, str, str]:
+    """File, title and intro of the report."""
+    intro = (
+        f"{chosen.meshes} generated meshes of 300 to 3,000 faces, {chosen.tasks} tasks that do nothing. "
+        f"Made by `make bench-batch`. {chosen.note}"
+    )
+    return "batch.md", "Batch", intro
+
+
 def main() -> None:
     """Run what is named, both if nothing is."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("cases", nargs="*", choices=["rate", "empty", []])
+    parser = options(__doc__)
     parser.add_argument("--meshes", type=int, default=1000)
     parser.add_argument("--tasks", type=int, default=100_000)
     parser.add_argument("--note", default="", help="a sentence on the machine, for the report")
-    parser.add_argument("--no-report", action="store_true")
-    given = parser.parse_args()
-    lines: list[Line] = []
-    for name in given.cases or ["rate", "empty"]:
-        found = rate(given.meshes) if name == "rate" else empty(given.tasks)
-        for line in found:
-            say(line)
-        lines += found
-    if not given.no_report:
-        intro = (
-            f"{given.meshes} generated meshes of 300 to 3,000 faces, {given.tasks} tasks that do nothing. "
-            f"Made by `make bench-batch`. {given.note}"
-        )
-        common.write("batch.md", "Batch", intro, [common.figures(lines)])
-    print("circparam", circparam.__version__)
+    run_cases(parser, {"rate": rate, "empty": empty}, page)
 
 
 if __name__ == "__main__":

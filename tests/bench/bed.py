@@ -10,10 +10,9 @@ import numpy as np
 from circparam import formats, samples
 from tests.bench.scale import scan
 from tests.support import parts, shapes
-from tests.support.corpus import CORPUS
+from tests.support.corpus import CORPUS, SUFFIXES
 from tests.support.machined import MACHINED
 
-SUFFIXES = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf")
 SCAN_FACES = (1_500, 3_000, 6_000, 12_000, 25_000)
 SEEDS = range(3)
 
@@ -32,13 +31,9 @@ def _read(path: Path) -> shapes.Shape:
     return mesh.points, mesh.faces
 
 
-def _part(make: Callable[[], parts.Part]) -> shapes.Shape:
-    made = make()
+def _of_part(make: Callable[..., parts.Part], *given: int) -> shapes.Shape:
+    made = make(*given)
     return made.points, made.faces
-
-
-def _gear(seed: int) -> parts.Part:
-    return parts.gear(9 + 7 * seed)
 
 
 def _turned(seed: int) -> parts.Part:
@@ -55,50 +50,33 @@ def _drilled(seed: int) -> parts.Part:
     """A plate with holes of random sizes on a grid."""
     rng = np.random.default_rng(seed)
     side = 2 + seed
-    spots = [(i, j) for i in range(side) for j in range(side)]
-    holes = [
-        parts.circle(16, r, i - (side - 1) / 2, j - (side - 1) / 2)
-        for (i, j), r in zip(spots, rng.uniform(0.15, 0.35, len(spots)), strict=True)
-    ]
+    spots = np.argwhere(np.ones((side, side))) - (side - 1) / 2
+    radii = rng.uniform(0.15, 0.35, len(spots))
+    holes = [parts.circle(16, r, *at) for at, r in zip(spots, radii, strict=True)]
     return parts.extrude(parts.rectangle(side, side), holes, 0.3)
 
 
-def _tube(seed: int) -> shapes.Shape:
-    return shapes.tube(ratio=2.0 + 3 * seed, around=20, flare=0.3 * seed)
-
-
-def _noisy_handles(seed: int) -> shapes.Shape:
-    return shapes.noisy(*shapes.handles(1 + seed, refine=2), amount=0.05, seed=seed)
-
-
-def _bumpy(seed: int) -> shapes.Shape:
-    return shapes.noisy(*shapes.icosphere(3), amount=0.15, seed=seed)
-
-
-def _torus(seed: int) -> shapes.Shape:
-    return shapes.noisy(*shapes.torus(40, 20, minor=0.2 + 0.15 * seed), amount=0.03, seed=seed)
-
-
-GENERATED = {
-    "bumpy": _bumpy,
-    "handles": _noisy_handles,
-    "torus": _torus,
-    "tube": _tube,
-    "gear": lambda seed: _part(partial(_gear, seed)),
-    "turned": lambda seed: _part(partial(_turned, seed)),
-    "drilled": lambda seed: _part(partial(_drilled, seed)),
+# name → makes the mesh of each seed of SEEDS
+GENERATED: dict[str, Callable[[int], shapes.Shape]] = {
+    "bumpy": lambda k: shapes.noisy(*shapes.icosphere(3), amount=0.15, seed=k),
+    "handles": lambda k: shapes.noisy(*shapes.handles(1 + k, refine=2), amount=0.05, seed=k),
+    "torus": lambda k: shapes.noisy(
+        *shapes.torus(40, 20, minor=0.2 + 0.15 * k), amount=0.03, seed=k
+    ),
+    "tube": lambda k: shapes.tube(ratio=2.0 + 3 * k, around=20, flare=0.3 * k),
+    "gear": lambda k: _of_part(parts.gear, 9 + 7 * k),
+    "turned": partial(_of_part, _turned),
+    "drilled": partial(_of_part, _drilled),
 }
 
 
 def generated() -> Iterator[Bedded]:
     """Machine parts, handles, tubes, scans: 47 meshes, the same each time."""
     makers: dict[str, Callable[[], shapes.Shape]] = {
-        f"part-{name}": partial(_part, make) for name, make in {**parts.PARTS, **MACHINED}.items()
+        f"part-{name}": partial(_of_part, make) for name, make in (parts.PARTS | MACHINED).items()
     }
     makers |= {f"{n}-{k}": partial(make, k) for n, make in GENERATED.items() for k in SEEDS}
-    makers |= {
-        f"scan-{count}-{k}": partial(scan, count, k, 4) for count in SCAN_FACES for k in SEEDS
-    }
+    makers |= {f"scan-{n}-{k}": partial(scan, n, k, 4) for n in SCAN_FACES for k in SEEDS}
     for name, make in makers.items():
         yield Bedded(name, len(make()[1]), make)
 

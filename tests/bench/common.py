@@ -118,19 +118,48 @@ def figures(lines: Iterable[Line]) -> list[str]:
     return table(["figure", "measured", "wanted", "", "detail"], (line.cells() for line in lines))
 
 
-def choose(
-    cases: dict[str, Callable[[], list[Line]]], description: str
-) -> tuple[list[str], argparse.Namespace]:
-    """Names of the cases to run, from the command line; all where none is named."""
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument(
-        "cases", nargs="*", metavar="CASE", help=f"of: {', '.join(cases)}; all if left out"
-    )
-    parser.add_argument(
-        "--no-report", action="store_true", help="print only, leave docs/benchmarks as it is"
-    )
+def options(text: str | None) -> argparse.ArgumentParser:
+    """The command line of a benchmark, whose docstring tells what it does."""
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=text, formatter_class=form)
+    parser.add_argument("--no-report", action="store_true", help="print only, write no page")
+    return parser
+
+
+def section(title: str, lines: Iterable[str]) -> list[str]:
+    """A block of a report under a heading of its own."""
+    return [f"## {title}", "", *lines]
+
+
+def wanted(lines: list[Line]) -> list[str]:
+    """The block of the figures that something is asked of; each is printed, too."""
+    for line in lines:
+        say(line)
+    return section("Wanted and measured", figures(lines))
+
+
+def run_cases(
+    parser: argparse.ArgumentParser,
+    cases: dict[str, Callable[[argparse.Namespace], list[Line]]],
+    page: Callable[[argparse.Namespace], tuple[str, str, str]],
+) -> None:
+    """Run the cases that the command line names, and write the page where all of them were run.
+
+    cases: name → function of the command line, its docstring the heading. page: its file, title and intro.
+    """
+    names = ", ".join(cases)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of: {names}; all if left out")
     chosen = parser.parse_args()
     for name in chosen.cases:
         if name not in cases:
-            parser.error(f"no case {name!r}: choose from {', '.join(cases)}")
-    return chosen.cases or list(cases), chosen
+            parser.error(f"no case {name!r}: choose from {names}")
+    print("\n".join(machine()), flush=True)
+    blocks = []
+    for name in chosen.cases or cases:
+        lines = cases[name](chosen)
+        for line in lines:
+            say(line)
+        title = (cases[name].__doc__ or name).splitlines()[0].rstrip(".")
+        blocks.append(section(title, figures(lines)))
+    if not chosen.no_report and not chosen.cases:
+        print(f"written: {write(*page(chosen), blocks)}")

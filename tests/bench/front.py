@@ -9,16 +9,15 @@ with the facts of the machine. Figures are those of the written files, seconds w
 in ``tests.bench.atlas``.
 """
 
-import argparse
-import os
-import statistics
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from circparam import formats
-from tests.bench import atlas, common
-from tests.support.corpus import CORPUS
+from tests.bench import common
+from tests.bench.atlases import BOUND, Atlas, Bench, arguments, parsed, ratios
 
 SET = (
     "fuze.obj", "CesiumMilkTruck.glb", "CesiumMan.glb", "cow.obj", "spot.obj", "fertility.off", "fandisk.obj",
@@ -35,21 +34,20 @@ PEERS = {
 README = common.ROOT / "README.md"
 PICTURE = common.ROOT / "docs" / "pictures" / "front.png"
 START, END = "<!-- measured: make bench-front -->", "<!-- end of measured -->"
-LIMIT = 600.0  # seconds for one of them
 COLUMNS, DOTS_PER_INCH = 4, 110
 
 
 @dataclass(frozen=True)
 class Row:
-    """One mesh: what circparam made at each effort, and each peer."""
+    """One mesh: circparam at each effort, and each peer."""
 
     name: str
     faces: int
-    efforts: dict[str, atlas.Atlas]
-    peers: dict[str, atlas.Atlas]
+    efforts: dict[str, Atlas]
+    peers: dict[str, Atlas]
 
 
-def cell(made: atlas.Atlas) -> str:
+def cell(made: Atlas) -> str:
     """charts / seam / distortion / flips / page / seconds; what was wrong where there is nothing."""
     if not made.ok:
         return made.why
@@ -60,7 +58,7 @@ def cell(made: atlas.Atlas) -> str:
     return f"{f['charts']} / {f['seam_length']:.1f} / {sd} / {wrong} / {page} / {made.seconds:.1f}"
 
 
-def dominates(one: atlas.Atlas, other: atlas.Atlas) -> bool:
+def dominates(one: Atlas, other: Atlas) -> bool:
     """Whether a valid atlas was made sooner and has less seam, fewer charts and a fuller page."""
     if not one.ok or one.figures["flips"] or one.figures["overlap"]:
         return False
@@ -70,8 +68,7 @@ def dominates(one: atlas.Atlas, other: atlas.Atlas) -> bool:
 
 
 def findings(rows: list[Row]) -> list[str]:
-    """Medians of ratios to the peers at each effort, and where a peer is sooner and better."""
-    out = []
+    """Where a peer is sooner and better, and medians of ratios to the peers at each effort."""
     beaten = [
         f"{row.name}, {effort}: {PEERS[p]}"
         for row in rows
@@ -79,35 +76,17 @@ def findings(rows: list[Row]) -> list[str]:
         for p, peer in row.peers.items()
         if own.ok and dominates(peer, own)
     ]
-    out.append(
-        "A peer is at once faster, with less seam, fewer charts and a fuller page: "
-        f"{'; '.join(beaten) or 'nowhere'}."
-    )
+    what = "A peer is at once faster, with less seam, fewer charts and a fuller page"
+    out = [f"{what}: {'; '.join(beaten) or 'nowhere'}."]
     for effort in EFFORTS:
         parts = []
-        for p in PEERS:
-            pairs = [
-                (r.efforts[effort], r.peers[p])
-                for r in rows
-                if p in r.peers and r.peers[p].ok and r.efforts[effort].ok
-            ]
-            if not pairs:
-                continue
-
-            def median(key: str, pairs: list[tuple[atlas.Atlas, atlas.Atlas]] = pairs) -> float:
-                ratios = [
-                    (a.seconds / max(b.seconds, 1e-3))
-                    if key == "seconds"
-                    else a.figures[key] / b.figures[key]
-                    for a, b in pairs
-                    if key == "seconds" or b.figures[key]
-                ]
-                return statistics.median(ratios)
-
-            parts.append(
-                f"{PEERS[p]} {median('seconds'):.2f} × the seconds, {median('seam_length'):.2f} × the seam, "
-                f"{median('charts'):.2f} × the charts"
-            )
+        for p, name in PEERS.items():
+            both = [(r.efforts[effort], r.peers[p]) for r in rows if p in r.peers]
+            pairs = [(a, b) for a, b in both if a.ok and b.ok]
+            if pairs:
+                terms = {"seconds": "seconds", "seam_length": "seam", "charts": "charts"}
+                found = {k: np.median(ratios(pairs, key)) for key, k in terms.items()}
+                parts.append(f"{name} " + ", ".join(f"{v:.2f} × the {k}" for k, v in found.items()))
         out.append(f"{effort}, medians: {'; '.join(parts)}.")
     return out
 
@@ -156,69 +135,51 @@ def draw(rows: list[Row], path: Path) -> None:
     figure.savefig(path, dpi=DOTS_PER_INCH)
 
 
-def measured(path: Path, folder: Path, judge: Path | None) -> Row:
-    """One mesh by all."""
-    there = [name for name in PEERS if atlas.PYTHONS[name]]
-    efforts = {
-        name: atlas.unwrap(path, folder, judge, atlas.BOUND, LIMIT, effort=effort)
-        for name, effort in EFFORTS.items()
-    }
-    peers = {p: atlas.peer(p, path, folder, judge, LIMIT) for p in there}
-    return Row(path.stem, len(formats.read(path).mesh.faces), efforts, peers)
+def measure(path: Path, names: list[str], bench: Bench) -> Row:
+    """One mesh by all, each printed."""
+    efforts = {name: bench.unwrap(path, BOUND, effort) for name, effort in EFFORTS.items()}
+    peers = {p: bench.peer(p, path) for p in names}
+    row = Row(path.stem, len(formats.read(path).mesh.faces), efforts, peers)
+    for who, made in (efforts | peers).items():
+        print(f"{row.name} ({row.faces}), {who}: {cell(made)}", flush=True)
+    return row
+
+
+FIGURES = (
+    "Charts / seam length (over √area) / distortion (1 is perfect) / flipped faces and mirrored charts / "
+    "covered share of the page / seconds"
+)
 
 
 def main() -> None:
-    """Run the set, write table, picture and report."""
-    parser = argparse.ArgumentParser(
-        description="The frontier, and the table at the head of README."
-    )
-    parser.add_argument("--more", nargs="*", type=Path, default=[])
-    parser.add_argument("--judge", type=Path, default=os.environ.get("CIRCPARAM_JUDGE") or None)
-    chosen = parser.parse_args()
-    rows = []
-    with tempfile.TemporaryDirectory() as name:
-        for path in [*(CORPUS / n for n in SET if (CORPUS / n).exists()), *chosen.more]:
-            row = measured(path, Path(name), chosen.judge)
-            rows.append(row)
-            for who, made in (row.efforts | row.peers).items():
-                print(f"{row.name} ({row.faces}), {who}: {cell(made)}", flush=True)
-    there = [p for p in PEERS if any(p in r.peers for r in rows)]
-    head = ["mesh", "faces", "draft", "circparam", *(PEERS[p] for p in there)]
-    figures = (
-        "Charts / seam length (over √area) / distortion (1 is perfect) / flipped faces and mirrored charts / "
-        "covered share of the page / seconds"
-    )
-    table = common.table(
-        head,
-        [
-            [r.name, f"{r.faces:,}", cell(r.efforts["draft"]), cell(r.efforts["normal"]),
-             *(cell(r.peers[p]) for p in there)]
-            for r in rows if r.name in IN_README
-        ],
-    )  # fmt: skip
-    before, rest = README.read_text("utf-8").split(START)
-    text = [
-        f"{figures}, each at its defaults (draft: `--effort draft`), in one run on two cores:",
-        "",
-        *table,
-    ]
-    README.write_text(
-        before + START + "\n\n" + "\n".join(text) + "\n\n" + END + rest.split(END)[1], "utf-8"
-    )
-    draw(rows, PICTURE)
-    everything = common.table(
-        ["mesh", "faces", *EFFORTS, *(PEERS[p] for p in there)],
-        [
-            [
-                r.name,
-                f"{r.faces:,}",
-                *map(cell, r.efforts.values()),
-                *(cell(r.peers[p]) for p in there),
-            ]
+    """Run the set, write table, picture and report; nothing where meshes are named."""
+    parser = arguments(__doc__, ",".join(PEERS))
+    parser.add_argument("--more", nargs="*", type=Path, default=[], help="meshes beside the set")
+    chosen, meshes, names = parsed(parser, SET)
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Bench(Path(folder), chosen.judge)
+        rows = [measure(path, names, bench) for path in [*meshes, *chosen.more]]
+        notes = findings(rows)
+        cells = [
+            [r.name, f"{r.faces:,}", *map(cell, [*r.efforts.values(), *r.peers.values()])]
             for r in rows
-        ],
-    )
+        ]
+    print("\n".join(notes))
+    if chosen.no_report or chosen.meshes:
+        return
+    who = [PEERS[p] for p in names]
+    shown = [[*c[:4], *c[2 + len(EFFORTS) :]] for c in cells if c[0] in IN_README]
+    intro = f"{FIGURES}, each at its defaults (draft: `--effort draft`), in one run on two cores:"
+    table = common.table(["mesh", "faces", "draft", "circparam", *who], shown)
+    before, rest = README.read_text("utf-8").split(START)
+    lines = [START, "", intro, "", *table, "", END]
+    README.write_text(before + "\n".join(lines) + rest.split(END)[1], "utf-8")
+    draw(rows, PICTURE)
+    everything = common.table(["mesh", "faces", *EFFORTS, *who], cells)
     intro = "Made by `make bench-front`; README shows a part of it.\n\n![The frontier](../pictures/front.png)"
-    blocks = [[f"{figures}."], [f"- {line}" for line in findings(rows)], everything]
-    print("\n".join(findings(rows)))
+    blocks = [[f"{FIGURES}."], [f"- {line}" for line in notes], everything]
     print(f"written: {common.write('front.md', 'The frontier', intro, blocks)}")
+
+
+if __name__ == "__main__":
+    main()

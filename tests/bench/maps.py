@@ -1,19 +1,17 @@
 """``make bench-maps``: maps between pairs of surfaces; writes docs/benchmarks/maps.md.
 
-    python -m tests.bench maps [--no-report] [--no-speed]
+    python -m tests.bench maps [PAIR ...] [--no-report] [--no-speed]
 
-Pairs out of the project's own scripts, four of them with handles. Where a surface
-meets its own remeshing (with noise or without), it
-is known where every vertex belongs: the error is the distance from there, in sizes (diagonals of the box). The
-weights are compared by the distortion of the composed convex maps as they are, before relaxation.
+Pairs out of the project's own scripts, four of them with handles. Where a surface meets its own remeshing (with
+noise or without), the place of every vertex is known: the error is the distance from there, in sizes (diagonals
+of the box). The weights are compared by the distortion of the composed convex maps, before relaxation.
 """
 
-import argparse
 import resource
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +19,7 @@ import circparam
 from circparam.maps.map_surfaces import MapResult
 from circparam.mesh.mesh import Mesh
 from tests.bench import common
-from tests.bench.common import ROOT, Line, say
+from tests.bench.common import ROOT, Line
 from tests.support import pairs, shapes, tori
 
 OVERLAID = ("blob, its remeshing", "creature and its pose", "torus, its remeshing", "two tori")
@@ -152,34 +150,34 @@ def size_of(mesh: Mesh) -> float:
     return float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
 
 
-def timed(call: Callable[[], MapResult]) -> tuple[MapResult, float]:
-    """(result, seconds of this process)."""
+def mapped(pair: Pair, **options: Any) -> tuple[MapResult, float]:
+    """The map of a pair, and the processor seconds of this process."""
     start = time.process_time()
-    return call(), time.process_time() - start
+    found = circparam.map_surfaces(pair.a, pair.b, landmarks=pair.marks, **options)
+    return found, time.process_time() - start
 
 
-def row(pair: Pair, found: MapResult, seconds: float) -> list[str]:
-    """One line of the table."""
-    error = "" if pair.truth is None else f"{100 * error_of(pair, found):.3f} %"
-    back = pairs.there_and_back(pair.a, pair.b, found.map) / pairs.longest_edge(pair.a)
-    faces, turned = f"{len(pair.a.faces)} / {len(pair.b.faces)}", str(sum(found.inversions))
-    there, back_way = found.a_to_b, found.b_to_a
-    return [
-        *(pair.name, faces, str(len(pair.marks)), turned, f"{found.landmark_error:.1g}"),
-        *(
-            f"{found.start.mean:.4f}",
-            f"{there.mean:.4f}",
-            f"{there.p99:.3f}",
-            f"{there.largest:.3g}",
-        ),
-        *(f"{back_way.mean:.4f}", f"{back:.2f}", error, f"{seconds:.1f}"),
-    ]
+def moved_back(pair: Pair, found: MapResult) -> float:
+    """How far A → B → A moves a vertex at most, over the longest edge."""
+    return pairs.there_and_back(pair.a, pair.b, found.map) / pairs.longest_edge(pair.a)
 
 
 def error_of(pair: Pair, found: MapResult) -> float:
     """Mean distance of the vertices of the first surface from where they belong, in sizes."""
     image = found.map.to_b.of(pair.b.points, pair.b.faces)
     return float(np.linalg.norm(image - pair.truth, axis=1).mean()) / size_of(pair.a)
+
+
+def row(pair: Pair, found: MapResult, seconds: float) -> list[str]:
+    """One line of the table."""
+    there = found.a_to_b
+    return [
+        pair.name, f"{len(pair.a.faces)} / {len(pair.b.faces)}", str(len(pair.marks)),
+        str(sum(found.inversions)), f"{found.landmark_error:.1g}", f"{found.start.mean:.4f}",
+        f"{there.mean:.4f}", f"{there.p99:.3f}", f"{there.largest:.3g}", f"{found.b_to_a.mean:.4f}",
+        f"{moved_back(pair, found):.2f}",
+        "" if pair.truth is None else f"{100 * error_of(pair, found):.3f} %", f"{seconds:.1f}",
+    ]  # fmt: skip
 
 
 HEADS = (
@@ -190,100 +188,93 @@ HEADS = (
 
 def overlays(all_of_them: list[Pair]) -> Line:
     """How far the way through the overlay moves the vertices of closed surfaces, in sizes."""
-    worst = 0.0
     chosen = [p for p in all_of_them if p.name in OVERLAID]
+    moved = []
     for pair in chosen:
-        found = circparam.map_surfaces(pair.a, pair.b, landmarks=pair.marks, overlay=True)
-        moved = pairs.back_through_overlay(pair.a, pair.b, found.map) / size_of(pair.a)
-        worst = max(worst, moved)
-        print(pair.name, len(found.map.overlay.faces), moved, found.seconds["overlay"], flush=True)
+        found, _ = mapped(pair, overlay=True)
+        moved.append(pairs.back_through_overlay(pair.a, pair.b, found.map) / size_of(pair.a))
+        print(
+            pair.name, len(found.map.overlay.faces), moved[-1], found.seconds["overlay"], flush=True
+        )
     note = f"{len(chosen)} pairs: {', '.join(p.name for p in chosen)}"
-    return Line("A → B → A through the overlay, largest move", worst, "sizes", "<= 1e-6", note)
+    name = "A → B → A through the overlay, largest move"
+    return Line(name, max(moved), "sizes", "<= 1e-6", note)
 
 
 def speed() -> list[Line]:
     """50k faces against 50k, about 200k, and about 500k."""
-    out = []
-    seconds = []
+    out, seconds = [], []
     for step in (0.0445, 0.0222, 0.0141):
         a, b = creature(step), creature(step * 1.01, 0.37)
-        marks = nearest_marks(a, b, TIPS)
-        found, took = timed(lambda a=a, b=b, m=marks: circparam.map_surfaces(a, b, landmarks=m))
+        found, took = mapped(Pair("", a, b, nearest_marks(a, b, TIPS)))
         seconds.append(took / len(a.faces))
         name = f"CPU seconds, {len(a.faces)} against {len(b.faces)} faces"
-        wanted = "<= 20" if step == 0.0445 else None
         note = f"distortion {found.a_to_b.mean:.4f}, {sum(found.inversions)} inversions"
-        out.append(Line(name, took, "s", wanted, note))
-        say(out[-1])
-    out.append(Line("CPU a face, 200k / 50k", seconds[1] / seconds[0], "", None))
-    out.append(Line("CPU a face, 500k / 50k", seconds[2] / seconds[0], "", None))
+        out.append(Line(name, took, "s", "<= 20" if step == 0.0445 else None, note))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    out.append(Line("largest memory", peak, "GiB", "<= 4"))
-    return out
+    return [
+        *out,
+        Line("CPU a face, 200k / 50k", seconds[1] / seconds[0]),
+        Line("CPU a face, 500k / 50k", seconds[2] / seconds[0]),
+        Line("largest memory", peak, "GiB", "<= 4"),
+    ]
+
+
+def verdicts(results: list[tuple[Pair, MapResult]], composed: np.ndarray) -> list[Line]:
+    """What is wanted of all pairs; composed (pairs, methods): distortion before relaxation."""
+    known = [error_of(p, f) for p, f in results if p.truth is not None]
+    turned = sum(sum(f.inversions) for _, f in results)
+    marks = max(f.landmark_error for _, f in results)
+    back = max(moved_back(p, f) for p, f in results)
+    medians = zip(METHODS, np.median(composed, 0).tolist(), strict=True)
+    return [
+        Line("inversions, both ways, all pairs", turned, "", "<= 0"),
+        Line("landmark error, largest", marks, "sizes", "<= 1e-9"),
+        Line("A → B → A, largest move over the longest edge", back, "", "<= 1"),
+        Line(
+            "known answer, largest mean error",
+            100 * max(known, default=0.0),
+            "% of the size",
+            "<= 0.5",
+        ),
+        *(Line(f"composed maps, {name}: median distortion", value) for name, value in medians),
+    ]
 
 
 def main() -> None:
     """Run all pairs, the weights, and the speed."""
-    parser = argparse.ArgumentParser(prog="python -m tests.bench maps")
-    parser.add_argument("--no-report", action="store_true")
-    parser.add_argument("--no-speed", action="store_true")
-    options = parser.parse_args()
-    rows, weights, results = [], [], []
+    parser = common.options(__doc__)
+    parser.add_argument("--no-speed", action="store_true", help="leave out the large pairs")
+    parser.add_argument("pairs", nargs="*", metavar="PAIR", help="names of pairs; all if left out")
+    chosen = parser.parse_args()
+    rows, composed, weights, results = [], [], [], []
     for pair in all_pairs():
-        found, seconds = timed(lambda p=pair: circparam.map_surfaces(p.a, p.b, landmarks=p.marks))
+        if chosen.pairs and pair.name not in chosen.pairs:
+            continue
+        found, seconds = mapped(pair)
         results.append((pair, found))
         rows.append(row(pair, found, seconds))
-        print(" | ".join(rows[-1]), flush=True)
-        plain = [
-            circparam.map_surfaces(pair.a, pair.b, landmarks=pair.marks, method=m, relax=False)
-            for m in METHODS
-        ]
-        weights.append([pair.name, *(f"{r.a_to_b.mean:.4f}" for r in plain)])
-        weights[-1] += [str(sum(sum(r.inversions) for r in plain))]
-        print(" | ".join(weights[-1]), flush=True)
-    known = [error_of(p, f) for p, f in results if p.truth is not None]
-    back = [pairs.there_and_back(p.a, p.b, f.map) / pairs.longest_edge(p.a) for p, f in results]
-    lines = [
-        Line(
-            "inversions, both ways, all pairs",
-            sum(sum(f.inversions) for _, f in results),
-            "",
-            "<= 0",
-        ),
-        Line(
-            "landmark error, largest", max(f.landmark_error for _, f in results), "sizes", "<= 1e-9"
-        ),
-        Line("A → B → A, largest move over the longest edge", max(back), "", "<= 1"),
-        Line("known answer, largest mean error", 100 * max(known), "% of the size", "<= 0.5"),
-    ]
-    columns = np.array([[float(x) for x in w[1 : 1 + len(METHODS)]] for w in weights])
-    for name, value in zip(METHODS, np.median(columns, 0), strict=True):
-        lines.append(Line(f"composed maps, {name}: median distortion", float(value), "", None))
-    lines.append(overlays([p for p, _ in results]))
-    for line in lines:
-        say(line)
-    if not options.no_speed:
+        plain = [mapped(pair, method=m, relax=False)[0] for m in METHODS]
+        composed.append([r.a_to_b.mean for r in plain])
+        turned = str(sum(sum(r.inversions) for r in plain))
+        weights.append([pair.name, *(f"{x:.4f}" for x in composed[-1]), turned])
+        print(" | ".join([*rows[-1], *weights[-1][1:]]), flush=True)
+    lines = verdicts(results, np.array(composed))
+    if not chosen.pairs:
+        lines.append(overlays([p for p, _ in results]))
+    if not chosen.no_speed:
         lines += speed()
-    if not options.no_report:
-        write(lines, rows, weights)
-
-
-def write(lines: list[Line], rows: list[list[str]], weights: list[list[str]]) -> None:
-    """docs/benchmarks/maps.md."""
+    blocks = [common.wanted(lines), common.section("All pairs", common.table(HEADS, rows))]
+    title = "The weights: distortion of the composed convex maps, before relaxation"
+    table = common.table(("pair", *METHODS, "inversions"), weights)
+    blocks.append(common.section(title, table))
+    if chosen.no_report or chosen.pairs:
+        return
     intro = (
         "Made by `make bench-maps`; pairs from the scripts of data/ and tests/support. Distortion: symmetric "
         "Dirichlet energy / 4, mean over the area, 1 is an isometry. Mean error: distance of the vertices of A "
         "from where they belong, in diagonals of the box."
     )
-    blocks = [
-        ["## Wanted and measured", "", *common.figures(lines)],
-        ["## All pairs", "", *common.table(HEADS, rows)],
-        [
-            "## The weights: distortion of the composed convex maps, before relaxation",
-            "",
-            *common.table(("pair", *METHODS, "inversions"), weights),
-        ],
-    ]
     print(f"written: {common.write('maps.md', 'Maps between surfaces', intro, blocks)}")
 
 

@@ -22,7 +22,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +41,8 @@ SAMPLES = 2_000  # of the bootstrap
 FIGURES = ("cost", "seam_length", "seam_visible", "charts", "pack", "seconds")
 # nobody sees a seam of a hundredth of the root of the area: ratios are those of figures with this added
 LEAST = dict.fromkeys(FIGURES, 0.0) | dict.fromkeys(("cost", "seam_length", "seam_visible"), 0.01)
+
+Tables = dict[str, dict[str, np.ndarray]]  # mesh → figure → (turns,)
 
 
 @dataclass(frozen=True)
@@ -85,65 +86,53 @@ class Rows:
                 stream.write(json.dumps(row) + "\n")
 
 
+def git(*words: str, **rest: Any) -> subprocess.CompletedProcess[bytes]:
+    """A command of git on this repository."""
+    return subprocess.run(["git", *words], cwd=common.ROOT, capture_output=True, **rest)
+
+
 def exported(revision: str, folder: Path) -> Path:
     """The package as it was at a commit, in a folder of its own."""
-    named = subprocess.run(
-        ["git", "rev-parse", f"{revision}^{{commit}}"],
-        cwd=common.ROOT,
-        capture_output=True,
-        text=True,
-    )
+    named = git("rev-parse", f"{revision}^{{commit}}")
     if named.returncode:
         raise SystemExit(f"--base {revision}: git knows no such commit")
-    tree = folder / named.stdout.strip()[:12]
+    tree = folder / named.stdout.decode().strip()[:12]
     if not tree.exists():
         tree.mkdir(parents=True)
-        packed = subprocess.run(
-            ["git", "archive", revision, "circparam"],
-            cwd=common.ROOT,
-            capture_output=True,
-            check=True,
-        )
-        subprocess.run(["tar", "x", "-C", str(tree)], input=packed.stdout, check=True)
+        packed = git("archive", revision, "circparam", check=True).stdout
+        subprocess.run(["tar", "x", "-C", str(tree)], input=packed, check=True)
     return tree
 
 
-def measure(build: Build, mesh: Bedded, kind: str, turns: list[int], rows: Rows) -> str | None:
-    """Add the rows of one mesh; why there are none, where it failed."""
+def measure(build: Build, mesh: Bedded, kind: str, turns: list[int], rows: Rows) -> str:
+    """Add the rows of one mesh; "done", or why there are none."""
     key = build.key
     missing = [t for t in turns if rows.get(key, mesh.name, kind, t) is None]
     if not missing:
-        return None
+        return "done"
     points, faces = mesh.make()
     environment = os.environ | {"PYTHONPATH": str(build.tree), "OMP_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mesh.npz"
         np.savez(path, points=points, faces=faces)
-        command = [
-            sys.executable, str(TASK), str(path), kind, json.dumps(build.settings), *map(str, missing)
-        ]  # fmt: skip
+        words = [str(path), kind, json.dumps(build.settings), *map(str, missing)]
         try:
             done = subprocess.run(
-                command, capture_output=True, text=True, timeout=LIMIT, env=environment, cwd=folder
-            )
+                [sys.executable, str(TASK), *words], capture_output=True, text=True, timeout=LIMIT,
+                env=environment, cwd=folder,
+            )  # fmt: skip
         except subprocess.TimeoutExpired:
             return f"not done after {LIMIT:g} s"
     for line in done.stdout.splitlines():
         rows.add({"build": key, "mesh": mesh.name, "kind": kind, **json.loads(line)})
-    return done.stderr.strip().splitlines()[-1] if done.returncode else None
+    return done.stderr.strip().splitlines()[-1] if done.returncode else "done"
 
 
 def table_of(rows: list[dict[str, Any]]) -> dict[str, np.ndarray]:
-    """Each figure of FIGURES over some turns of one mesh, (turns,)."""
+    """Each figure of FIGURES, with LEAST added, over the turns of one mesh, (turns,)."""
     out = {k: np.array([r[k] for r in rows], float) for k in FIGURES if k != "cost"}
     out["cost"] = out["seam_length"] + CHART * out["charts"]
-    return out
-
-
-def spread(cost: np.ndarray) -> float:
-    """The 90th over the 10th percentile."""
-    low, high = np.quantile(cost, [0.1, 0.9])
-    return float(high / low)
+    return {k: v + LEAST[k] for k, v in out.items()}
 
 
 def interval(logs: np.ndarray) -> tuple[float, float, float]:
@@ -154,50 +143,36 @@ def interval(logs: np.ndarray) -> tuple[float, float, float]:
     return float(np.exp(logs.mean())), float(low), float(high)
 
 
-def compared(pairs: dict[str, tuple[dict[str, np.ndarray], ...]]) -> list[list[str]]:
+def compared(base: Tables, ours: Tables) -> list[list[str]]:
     """A row a figure: mean ratio with its interval, median, least and most of a mesh's mean ratio."""
-    out = []
+    out, names = [], list(base)
     for figure in FIGURES:
-        logs = np.array(
-            [
-                np.log((ours[figure] + LEAST[figure]) / (base[figure] + LEAST[figure])).mean()
-                for base, ours in pairs.values()
-            ]
-        )
+        logs = np.array([np.log(ours[n][figure] / base[n][figure]).mean() for n in names])
         mean, low, high = interval(logs)
-        names = list(pairs)
-        least, most = int(logs.argmin()), int(logs.argmax())
-        out.append(
-            [
-                figure.replace("_", " "), f"{mean:.4f}", f"{low:.4f} to {high:.4f}",
-                f"{np.exp(np.median(logs)):.4f}", f"{np.exp(logs[least]):.3f} ({names[least]})",
-                f"{np.exp(logs[most]):.3f} ({names[most]})",
-            ]
-        )  # fmt: skip
+        cells = [f"{mean:.4f}", f"{low:.4f} to {high:.4f}", f"{np.exp(np.median(logs)):.4f}"]
+        ends = [f"{np.exp(logs[k]):.3f} ({names[k]})" for k in (logs.argmin(), logs.argmax())]
+        out.append([figure.replace("_", " "), *cells, *ends])
     return out
 
 
-def spreads(tables: dict[str, dict[str, np.ndarray]]) -> str:
-    """Spread over the turns, in words."""
-    each = {name: spread(t["cost"] + LEAST["cost"]) for name, t in tables.items()}
+def spreads(tables: Tables) -> str:
+    """The 90th over the 10th percentile of the cost over the turns, in words."""
+    tenths = {name: np.quantile(t["cost"], [0.1, 0.9]) for name, t in tables.items()}
+    each = {name: high / low for name, (low, high) in tenths.items()}
     worst = max(each, key=lambda name: each[name])
-    return (
-        f"{np.median(list(each.values())):.3f} in the median, {each[worst]:.2f} at most ({worst})"
-    )
+    median = np.median(list(each.values()))
+    return f"{median:.3f} in the median, {each[worst]:.2f} at most ({worst})"
 
 
-def bad(tables: dict[str, list[dict[str, Any]]]) -> list[str]:
+def bad(found: dict[str, list[dict[str, Any]]]) -> str:
     """Meshes whose atlas is not as promised in some turn."""
-    return sorted(
-        name
-        for name, rows in tables.items()
-        if any(r["flips"] or r["overlap"] or r["status"] == "degraded" for r in rows)
-    )
+    wrong = lambda r: r["flips"] or r["overlap"] or r["status"] == "degraded"  # noqa: E731
+    return ", ".join(sorted(n for n, rows in found.items() if any(map(wrong, rows)))) or "none"
 
 
 def parse() -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(description="What a change is worth, out of the noise.")
+    parser = common.options(__doc__)
     parser.add_argument("meshes", nargs="*", type=Path)
     parser.add_argument("--base", default="HEAD", metavar="REV")
     parser.add_argument("--set", action="append", default=[], metavar="MODULE.NAME=VALUE")
@@ -208,7 +183,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--most", type=int, default=60_000, metavar="FACES")
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
     parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--no-report", action="store_true")
     return parser.parse_args()
 
 
@@ -228,34 +202,31 @@ def main() -> None:
     """Measure what is missing, then compare."""
     chosen = parse()
     settings = {"constants": assigned(chosen.set), "options": assigned(chosen.option)}
-    nothing: dict[str, Any] = {"constants": {}, "options": {}}
-    base = Build(exported(chosen.base, chosen.folder), nothing)
+    base = Build(exported(chosen.base, chosen.folder), {"constants": {}, "options": {}})
     builds = {"base": base, "variant": Build(common.ROOT, settings)}
-    keys = {name: build.key for name, build in builds.items()}
     meshes = list(read(chosen.meshes)) if chosen.meshes else bed(chosen.bed, chosen.most)
     rows, turns = Rows(chosen.folder / "rows.jsonl"), list(range(chosen.turns))
     print("\n".join(common.machine()), f"{len(meshes)} meshes", sep="\n", flush=True)
 
     def one(task: tuple[Bedded, str]) -> None:
         mesh, name = task
-        why = measure(builds[name], mesh, chosen.kind, turns, rows)
-        print(f"{mesh.name} ({mesh.faces}), {name}: {why or 'done'}", flush=True)
+        how = measure(builds[name], mesh, chosen.kind, turns, rows)
+        print(f"{mesh.name} ({mesh.faces}), {name}: {how}", flush=True)
 
-    asked = {key: name for name, key in keys.items()}  # the same build is measured once
+    asked = {build.key: name for name, build in builds.items()}  # the same build is measured once
     with ThreadPoolExecutor(chosen.jobs) as pool:
         list(pool.map(one, [(m, name) for m in meshes for name in asked.values()]))
 
-    found: dict[str, dict[str, list[dict[str, Any]]]] = defaultdict(dict)
-    for name, key in keys.items():
-        for mesh in meshes:
-            some = [rows.get(key, mesh.name, chosen.kind, t) for t in turns]
-            if all(some):
-                found[name][mesh.name] = some
+    found: dict[str, dict[str, list[Any]]] = {}
+    for name, build in builds.items():
+        every = {
+            m.name: [rows.get(build.key, m.name, chosen.kind, t) for t in turns] for m in meshes
+        }
+        found[name] = {mesh: some for mesh, some in every.items() if all(some)}
     both = [m for m in found["base"] if m in found["variant"]]
     if not both:
         raise SystemExit("no mesh was unwrapped by both builds")
     tables = {name: {m: table_of(found[name][m]) for m in both} for name in builds}
-    pairs = {m: (tables["base"][m], tables["variant"][m]) for m in both}
     head = [
         "variant / base",
         "mean",
@@ -268,12 +239,9 @@ def main() -> None:
         f"- {len(both)} meshes of {len(meshes)}, {len(turns)} turns each ({chosen.kind})",
         f"- base: {chosen.base}; variant: {json.dumps(settings)}",
         *(f"- spread of the {n}: {spreads(tables[n])}" for n in builds),
-        *(
-            f"- {n}, flipped, overlapping or degraded: {', '.join(bad(found[n])) or 'none'}"
-            for n in builds
-        ),
+        *(f"- {n}, flipped, overlapping or degraded: {bad(found[n])}" for n in builds),
     ]
-    report = common.table(head, compared(pairs))
+    report = common.table(head, compared(tables["base"], tables["variant"]))
     print("\n".join([*facts, *report]))
     if not chosen.no_report:
         intro = "Made by `make bench-noise`; see the head of `tests/bench/noise.py`."

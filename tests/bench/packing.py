@@ -10,7 +10,7 @@ Then identical charts, those of ``--pack-splits 0`` and those of files with uv, 
 of padding: by circparam; by xatlas with brute force, which tries every texel of the page and so gets one of 512
 with a padding of 1 (the same in shares of the page; at 2048 it does not end in minutes); and by sparrow, whose
 strip is as high as it comes out wide. All are measured alike: share of the unit square covered, on a raster of
-2048. Peers run in processes of their own (``pack_peers.py``). ``--known`` keeps their figures, by charts.
+2048. Peers run in processes of their own (``peers.py``). ``--known`` keeps their figures, by charts.
 """
 
 from __future__ import annotations
@@ -31,13 +31,15 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from circparam import formats, unwrap
 from circparam.core.arrays import relabel
 from circparam.geometry.raster import free_border, smallest_gap
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
-from tests.bench.common import Line, figures, table, write
-from tests.support.corpus import CORPUS
+from tests.bench.atlases import run_peer
+from tests.bench.common import Line, figures, options, table, write
+from tests.support.corpus import CORPUS, SUFFIXES
 from tests.support.packing import owner_raster
 
 RESOLUTION, PADDING = 2048, 4
@@ -45,13 +47,8 @@ LARGE = 25_000_000  # bytes
 FEW = 20  # charts up to which as much is asked as sparrow reaches
 SPARROW_UP_TO = 300
 WITH_UV = (
-    "spot.obj",
-    "beast.obj",
-    "fuze.obj",
-    "maze.obj",
-    "bunny10k_textured.ply",
-    "SheenCloth.glb",
-)
+    "spot.obj", "beast.obj", "fuze.obj", "maze.obj", "bunny10k_textured.ply", "SheenCloth.glb",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,30 +66,34 @@ class Charts:
         faces = uvmap.uv_faces[(uvmap.uv_faces >= 0).all(1)]
         return cls(name, faces, uvmap.uv, relabel(UVMap(uvmap.uv, faces).charts)[1])
 
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """What a peer is given."""
+        size = {"resolution": RESOLUTION, "padding": PADDING}
+        return {"faces": self.faces, "uv": self.uv, "chart": self.chart, **size}
 
-def charts_of(path: str) -> Charts:
-    """The charts that a file has."""
-    from circparam import formats
-
-    uvmap = formats.read(path).uv()
-    if uvmap is None:
-        raise SystemExit(f"{path}: no uv, so no charts to pack")
-    return Charts.of(f"{Path(path).name} (its own)", uvmap)
+    def packed(self) -> np.ndarray:
+        """(m, 3, 2) corners on a page by circparam."""
+        options = PackOptions(RESOLUTION, PADDING)
+        return pack(self.faces, self.uv, self.chart, options).uv[self.faces]
 
 
 @dataclass(frozen=True, eq=False)
 class Peers:
-    """Other packers. sparrow: the Python that has it, None for none. seconds: bound on xatlas, and what sparrow
-    is given. known: file with figures by the charts they are of."""
+    """Other packers. pythons: of each that there is. seconds: bound on xatlas, and what sparrow is given.
 
-    sparrow: str | None
+    known: file with figures by the charts they are of.
+    """
+
+    pythons: dict[str, str]
     seconds: dict[str, float]
     known: Path | None
 
     def figures(self, name: str, charts: Charts) -> dict[str, Any] | None:
         """Covered share and what the peer says; None where it did not end in time or failed."""
-        seconds = self.seconds[name]
-        given = {"faces": charts.faces, "uv": charts.uv, "chart": charts.chart, "seconds": seconds}
+        if name not in self.pythons:
+            return None
+        given = charts.arrays | {"seconds": self.seconds[name]}
         digest = hashlib.sha256(name.encode())
         for value in given.values():
             digest.update(np.ascontiguousarray(value).tobytes())
@@ -106,113 +107,83 @@ class Peers:
         return found
 
     def _run(self, name: str, given: dict[str, Any]) -> dict[str, Any] | None:
-        python = self.sparrow if name == "sparrow" else sys.executable
-        script = Path(__file__).with_name("pack_peers.py")
+        bound = self.seconds[name] * (10 if name == "sparrow" else 1)
         with tempfile.TemporaryDirectory() as folder:
-            source, target = f"{folder}/in.npz", f"{folder}/out.npz"
-            np.savez(source, resolution=RESOLUTION, padding=PADDING, **given)
-            command = [str(python), str(script), name, source, target]
-            bound = 10 * self.seconds[name] if name == "sparrow" else self.seconds[name]
             try:
-                done = subprocess.run(command, capture_output=True, text=True, timeout=bound)
-                said: dict[str, Any] = json.loads(done.stdout)
-            except (subprocess.TimeoutExpired, ValueError):
+                out, said = run_peer(name, self.pythons[name], given, Path(folder), bound)
+            except (subprocess.TimeoutExpired, RuntimeError):
                 return None
-            with np.load(target) as out:
-                corners = out["uv"][out["faces"]] * RESOLUTION
+        corners = out["uv"][out["faces"]] * RESOLUTION
         grid, _ = owner_raster(corners, np.zeros(len(corners), np.int64), RESOLUTION)
         return {**said, "share": float((grid >= 0).mean())}
-
-
-def _is_mesh(path: Path) -> bool:
-    """Whether a file of the corpus is a mesh that is unwrapped in a minute or so."""
-    known = (".obj", ".off", ".ply", ".stl", ".glb")
-    return path.suffix.lower() in known and path.stat().st_size < LARGE
 
 
 def measure(charts: Charts, peers: Peers) -> dict[str, Any]:
     """One row of the table of identical charts."""
     start = time.perf_counter()
-    packed = pack(charts.faces, charts.uv, charts.chart, PackOptions(RESOLUTION, PADDING))
+    corners = charts.packed() * RESOLUTION
     seconds = time.perf_counter() - start
-    corners = packed.uv[charts.faces] * RESOLUTION
     grid, _ = owner_raster(corners, charts.chart, RESOLUTION)
     gap, border = smallest_gap(grid, PADDING + 1)[0], free_border(grid)
     count = int(charts.chart.max()) + 1
-    nested = peers.sparrow is not None and 1 < count <= SPARROW_UP_TO
+    nested = 1 < count <= SPARROW_UP_TO
     return {
         "file": charts.name,
         "charts": count,
         "ours": float((grid >= 0).mean()),
         "seconds": seconds,
         "kept": gap >= PADDING + 1 and border >= PADDING,
-        "xatlas": peers.figures("xatlas", charts),
+        "pack-xatlas": peers.figures("pack-xatlas", charts),
         "sparrow": peers.figures("sparrow", charts) if nested else None,
     }
 
 
-def atlas(path: str, only_whole: bool = False) -> tuple[dict[str, Any], Charts]:
+def atlas(path: Path, only_whole: bool = False) -> tuple[dict[str, Any], Charts]:
     """One mesh unwrapped with charts left whole, and at the defaults; and the whole charts."""
-    from circparam import unwrap
-
     whole = unwrap(path, pack_splits=0)
-    charts = Charts.of(Path(path).name, UVMap(whole.uv, whole.uv_faces))
+    charts = Charts.of(path.name, UVMap(whole.uv, whole.uv_faces))
     if only_whole:
         return {}, charts
     full = unwrap(path)
-    before, after = whole.measures, full.measures
-    seconds = full.seconds
-    figures_ = {
-        "file": Path(path).name,
-        "charts": (before["charts"], after["charts"]),
-        "seams": (before["seam_length"], after["seam_length"]),
-        "share": (before["pack"], after["pack"]),
-        "flat": bool(before["charts"] == 1 and before["seam_length"] == 0),
-        "packing": seconds.get("pack", 0.0),
-        "seconds": sum(seconds.values()),
-    }
-    return figures_, charts
+    keys = ("charts", "seam_length", "pack")
+    row = {k: (whole.measures[k], full.measures[k]) for k in keys}
+    seconds = {"packing": full.seconds.get("pack", 0.0), "seconds": sum(full.seconds.values())}
+    return {"file": path.name, **row, **seconds}, charts
 
 
 def atlas_report(rows: list[dict[str, Any]]) -> list[str]:
     """The atlases as a Markdown table, with what is asked of all of them together."""
-    cells = []
+    cells, shares, ratios = [], [], []
     for r in rows:
-        (c0, c1), (l0, l1), (s0, s1) = r["charts"], r["seams"], r["share"]
-        ratio = f"{l1 / l0:.3f}" if l0 else "-"
+        (c0, c1), (l0, l1), (s0, s1) = r["charts"], r["seam_length"], r["pack"]
         packing = f"{r['packing']:.2f} ({100 * r['packing'] / r['seconds']:.0f} %)"
+        ratio = f"{l1 / l0:.3f}" if l0 else "-"
         cells.append(
             [r["file"], f"{c0} → {c1}", f"{l0:.2f}", ratio, f"{s0:.3f} → {s1:.3f}", packing]
         )
-    cut = [r for r in rows if not r["flat"]]
-    ratios = [r["seams"][1] / r["seams"][0] for r in cut if r["seams"][0]]
-    shares = np.array([r["share"] for r in cut])
-    lines = [
-        Line(
-            "covered share, mean",
-            shares[:, 1].mean(),
-            "",
-            ">= 0.68",
-            f"{shares[:, 0].mean():.3f} whole",
-        ),
-        Line("covered share, least", shares[:, 1].min(), "", ">= 0.55"),
-        Line("seams over those of whole charts, median", float(np.median(ratios)), "", "<= 1.06"),
-        Line("seams over those of whole charts, most", max(ratios), "", "<= 1.15"),
-    ]
+        if c0 > 1 or l0:
+            shares.append((s0, s1))
+        if l0:
+            ratios.append(l1 / l0)
+    lines = []
+    if shares:
+        before, after = np.mean(shares, 0)
+        detail = f"{before:.3f} whole"
+        lines += [Line("covered share, mean", after, "", ">= 0.68", detail)]
+        lines += [Line("covered share, least", np.min(shares, 0)[1], "", ">= 0.55")]
+    if ratios:
+        name = "seams over those of whole charts"
+        lines += [Line(f"{name}, median", float(np.median(ratios)), "", "<= 1.06")]
+        lines += [Line(f"{name}, most", max(ratios), "", "<= 1.15")]
     head = ["file", "charts", "seams", "ratio", "covered share", "seconds of packing"]
-    return [
-        *table(head, cells),
-        "",
-        *figures(lines),
-        "",
-        "Meshes that need no seam are not in the means.",
-    ]
+    note = "Meshes that need no seam are not in the means."
+    return [*table(head, cells), "", *figures(lines), "", note]
 
 
 def report(rows: list[dict[str, Any]]) -> list[str]:
     """Identical charts as a Markdown table, with what is asked of all of them together."""
     cells: list[list[str]] = []
-    ratios: dict[str, list[tuple[int, float]]] = {"xatlas": [], "sparrow": []}
+    ratios: dict[str, list[tuple[int, float]]] = {"pack-xatlas": [], "sparrow": []}
     for r in sorted(rows, key=lambda r: r["charts"]):
         text = [r["file"], str(r["charts"]), f"{r['ours']:.3f}", f"{r['seconds']:.1f}"]
         text.append("yes" if r["kept"] else "**no**")
@@ -226,69 +197,62 @@ def report(rows: list[dict[str, Any]]) -> list[str]:
             text += [f"{peer['share']:.3f}{more}", f"{peer['seconds']:.1f}", f"{found[-1][1]:.2f}"]
         cells.append(text)
     lines = [Line("covered share, mean", float(np.mean([r["ours"] for r in rows])))]
-    beside = [ratio for _, ratio in ratios["xatlas"]]
+    beside = [ratio for _, ratio in ratios["pack-xatlas"]]
     if beside:
-        lines += [
-            Line("ratio to xatlas, mean", float(np.mean(beside)), "", ">= 1.30"),
-            Line("ratio to xatlas, least", min(beside), "", ">= 1.05"),
-        ]
-    for few, wanted in ((True, ">= 1.0"), (False, ">= 0.95")):
+        lines += [Line("ratio to xatlas, mean", float(np.mean(beside)), "", ">= 1.30")]
+        lines += [Line("ratio to xatlas, least", min(beside), "", ">= 1.05")]
+    for few, goal in ((True, 1.0), (False, 0.95)):
         nested = [ratio for n, ratio in ratios["sparrow"] if (n <= FEW) is few]
         if nested:
-            which = f"{'up to' if few else 'more than'} {FEW} charts"
-            below = sum(ratio < float(wanted.split()[1]) for ratio in nested)
-            detail = f"mean {np.mean(nested):.3f}; {below} of {len(nested)} below"
-            lines.append(Line(f"ratio to sparrow, {which}, least", min(nested), "", wanted, detail))
+            name = f"ratio to sparrow, {'up to' if few else 'more than'} {FEW} charts, least"
+            below = f"{sum(x < goal for x in nested)} of {len(nested)} below"
+            detail = f"mean {np.mean(nested):.3f}; {below}"
+            lines.append(Line(name, min(nested), "", f">= {goal}", detail))
     head = ["file", "charts", "circparam share", "s", "padding kept"]
     head += ["xatlas share", "s", "ratio", "sparrow share", "s", "ratio"]
     return [*table(head, cells), "", *figures(lines)]
 
 
-def _rows(
-    chosen: argparse.Namespace, peers: Peers
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of the atlases, and of identical charts."""
-    meshes = chosen.files or [str(p) for p in sorted(CORPUS.glob("*")) if _is_mesh(p)]
-    atlases, rows = [], []
-    for path in meshes:
-        figures_, whole = atlas(path, chosen.charts_only)
-        if figures_:
-            atlases.append(figures_)
-            print(figures_, flush=True)
-        if not chosen.atlases_only:
-            rows.append(measure(whole, peers))
-            print(rows[-1], flush=True)
-    with_uv = [] if chosen.files else [CORPUS / name for name in WITH_UV]
-    for source in [] if chosen.atlases_only else [p for p in with_uv if p.exists()]:
-        rows.append(measure(charts_of(str(source)), peers))
-        print(rows[-1], flush=True)
-    return atlases, rows
+def sources(chosen: argparse.Namespace) -> list[Path]:
+    """The meshes that are named, else those of the corpus that are unwrapped in a minute or so."""
+    small = [
+        p for p in CORPUS.glob("*") if p.suffix.lower() in SUFFIXES and p.stat().st_size < LARGE
+    ]
+    return chosen.files or sorted(small)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Measure the files, print the tables and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("files", nargs="*", help="meshes; those of the corpus if left out")
+    parser = options(__doc__)
+    parser.add_argument("files", nargs="*", type=Path, help="meshes; the corpus if left out")
     parser.add_argument("--atlases-only", action="store_true", help="nothing beside other packers")
     parser.add_argument("--charts-only", action="store_true", help="only beside other packers")
-    parser.add_argument("--no-report", action="store_true", help="print only")
     parser.add_argument(
-        "--xatlas-seconds", type=float, default=300.0, help="after which it is ended"
+        "--xatlas-seconds", type=float, default=300.0, help="after them it is ended"
     )
     parser.add_argument("--sparrow", help="a Python that has spyrrow and shapely")
     parser.add_argument("--sparrow-seconds", type=float, default=20.0, help="that it is given")
     parser.add_argument("--known", type=Path, help="file that keeps the figures of other packers")
-    chosen = parser.parse_args(arguments)
-    seconds = {"xatlas": chosen.xatlas_seconds, "sparrow": chosen.sparrow_seconds}
-    atlases, rows = _rows(chosen, Peers(chosen.sparrow, seconds, chosen.known))
-    if not atlases and not rows:
-        print("no meshes: name some")
-        return 0
+    chosen = parser.parse_args()
+    seconds = {"pack-xatlas": chosen.xatlas_seconds, "sparrow": chosen.sparrow_seconds}
+    pythons = {"pack-xatlas": sys.executable, "sparrow": chosen.sparrow}
+    peers = Peers({k: v for k, v in pythons.items() if v}, seconds, chosen.known)
+    atlases, charts = [], []
+    for path in sources(chosen):
+        row, whole = atlas(path, chosen.charts_only)
+        atlases += [row] if row else []
+        charts.append(whole)
+        print(row or path.name, flush=True)
+    for path in [] if chosen.files else [CORPUS / n for n in WITH_UV if (CORPUS / n).exists()]:
+        charts.append(Charts.of(f"{path.name} (its own)", formats.read(path).uv()))
+    rows = []
+    for some in [] if chosen.atlases_only else charts:
+        rows.append(measure(some, peers))
+        print(rows[-1], flush=True)
     parts = [atlas_report(atlases)] if atlases else []
     parts += [report(rows)] if rows else []
-    for part in parts:
-        print("\n".join(part))
-    if not chosen.no_report:
+    print("\n".join(line for part in parts for line in part))
+    if parts and not chosen.no_report:
         intro = (
             f"Pages of {RESOLUTION} texels, padding {PADDING}: covered texels as a share of the unit "
             "square. First whole atlases, with `--pack-splits 0` and at the defaults; then identical "

@@ -15,7 +15,6 @@ import argparse
 import dataclasses
 import json
 import os
-import resource
 import shlex
 import subprocess
 import sys
@@ -28,8 +27,9 @@ from typing import Any
 import numpy as np
 
 from tests.bench import common
-from tests.bench.common import Line, say
+from tests.bench.common import Line
 from tests.support import shapes
+from tests.support.writers import ply_binary
 
 SIZES = (0.09, 0.33, 0.66, 1.2)  # million faces
 ASKED = {0.33: 15.0, 0.66: 30.0, 1.2: 60.0, 4.7: 300.0, 10.0: 720.0}  # seconds on two quiet cores
@@ -41,7 +41,7 @@ TWIN = 1.5  # times the seconds a face of the clean twin that floaters may take
 
 @dataclass(frozen=True)
 class Run:
-    """One mesh: what the command told, wall and processor seconds, GB at the highest point."""
+    """One mesh: the JSON of the command, wall and processor seconds, GB at the highest point."""
 
     name: str
     told: dict[str, Any]
@@ -59,15 +59,20 @@ def ball(side: int) -> shapes.Shape:
     sheets = [
         np.stack(np.roll([u * s, v, one * s], k, 0), 1) for k in range(3) for s in (1.0, -1.0)
     ]
-    i = np.arange(side)[:, None] * (side + 1) + np.arange(side)
-    a, b, c, d = (x.ravel() for x in (i, i + side + 1, i + side + 2, i + 1))
-    square = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    square = squares(*np.divmod(np.arange(side**2), side), side)
     points = np.concatenate(sheets)
     faces = np.concatenate([square + k * len(u) for k in range(6)])
     grid = np.rint(points * 1e6).astype(np.int64)
     _, first, inverse = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     points = points[first]
     return points / np.linalg.norm(points, axis=1)[:, None], inverse.reshape(-1)[faces]
+
+
+def squares(i: np.ndarray, j: np.ndarray, n: int) -> np.ndarray:
+    """Two triangles for each of some squares (i, j) of a grid of n × n, first those below the diagonals."""
+    a = i * (n + 1) + j
+    b, c, d = a + n + 1, a + n + 2, a + 1
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
 
 
 def scan(count: int, seed: int, floaters: int = FLOATERS) -> shapes.Shape:
@@ -103,48 +108,28 @@ def sheet(holes: int, side: int = 0) -> shapes.Shape:
     n = side or 4 * across + 1
     x, y = (a.ravel() for a in np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij"))
     z = 0.1 * n * np.sin(8 * x / n) * np.cos(6 * y / n)
-    i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-    a = i * (n + 1) + j
-    b, c, d = a + n + 1, a + n + 2, a + 1
-    if holes:
-        number = (i // 4) * across + j // 4
-        width = 1 + number % 2  # of the hole in each block of 4 × 4
-        inside = (i % 4 > 0) & (i % 4 <= width) & (j % 4 > 0) & (j % 4 <= width)
-        keep = ~(inside & (number < holes) & (i // 4 < across) & (j // 4 < across))
-        a, b, c, d = a[keep], b[keep], c[keep], d[keep]
-    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    used, number = np.unique(faces, return_inverse=True)
-    return np.stack([x, y, z], 1)[used] / n, number.reshape(-1, 3)
-
-
-def write_ply(path: Path, shape: shapes.Shape) -> None:
-    """Binary, float32, as scanners write it."""
-    points, faces = shape
-    head = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
-        "property float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    rows["count"], rows["corners"] = 3, faces
-    path.write_bytes(head.encode() + points.astype("<f4").tobytes() + rows.tobytes())
+    i, j = np.divmod(np.arange(n**2), n)
+    number = (i // 4) * across + j // 4
+    width = 1 + number % 2  # of the hole in each block of 4 × 4
+    inside = (i % 4 > 0) & (i % 4 <= width) & (j % 4 > 0) & (j % 4 <= width)
+    keep = ~(inside & (number < holes) & (i // 4 < across) & (j // 4 < across))
+    return shapes.compact(np.stack([x, y, z], 1) / n, squares(i[keep], j[keep], n))
 
 
 def unwrap(name: str, shape: shapes.Shape, folder: Path, judge: str | None) -> Run:
-    """The command line on one mesh."""
+    """The command line on one mesh in float32, as scanners write it."""
     source, target = folder / "in.ply", folder / "out.ply"
-    write_ply(source, shape)
+    source.write_bytes(ply_binary(shape[0].astype(np.float32), shape[1]))
     command = [sys.executable, "-m", "circparam", "unwrap", str(source), "-o", str(target)]
-    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    start, before = time.perf_counter(), os.times()
     process = subprocess.Popen([*command, "--overwrite", "--json"], stdout=subprocess.PIPE)
     text = process.stdout.read() if process.stdout else b""
     _, code, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(code)
-    wall = time.perf_counter() - start
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    wall, after = time.perf_counter() - start, os.times()
     if process.returncode not in (0, 6):
         raise SystemExit(f"{name}: circparam ended with code {process.returncode}")
-    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    processor = sum(after[2:4]) - sum(before[2:4])
     judged = ""
     if judge is not None:
         said = subprocess.run([*shlex.split(judge), str(target)], capture_output=True, text=True)
@@ -153,23 +138,16 @@ def unwrap(name: str, shape: shapes.Shape, folder: Path, judge: str | None) -> R
 
 
 def row(run: Run) -> list[str]:
-    """What the report has of one mesh."""
+    """The cells of one mesh."""
     t = run.told
     stages = sorted(t["stages"].items(), key=lambda x: -x[1])[:5]
     return [
-        run.name,
-        f"{t['faces']:,}",
-        f"{run.wall:.1f}",
-        f"{run.processor:.1f}",
-        f"{run.processor / t['faces'] * 1e6:.0f}",
-        f"{run.memory:.2f}",
-        str(t["charts"]),
-        f"{t['seam_length']:.2f}",
-        f"{t['distortion']:.4f}",
+        run.name, f"{t['faces']:,}", f"{run.wall:.1f}", f"{run.processor:.1f}",
+        f"{run.processor / t['faces'] * 1e6:.0f}", f"{run.memory:.2f}", str(t["charts"]),
+        f"{t['seam_length']:.2f}", f"{t['distortion']:.4f}",
         f"{t['flips']} / {t['mirrored']} / {t['overlap']:g}",
-        ", ".join(f"{name} {seconds:.1f}" for name, seconds in stages),
-        run.judged,
-    ]
+        ", ".join(f"{name} {seconds:.1f}" for name, seconds in stages), run.judged,
+    ]  # fmt: skip
 
 
 HEAD = (
@@ -180,48 +158,48 @@ HEAD = (
 
 def lines_of(size: float, run: Run) -> list[Line]:
     """The figures that something is asked of."""
-    faces = f"{size:g}M faces"
-    seconds = None if size not in ASKED else f"<= {ASKED[size]:g}"
-    memory = None if size not in MEMORY else f"<= {MEMORY[size]:g}"
-    return [Line(faces, run.wall, "s", seconds), Line(faces, run.memory, "GB", memory)]
+    goals = [f"<= {goal[size]:g}" if size in goal else None for goal in (ASKED, MEMORY)]
+    name = f"{size:g}M faces"
+    return [Line(name, run.wall, "s", goals[0]), Line(name, run.memory, "GB", goals[1])]
 
 
 def beside_twin(name: str, many: Run, twin: Run) -> Line:
-    """What a face of a mesh takes over what one of its clean twin does."""
+    """The time of a face of a mesh over that of a face of its clean twin."""
     share = many.processor / many.told["faces"] * twin.told["faces"] / twin.processor
-    line = Line(f"{name}, a face, over the clean twin", share, "", f"<= {TWIN:g}")
-    say(line)
-    return line
+    return Line(f"{name}, a face, over the clean twin", share, "", f"<= {TWIN:g}")
 
 
-def main() -> None:
-    """Make the meshes, unwrap them, write the report."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = common.options(__doc__)
     parser.add_argument("--sizes", default=",".join(f"{s:g}" for s in SIZES), help="million faces")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--floaters", type=int, default=0, help="of another mesh, with its twin")
     parser.add_argument("--holes", type=int, default=0, help="of a sheet, with its twin")
     parser.add_argument("--keep", type=Path, help="a folder for the JSON of each mesh")
     parser.add_argument("--judge", help="a command that gets each written file")
-    given = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Make the meshes, unwrap them, write the report."""
+    given = parse()
     runs: list[Run] = []
     lines: list[Line] = []
     with tempfile.TemporaryDirectory(prefix="circparam-") as name:
-        folder = Path(name)
 
         def told(what: str, shape: shapes.Shape) -> Run:
             """The command line on one more mesh."""
-            runs.append(unwrap(what, shape, folder, given.judge))
+            runs.append(unwrap(what, shape, Path(name), given.judge))
             if given.keep is not None:
                 given.keep.mkdir(parents=True, exist_ok=True)
                 text = json.dumps(dataclasses.asdict(runs[-1]), indent=1)
                 (given.keep / f"{what}.json").write_text(text + "\n")
+            print(*row(runs[-1]), sep="  ", flush=True)
             return runs[-1]
 
         for size in (float(s) for s in given.sizes.split(",") if s):
             lines += lines_of(size, told(f"{size:g}M", scan(int(size * 1e6), given.seed)))
-            for line in lines[-2:]:
-                say(line)
         if given.floaters:
             many = told("floaters", scan(20_000, 1, given.floaters))
             twin = told("twin", scan(many.told["faces"], 1, 0))
@@ -230,15 +208,10 @@ def main() -> None:
             many = told("holes", sheet(given.holes))
             twin = told("sheet", sheet(0, int(np.sqrt(many.told["faces"] / 2))))
             lines.append(beside_twin(f"{given.holes} holes", many, twin))
-    blocks = [
-        common.table(HEAD, [row(run) for run in runs]),
-        common.table(("figure", "value", "asked", "", ""), [line.cells() for line in lines]),
-    ]
-    intro = (
-        f"Made by `make bench-scale` with seed {given.seed}; how is told in tests/bench/scale.py."
-    )
-    path = common.write("scale.md", "Large meshes", intro, blocks)
-    print(path)
+    blocks = [common.table(HEAD, map(row, runs)), common.wanted(lines)]
+    if not given.no_report:
+        intro = f"Made by `make bench-scale` with seed {given.seed}, by tests/bench/scale.py."
+        print(f"written: {common.write('scale.md', 'Large meshes', intro, blocks)}")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ own. Meshes are generated, and those of the corpus folder (CIRCPARAM_CORPUS) are
 """
 
 import statistics
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ import numpy as np
 from circparam.compare import process
 from circparam.compare.process import Outcome
 from circparam.mesh.cut_mesh import CutMesh
-from tests.bench import common, tasks
-from tests.bench.common import Line, say
+from tests.bench import tasks
+from tests.bench.common import Line, options, run_cases
 from tests.support import shapes
 from tests.support.corpus import CORPUS
 
@@ -24,12 +25,8 @@ REPEATS = 5
 GIGABYTE = 2**30
 # disks of the corpus with at least 20k faces
 LARGE_DISKS = (
-    "face_libigl.obj",
-    "camelhead.off",
-    "mountain.obj",
-    "SheenCloth.glb",
-    "zero_area_48.obj",
-)
+    "face_libigl.obj", "camelhead.off", "mountain.obj", "SheenCloth.glb", "zero_area_48.obj",
+)  # fmt: skip
 
 
 def run(task: str, arrays: dict[str, Any], **settings: Any) -> Outcome:
@@ -47,7 +44,7 @@ def flatten(cut_mesh: CutMesh, method: str, repeats: int = 1, **options: Any) ->
     )
 
 
-def convex() -> list[Line]:
+def convex(_: Namespace) -> list[Line]:
     """100k vertices: circle beside libigl's harmonic and beside floater."""
     points, faces = shapes.bumped_disk(100_000 - 1121)
     cut_mesh = tasks.whole(points, faces)
@@ -66,7 +63,7 @@ def convex() -> list[Line]:
     ]  # fmt: skip
 
 
-def million() -> list[Line]:
+def million(_: Namespace) -> list[Line]:
     """1M vertices: memory, and how time grows."""
     small = tasks.whole(*shapes.bumped_disk(100_000 - 1121))
     a = flatten(small, "circle", REPEATS)
@@ -97,7 +94,7 @@ def first_within(cut_mesh: CutMesh, enough: float, steps: int, **options: Any) -
     return high, done.info["seconds"][0]
 
 
-def newton() -> list[Line]:
+def newton(_: Namespace) -> list[Line]:
     """Isometric: steps on a bumped disk of 39k faces, memory at 400k faces."""
     cut_mesh = tasks.whole(*shapes.bumped_disk(19_500 - 495))
     done = flatten(cut_mesh, "isometric", start="mean-value")
@@ -118,7 +115,7 @@ def newton() -> list[Line]:
     ]  # fmt: skip
 
 
-def blocks() -> list[Line]:
+def blocks(_: Namespace) -> list[Line]:
     """1000 charts of 40 faces beside one chart of 40k faces."""
     bend = lambda p: p + [0, 0, 1] * (0.3 * np.sin(3 * p[:, :1]) * np.cos(2 * p[:, 1:2]))  # noqa: E731
     p, f = shapes.grid(6, 5)
@@ -135,7 +132,7 @@ def blocks() -> list[Line]:
     return lines
 
 
-def slim() -> list[Line]:
+def slim(_: Namespace) -> list[Line]:
     """Isometric beside libigl's SLIM: seconds to the first iterate within 0.1 % of the minimum.
 
     circparam's time includes its start. SLIM's is that of its set-up and its steps from the same start, which
@@ -200,22 +197,9 @@ CASES = {"convex": convex, "million": million, "newton": newton, "blocks": block
 
 
 def main() -> None:
-    """Run the cases, print every figure, write the report."""
-    names, chosen = common.choose(CASES, "How fast the methods are, beside libigl in the same run.")
-    print("\n".join(common.machine()), flush=True)
-    blocks = []
-    for name in names:
-        lines = CASES[name]()
-        for line in lines:
-            say(line)
-        blocks.append(
-            [f"## {(CASES[name].__doc__ or '').splitlines()[0]}", "", *common.figures(lines)]
-        )
-    if not chosen.no_report and names == list(CASES):
-        intro = (
-            "Made by `make bench`. Ratios of times of one run; each method in a process of its own."
-        )
-        print(f"written: {common.write('solve.md', 'Speed of the solvers', intro, blocks)}")
+    """Run the cases."""
+    intro = "Made by `make bench`. Ratios of times of one run; each method in a process of its own."
+    run_cases(options(__doc__), CASES, lambda _: ("solve.md", "Speed of the solvers", intro))
 
 
 if __name__ == "__main__":

@@ -30,36 +30,24 @@ def whole(points: np.ndarray, faces: np.ndarray) -> CutMesh:
     return surface.cut_mesh(np.zeros(len(surface.edges), bool))
 
 
-def fresh(cut_mesh: CutMesh) -> CutMesh:
-    """The same cut mesh, remembering nothing that was computed."""
-    return CutMesh(cut_mesh.faces, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges)
+def arrays_of(cut_mesh: CutMesh) -> Arrays:
+    """A cut mesh as arrays, to hand over."""
+    return {k: getattr(cut_mesh, k) for k in ("faces", "rest_triangles", "chart", "edges")}
 
 
 def patches_of(arrays: Arrays) -> CutMesh:
-    """CutMesh as they were handed over."""
+    """A cut mesh as it was handed over, remembering nothing that was computed."""
     return CutMesh(arrays["faces"], arrays["rest_triangles"], arrays["chart"], arrays["edges"])
-
-
-def arrays_of(cut_mesh: CutMesh) -> Arrays:
-    """CutMesh as arrays, to hand over."""
-    p = cut_mesh
-    return {
-        "faces": p.faces,
-        "rest_triangles": p.rest_triangles,
-        "chart": p.chart,
-        "edges": p.edges,
-    }
 
 
 def flatten(arrays: Arrays, settings: dict[str, Any]) -> Answer:
     """One method, ``repeats`` times: seconds of every run, stages of the last, the layout of the last."""
-    cut_mesh = patches_of(arrays)
     options = MethodOptions(**settings.get("options", {}))
     seconds, weights, solve = [], [], []
     for _ in range(settings.get("repeats", 1)):
-        again, monitor = fresh(cut_mesh), Monitor()
+        cut_mesh, monitor = patches_of(arrays), Monitor()
         start = time.perf_counter()
-        layout = METHODS[settings["method"]].function(again, options, monitor)
+        layout = METHODS[settings["method"]].function(cut_mesh, options, monitor)
         seconds.append(time.perf_counter() - start)
         weights.append(monitor.seconds.get("weights", 0.0))
         solve.append(monitor.seconds.get("solve", 0.0))
@@ -127,37 +115,14 @@ def energy(cut_mesh: CutMesh, uv: np.ndarray) -> float:
 
 
 def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:
-    """A whole unwrap from file to file; its status and the seconds of its stages.
-
-    What stages import at their first use is imported before.
-    """
+    """A whole unwrap from file to file, with the options that are not None: status, and seconds of stages."""
+    for module in USED:  # what stages import at their first use is no part of their time
+        importlib.import_module(module)
     from circparam.pipeline.unwrap import unwrap as run
 
-    _import()
-    given = {
-        k: v for k, v in settings.items() if k in ("max_distortion", "effort") and v is not None
-    }
+    given = {k: v for k, v in settings.get("options", {}).items() if v is not None}
     result = run(settings["path"], settings["out"], overwrite=True, **given)
     return {}, {"status": result.status, "stages": result.seconds}
-
-
-def stages(arrays: Arrays, settings: dict[str, Any]) -> Answer:
-    """A whole unwrap from file to file with its defaults: seconds of its stages and what the atlas is.
-
-    What stages import at their first use is imported before.
-    """
-    from circparam.pipeline.unwrap import unwrap as run
-
-    _import()
-    result = run(settings["path"], settings["out"], overwrite=True)
-    measures = result.measures
-    figures = {k: measures[k] for k in ("charts", "seam_length", "distortion", "flips", "overlap")}
-    return {}, {"status": result.status, "stages": result.seconds, "figures": figures}
-
-
-def _import() -> None:
-    for module in USED:
-        importlib.import_module(module)
 
 
 def profile(arrays: Arrays, settings: dict[str, Any]) -> Answer:
@@ -171,13 +136,11 @@ def profile(arrays: Arrays, settings: dict[str, Any]) -> Answer:
     from pathlib import Path
 
     import circparam
-    from circparam.pipeline.unwrap import unwrap as run
 
-    _import()
     os.environ["OMP_NUM_THREADS"] = "1"  # one process does all the work
     profiler = cProfile.Profile()
     profiler.enable()
-    run(settings["path"], settings["out"], overwrite=True)
+    unwrap(arrays, settings)
     profiler.disable()
     package = str(Path(circparam.__file__).parent)
     own: dict[str, float] = {}

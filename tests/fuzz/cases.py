@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from circparam import samples
 from tests.fuzz import files, layouts
 from tests.support import strategies
+from tests.support.writers import WRITERS
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,7 @@ class Case:
 @st.composite
 def mesh_files(draw: st.DrawFn) -> tuple[str, bytes]:
     """(name, bytes) of a hostile mesh, written as it should be."""
-    suffix, data = files.whole(
-        draw(strategies.hostile()), draw(st.sampled_from(sorted(files.WRITERS)))
-    )
+    suffix, data = files.whole(draw(strategies.hostile()), draw(st.sampled_from(sorted(WRITERS))))
     return "mesh" + suffix, data
 
 
@@ -49,7 +48,7 @@ def spoiled_files(draw: st.DrawFn) -> tuple[str, bytes]:
         suffix, data = path.suffix, path.read_bytes()
     else:
         shape = draw(st.one_of(strategies.surfaces(), strategies.disks(20)))
-        suffix, data = files.whole(shape, draw(st.sampled_from(sorted(files.WRITERS))))
+        suffix, data = files.whole(shape, draw(st.sampled_from(sorted(WRITERS))))
     data = draw(files.spoiled(data))
     if draw(st.integers(0, 9)) == 0:
         suffix = draw(st.sampled_from(files.SUFFIXES))

@@ -6,7 +6,9 @@ lies a secret, and in it a pipe that nobody writes to and links that lead out.
 """
 
 import base64
+import copy
 import io
+import itertools
 import json
 import os
 import struct
@@ -17,20 +19,21 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from circparam.cli import exits
+from tests.support.writers import glb_of, triangles_tree
 
 SECONDS, BYTES = 20.0, 500_000_000  # processor time, and memory that is resident
 ALLOWED = exits.DOCUMENTED - {exits.INTERNAL, exits.INTERRUPTED, exits.TERMINATED}
 SECRET = "secret.bin"
-TRIANGLE = (
-    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes()
-    + np.array([0, 1, 2], "<u4").tobytes()
-)
+POINTS, FACES = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+TREE, TRIANGLE = triangles_tree(POINTS, FACES)
 
 
 @dataclass(frozen=True)
@@ -60,20 +63,12 @@ def lay_out(root: Path) -> Path:
 
 
 def tree(**changes: Any) -> dict[str, Any]:
-    """A glTF triangle whose buffer is a file."""
-    return {
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+    """A glTF triangle with a texture, whose buffer is a file."""
+    out = copy.deepcopy(TREE)
+    out["meshes"][0]["primitives"][0]["material"] = 0
+    return out | {
         "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
         "textures": [{"source": 0}], "images": [{"uri": "none.png"}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
-             "min": [0, 0, 0], "max": [1, 1, 0]},
-            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 12}
-        ],
         "buffers": [{"uri": "good.bin", "byteLength": 48}],
         **changes,
     }  # fmt: skip
@@ -83,30 +78,14 @@ def gltf(**changes: Any) -> bytes:
     return json.dumps(tree(**changes)).encode()
 
 
-def glb(given: dict[str, Any], body: bytes = TRIANGLE) -> bytes:
-    text = json.dumps(given).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = (
-        struct.pack("<I4s", len(text), b"JSON")
-        + text
-        + struct.pack("<I4s", len(body), b"BIN\0")
-        + body
-    )
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-def spoilt(place: tuple[Any, ...], value: Any) -> Callable[[], bytes]:
+def spoilt(place: tuple[Any, ...], value: Any) -> bytes:
     """The glTF with one entry of its tree replaced."""
-
-    def make() -> bytes:
-        out = tree()
-        at: Any = out
-        for key in place[:-1]:
-            at = at[key]
-        at[place[-1]] = value
-        return json.dumps(out).encode()
-
-    return make
+    out = tree()
+    at: Any = out
+    for key in place[:-1]:
+        at = at[key]
+    at[place[-1]] = value
+    return json.dumps(out).encode()
 
 
 def archive(entries: dict[str, bytes]) -> bytes:
@@ -187,13 +166,9 @@ OUTSIDE = {
     "long": "x" * 100_000,
 }  # fmt: skip
 HUGE = {
-    "billion": 10**9,
-    "two to 63": 2**63,
-    "negative": -1,
-    "fraction": 1.5,
-    "text": "x",
-    "list": [],
-}
+    "billion": 10**9, "two to 63": 2**63, "negative": -1, "fraction": 1.5, "text": "x", "list": [],
+}  # fmt: skip
+MILLION = 1_000_000
 TEXT_OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 
@@ -201,132 +176,123 @@ def kinds() -> Iterator[Kind]:
     """All kinds."""
     yield from _gltf_kinds()
     yield from _text_kinds()
-    yield from _archive_kinds()
+    for name, data in _archives().items():
+        yield Kind(name, data, name not in QUICK_ARCHIVES)
 
 
 def _gltf_kinds() -> Iterator[Kind]:
     for name, uri in OUTSIDE.items():
-        yield Kind(
-            f"buffer {name}.gltf", lambda u=uri: gltf(buffers=[{"uri": u, "byteLength": 48}])
-        )
-        yield Kind(f"image {name}.gltf", lambda u=uri: gltf(images=[{"uri": u}]), True, "view")
+        buffers = [{"uri": uri, "byteLength": 48}]
+        yield Kind(f"buffer {name}.gltf", partial(gltf, buffers=buffers))
+        yield Kind(f"image {name}.gltf", partial(gltf, images=[{"uri": uri}]), True, "view")
     places: dict[str, tuple[Any, ...]] = {
         "count": ("accessors", 0, "count"), "indices": ("accessors", 1, "count"),
         "view": ("bufferViews", 0, "byteLength"), "stride": ("bufferViews", 0, "byteStride"),
         "buffer": ("buffers", 0, "byteLength"), "mesh": ("nodes", 0, "mesh"),
     }  # fmt: skip
-    for name, place in places.items():
-        for what, value in HUGE.items():
-            yield Kind(f"{name} {what}.gltf", spoilt(place, value))
+    for (name, place), (what, value) in product(places.items(), HUGE.items()):
+        yield Kind(f"{name} {what}.gltf", partial(spoilt, place, value))
     empty = [
         {"componentType": 5126, "count": 10**9, "type": "VEC3"},
         {"componentType": 5125, "count": 10**9, "type": "SCALAR"},
     ]
-    inside = [{"byteLength": 48}]
-    yield Kind("counts without data.glb", lambda: glb(tree(accessors=empty, buffers=inside)))
-    sparse = {
-        "count": 10**9,
-        "indices": {"bufferView": 1, "componentType": 5125},
-        "values": {"bufferView": 0},
-    }
+    indices, values = {"bufferView": 1, "componentType": 5125}, {"bufferView": 0}
+    sparse = {"count": 10**9, "indices": indices, "values": values}
     lying = [{**empty[0], "sparse": sparse}, empty[1]]
-    yield Kind("sparse.glb", lambda: glb(tree(accessors=lying, buffers=inside)))
+    inside = [{"byteLength": 48}]
     double = [{"children": [k + 1, k + 1]} for k in range(40)] + [{"mesh": 0}]
-    yield Kind("doubling nodes.gltf", lambda: gltf(nodes=double))
-    yield Kind(
-        "circle of nodes.gltf",
-        lambda: gltf(nodes=[{"children": [1]}, {"children": [0], "mesh": 0}]),
-    )
     chain = [{"children": [k + 1]} for k in range(20_000)] + [{"mesh": 0}]
-    yield Kind("chain of nodes.gltf", lambda: gltf(nodes=chain))
-    yield Kind(
-        "deep.gltf",
-        lambda: b'{"asset":{"version":"2.0"},"extras":' + b"[" * 200_000 + b"]" * 200_000 + b"}",
-    )
+    circle = [{"children": [1]}, {"children": [0], "mesh": 0}]
     data = "data:application/octet-stream;base64," + base64.b64encode(TRIANGLE).decode()[:-4]
-    yield Kind("data uri.gltf", lambda: gltf(buffers=[{"uri": data + "!!!!", "byteLength": 48}]))
-    whole = glb(tree(buffers=[{"byteLength": 48}]))
-    yield Kind("total.glb", lambda: whole[:8] + struct.pack("<I", 2**32 - 1) + whole[12:])
-    yield Kind("chunk.glb", lambda: whole[:12] + struct.pack("<I", 2**32 - 1) + whole[16:])
-    yield Kind("cut.glb", lambda: whole[:-20])
+    deep = b'{"asset":{"version":"2.0"},"extras":' + b"[" * 200_000 + b"]" * 200_000 + b"}"
+    whole, most = glb_of(tree(buffers=inside), TRIANGLE), struct.pack("<I", 2**32 - 1)
+    files: dict[str, Callable[[], bytes]] = {
+        "counts without data.glb": lambda: glb_of(tree(accessors=empty, buffers=inside), TRIANGLE),
+        "sparse.glb": lambda: glb_of(tree(accessors=lying, buffers=inside), TRIANGLE),
+        "doubling nodes.gltf": lambda: gltf(nodes=double),
+        "circle of nodes.gltf": lambda: gltf(nodes=circle),
+        "chain of nodes.gltf": lambda: gltf(nodes=chain),
+        "deep.gltf": lambda: deep,
+        "data uri.gltf": lambda: gltf(buffers=[{"uri": data + "!!!!", "byteLength": 48}]),
+        "total.glb": lambda: whole[:8] + most + whole[12:],
+        "chunk.glb": lambda: whole[:12] + most + whole[16:],
+        "cut.glb": lambda: whole[:-20],
+    }
+    yield from itertools.starmap(Kind, files.items())
 
 
 def _text_kinds() -> Iterator[Kind]:
-    million = 1_000_000
-    yield Kind("endless letters.obj", lambda: TEXT_OBJ + b"x" * (30 * million), True)
-    yield Kind("endless vertex.obj", lambda: TEXT_OBJ + b"v " + b"1 2 3 " * (5 * million), True)
-    yield Kind("endless face.obj", lambda: TEXT_OBJ + b"f " + b"1 2 3 " * (5 * million), True)
-    yield Kind("continued face.obj", lambda: TEXT_OBJ + b"f " + b"1 2 3 \\\n" * million, True)
+    """Files of text: long, endless, or with numbers that cannot be."""
+    rough = tuple(1 + np.random.default_rng(0).random(60_000))
+    slow: dict[str, Callable[[], bytes]] = {
+        "endless letters.obj": lambda: TEXT_OBJ + b"x" * (30 * MILLION),
+        "endless vertex.obj": lambda: TEXT_OBJ + b"v " + b"1 2 3 " * (5 * MILLION),
+        "endless face.obj": lambda: TEXT_OBJ + b"f " + b"1 2 3 " * (5 * MILLION),
+        "continued face.obj": lambda: TEXT_OBJ + b"f " + b"1 2 3 \\\n" * MILLION,
+        "star.obj": lambda: polygon(60_000, (1.0, 1.5)),
+        "spikes.obj": lambda: polygon(60_000, rough),
+        "disk.obj": lambda: polygon(60_000, (1.0,)),
+    }
+    for name, data in slow.items():
+        yield Kind(name, data, True)
     begun = {
         "obj": TEXT_OBJ + b"f ", "off": b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 ",
         "ply": ply(3, 1, b"0 0 0\n1 0 0\n0 1 0\n999999999 "),
         "stl": b"solid x\nfacet normal 0 0 1\nouter loop\nvertex ",
     }  # fmt: skip
     for name, text in begun.items():
-        yield Kind(f"two gigabytes.{name}", lambda t=text: t + b"1 2 3 " * million, size=1 << 31)
-    yield Kind("star.obj", lambda: polygon(60_000, (1.0, 1.5)), True)
-    yield Kind(
-        "spikes.obj",
-        lambda: polygon(60_000, tuple(1 + np.random.default_rng(0).random(60_000))),
-        True,
-    )
-    yield Kind("disk.obj", lambda: polygon(60_000, (1.0,)), True)
-    yield Kind("far index.obj", lambda: TEXT_OBJ + b"f 1 2 99999999999999999999\n")
-    yield Kind("far back.obj", lambda: TEXT_OBJ + b"f -1 -2 -999999999\n")
-    yield Kind("infinite.obj", lambda: b"v 1e400 0 0\n" + TEXT_OBJ + b"f 1 2 3\n")
-    yield Kind("zeros.obj", lambda: bytes(million))
+        yield Kind(f"two gigabytes.{name}", lambda t=text: t + b"1 2 3 " * MILLION, size=1 << 31)
     for name in ("parent", "absolute", "device", "pipe", "link", "folder"):
-        library = TEXT_OBJ + b"usemtl a\nf 1 2 3\nmtllib "
-        yield Kind(
-            f"library {name}.obj",
-            lambda n=name, t=library: t + OUTSIDE[n].encode() + b"\n",
-            True,
-            "view",
-        )
-    for count in (10**9, 2**63, -1, "x"):
-        yield Kind(f"vertices {count}.ply", lambda c=count: ply(c, 1))
-        yield Kind(f"faces {count}.ply", lambda c=count: ply(3, c, b"0 0 0 1 0 0 0 1 0\n3 0 1 2\n"))
-        yield Kind(
-            f"binary {count}.ply", lambda c=count: ply(3, c, bytes(36), "binary_little_endian")
-        )
-        yield Kind(
-            f"counts {count}.off",
-            lambda c=count: f"OFF\n3 {c} 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n".encode(),
-        )
-    yield Kind("long list.ply", lambda: ply(3, 1, b"0 0 0 1 0 0 0 1 0\n4000000000 0 1 2\n"))
-    yield Kind("no end.ply", lambda: b"ply\nformat ascii 1.0\ncomment " + b"x" * (3 * million))
-    yield Kind("count.stl", lambda: bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(500))
-    yield Kind("words.stl", lambda: b"solid x\nfacet normal " + b"0 " * million)
+        library = TEXT_OBJ + b"usemtl a\nf 1 2 3\nmtllib " + OUTSIDE[name].encode() + b"\n"
+        yield Kind(f"library {name}.obj", lambda t=library: t, True, "view")
+    rows = b"0 0 0 1 0 0 0 1 0\n3 0 1 2\n"
+    for n in (10**9, 2**63, -1, "x"):
+        off = f"OFF\n3 {n} 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n".encode()
+        yield Kind(f"vertices {n}.ply", partial(ply, n, 1))
+        yield Kind(f"faces {n}.ply", partial(ply, 3, n, rows))
+        yield Kind(f"binary {n}.ply", partial(ply, 3, n, bytes(36), "binary_little_endian"))
+        yield Kind(f"counts {n}.off", lambda t=off: t)
+    quick: dict[str, Callable[[], bytes]] = {
+        "far index.obj": lambda: TEXT_OBJ + b"f 1 2 99999999999999999999\n",
+        "far back.obj": lambda: TEXT_OBJ + b"f -1 -2 -999999999\n",
+        "infinite.obj": lambda: b"v 1e400 0 0\n" + TEXT_OBJ + b"f 1 2 3\n",
+        "zeros.obj": lambda: bytes(MILLION),
+        "long list.ply": lambda: ply(3, 1, b"0 0 0 1 0 0 0 1 0\n4000000000 0 1 2\n"),
+        "no end.ply": lambda: b"ply\nformat ascii 1.0\ncomment " + b"x" * (3 * MILLION),
+        "count.stl": lambda: bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(500),
+        "words.stl": lambda: b"solid x\nfacet normal " + b"0 " * MILLION,
+    }
+    yield from itertools.starmap(Kind, quick.items())
 
 
-def _archive_kinds() -> Iterator[Kind]:
-    bomb = bytes(200_000_000)
-    yield Kind("bomb.3mf", lambda: archive({"3D/3dmodel.model": bomb}), True)
-    yield Kind("bomb beside.3mf", lambda: three_mf(**{"3D/texture.png": bomb}), True)
-    yield Kind("bomb.zae", lambda: archive({"a.dae": collada(), "b.png": bomb}), True)
-    yield Kind("many.3mf", lambda: three_mf(**{f"{k}": bytes(2_000_000) for k in range(100)}), True)
-    yield Kind("doubling.3mf", lambda: three_mf(objects=doubling(40), item=40), True)
-    yield Kind(
-        "circle.3mf",
-        lambda: three_mf(objects=doubling(5).replace('objectid="1"', 'objectid="5"'), item=5),
-        True,
-    )
-    yield Kind("laughs.3mf", lambda: three_mf(LAUGHS, MESH.replace('x="0"', 'x="&j;"', 1)), True)
-    yield Kind("peek.3mf", lambda: three_mf(PEEK, MESH.replace("<mesh>", "<mesh>&j;")), True)
-    yield Kind("up.3mf", lambda: three_mf(**{f"../../{SECRET}": b"x"}), True)
-    yield Kind("cut.3mf", lambda: three_mf()[:-30])
-    yield Kind("none.3mf", lambda: archive({"a.txt": b"x"}))
-    yield Kind("laughs.dae", lambda: collada(LAUGHS, "<node>&j;</node>"), True)
-    yield Kind("peek.dae", lambda: collada(PEEK, "<node>&j;</node>"), True)
-    yield Kind("doubling.dae", lambda: nested_nodes(40), True)
-    yield Kind("deep.dae", lambda: collada(nodes="<node>" * 50_000 + "</node>" * 50_000), True)
-    yield Kind("none.zae", lambda: archive({"a.txt": b"x"}))
-    yield Kind("rubbish.step", lambda: b"ISO-10303-21;\nHEADER;\n" + b"#1=A(#1);\n" * 10_000, True)
-    yield Kind(
-        "rubbish.xaml",
-        lambda: b'<a xmlns="http://schemas.microsoft.com/winfx/2006/xaml">' + b"<b>" * 9999,
-        True,
-    )
+QUICK_ARCHIVES = ("cut.3mf", "none.3mf", "none.zae")
+
+
+def _archives() -> dict[str, Callable[[], bytes]]:
+    """Archives and XML, by name."""
+    bomb = bytes(200 * MILLION)
+    circle = doubling(5).replace('objectid="1"', 'objectid="5"')
+    xaml = b'<a xmlns="http://schemas.microsoft.com/winfx/2006/xaml">'
+    return {
+        "bomb.3mf": lambda: archive({"3D/3dmodel.model": bomb}),
+        "bomb beside.3mf": lambda: three_mf(**{"3D/texture.png": bomb}),
+        "bomb.zae": lambda: archive({"a.dae": collada(), "b.png": bomb}),
+        "many.3mf": lambda: three_mf(**{f"{k}": bytes(2 * MILLION) for k in range(100)}),
+        "doubling.3mf": lambda: three_mf(objects=doubling(40), item=40),
+        "circle.3mf": lambda: three_mf(objects=circle, item=5),
+        "laughs.3mf": lambda: three_mf(LAUGHS, MESH.replace('x="0"', 'x="&j;"', 1)),
+        "peek.3mf": lambda: three_mf(PEEK, MESH.replace("<mesh>", "<mesh>&j;")),
+        "up.3mf": lambda: three_mf(**{f"../../{SECRET}": b"x"}),
+        "cut.3mf": lambda: three_mf()[:-30],
+        "none.3mf": lambda: archive({"a.txt": b"x"}),
+        "laughs.dae": lambda: collada(LAUGHS, "<node>&j;</node>"),
+        "peek.dae": lambda: collada(PEEK, "<node>&j;</node>"),
+        "doubling.dae": lambda: nested_nodes(40),
+        "deep.dae": lambda: collada(nodes="<node>" * 50_000 + "</node>" * 50_000),
+        "none.zae": lambda: archive({"a.txt": b"x"}),
+        "rubbish.step": lambda: b"ISO-10303-21;\nHEADER;\n" + b"#1=A(#1);\n" * 10_000,
+        "rubbish.xaml": lambda: xaml + b"<b>" * 9999,
+    }
 
 
 def words_of(kind: Kind, folder: Path) -> list[str]:
@@ -335,11 +301,8 @@ def words_of(kind: Kind, folder: Path) -> list[str]:
     path.write_bytes(kind.data())
     if kind.size:
         os.truncate(path, kind.size)
-    return [
-        kind.command,
-        str(path),
-        *(["-o", str(folder / "view.png"), "--overwrite"] if kind.command == "view" else []),
-    ]
+    picture = ["-o", str(folder / "view.png"), "--overwrite"] if kind.command == "view" else []
+    return [kind.command, str(path), *picture]
 
 
 def opened_outside(opened: list[str], folder: Path) -> list[str]:
@@ -366,26 +329,18 @@ def measured(kind: Kind, root: Path) -> tuple[list[str], float, int]:
     (hooks / "sitecustomize.py").write_text(AUDIT)
     words = words_of(kind, folder)
     here = str(Path(__file__).resolve().parents[2])
-    env = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(hooks), here]),
-        "CIRCPARAM_AUDIT": str(log),
-    }
+    path = os.pathsep.join([str(hooks), here])
+    env = {**os.environ, "PYTHONPATH": path, "CIRCPARAM_AUDIT": str(log)}
     with (root / "err").open("w+") as error:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "circparam", *words],
-            stdout=subprocess.DEVNULL,
-            stderr=error,
-            env=env,
-        )
+        command = [sys.executable, "-m", "circparam", *words]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=error, env=env)
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         error.seek(0)
         said = error.read()
     seconds, size = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
-    wrong = [
-        f"opened {p}" for p in opened_outside(log.read_text(errors="replace").splitlines(), folder)
-    ]
+    heard = log.read_text(errors="replace").splitlines()
+    wrong = [f"opened {p}" for p in opened_outside(heard, folder)]
     if process.returncode not in ALLOWED:
         wrong.append(f"exit {process.returncode}: {said[-300:]}")
     if process.returncode and said.count("\n") != 1:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tests.support.parts import Floats, Ints, circle, extrude, lathe
+from tests.support.writers import obj
 
 
 @dataclass(frozen=True)
@@ -24,14 +25,8 @@ class Assembly:
 def bolt(sides: int = 6, length: float = 1.0, head: float = 0.5) -> tuple[Floats, Ints]:
     """A prism as head on a round shaft, of one lathe: 60 faces with 6 sides."""
     profile = [
-        [0, 0],
-        [head, 0],
-        [head, 0.3],
-        [0.25, 0.3],
-        [0.25, length - 0.1],
-        [0.2, length],
-        [0, length],
-    ]
+        [0, 0], [head, 0], [head, 0.3], [0.25, 0.3], [0.25, length - 0.1], [0.2, length], [0, length],
+    ]  # fmt: skip
     return _turned(np.array(profile, np.float64), sides)
 
 
@@ -123,9 +118,6 @@ def other_triangles(points: Floats, faces: Ints, seed: int = 0) -> Ints:
 
 def write_parts(path: Path, a: Assembly) -> None:
     """An assembly as an OBJ in which every third kind is of the materials body, trim and bolts."""
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in a.points.tolist()]
     material = (a.kind % 3)[a.part]
-    for k, name in enumerate(("body", "trim", "bolts")):
-        lines.append(f"usemtl {name}")
-        lines += [f"f {i} {j} {k}" for i, j, k in (a.faces[material == k] + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
+    chosen = {name: material == k for k, name in enumerate(("body", "trim", "bolts"))}
+    path.write_bytes(obj(a.points, a.faces, materials=chosen))

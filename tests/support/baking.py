@@ -10,6 +10,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
 from circparam.render.texture import bilinear
+from tests.support.writers import obj
 
 
 def sheet(n: int) -> tuple[FloatArray, np.ndarray]:
@@ -48,15 +49,10 @@ def some_places(m: int, n: int = 4000) -> tuple[np.ndarray, FloatArray]:
 def write_obj(
     path: Path, points: FloatArray, layout: UVMap, faces: np.ndarray, colours=None, mtl=""
 ):
+    """An OBJ with uv, perhaps with colours, perhaps with the material m of a library."""
     rows = points if colours is None else np.concatenate([points, colours], 1)
-    lines = [f"mtllib {mtl}", "usemtl m"] if mtl else []
-    lines += ["v " + " ".join(repr(float(c)) for c in row) for row in rows]
-    lines += [f"vt {u!r} {v!r}" for u, v in layout.uv.tolist()]
-    lines += [
-        "f " + " ".join(f"{a + 1}/{b + 1}" for a, b in zip(f, t, strict=True))
-        for f, t in zip(faces.tolist(), layout.uv_faces.tolist(), strict=True)
-    ]
-    path.write_text("\n".join(lines) + "\n")
+    given = {"materials": {"m": np.ones(len(faces), bool)}, "library": mtl} if mtl else {}
+    path.write_bytes(obj(rows, faces, layout.uv, layout.uv_faces, **given))
 
 
 def picture(path: Path, n: int = 128) -> None:

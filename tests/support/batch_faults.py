@@ -16,6 +16,8 @@ from circparam.batch.task import do_item
 from circparam.cli import exits
 from circparam.pipeline.gates import Gates
 from circparam.pipeline.options import Options
+from tests.support import shapes
+from tests.support.writers import obj
 
 QUICK = {"method": "circle", "cut": "none", "resolution": 64, "padding": 1}
 
@@ -49,10 +51,7 @@ def settings(out: Path | str, gates: Gates | None = None, **keywords: Any) -> Se
 def write_disk(path: Path, n: int = 3) -> Path:
     """A flat square of 2 n² faces as OBJ."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    v = [f"v {i / n} {j / n} 0\n" for i in range(n + 1) for j in range(n + 1)]
-    quads = [(n + 1) * i + j + 1 for i in range(n) for j in range(n)]
-    f = [f"f {a} {a + n + 1} {a + n + 2}\nf {a} {a + n + 2} {a + 1}\n" for a in quads]
-    path.write_text("".join([*v, *f]))
+    path.write_bytes(obj(*shapes.grid(n + 1, n + 1)))
     return path
 
 

@@ -4,3 +4,4 @@ import os
 from pathlib import Path
 
 CORPUS = Path(os.environ.get("CIRCPARAM_CORPUS") or Path(__file__).parents[3] / "shared" / "meshes")
+SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")  # of meshes

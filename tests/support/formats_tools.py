@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import os
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -16,14 +15,12 @@ from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import encode, read_data, stored
 from circparam.formats.table import up_of
 from circparam.mesh.mesh import UVMap
-from tests.support.corpus import CORPUS
-
-MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
+from tests.support.corpus import CORPUS, SUFFIXES
 
 
 def corpus_files(*suffixes: str) -> list[object]:
     """The real meshes with those suffixes, or one skipped test where there are none."""
-    found = sorted(p for p in CORPUS.glob("*") if p.suffix.lower() in (suffixes or MESHES))
+    found = sorted(p for p in CORPUS.glob("*") if p.suffix.lower() in (suffixes or SUFFIXES))
     if not found:
         skip = pytest.mark.skip(reason="the folder of real meshes is not here")
         return [pytest.param(None, marks=[skip, pytest.mark.corpus])]
@@ -154,6 +151,3 @@ def grid(n: int = 4) -> tuple[np.ndarray, np.ndarray]:
     a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
     faces = np.stack([np.stack([a, b, c], 2), np.stack([a, c, d], 2)], 2).reshape(-1, 3)
     return points, faces
-
-
-Edit = Callable[[GltfMaker], None]

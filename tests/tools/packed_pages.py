@@ -7,9 +7,6 @@ which packs charts of its own only. Others run in processes of their own under a
 """
 
 import argparse
-import json
-import os
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -19,22 +16,21 @@ from PIL import Image, ImageDraw, ImageFont
 
 from circparam import samples, unwrap
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.packing import pack
-from circparam.packing.options import PackOptions
 from circparam.render.picture import png_bytes
-from tests.bench.packing import PADDING, RESOLUTION, Charts
+from tests.bench.atlases import PYTHONS, run_peer
+from tests.bench.packing import RESOLUTION, Charts
 from tests.support.machined import MACHINED
 from tests.support.packing import owner_raster
 from tests.support.parts import PARTS
 
 TARGET = Path(__file__).parents[2] / "docs" / "pictures" / "pages.png"
-BENCH = Path(__file__).parents[1] / "bench"
 SAMPLES = ("bracket", "vase")
 DRAWN = ("gear", "flanged pipe", "plate", "nozzle", "shaft", "housing")
 ACROSS = 2  # meshes in a line
 SIDE, GAP, LINE = 200, 10, 16  # pixels: of a page, between pages, of a line of text
 COLOURS = 24  # of charts
 LIMIT = 400_000  # bytes
+LONGEST = 3600.0  # seconds of a packer
 BACKGROUND, PAPER, INK = (236, 236, 236), (255, 255, 255), (30, 30, 30)
 
 
@@ -45,18 +41,11 @@ def meshes() -> dict[str, Mesh]:
     return {**found, **{n: Mesh(parts[n]().points, parts[n]().faces) for n in DRAWN}}
 
 
-def run(python: str, script: str, peer: str, **given: object) -> tuple[np.ndarray, np.ndarray]:
+def run(python: str, peer: str, given: dict[str, object]) -> tuple[np.ndarray, np.ndarray]:
     """Corners (m, 3, 2) of another packer's page in units of the page, and the chart of each."""
     with tempfile.TemporaryDirectory() as folder:
-        source, target = f"{folder}/in.npz", f"{folder}/out.npz"
-        np.savez(source, **given)
-        command = [python, str(BENCH / script), peer, source, target]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        json.loads(done.stdout.splitlines()[-1])
-        with np.load(target) as out:
-            uv = out["uv"]
-            faces = out["uv_faces" if "uv_faces" in out else "faces"]
-    charts = Charts.of(peer, UVMap(uv, faces))
+        out, _ = run_peer(peer, python, given, Path(folder), LONGEST)
+    charts = Charts.of(peer, UVMap(out["uv"], out.get("uv_faces", out["faces"])))
     return charts.uv[charts.faces], charts.chart
 
 
@@ -66,17 +55,14 @@ def pages(
     """Corners and charts of the page of each packer that there is."""
     whole = unwrap((mesh.points, mesh.faces), pack_splits=0)
     charts = Charts.of("", UVMap(whole.uv, whole.uv_faces))
-    packed = pack(charts.faces, charts.uv, charts.chart, PackOptions(RESOLUTION, PADDING))
-    found = {"circparam": (packed.uv[charts.faces], charts.chart)}
-    given = {"faces": charts.faces, "uv": charts.uv, "chart": charts.chart, "seconds": seconds}
-    given |= {"resolution": RESOLUTION, "padding": PADDING}
-    for peer in ("sparrow", "xatlas"):
-        alone = peer == "sparrow" and charts.chart.max() == 0
-        if pythons[peer] and not alone:
-            found[peer] = run(pythons[peer], "pack_peers.py", peer, **given)
+    found = {"circparam": (charts.packed(), charts.chart)}
+    given = charts.arrays | {"seconds": seconds}
+    if pythons["sparrow"] and charts.chart.max() > 0:
+        found["sparrow"] = run(pythons["sparrow"], "sparrow", given)
+    found["xatlas"] = run(sys.executable, "pack-xatlas", given)
     if pythons["uvatlas"]:
         arrays = {"points": mesh.points, "faces": mesh.faces}
-        found["UVAtlas"] = run(pythons["uvatlas"], "peers.py", "uvatlas", **arrays)
+        found["UVAtlas"] = run(pythons["uvatlas"], "uvatlas", arrays)
     return found
 
 
@@ -122,8 +108,7 @@ def main() -> int:
     parser.add_argument("--sparrow", default="", help="a Python that has spyrrow and shapely")
     parser.add_argument("--sparrow-seconds", type=float, default=20.0)
     chosen = parser.parse_args()
-    pythons = {"sparrow": chosen.sparrow, "xatlas": sys.executable}
-    pythons["uvatlas"] = os.environ.get("CIRCPARAM_OPEN3D_PYTHON", "")
+    pythons = {"sparrow": chosen.sparrow, "uvatlas": PYTHONS["uvatlas"]}
     shown = {}
     for name, mesh in meshes().items():
         shown[name] = pages(mesh, pythons, chosen.sparrow_seconds)
