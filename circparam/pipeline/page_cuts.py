@@ -22,12 +22,12 @@ from circparam.pipeline.chords import (
     within,
 )
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
-from circparam.seams.hard.regions import HARD, hardness
-from circparam.seams.prices import designed_flats, edge_prices
+from circparam.seams.hard.regions import ORGANIC, hardness
+from circparam.seams.prices import edge_prices
 
 SAMPLED = 2000  # faces of a chart that are looked at, so that the time does not grow with the mesh
 SIDES = 60  # of the polygon of a part, to tell its faces from the others
-IN_FLATS = 0.2  # of the length of a cut that may run through flats of the design
+IN_FLATS = 0.2  # of the length of a cut that may run through flats
 CORNERS = 100  # of an outline along the side of the square that all charts cover
 
 
@@ -183,7 +183,7 @@ def joined(before: Atlas, parts: Iterable[Part]) -> Atlas:
 
 
 def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
-    """(e,) price of a cut along each edge, and (e,) bool: edges inside flats of the design."""
+    """(e,) price of a cut along each edge, and (e,) bool: edges inside flats of parts that may be hard."""
     cost = np.where(surface.locked, np.inf, surface.priced_lengths)
-    prices = edge_prices(surface, hardness(surface) == HARD)
-    return cost * prices.price, prices.flat | designed_flats(surface)
+    prices = edge_prices(surface, hardness(surface) != ORGANIC)
+    return cost * prices.price, prices.flat

@@ -12,7 +12,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
-from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, Decided, finish
+from circparam.seams.evaluate import MARGIN
+from circparam.seams.finish import LEVEL_FACES, REGROUP_FACES, Decided, finish
 from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
@@ -21,23 +22,19 @@ from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.prices import edge_prices, with_visibility, with_weights
 from circparam.seams.reached import in_time
-from circparam.seams.segmentation.decide import merge_on, reach_count, worth
+from circparam.seams.segmentation.decide import CROWD, merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.starts import CROWD, DIRECT_FACES
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.merge import MergeOptions, Merger
+from circparam.seams.segmentation.starts import DIRECT_FACES
 from circparam.seams.stretch import LOCAL_STEPS, STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
-FEW = 0.05  # of a large surface: hard components below that have seams that nobody has to hide
-# faces of hard surfaces, or perhaps hard ones, that get charts at once where a deadline is set
-QUICK_FACES = 20_000
 
 
 def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
@@ -209,12 +206,11 @@ def _first_atlas(
     doubtful &= doubtful.sum() <= DOUBTS and not options.search.draft
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
-    if monitor.deadline is not None and (hard | doubtful).sum() <= QUICK_FACES:
+    if monitor.deadline is not None:
         with monitor.stage("charts"):
             monitor.keep(quick_atlas(surface.part(hard | doubtful), bound, monitor))
-    dear = (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES
-    if dear and not unrolls_whole(surface.part(hard | doubtful)):
-        surface = with_visibility(surface, options, monitor)
+    if not unrolls_whole(surface.part(hard | doubtful)):
+        surface = with_visibility(surface, options, monitor, LEVEL_FACES)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~hard
     # a disk in doubt may need no seam, and no organic charts then; of other components both are made at once

@@ -11,18 +11,17 @@ from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.cut_graph import cut_handles, genus_of
+from circparam.seams.evaluate import MARGIN
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import ANY_BOUND
 from circparam.seams.segmentation.enforce import below, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
-from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
 
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
-MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 
 
@@ -97,8 +96,7 @@ def regroup(
                 regroup(part, bound, options, worker, monitor)
                 atlas.put(few, part)
             return
-    fixed = np.zeros(len(atlas.cut), bool)
     merging = MergeOptions(
         bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES, search=options.search
     )
-    Merger(atlas, merging, fixed, worker).run(monitor)
+    Merger(atlas, merging, worker=worker).run(monitor)

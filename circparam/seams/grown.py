@@ -15,7 +15,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL
 from circparam.seams.cost import COST
-from circparam.seams.finish import LEVEL_FACES, MARGIN, Decided, finish
+from circparam.seams.evaluate import ENOUGH, MARGIN
+from circparam.seams.finish import LEVEL_FACES, Decided, finish
 from circparam.seams.multires.decimate import Proxy, decimate, priced, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.roughness import roughness
@@ -26,23 +27,20 @@ from circparam.seams.prices import with_visibility
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import decide, merge_on, merged_on, nearly_flat_components
 from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.merge import MergeOptions
 from circparam.seams.segmentation.move import move_seams
-from circparam.seams.segmentation.starts import DIRECT_FACES, LOOPS, starts_of
-from circparam.seams.segmentation.unions import ENOUGH, MergeOptions
+from circparam.seams.segmentation.starts import DIRECT_FACES, starts_of
 from circparam.seams.stretch import stretch_held
 from circparam.seams.tiny_components import tiny_atlas, tiny_components
 from circparam.solvers.newton import RelaxOptions
 
+LOOPS = 300  # handles and holes above which small holes are closed while charts are decided
 PROXY_MOST_SHARE = 0.7  # of the faces: a proxy that keeps more (many small components) is no use
-SHARED_FACES = 500  # from this size on starts are shared with other processes
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_REPAIRS = (
     30.0  # seconds after the proxy, in those of the repair: 22 to 38 from 40,000 faces on
 )
 DECIDING_SHARE = 0.4  # of the time that is left, at least, for charts on the proxy
-PROXY_SLACK_EXCESS = (
-    0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
-)
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 LEVEL_SLACK_EXCESS = (
     0.08  # the same for the mesh after a level: splitting large charts gives less back
@@ -67,7 +65,7 @@ def grown_atlas(
 
     Components that need hardly a seam get theirs on the surface itself.
     """
-    worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
+    worker = Worker(monitor.jobs)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = np.ones(len(surface.faces), bool)
     if options.max_charts is None and options.min_chart_faces == 1:
@@ -138,8 +136,7 @@ def _on_proxies(
     surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> tuple[Proxy, Atlas] | None:
     """The cheapest atlas of several starts, each on a proxy, with that; None where the surface is as small."""
-    inner = 1 + (bound - 1) * (1 - PROXY_SLACK_EXCESS)
-    merging = MergeOptions(inner, margin=PROXY_MARGIN, search=options.search)
+    merging = MergeOptions(bound, margin=PROXY_MARGIN, search=options.search)
     draft = options.search.draft
     if len(surface.faces) <= DIRECT_FACES:
         return None
@@ -203,7 +200,7 @@ def _moved(
     fine = with_visibility(surface, options, monitor)
     price = fine.price if proxy is None else priced(proxy.surface, fine, proxy.cell).price
     out = Atlas(dataclasses.replace(atlas.surface, price=price), atlas.cut, atlas.corners)
-    move_seams(out, merging.bound, merging.margin, monitor)
+    move_seams(out, merging.demands, monitor)
     return Atlas(atlas.surface, out.cut, out.corners)
 
 

@@ -9,21 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.visibility import PARTS, edge_shares
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
-from circparam.seams.hard.regions import CREASE, FLAT, FLAT_FACES, SHARP, flats, turns
+from circparam.seams.hard.regions import CREASE, FLAT, SHARP, flats, turns
 from circparam.seams.options import SeamOptions
 
 FLAT_PRICE = 4.0  # lengths: a seam inside a flat, so that any way round the flat is cheaper
-# lengths: a seam inside a plane quad of an organic surface; the way round over two sides is √2 times as long
-QUAD_PRICE = 1.35
-EXACT = np.radians(0.1)  # faces that a designer laid in one plane turn less, rounding included
-# of the length of edges that turn less than FLAT: those below EXACT; by chance they have a share of 0.2
-DESIGNED_SHARE = 0.3
 DIRECTIONS = 64  # of parallel light in which an edge may be seen
 # faces: of larger surfaces fewer directions are drawn
 LARGE_FACES, FEWER_DIRECTIONS = 20_000, 24
@@ -58,34 +53,13 @@ def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
     angle, concave = turns(surface)
     sides = surface.edges // 3
     of_hard = np.ones(len(sides), bool) if hard is None else hard[sides[:, 0]]
-    label, inside = flats(surface)
+    inside = flats(surface)[1]
     steep = np.interp(angle, np.radians([0.5, 5, 20, 30]), [1.6, 1.2, 0.6, 0.4])
     steep = np.where(inside | (angle < FLAT), FLAT_PRICE, steep * np.where(concave, 0.8, 1.0))
     price = np.where(of_hard, steep, 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(angle)), 0, 1)))
-    if not of_hard.all():
-        designed = designed_flats(surface) & ~of_hard
-        large = (np.bincount(label) >= FLAT_FACES)[label[sides[:, 0]]]
-        price = np.where(designed, np.where(large, FLAT_PRICE, QUAD_PRICE * price), price)
     return SeamPrices(
         price, inside & of_hard, (angle >= SHARP) & of_hard, (angle >= CREASE) & of_hard
     )
-
-
-def designed_flats(surface: Surface) -> BoolArray:
-    """(e,) bool: edges inside flats of components whose flats were designed.
-
-    On a round surface faces are coplanar by chance: the angles of its edges are spread evenly. Quads cut in two
-    and the faces of a part are coplanar but for rounding.
-    """
-    angle, _ = turns(surface)
-    _, inside = flats(surface)
-    count, component = surface.components
-    of = component[surface.edges[:, 0] // 3]
-    length = np.where(inside, surface.edge_lengths, 0.0)
-    exact = group_sum(np.where(angle < EXACT, length, 0.0), of, count)
-    designed = exact > DESIGNED_SHARE * group_sum(length, of, count)
-    result: BoolArray = inside & designed[of]
-    return result
 
 
 def shares_of_part(

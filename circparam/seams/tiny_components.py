@@ -11,8 +11,7 @@ from circparam.seams.accuracy import ROUGH
 from circparam.seams.segmentation.decide import whole_components
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.merge import MergeOptions, Merger
 
 TINY_FACES = 300  # faces: components up to this size are laid out directly
 # components: so many tiny ones skip the search; fewer are searched with all others
@@ -76,6 +75,6 @@ def halved(atlas: Atlas, bound: float, monitor: Monitor) -> Atlas:
         again = np.zeros(n, bool)
         again[chart[halves]] = True
         layouts = lay_out_fresh(part, again, ROUGH)
-    Merger(part, MergeOptions(bound), np.zeros(len(part.cut), bool)).run(monitor)
+    Merger(part, MergeOptions(bound)).run(monitor)
     atlas.put(rest, part)
     return atlas

@@ -5,6 +5,7 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas, SeamPrices
+from circparam.seams.evaluate import Demands
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
@@ -31,7 +32,7 @@ def cut(atlas: Atlas, bound: float) -> None:
 
 # those that only move seams keep the charts and cost no more; others may cut
 MOVES = {
-    "move": lambda atlas, bound: move_seams(atlas, bound, 0.001, Monitor()),
+    "move": lambda atlas, bound: move_seams(atlas, Demands(bound, 0.001), Monitor()),
 }
 CUTS = {
     "hold stretch": lambda atlas, bound: limit_stretch(atlas, Limits(bound, 1.5), Monitor()),

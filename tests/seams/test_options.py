@@ -5,8 +5,8 @@ import numpy as np
 from circparam.core.monitor import Monitor
 from circparam.seams.constraints import constrain
 from circparam.seams.options import SeamOptions, Seams
+from circparam.seams.segmentation.merge import MergeOptions
 from circparam.seams.segmentation.small import absorb
-from circparam.seams.segmentation.unions import MergeOptions
 from tests.support import shapes
 from tests.support.atlases import cut_between, middles, surface_of
 

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.visibility import edge_shares, visible_share
@@ -16,21 +14,16 @@ from circparam.seams.charts import charts
 from circparam.seams.options import HIDDEN, SeamOptions
 from circparam.seams.prices import (
     DIRECTIONS,
-    FLAT_PRICE,
     LEAST_SHARE,
     PIXELS,
-    QUAD_PRICE,
     VISIBILITY_POWER,
-    designed_flats,
     edge_costs,
+    edge_prices,
     shares_of_part,
     visibility_prices,
 )
 from tests.support import shapes
-from tests.support.atlases import energies, surface_of, uncut
-
-RING = shapes.torus(24, 12)  # plane quads, each cut in two
-TUBE = shapes.cylinder(around=12, along=6)  # its quads form flats from end to end
+from tests.support.atlases import energies, surface_of
 
 
 def grooved(level: int = 4) -> Surface:
@@ -102,52 +95,16 @@ def test_seams_hide_in_a_groove_and_every_chart_is_good(level: int) -> None:
     assert (energies(cut_mesh, hidden.gather(cut_mesh)) <= 1.05).all()
 
 
-def ball(seed: int = 0) -> shapes.Shape:
-    """A round surface whose faces are coplanar by chance only."""
-    return shapes.noisy(*shapes.icosphere(4), 0.002, seed)
-
-
-@pytest.mark.parametrize(("shape", "faces"), [(RING, 2), (TUBE, 12)])
-def test_faces_coplanar_by_design_are_flats(shape: shapes.Shape, faces: int) -> None:
-    surface = surface_of(*shape)
-    flat = designed_flats(surface)
-    a, b = surface.edges.T // 3
-    assert np.array_equal(flat, (surface.normals[a] * surface.normals[b]).sum(1) > 1 - 1e-9)
-    assert flat.sum() == len(shape[1]) * (faces - 1) // faces
-
-
-@given(st.integers(0, 50))
-def test_faces_coplanar_by_chance_are_no_flats(seed: int) -> None:
-    assert not designed_flats(surface_of(*ball(seed))).any()
-
-
-def test_each_component_is_judged_alone() -> None:
-    surface = surface_of(*shapes.join(RING, ball()))
-    flat = designed_flats(surface)
-    of_ring = surface.edges[:, 0] // 3 < len(RING[1])
-    assert flat[of_ring].sum() == len(RING[1]) // 2
-    assert not flat[~of_ring].any()
-
-
-@pytest.mark.parametrize(("shape", "price"), [(RING, QUAD_PRICE), (TUBE, FLAT_PRICE)])
-def test_flats_of_organic_components_are_dear(shape: shapes.Shape, price: float) -> None:
-    atlas = uncut(*shape)
-    flat = designed_flats(atlas.surface)
-    paid = edge_costs(atlas) / atlas.surface.edge_lengths
-    assert paid[flat] == pytest.approx(price)
-    assert (paid[~flat] <= 1).all()
-
-
 def test_a_flat_is_dearer_than_its_rim_however_many_see_the_rim() -> None:
     """Prices of visibility make the rim of a flat more than twice as dear as the flat is."""
     surface = surface_of(*shapes.cube(2))
-    flat = designed_flats(surface)
+    prices = edge_prices(surface)
     seen = replace(surface, price=visibility_prices(surface, 0.5))
     assert seen.price is not None
-    assert flat.any()
-    assert seen.price[~flat].max() > 2
-    plain, hidden = (edge_costs(Atlas(s, np.zeros(len(flat), bool))) for s in (surface, seen))
-    assert (hidden / surface.edge_lengths)[flat].min() > (hidden / surface.edge_lengths)[
-        ~flat
-    ].max()
-    assert (hidden / plain)[~flat] == pytest.approx(seen.price[~flat])
+    assert prices.flat.any()
+    assert seen.price[~prices.flat].max() > 2
+    uncut = np.zeros(len(surface.edges), bool)
+    plain, hidden = (edge_costs(Atlas(s, uncut, prices=prices)) for s in (surface, seen))
+    paid = hidden / surface.edge_lengths
+    assert paid[prices.flat].min() > paid[~prices.flat].max()
+    assert (hidden / plain)[~prices.flat] == pytest.approx(seen.price[~prices.flat])

@@ -12,6 +12,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH, TRIAL, UNROLLED
 from circparam.seams.cost import COST
+from circparam.seams.evaluate import ENOUGH
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
 from circparam.seams.hard.regions import CURVED, SHARP, curvature, flats, turns
@@ -21,9 +22,8 @@ from circparam.seams.prices import edge_prices
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
-from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.unions import ENOUGH, MergeOptions
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
@@ -82,8 +82,8 @@ def _decided(
         first_regions(atlas, graph, bound, worker, monitor)
         start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
         work = DRAFT_WORK if options.search.draft else WORK
-        merging = MergeOptions(bound, margin=MARGIN, rigid=True, work=work, search=options.search)
-        Merger(atlas, merging, np.zeros(len(atlas.cut), bool), worker).run(monitor)
+        merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
+        Merger(atlas, merging, worker=worker).run(monitor)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
         enforce(atlas, graph, layouts, bound, SETTLED, monitor)
@@ -92,7 +92,7 @@ def _decided(
             prefer_exact(atlas, start, merging, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            absorbing = MergeOptions(bound, margin=MARGIN, rigid=True)
+            absorbing = MergeOptions(bound, MARGIN)
             left = absorb(atlas, absorbing, options.min_chart_faces, monitor)
             notes += small_note(left, options.min_chart_faces)
     return atlas

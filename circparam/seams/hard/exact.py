@@ -8,8 +8,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import UNROLLED
 from circparam.seams.cost import COST
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.solvers.objective import chart_energies
 
 
@@ -39,8 +38,8 @@ def prefer_exact(
     if not which.any() or monitor.expired:
         return
     mine, exact = atlas.part(which), start.part(which)
-    within = MergeOptions(UNROLLED, margin=options.margin, rigid=True, work=options.work)
-    Merger(exact, within, np.zeros(len(exact.cut), bool), worker).run(monitor)
+    within = MergeOptions(UNROLLED, options.margin, work=options.work)
+    Merger(exact, within, worker=worker).run(monitor)
     exact_cost, cost = (COST.of_components(one, relaxed=True) for one in (exact, mine))
     better = (exact_cost < cost) & (_distortion(exact) <= UNROLLED)
     taken = better[exact.surface.components[1]]

@@ -23,7 +23,6 @@ from circparam.mesh.surface import Surface
 from circparam.seams.multires.holes import complexity
 
 PROXY_FACES = 1_000  # faces of the proxy of a mesh in one piece
-PIECE_FACES = 100  # more for every further piece, up to half as many again
 PROXY_ROOT = 8.0  # and at least so many times the root of the faces: charts of smoother ones break on the mesh
 LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
 SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
@@ -175,8 +174,5 @@ def _settle(surface: Surface, cell: IntArray) -> IntArray:
 
 def proxy_faces(surface: Surface, size: float = 1.0) -> int:
     """How many faces a proxy should have; ``size``: times as many, but for handles and holes."""
-    _, piece = surface.charts(np.zeros(len(surface.edges), bool))
-    large = int((np.bincount(piece) > SMALL_COMPONENT).sum())
-    pieces = PROXY_FACES + min(PIECE_FACES * max(large - 1, 0), PROXY_FACES // 2)
-    share = PROXY_ROOT * np.sqrt(len(surface.faces))
-    return max(int(size * max(pieces, share)), LOOP_FACES * complexity(surface))
+    most = max(PROXY_FACES, PROXY_ROOT * np.sqrt(len(surface.faces)))
+    return max(int(size * most), LOOP_FACES * complexity(surface))

@@ -13,19 +13,16 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.starts import CROWD, searched
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.merge import MergeOptions, Merger
+from circparam.seams.segmentation.starts import searched
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
 
-SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
-RISE = 1e-3  # share of the mean distortion that fewer charts and shorter seams may cost: nobody sees it
-LAST_WORK = 1.0  # times the faces of the surface that unions for it may have together
-# faces of trials, from which on a round without a union is the last for hard surfaces
-BARREN = 20_000
-LAST_FACES = 100_000  # larger unions than that are not tried for it
+SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts of a finished atlas merge
+CROWD = 300  # charts: an atlas with more is not merged on
+LAST_WORK = 8.0  # times the faces of the surface that trials may have together
+LAST_FACES = 100_000  # larger unions are not tried for it
 NEARLY_FLAT = 6.0  # energy of the map onto a circle, up to which a component may need no seam
 NEAR_MISS = 1.3  # times the bound's excess over 1, up to which it may need no more than a slit
 FEW_STEPS = 15  # that maps onto a circle need which are nearly flat: of ten meshes 11 at most
@@ -83,80 +80,43 @@ def nearly_flat_components(atlas: Atlas, bound: float) -> BoolArray:
     return able[cut_mesh.chart]
 
 
-def merge_on(
-    atlas: Atlas, bound: float, margin: float, monitor: Monitor, rise: float = RISE
-) -> Merger | None:
-    """Merge charts of a finished atlas that can be had as one at the same distortion.
+def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:
+    """Merge charts of a finished atlas wherever that lowers its cost, distortion included.
 
     Arcs end at smaller curvature than they did and parts may come nearer to each other, so that unions turn out
-    fine that were refused when charts were decided. Whatever is kept has fewer charts, shorter seams, and
-    the same mean distortion but for ``rise``, a share of it: it is better in every respect. Returns what has
-    merged them, None where there was nothing to merge.
+    fine that were refused when charts were decided.
     """
     n, _ = atlas.charts()
     pieces, _ = atlas.surface.components
     if not pieces < n <= CROWD or monitor.expired:
-        return None
+        return
     options = MergeOptions(
-        bound,
-        margin=margin,
-        cone=SHORT_ARCS,
-        zip=False,
-        faces=LAST_FACES,
-        work=LAST_WORK,
-        rise=rise,
+        bound, margin, cone=SHORT_ARCS, zip=False, cheaper=True, work=LAST_WORK, faces=LAST_FACES
     )
-    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool), Worker(monitor.jobs))
-    if atlas.prices is None:
-        merger.run(monitor)
-        return merger
-    # charts of hard surfaces were tried with all arcs at once too: where a round finds nothing, hardly one does
-    while merger.work <= merger.limit and not monitor.expired:
-        merged = merger.tally["merged"]
-        going = merger.round(monitor)
-        if not going or (merger.tally["merged"] == merged and merger.work > BARREN):
-            break
-    return merger
+    Merger(atlas, options, worker=Worker(monitor.jobs)).run(monitor)
 
 
 def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
-    """The atlas of a proxy merged on, as far as that may turn out well on the mesh.
-
-    First at the distortion that its charts have when they are relaxed, which costs nothing; then at the one
-    they had. Else what relaxing saves pays for long arcs between charts that do not fit, and the mesh refuses
-    them all together: of a camel's head three charts became one so, where they can be one at no cost.
-    """
+    """The atlas of a proxy relaxed to the end and merged on."""
     pieces, _ = coarse.surface.components
-    if coarse.charts()[0] <= pieces:
-        return coarse
     out = Atlas(coarse.surface, coarse.cut, coarse.corners)
-    cut_mesh, uv = out.open()
-    relaxed = judge(cut_mesh, relax(cut_mesh, uv, FINAL).uv)
-    fine = ~relaxed.bad(bound)
-    at = np.where(fine[cut_mesh.vertex_chart][:, None], relaxed.uv, uv)
-    out.scatter(cut_mesh, at)
-    merger = merge_on(out, bound, 0.0, monitor)
-    had = float(chart_energies(cut_mesh, uv) @ cut_mesh.chart_areas)
-    after, now = out.open()
-    has = float(chart_energies(after, now) @ after.chart_areas)
-    if merger is not None and out.charts()[0] > pieces and had > has:
-        # only what there was no room for turns out otherwise
-        merger.more_room((1 + RISE) * had - has)
-        merger.run(monitor)
+    if coarse.charts()[0] > pieces:
+        cut_mesh, uv = out.open()
+        relaxed = judge(cut_mesh, relax(cut_mesh, uv, FINAL).uv)
+        fine = ~relaxed.bad(bound)[cut_mesh.vertex_chart]
+        out.scatter(cut_mesh, np.where(fine[:, None], relaxed.uv, uv))
+        merge_on(out, bound, 0.0, monitor)
     return out
 
 
 def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:
     """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
-    fixed = np.zeros(len(atlas.cut), bool)
     pieces, _ = atlas.surface.components
     for _ in range(24):
-        n, _ = atlas.charts()
-        if n <= max(count, pieces):
+        if atlas.charts()[0] <= max(count, pieces):
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
-        options = MergeOptions(bound, margin=0.0, cone=SHORT_ARCS, zip=False, patient=True)
-        merger = Merger(atlas, options, fixed)
+        merger = Merger(atlas, MergeOptions(bound, 0.0, cone=SHORT_ARCS, zip=False))
         while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
             pass
 

@@ -33,8 +33,6 @@ from circparam.solvers.preconditioner import SMALL_CHART
 
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
-LAYER_FACES = 100  # smaller charts that overlap are halved
-FRAGMENT = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 
@@ -82,9 +80,7 @@ def _rounds(
     whole, faces = atlas, np.ones(len(slits), bool)
     clear, last = np.zeros(len(slits), bool), atlas.corners
     for turn in range(held.turn, ROUNDS):
-        small = np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES
-        small &= np.bincount(layouts.cut_mesh.chart) >= LAYER_FACES
-        pushed = small | (turn == 0)
+        pushed = (np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES) | (turn == 0)
         layouts = unstick(atlas, layouts, bound, monitor, pushed)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
@@ -215,10 +211,8 @@ def _split(atlas: Atlas, found: _Bad, which: BoolArray, monitor: Monitor) -> Boo
     apart = sound = np.zeros(len(which), bool)
     folded = which & layouts.overlapping & np.isfinite(layouts.energy)
     if folded.any():
-        large = folded & (np.bincount(chart) >= LAYER_FACES)
-        if large.any():
-            sound = split_layers(atlas, graph, layouts, large, edge_costs(atlas), found.clear)
-        left = large & ~sound & ~pushed
+        sound = split_layers(atlas, graph, layouts, folded, edge_costs(atlas), found.clear)
+        left = folded & ~sound & ~pushed
         if left.any():
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
             sound |= left & ~unstick(atlas, layouts, bound, monitor, left).overlapping
@@ -226,9 +220,6 @@ def _split(atlas: Atlas, found: _Bad, which: BoolArray, monitor: Monitor) -> Boo
         if (folded & ~sound).any():
             apart |= split_overlaps(atlas, graph, layouts, folded & ~sound)
     rest = which & ~apart
-    crumbs = rest & (_cells(graph, chart) <= FRAGMENT)
-    atlas.cut |= crumbs[chart[atlas.surface.edges[:, 0] // 3]] & (graph.tail != graph.head)
-    rest &= ~crumbs
     if rest.any():
         split_charts(atlas, graph, chart, rest)
     proposal = propose(atlas, 3, before)

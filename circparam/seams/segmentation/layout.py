@@ -8,22 +8,18 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, gr
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker, in_parts
-from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import TRIAL
-from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.dirichlet import energy, jacobians
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
-from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
 
-UNTANGLE = 12
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 HOT, HOT_RINGS = 3.0, 3
 
@@ -103,25 +99,6 @@ def judge(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> ChartLayout
         sub, vid, _ = cut_mesh.subset(fine)
         overlapping[fine] = self_overlapping(sub, uv[vid], margin=margin)
     return ChartLayouts(cut_mesh, uv, energy, overlapping)
-
-
-def lay_out_again(
-    atlas: Atlas, before: IntArray, options: RelaxOptions, margin: float = 0.0
-) -> ChartLayouts:
-    """Lay all charts out from the Jacobians they had. before: (m,) charts for which ``corners`` is the layout.
-
-    Faces that came from another chart take the Jacobian of their nearest neighbour, turned to their plane.
-    """
-    cut_mesh = atlas.cut_mesh()
-    known = main_parts(cut_mesh.chart, before, cut_mesh.areas)
-    gradients, _ = spread(atlas, space_gradients(atlas), known)
-    uv, fine = from_jacobians(cut_mesh, targets_from(atlas, gradients), UNTANGLE)
-    if not fine.all():
-        sub, vid, _ = cut_mesh.subset(~fine)
-        uv[vid] = tutte_embedding(sub, "mean-value")[0]
-    relaxed = relax(cut_mesh, uv, options)
-    atlas.scatter(cut_mesh, relaxed.uv)
-    return judge(cut_mesh, relaxed.uv, margin)
 
 
 def lay_out_sound(

@@ -1,28 +1,23 @@
 """Move seams to where they cost less: pieces of every chain, a few edges long, one small step after another."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.workers import Worker
 from circparam.geometry.distortion import face_stretch
+from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.evaluate import Demands, Moves, try_moves
 from circparam.seams.prices import edge_costs
-from circparam.seams.segmentation.layout import lay_out_again
 from circparam.seams.segmentation.shorten import Proposal, propose
-from circparam.seams.segmentation.state import LaidOut
-from circparam.solvers.newton import RelaxOptions
-from circparam.solvers.separate import push_apart
+from circparam.seams.segmentation.state import LaidOut, main_parts
 
-# rings of the bands, edges of a piece, and where the first piece of a chain ends: each step has other ends
-STEPS = ((3, 20, 0), (3, 20, 10), (2, 12, 6))
+RINGS, PIECE_EDGES = 3, 20  # of the band round a piece that moves, and how long a piece is
+STEPS = 3  # each with other ends of the pieces
 TRIES = 6  # of one step
-LEAST = 1e-3  # of what a piece costs: it stays where no more than that is won
-ENOUGH = 0.8  # of the excess of the bound over 1: charts are not relaxed further for a trial
-RELAX = RelaxOptions(tolerance=1e-3, max_iterations=8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +31,18 @@ class _Trial:
     stretch: FloatArray
 
 
-def move_seams(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:
+def move_seams(atlas: Atlas, demands: Demands, monitor: Monitor) -> None:
     """Move pieces of seams to cheaper places, as far as every chart stays a good one.
 
-    The number of charts stays, and no piece moves that would bring its charts above the bound, let them overlap
-    themselves or come closer to that than ``margin`` (share of the root of a chart's area).
+    The number of charts stays, and no piece moves whose charts would not meet the demands.
     """
-    for rings, size, first in STEPS:
+    for step in range(STEPS):
         if monitor.expired:
             return
-        proposal = propose(atlas, rings, pieces=(size, first))
+        first = step * PIECE_EDGES // STEPS
+        proposal = propose(atlas, RINGS, pieces=(PIECE_EDGES, first))
         old, new = proposal.costs(edge_costs(atlas))
-        best = _most_moved(atlas, proposal, old - new > LEAST * old, (bound, margin), monitor)
+        best = _most_moved(atlas, proposal, new < old, demands, monitor)
         if best is not None:
             atlas.cut, atlas.corners = best.cut, best.corners
 
@@ -56,13 +51,13 @@ def _most_moved(
     atlas: Atlas,
     proposal: Proposal,
     wanted: BoolArray,
-    limits: tuple[float, float],
+    demands: Demands,
     monitor: Monitor,
 ) -> Atlas | None:
     """The atlas with as many of the pieces moved as a few trials find; None where that is none.
 
     Pieces beside a chart that got bad are halved: those beside faces that are stretched least are tried at
-    once, the others later. limits: the bound and the margin.
+    once, the others later.
     """
     best, taken, queue = None, np.zeros_like(wanted), [wanted]
     seen: list[_Trial] = []
@@ -72,7 +67,7 @@ def _most_moved(
         if not queue:
             break
         group = queue.pop()
-        trial = _moved(atlas, proposal, taken | group, limits, monitor, seen)
+        trial = _moved(atlas, proposal, taken | group, demands, monitor, seen)
         if not trial.bad.any():
             best, taken = trial.atlas, taken | group
             continue
@@ -126,7 +121,7 @@ def _moved(
     atlas: Atlas,
     proposal: Proposal,
     take: BoolArray,
-    limits: tuple[float, float],
+    demands: Demands,
     monitor: Monitor,
     seen: list[_Trial],
 ) -> _Trial:
@@ -146,7 +141,7 @@ def _moved(
         return trial
     touched &= ~_known(trial, touched, seen)
     if touched.any():
-        _lay_out(trial, touched, before, limits, monitor)
+        _lay_out(trial, touched, before, demands, monitor)
     seen.append(trial)
     return trial
 
@@ -170,23 +165,21 @@ def _lay_out(
     trial: _Trial,
     which: BoolArray,
     before: IntArray,
-    limits: tuple[float, float],
+    demands: Demands,
     monitor: Monitor,
 ) -> None:
-    """Lay some charts ((n,) bool) of a trial out and say which are bad. before: (m,) charts they had."""
-    bound, margin = limits
+    """Lay some charts ((n,) bool) of a trial out and say which are bad. before: (m,) charts they had.
+
+    Faces that came from another chart take the Jacobian of their nearest neighbour, turned to their plane.
+    """
     faces, number = which[trial.chart], np.flatnonzero(which)
     part = trial.atlas.part(faces)
-    enough = replace(RELAX, bound=1 + ENOUGH * (bound - 1), give_up=bound)
-    layouts = lay_out_again(part, before[faces], enough, margin)
-    wrong = layouts.bad(bound)
-    near = layouts.overlapping & (layouts.energy <= bound)
-    if near.any():
-        sub, vid, fid = layouts.cut_mesh.subset(near)
-        pushed, fine = push_apart(sub, layouts.uv[vid], margin, bound, monitor)
-        kept = fine[sub.chart]
-        part.corners[fid[kept]] = pushed[sub.faces[kept]]
-        wrong[np.flatnonzero(near)[fine]] = False
+    cut_mesh = part.cut_mesh()
+    known = main_parts(cut_mesh.chart, before[faces], cut_mesh.areas)
+    gradients, _ = spread(part, space_gradients(part), known)
+    moves = Moves(cut_mesh, part.corners, ~known, targets_from(part, gradients))
+    tried = try_moves(moves, demands, Worker(1), monitor)
+    part.scatter(cut_mesh, tried.uv)
     trial.atlas.put(faces, part)
-    trial.bad[number[wrong]] = True
-    trial.stretch[faces] = face_stretch(layouts.cut_mesh, layouts.uv)
+    trial.bad[number[~tried.good(demands.bound)]] = True
+    trial.stretch[faces] = face_stretch(cut_mesh, tried.uv)

@@ -9,7 +9,6 @@ from circparam.core.arrays import (
     IntArray,
     cross2,
     first_of_runs,
-    group_count,
     group_max,
     group_sum,
     ranges,
@@ -26,8 +25,6 @@ from circparam.seams.segmentation.layout import ChartLayouts
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
 CHUNK = 2_000_000  # points x faces looked at together
 PAIRS = 4  # of doubled parts that are cut apart in a round, in each chart
-# pairs, and faces of a chart from which on they are so many: its rounds are dear
-MANY, LARGE = 12, 20_000
 NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
 WALL = 2.0**26  # capacity of an edge that must not be cut
 CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
@@ -182,8 +179,7 @@ def _sides(
     probe, cover = probe[distinct], cover[distinct]
     order = np.lexsort((-area[sheet[probe]], p.chart[faces[probe]]))
     probe, cover = probe[order], cover[order]
-    most = np.where(group_count(p.chart, p.n_charts) < LARGE, PAIRS, MANY)
-    few = ranges(np.bincount(p.chart[faces[probe]])) < most[p.chart[faces[probe]]]
+    few = ranges(np.bincount(p.chart[faces[probe]])) < PAIRS
     probe, cover = probe[few], cover[few]
     if len(probe) == 0:
         return []

@@ -28,27 +28,21 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     is not.
     """
     cut_mesh = layouts.cut_mesh
-    n = cut_mesh.n_vertices
-    on_boundary = np.zeros(n, bool)
-    flat = cut_mesh.faces.ravel()
-    on_boundary[flat[cut_mesh.boundary]] = True
-    peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy), on_boundary)
-    return slit_to(atlas, cut_mesh, peak, on_boundary)
+    peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy))
+    return slit_to(atlas, cut_mesh, peak)
 
 
 def slit_to(
     atlas: Atlas,
     cut_mesh: CutMesh,
     peak: IntArray,
-    goal: BoolArray,
     reach: FloatArray | float = 1.0,
 ) -> BoolArray:
     """Cut charts open along shortest paths from their boundaries towards vertices ``peak``.
 
-    Every peak has a path of its own, and no two cross. goal: (nv,) bool, vertices of the boundary that paths
-    lead to; no path goes through others of the boundary. reach: share of the length of each path that is cut,
+    Every peak has a path of its own, and no two cross. reach: share of the length of each path that is cut,
     from the boundary on, at least one edge.
-    Returns the charts that were cut: a peak from which no path leads to the goal has none.
+    Returns the charts that were cut: a peak from which no path leads to the boundary has none.
     """
     n = cut_mesh.n_vertices
     flat = cut_mesh.faces.ravel()
@@ -57,26 +51,21 @@ def slit_to(
         return done
     which = np.zeros(cut_mesh.n_charts, bool)
     which[cut_mesh.vertex_chart[peak]] = True
-    shut = np.zeros(n, bool)
-    shut[flat[cut_mesh.boundary]] = True
-    shut &= ~goal
-    shut[peak] = False
+    rim = boundary_vertices(cut_mesh)
     cost = edge_costs(atlas)
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.edges[:, 0] // 3]]
     if atlas.flat is not None:  # they are as developable as can be: a slit there is of no use
         inner &= ~atlas.flat
-    h = atlas.surface.edges[:, 0]
-    inner &= ~shut[flat[h]] & ~shut[flat[next_half_edge(h)]]
-    h = h[inner]
+    h = atlas.surface.edges[inner, 0]
     a, b = flat[h], flat[next_half_edge(h)]
     distance, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
-    rim = np.flatnonzero(goal & np.isfinite(distance) & (source >= 0))
-    if len(rim) == 0:
+    reached = np.flatnonzero(rim & np.isfinite(distance) & (source >= 0))
+    if len(reached) == 0:
         return done
     share = np.zeros(n)
     share[peak] = reach
-    order = np.lexsort((rim, distance[rim], source[rim]))
-    ends = rim[order[first_of_runs(source[rim][order])]]
+    order = np.lexsort((reached, distance[reached], source[reached]))
+    ends = reached[order[first_of_runs(source[reached][order])]]
     index = np.flatnonzero(inner)
     key = edge_keys(a, b, n)
     by_key = np.lexsort((cost[inner], key))
@@ -85,16 +74,23 @@ def slit_to(
     while len(here):
         previous = before[here]
         edge = edge_keys(here, previous, n)
-        going = (previous >= 0) & ((distance[here] > left) | goal[here])
+        going = (previous >= 0) & ((distance[here] > left) | rim[here])
         edge, here, left = edge[going], previous[going], left[going]
         atlas.cut[index[by_key[np.searchsorted(key[by_key], edge)]]] = True
     return done
 
 
-def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, on_boundary: BoolArray) -> IntArray:
+def boundary_vertices(cut_mesh: CutMesh) -> BoolArray:
+    """(nv,) bool: the vertex lies on a boundary."""
+    out = np.zeros(cut_mesh.n_vertices, bool)
+    out[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
+    return out
+
+
+def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> IntArray:
     """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
     field = smoothed_area_distortion(cut_mesh, uv)
-    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~on_boundary)
+    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~boundary_vertices(cut_mesh))
     order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
     first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
     return vertices[order[first]]

@@ -7,8 +7,7 @@ from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import TRIAL
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.merge import MergeOptions, Merger
 
 ROUNDS = 24  # of handing pieces out: each lays the neighbours out anew
 
@@ -69,7 +68,7 @@ def _take_apart(atlas: Atlas, chart: IntArray, which: BoolArray) -> None:
 
 def _hand_out(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) -> None:
     """Merge pieces with charts that are not small, from the rim inwards, until nothing changes."""
-    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool))
+    merger = Merger(atlas, options)
     e = atlas.surface.edges
     for _ in range(ROUNDS):
         if monitor.expired:

@@ -1,7 +1,6 @@
 """Starts of a search for charts: regions grown round seeds, split until they are good, and merged."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import ROUGH
 from circparam.seams.cost import COST
-from circparam.seams.multires.holes import complexity
 from circparam.seams.options import Search
 from circparam.seams.segmentation.grow import (
     dual_graph,
@@ -21,22 +19,17 @@ from circparam.seams.segmentation.grow import (
     split_charts,
 )
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.shorten import propose
-from circparam.seams.segmentation.unions import MergeOptions
 
-CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
 # (size of the proxy, regions that charts are grown from) of each start of a search. Which leads to the fewest
 # charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
 # faces). The draft beside a search is the fourth.
 STARTS = ((1.0, 60), (0.7, 30), (0.5, 100))
 DRAFT_START = (1.0, 12)
-OTHER_REGIONS = (30, 20, 12, 45, 8, 60)  # of the one start of each search that more effort makes
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
 DIRECT_FACES = 1_500
-HASTY = replace(ROUGH, max_iterations=6)
-LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter
-CROWD = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
+SPLITTING_ROUNDS = 12  # of a start: each halves the charts that are bad
 
 
 def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:
@@ -44,11 +37,7 @@ def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:
     if search.draft:
         return [DRAFT_START]
     if search.draw:
-        size, _ = STARTS[search.draw % len(STARTS)]
-        return [(size, OTHER_REGIONS[search.draw % len(OTHER_REGIONS)])]
-    # so many holes and handles cut the surface up that regions hardly matter
-    if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
-        return [STARTS[0]]
+        return [STARTS[search.draw % len(STARTS)]]
     return [*STARTS, DRAFT_START] if len(surface.faces) <= DIRECT_FACES else list(STARTS)
 
 
@@ -85,7 +74,7 @@ def grow_and_merge(
     worker: lays half of the charts out where there is nothing better for it to do.
     """
     atlas = _grown(surface, options.bound, seeds, worker, monitor)
-    Merger(atlas, options, np.zeros(len(atlas.cut), bool), worker).run(monitor)
+    Merger(atlas, options, worker=worker).run(monitor)
     return atlas
 
 
@@ -100,19 +89,17 @@ def _grown(
     proposal = propose(atlas, 2)
     atlas.cut = proposal.cut(np.ones(proposal.n, bool))
     make_disks(atlas, graph)
-    crowd = atlas.charts()[0] > CROWD
-    layouts = lay_out_fresh(atlas, None, HASTY if crowd else ROUGH, worker, monitor)
-    for _ in range(12):
+    layouts = lay_out_fresh(atlas, None, ROUGH, worker, monitor)
+    for _ in range(SPLITTING_ROUNDS):
         monitor.keep(atlas, sound=False)
         bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
         if not bad.any():
             break
         was = bad[layouts.cut_mesh.chart]
-        split_charts(atlas, graph, layouts.cut_mesh.chart, bad, 4 if bad.sum() > CROWD else 2)
+        split_charts(atlas, graph, layouts.cut_mesh.chart, bad)
         make_disks(atlas, graph)
         n, chart = atlas.charts()
         again = np.zeros(n, bool)
         again[chart[was]] = True
-        steps = HASTY if bad.sum() > CROWD else ROUGH
-        layouts = lay_out_fresh(atlas, again, steps, worker, monitor)
+        layouts = lay_out_fresh(atlas, again, ROUGH, worker, monitor)
     return atlas

@@ -5,36 +5,25 @@ much, the others, of which there are a hundred times as many, give way by little
 slit leads from the boundary towards the curvature that asks for it; at last a chart is split.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
 from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, DeferredTask, in_parts
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import FINAL
-from circparam.seams.hard.unroll import slits
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
-from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
+from circparam.seams.segmentation.slits import boundary_vertices, slit_to, smoothed_area_distortion
 from circparam.seams.segmentation.weigh import Limits, relax_weighted, share_over
 from circparam.solvers.newton import relax
 
-PEAK = 0.3  # logarithm of how much areas grow or shrink, below which a vertex is no peak of it
 # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
 FACES_A_RING = 40
-HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
-LOST = 3.0  # times the share that is allowed, from which on some places are given up at once
 TURNS = 8  # of slits and splits
-CUT_OFF = 0  # pieces: regions that are stretched are cut off along sharp edges
-PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
-SPLITTING, FREE = 3, 100_000  # faces of all splits: times those of the surface, and so many more
-STRETCHED = 0.1  # share of a smooth region, from which on it is cut off as a whole
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
@@ -51,28 +40,19 @@ def limit_stretch(
     failed = np.zeros(
         len(atlas.surface.faces), np.int64
     )  # how often slits have not helped the chart
-    work = FREE + SPLITTING * len(failed)
     for _ in range(TURNS if slits else 0):
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
         over = share_over(cut_mesh, stretch, limits.most)
         if over.sum() <= limits.enough or monitor.expired:
             return
-        goal = _open_boundary(cut_mesh)
         far = stretch > limits.most
         helpless = float(cut_mesh.areas[far & (failed > 1)].sum() / cut_mesh.areas.sum())
         left = limits.allowed - helpless
-        peaks = _peaks(cut_mesh, uv, far & (failed <= 1), goal, left)
+        peaks = _peaks(cut_mesh, uv, far & (failed <= 1), left)
         if len(peaks):
-            failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
-            continue
-        work -= int((over > 0)[cut_mesh.chart].sum())
-        if not splits or work < 0:
-            return
-        # smooth regions of hard surfaces are cut off whole before charts are split
-        if not any(
-            _split(atlas, cut_mesh, over, pieces, limits, monitor) for pieces in (CUT_OFF, *PIECES)
-        ):
+            failed += _slit(atlas, cut_mesh, peaks, failed, limits, monitor)
+        elif not splits or not _split(atlas, cut_mesh, over, limits, monitor):
             return
 
 
@@ -88,47 +68,16 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     which[order[kept]] = False
     sub, vid, _ = cut_mesh.subset(which)
     rest = limits.without(over[~which].sum(), cut_mesh, sub)
-    # with so much to hold some places are hopeless: without them the others fare better; and where a level was
-    # held already, as many rounds without anything spared only come to the same
-    part, left = uv[vid], np.full(sub.n_charts, np.inf)
-    hopeless = over.sum() > LOST * limits.allowed or limits.local is not None
-    aims = (rest,) if hopeless else (replace(rest, spared=0.0), rest)
-    tries = [
-        DeferredTask(monitor.jobs, relax_weighted, (sub, uv[vid], aim), monitor) for aim in aims
-    ]
-    large = len(sub.faces) >= PARTED and len(in_parts(sub.chart)) == 1
-    if large and len(tries) > 1:
-        tries[1].begin()  # one large chart keeps one process busy, and often both are needed
-    for tried in tries:
-        other, _ = tried.result()
-        share = share_over(sub, face_stretch(sub, other), limits.most)
-        part = np.where((share < left)[sub.vertex_chart][:, None], other, part)
-        left = np.minimum(left, share)
-        if left.sum() <= rest.allowed:
-            break
     out = uv.copy()
-    out[vid] = part
+    out[vid], _ = relax_weighted(sub, uv[vid], rest, monitor)
     return out
 
 
-def _open_boundary(cut_mesh: CutMesh) -> BoolArray:
-    """(nv,) bool: vertices of the boundaries that a slit may lead to: all but those of small holes."""
-    loops = cut_mesh.loops
-    longest = group_max(loops.length, loops.chart, cut_mesh.n_charts)
-    large = loops.length >= HOLE * longest[loops.chart]
-    out = np.zeros(cut_mesh.n_vertices, bool)
-    out[cut_mesh.faces.ravel()[loops.half_edges[large[loops.loop_of]]]] = True
-    return out
-
-
-def _peaks(
-    cut_mesh: CutMesh, uv: FloatArray, over: BoolArray, goal: BoolArray, allowed: float
-) -> IntArray:
+def _peaks(cut_mesh: CutMesh, uv: FloatArray, over: BoolArray, allowed: float) -> IntArray:
     """Vertices that slits should lead to: where the curvature lies that stretches faces too much.
 
     Each face that is stretched too much (over: (m,) bool) counts for the nearest local maximum of the smoothed
-    distortion of area; those maxima that count least are left, as many as the share allowed holds. goal: (nv,)
-    bool, where slits begin.
+    distortion of area; those maxima that count least are left, as many as the share allowed holds.
     """
     n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
     inside = np.zeros(cut_mesh.n_charts, bool)
@@ -136,12 +85,12 @@ def _peaks(
     rings = 4 + int(np.sqrt(np.bincount(cut_mesh.chart).max()) / FACES_A_RING)
     field = smoothed_area_distortion(cut_mesh, uv, rings)
     a, b = flat, cut_mesh.faces[:, [1, 2, 0]].ravel()
-    field[goal] = 0.0
+    field[boundary_vertices(cut_mesh)] = 0.0
     highest = field
     for _ in range(rings):
         highest = np.maximum(highest, group_max(highest[b], a, n))
         highest = np.maximum(highest, group_max(highest[a], b, n))
-    top = (field >= highest) & (field >= PEAK) & ~goal & inside[cut_mesh.vertex_chart]
+    top = (field >= highest) & (field > 0) & inside[cut_mesh.vertex_chart]
     peaks = np.flatnonzero(top)
     if len(peaks) == 0:
         return peaks
@@ -162,7 +111,6 @@ def _slit(
     atlas: Atlas,
     cut_mesh: CutMesh,
     peaks: IntArray,
-    goal: BoolArray,
     failed: IntArray,
     limits: Limits,
     monitor: Monitor,
@@ -176,7 +124,7 @@ def _slit(
     which[cut_mesh.vertex_chart[peaks]] = True
     again = group_max(failed.astype(float), cut_mesh.chart, cut_mesh.n_charts) > 0
     reach = np.where(again[cut_mesh.vertex_chart[peaks]], 1.0, REACH)
-    slit = slit_to(atlas, cut_mesh, peaks, goal, reach)
+    slit = slit_to(atlas, cut_mesh, peaks, reach)
     faces = slit[cut_mesh.chart]
     if not slit.any():  # no way leads there
         return which[cut_mesh.chart]
@@ -196,48 +144,26 @@ def _slit(
     return back
 
 
-def _cut_off(atlas: Atlas, far: BoolArray) -> bool:
-    """Cut smooth regions of a hard surface off that are stretched ((m,) bool: faces); whether there are any."""
-    if atlas.prices is None:
-        return False
-    surface, sharp = atlas.surface, atlas.prices.sharp & ~atlas.surface.locked
-    n, region = surface.charts(atlas.cut | sharp)
-    over = group_sum(surface.areas * far, region, n) > STRETCHED * group_sum(
-        surface.areas, region, n
-    )
-    sides = over[region[surface.edges // 3]]
-    new = sharp & ~atlas.cut & (sides[:, 0] != sides[:, 1])
-    atlas.cut |= new
-    atlas.cut |= slits(atlas)
-    return bool(new.any())
-
-
 def _split(
     atlas: Atlas,
     cut_mesh: CutMesh,
     over: FloatArray,
-    pieces: int,
     limits: Limits,
     monitor: Monitor,
 ) -> bool:
     """Split the charts whose tail is too long; whether that made it shorter (else all stays as it was).
 
     Charts that lie on themselves once they are relaxed to the end are cut there, where there are any; else all
-    are split in so many pieces.
+    are halved.
     """
     share = cut_mesh.chart_areas / cut_mesh.areas.sum()
     long = over > np.minimum(limits.allowed * share, over.max() / 2)
     part = atlas.part(long[cut_mesh.chart])
-    if pieces == CUT_OFF and part.prices is None:
-        return False
     graph = dual_graph(part.surface, part.flat)
     inner, uv = part.open()
     layouts = judge(inner, relax(inner, uv, FINAL, monitor).uv)
     if not layouts.bad(limits.bound).any():
-        if pieces != CUT_OFF:
-            split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool), pieces)
-        elif not _cut_off(part, face_stretch(inner, uv) > limits.most):
-            return False
+        split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool))
         make_disks(part, graph)
         inner, uv = part.open()
         layouts = judge(inner, lay_out_sound(inner, uv, FINAL, monitor))

@@ -21,29 +21,23 @@ AIMED = 0.8  # of that share: what is aimed for, since a file stores rounded num
 AIM = 0.9  # of the excess of the largest stretch over 1: from there on a face weighs more
 POWER = 3  # of the stretch over that: by how much its weight grows a round
 HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
-SPARED = 0.5  # of the share allowed: the worst faces, which are left as they are
 ROUNDS = 8  # of weighing; most charts need three
 PATIENCE = 3  # rounds without headway after which a chart is left
-# the same once it has made some, where a level was held before: rounds of large charts are dear
-PATIENCE_NEAR = 1
 STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
-SMALL = 2000  # faces up to which a chart moves as a whole
 NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
-GROWTH = 1.25  # times so much more a round
 
 
 @dataclass(frozen=True)
 class Limits:
     """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of
-    the surface may exceed. spared: of that share, how much the worst faces may have that are left as they are.
-    near: share of the root of a chart's area that moves round such faces at first. local: iterations of a step,
-    where what moves is only a few rings wide, and charts too large for a round too many (None: to the end).
+    the surface may exceed. near: share of the root of a chart's area that moves round such faces at first.
+    local: iterations of a step, where what moves is only a few rings wide, and charts too large for a round too
+    many (None: charts move as a whole as long as they do not lie on themselves then).
     """
 
     bound: float
     most: float
     allowed: float = AIMED * TAIL
-    spared: float = SPARED
     near: float = NEAR
     local: int | None = None
 
@@ -80,18 +74,17 @@ def relax_weighted(
     best, folded = _Best(uv, start), _Best(uv, start)
     at, weight = uv, np.ones(len(chart))
     idle = np.where(start > 0, 0, PATIENCE)
-    small = np.bincount(chart, minlength=n) <= SMALL
-    spared = _worst(cut_mesh, stretch, limits.spared * limits.allowed)
+    whole = np.full(n, limits.local is None)
     for turn in range(ROUNDS):
-        begun = np.minimum(best.over, folded.over) < start
-        active = idle < np.where(begun & (limits.local is not None), PATIENCE_NEAR, PATIENCE)
+        active = idle < PATIENCE
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
         if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
         heavier = weight * np.maximum(stretch / (1 + AIM * (most - 1)), 1.0) ** POWER
-        heavier[spared] = 1.0
         weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
-        reach = np.where(small, np.inf, limits.near * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
+        reach = np.where(
+            whole, np.inf, limits.near * (1 + turn / 2) * np.sqrt(cut_mesh.chart_areas)
+        )
         reach = np.where(active, reach, 0.0)
         at = _relaxed_beside(cut_mesh, at, weight, reach, limits.local, monitor)
         stretch, distortion = stretch_and_distortion(cut_mesh, at)
@@ -100,7 +93,7 @@ def relax_weighted(
         coiled = good & _overlapping(cut_mesh, at, good)
         best = best.taken(cut_mesh, at, over, good & ~coiled)
         # what lies on itself when it moves as a whole is tried again near those faces alone
-        again = coiled & small
+        again = coiled & whole
         nearer = good & ~again & (over < folded.over)
         folded = folded.taken(cut_mesh, at, over, nearer)
         headway = (good & ~coiled) | again
@@ -112,7 +105,7 @@ def relax_weighted(
             at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)
             stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
             weight = np.where(again[chart], 1.0, weight)
-            small &= ~again
+            whole &= ~again
     coiled = folded.over < best.over
     if coiled.any() and best.over.sum() > limits.allowed:
         sub, vid, _ = cut_mesh.subset(coiled)
@@ -122,14 +115,6 @@ def relax_weighted(
         coiled[coiled] = apart
         best = best.taken(cut_mesh, at, over, coiled & (over < best.over))
     return best.uv, best.over < start
-
-
-def _worst(cut_mesh: CutMesh, stretch: FloatArray, share: float) -> BoolArray:
-    """(m,) bool: the faces that are stretched most, as many as such a share of the surface holds."""
-    order = np.argsort(-stretch, kind="stable")
-    out = np.zeros(len(stretch), bool)
-    out[order] = np.cumsum(cut_mesh.areas[order]) <= share * cut_mesh.areas.sum()
-    return out
 
 
 @dataclass(frozen=True, eq=False)

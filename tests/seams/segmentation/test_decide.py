@@ -12,7 +12,7 @@ from circparam.seams.cost import COST
 from circparam.seams.options import Search
 from circparam.seams.segmentation import starts
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.merge import MergeOptions
 from tests.support import shapes
 from tests.support.atlases import surface_of
 

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_again, lay_out_fresh
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import (
     as_it_lies,
     cut_between,
-    cut_where,
     energies,
     middles,
     surface_of,
@@ -85,50 +84,3 @@ def test_fresh_layouts_are_isometric_where_that_is_possible_and_others_stay() ->
     atlas.corners = moved
     lay_out_fresh(atlas, np.zeros(3, bool), FINE)
     assert np.array_equal(atlas.corners, moved)
-
-
-def jagged() -> Atlas:
-    """A flat sheet in two charts, cut across at y = 0.5 but round two faces over that line."""
-    surface = surface_of(*shapes.grid(9, 9))
-    middle = middles(surface)
-    below = middle[:, 1] < 0.5
-    below |= (middle[:, 1] < 0.55) & np.isin((middle[:, 0] * 8).astype(int), [2, 5])
-    return as_it_lies(cut_between(surface, below.astype(np.int64)))
-
-
-def straight(atlas: Atlas) -> np.ndarray:
-    return cut_where(atlas.surface, np.abs(atlas.surface.points[:, 1] - 0.5) < 1e-9)
-
-
-def test_faces_that_changed_their_chart_are_laid_out_beside_their_new_neighbours() -> None:
-    """The two charts of a flat sheet lie turned against each other; the seam between them moves."""
-    atlas = jagged()
-    _, before = atlas.charts()
-    turned = atlas.corners @ np.array([[0.0, 1], [-1, 0]])
-    atlas.corners = np.where((before == 1)[:, None, None], turned, atlas.corners)
-    atlas.cut = straight(atlas)
-    laid = lay_out_again(atlas, before, FINE)
-    assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-9)
-    assert not laid.overlapping.any()
-    assert np.array_equal(atlas.corners, laid.uv[laid.cut_mesh.faces])
-    # each chart keeps the direction it had
-    chart = laid.cut_mesh.chart
-    stays = chart == before
-    assert stays.sum() == len(chart) - 2
-    edge = np.diff(atlas.corners, axis=1)
-    flat = atlas.surface.points[atlas.surface.faces][:, :, :2]
-    own = np.where((chart == 1)[:, None, None], flat @ np.array([[0.0, 1], [-1, 0]]), flat)
-    assert np.allclose(edge, np.diff(own, axis=1), atol=1e-6)
-
-
-@pytest.mark.parametrize("spoilt", [[True, True], [True, False], [False, False]])
-def test_charts_whose_jacobians_are_of_no_use_are_embedded_anew(spoilt: list[bool]) -> None:
-    """A layout seen from behind: no solve turns it round."""
-    atlas = jagged()
-    _, before = atlas.charts()
-    behind = np.array(spoilt)[before][:, None, None]
-    atlas.corners = np.where(behind, atlas.corners * [-1, 1], atlas.corners)
-    atlas.cut = straight(atlas)
-    laid = lay_out_again(atlas, before, FINE)
-    assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-3)
-    assert not laid.overlapping.any()

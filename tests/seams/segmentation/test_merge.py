@@ -5,10 +5,8 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation import grow
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
-from circparam.seams.segmentation.merge import FREE_WORK, Merger
-from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
@@ -37,18 +35,12 @@ def test_two_charts_that_close_a_flat_ring_are_glued_at_both_arcs_at_once() -> N
     """One arc alone leaves both sides of the other touching: that is tried first, and fails."""
     atlas = halves_of_a_ring()
     merger = merger_of(atlas, margin=0.05, bound=1.0001)
-    assert merger.round(Monitor())
-    assert merger.tally["overlap"] == 1
-    assert atlas.charts()[0] == 2
-    assert merger.round(Monitor())
-    assert (merger.tally["overlap"], atlas.charts()[0]) == (2, 2), "the other arc is tried next"
-    assert merger.round(Monitor())
-    assert atlas.charts()[0] == 1
+    counts = []
+    while merger.round(Monitor()):
+        counts.append(atlas.charts()[0])
+    assert counts == [2, 2, 1], "one arc, the other, both; then nothing is left"
     assert not atlas.cut.any()
     assert judged(atlas).energy == pytest.approx([1.0])
-    assert merger.tally["merged"] == 1
-    assert merger.tally["trials"] == 3
-    assert not merger.round(Monitor()), "nothing is left"
 
 
 def test_seams_that_are_fixed_are_never_glued_nor_in_a_pair() -> None:
@@ -63,7 +55,6 @@ def test_seams_that_are_fixed_are_never_glued_nor_in_a_pair() -> None:
     merger = merger_of(held, all_of_them)
     assert not merger.round(Monitor())
     assert np.array_equal(held.cut, all_of_them)
-    assert merger.tally["trials"] == 0
 
 
 def test_a_cube_becomes_a_net_and_one_chart_is_left() -> None:
@@ -100,14 +91,10 @@ def test_limits_of_faces_time_rounds_and_work_are_kept() -> None:
     atlas = strips()
     merger_of(atlas).run(Monitor(timeout=0.0))
     assert atlas.charts()[0] == 4
-    merger = merger_of(atlas, work=2.0)
-    assert merger.limit == 2 * len(surface.faces) + FREE_WORK
-    merger.work = merger.limit + 1
-    merger.run(Monitor())
+    merger_of(atlas, work=-1.0).run(Monitor())
     assert atlas.charts()[0] == 4
-    merger.work = merger.limit
-    merger.run(Monitor())
-    assert atlas.charts()[0] < 4
+    merger_of(atlas, work=0.0).run(Monitor())
+    assert 1 < atlas.charts()[0] < 4, "a round is tried to its end"
 
 
 def test_the_longest_common_seam_is_glued_first() -> None:
@@ -121,36 +108,3 @@ def test_the_longest_common_seam_is_glued_first() -> None:
     _, chart = atlas.charts()
     low, high, side = (chart[(x < 4) & (y < 3)][0], chart[(x < 4) & (y > 3)][0], chart[x > 4][0])
     assert low == high != side
-
-
-def mean_energy(atlas: Atlas) -> float:
-    layouts = judged(atlas)
-    return float(np.average(layouts.energy, weights=layouts.cut_mesh.chart_areas))
-
-
-@pytest.mark.parametrize("rise", [0.0005, 0.004, None])
-def test_merging_that_may_cost_so_much_costs_no_more_however_many_rounds(
-    rise: float | None,
-) -> None:
-    """Without that bound it costs many times as much, so the bound is what holds it."""
-    surface = surface_of(*shapes.icosphere(3))
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    grow.first_charts(atlas, grow.dual_graph(surface), 40)
-    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-6, max_iterations=60))
-    before = mean_energy(atlas)
-    merger = merger_of(atlas, bound=1.2, rise=rise)
-    merger.run(Monitor())
-    cost = mean_energy(atlas) / before - 1
-    assert merger.tally["merged"] > 0
-    if rise is None:
-        assert cost > 0.02
-    else:
-        assert 0.2 * rise < cost <= rise
-
-
-def _upright(atlas: Atlas) -> np.ndarray:
-    """(e,) bool: edges of a grid that run upwards."""
-    p = atlas.surface.vertex_points
-    along = np.abs(p[atlas.ends[1]] - p[atlas.ends[0]])
-    result: np.ndarray = (along[:, 0] < 1e-9) & (along[:, 1] > 1e-9)
-    return result

@@ -6,6 +6,7 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
+from circparam.seams.evaluate import Demands
 from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.move import move_seams
@@ -40,7 +41,7 @@ def heights(atlas: Atlas) -> np.ndarray:
 def test_a_winding_seam_gets_straight() -> None:
     atlas = halves(shapes.delaunay_square(900), 0.12)
     before = atlas.seam_length
-    move_seams(atlas, BOUND, 0.0, Monitor())
+    move_seams(atlas, Demands(BOUND, 0.0), Monitor())
     assert atlas.charts()[0] == 2
     assert atlas.seam_length < 0.9 * before
 
@@ -52,7 +53,7 @@ def test_a_seam_moves_to_where_it_is_cheap() -> None:
     atlas = priced(plain, np.where(cheap, 0.2, 1.0))
     cost = edge_costs(atlas)
     before = cost[atlas.cut].sum()
-    move_seams(atlas, BOUND, 0.0, Monitor())
+    move_seams(atlas, Demands(BOUND, 0.0), Monitor())
     assert cost[atlas.cut].sum() < 0.5 * before
     lengths = atlas.surface.edge_lengths
     inside = lengths[atlas.cut & cheap].sum() / lengths[atlas.cut].sum()
@@ -62,7 +63,7 @@ def test_a_seam_moves_to_where_it_is_cheap() -> None:
 def test_what_would_break_the_bound_stays() -> None:
     atlas = halves(shapes.hemisphere(14), 0.1)
     cut, corners = atlas.cut.copy(), atlas.corners.copy()
-    move_seams(atlas, 1 + 1e-6, 0.0, Monitor())
+    move_seams(atlas, Demands(1 + 1e-6, 0.0), Monitor())
     assert np.array_equal(atlas.cut, cut)
     assert np.array_equal(atlas.corners, corners)
 
@@ -76,7 +77,7 @@ def test_one_piece_that_breaks_the_bound_does_not_hold_the_others_back() -> None
     atlas = halves((p, plain.surface.faces), 0.1)
     bound = float(energies(*atlas.open()).max()) * 1.0005
     length = atlas.seam_length
-    move_seams(atlas, bound, 0.0, Monitor())
+    move_seams(atlas, Demands(bound, 0.0), Monitor())
     assert atlas.seam_length < length
     assert (energies(*atlas.open()) <= bound).all()
 
@@ -85,6 +86,6 @@ def test_no_time_no_move() -> None:
     atlas = halves(shapes.delaunay_square(900), 0.12)
     cut = atlas.cut.copy()
     monitor = Monitor(timeout=1e-9)
-    move_seams(atlas, BOUND, 0.0, monitor)
+    move_seams(atlas, Demands(BOUND, 0.0), monitor)
     assert monitor.expired
     assert np.array_equal(atlas.cut, cut)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas, SeamPrices
-from circparam.seams.prices import FLAT_PRICE, edge_costs
+from circparam.seams.prices import FLAT_PRICE, edge_costs, edge_prices
 from circparam.seams.segmentation.shorten import propose
 from tests.support import shapes
 from tests.support.atlases import cut_between, cut_where, middles, surface_of, uncut
@@ -109,13 +109,14 @@ def test_random_seams_never_cost_more_afterwards_and_keep_their_junctions() -> N
 
 
 def test_seams_along_sharp_edges_cost_less() -> None:
-    """On a cube by a third; inside its sides they are dear."""
+    """On a cube by a third; inside the sides of a hard one they are dear."""
     atlas = uncut(*shapes.cube(2))
     surface = atlas.surface
     n = surface.normals
     sharp = np.abs((n[surface.edges[:, 0] // 3] * n[surface.edges[:, 1] // 3]).sum(1)) < 0.5
     length = surface.edge_lengths
     assert edge_costs(atlas)[sharp] == pytest.approx(length[sharp] / 1.5)
+    atlas.prices = edge_prices(surface)
     assert edge_costs(atlas)[~sharp] == pytest.approx(FLAT_PRICE * length[~sharp])
     none = np.zeros(len(length), bool)
     atlas.prices = SeamPrices(np.full(len(length), 3.0), none, none, none)

@@ -1,0 +1,125 @@
+"""Moves tried: exact where layouts fit together, else relaxed, and refused where they cannot be good."""
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker, in_parts
+from circparam.geometry.overlap import self_overlapping
+from circparam.mesh.atlas import Atlas
+from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.solvers.newton import RelaxOptions
+from circparam.solvers.objective import chart_energies
+from tests.support import shapes
+from tests.support.atlases import as_it_lies, cut_between, surface_of, uncut
+
+DEMANDS = Demands(1.05)
+FINE = RelaxOptions(tolerance=1e-10, max_iterations=200)
+
+
+def tried(moves: Moves, demands: Demands) -> Trial:
+    return try_moves(moves, demands, Worker(1), Monitor())
+
+
+def rotated(corners: np.ndarray, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return corners @ np.array([[c, s], [-s, c]])
+
+
+def halves(*parts: tuple, angle: float = 0.8) -> Moves:
+    """Every part cut in two at x = 0.5 of its own and laid out by itself, the right side turned and moved."""
+    apart = [(p + np.array([0, 2.0 * k, 0]), f) for k, (p, f) in enumerate(parts)]
+    surface = surface_of(*shapes.join(*apart))
+    number = np.repeat(np.arange(len(parts)), [len(f) for _, f in parts])
+    right = np.concatenate([p[f].mean(1)[:, 0] > 0.5 for p, f in parts])
+    atlas = cut_between(surface, 2 * number + right)
+    lay_out_fresh(atlas, None, FINE)
+    moved = rotated(atlas.corners, angle) + np.array([3.0, -2.0])
+    corners = np.where(right[:, None, None], moved, atlas.corners)
+    whole = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
+    assert whole.n_charts == len(parts)
+    return Moves.gluing(whole, corners, right)
+
+
+def hill(height: float) -> tuple[np.ndarray, np.ndarray]:
+    points, faces = shapes.grid(9, 9)
+    away = ((points[:, :2] - 0.5) ** 2).sum(1)
+    return points + np.outer(height * np.exp(-away / 0.05), [0, 0, 1]), faces
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.8, 2.5, -1.5])
+def test_halves_of_a_sheet_are_put_together_whatever_their_turn(angle: float) -> None:
+    trial = tried(halves(shapes.grid(9, 5), angle=angle), DEMANDS)
+    assert trial.energy == pytest.approx([1.0], abs=1e-6)
+    assert trial.good(1.05).all()
+    span = np.ptp(trial.uv, axis=0)
+    assert np.hypot(*span) >= np.sqrt(2) - 1e-3
+
+
+@pytest.mark.parametrize(("share", "good"), [(1.6, True), (1.05, True), (0.95, False)])
+def test_a_union_is_good_where_its_best_is_below_the_bound(share: float, good: bool) -> None:
+    """It is relaxed as far as that needs, and the lower bound of the energy is one."""
+    best = float(lay_out_fresh(uncut(*hill(0.3)), None, FINE).energy[0])
+    bound = 1 + (best - 1) * share
+    moves = halves(hill(0.3))
+    trial = tried(moves, Demands(bound))
+    assert trial.good(bound).tolist() == [good]
+    assert not trial.overlapping.any()
+    assert trial.floor[0] <= best + 1e-9
+    if good:
+        assert trial.energy == pytest.approx(chart_energies(moves.cut_mesh, trial.uv))
+
+
+def spiral(turn: float) -> Moves:
+    """Both halves of a flat ring of an angle; beyond a full turn the union covers itself."""
+    t, r = np.meshgrid(np.linspace(0, turn, 80), np.linspace(0.7, 1, 4), indexing="ij")
+    t, r = t.ravel(), r.ravel()
+    p = np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(79), np.arange(3), indexing="ij"))
+    a, b, c, d = 4 * i + j, 4 * i + j + 1, 4 * i + j + 5, 4 * i + j + 4
+    faces = np.r_[np.stack([a, b, c], 1), np.stack([a, c, d], 1)][:, ::-1]
+    surface = surface_of(p, np.ascontiguousarray(faces))
+    right = np.r_[i, i] > 40
+    atlas = cut_between(surface, right.astype(np.int64))
+    lay_out_fresh(atlas, None, FINE)
+    whole = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
+    return Moves.gluing(whole, atlas.corners, right)
+
+
+@pytest.mark.parametrize(("turn", "good"), [(5.5, True), (8.0, False)])
+def test_unions_that_lie_on_themselves_are_refused(turn: float, good: bool) -> None:
+    trial = tried(spiral(turn), DEMANDS)
+    assert trial.good(1.05).tolist() == [good]
+    assert trial.energy[0] <= 1.05, "they are not distorted"
+
+
+def test_parts_that_only_touch_are_pushed_apart() -> None:
+    moves = spiral(2 * np.pi - 0.001)
+    trial = tried(moves, DEMANDS)
+    assert trial.good(1.05).all()
+    assert not self_overlapping(moves.cut_mesh, trial.uv, margin=DEMANDS.margin / 2).any()
+    assert chart_energies(moves.cut_mesh, trial.uv)[0] <= DEMANDS.bound
+    assert not tried(moves, Demands(1.05, margin=0.5)).good(1.05).any(), "no room for that much"
+
+
+def test_a_slit_is_sewn_without_turning_anything() -> None:
+    """Both sides are one chart then: none of its faces is turned."""
+    atlas = as_it_lies(uncut(*shapes.grid(6, 6)))
+    cut_mesh = atlas.cut_mesh()
+    none = np.zeros(len(cut_mesh.faces), bool)
+    trial = tried(Moves.gluing(cut_mesh, atlas.corners, none), DEMANDS)
+    away = trial.uv - trial.uv.mean(0) - (atlas.gather(cut_mesh) - 0.5)
+    assert np.abs(away).max() < 1e-6
+
+
+def test_moves_tried_in_parts_are_those_tried_at_once() -> None:
+    """Thousands of faces are shared out; what comes back stands at the place of its move."""
+    sheets = [shapes.grid(30 + k, 30) for k in range(8)]
+    moves = halves(*sheets, hill(0.6))
+    assert len(in_parts(moves.cut_mesh.chart)) > 1
+    trial = tried(moves, DEMANDS)
+    assert trial.good(1.05).tolist() == [True] * 8 + [False]
+    assert trial.energy[:8] == pytest.approx(np.ones(8), abs=1e-6)
+    energy = chart_energies(moves.cut_mesh, trial.uv)
+    assert trial.energy[:8] == pytest.approx(energy[:8])
