@@ -20,7 +20,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-look bench-noise bench-hand fuzz mutants figures docs dist clean
+.PHONY: help venv dev node demo test test-browser test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-look bench-noise bench-hand fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -62,8 +62,11 @@ demo: $(VENV)/.installed ## unwrap a textured sample and say where mesh, picture
 	@echo "Turn it in a browser: $(CURDIR)/demo-output/head_uv.html"
 	@echo "Try your own:         $(VENV)/bin/circparam unwrap MESH"
 
-test: $(VENV)/.dev node ## all tests but those on real meshes
+test: $(VENV)/.dev node ## all tests but those in a browser and on real meshes
 	$(RUN) -m pytest -n $(WORKERS) --dist worksteal -m "not corpus"
+
+test-browser: $(VENV)/.dev node ## the HTML pages in headless chromium (2 minutes; node and chromium)
+	$(RUN) -m pytest tests/browser
 
 test-oldest: ## files, USD and batches with the oldest versions that pyproject.toml allows
 	rm -rf .venv-oldest
@@ -131,7 +134,6 @@ mutants: $(VENV)/.dev ## 200 planted faults: the share that the tests notice (ha
 
 figures: $(VENV)/.dev ## the pictures of README and docs
 	$(RUN) -m tests.tools.figures
-	$(RUN) -m tests.tools.artists
 
 docs: $(VENV)/.dev ## docs/cli.md out of the help texts, typed keywords out of the options
 	$(RUN) -m tests.tools.reference

@@ -54,6 +54,7 @@ UNWRAP = [
     ("zero_area_48.obj", "o.obj", "--json"),
     ("boot.obj", "o.ply", ""),
 ]
+METHODS = "uniform,circle,floater,lscm,bff,isometric"
 OTHERS = [
     ("pack", "CesiumMan.glb", "o.glb", "-o o.glb --effort 0.5"),
     ("pack", "spot.obj", "o.obj", "-o o.obj --rotate 90"),
@@ -63,12 +64,7 @@ OTHERS = [
     ("bake", "CesiumMan.glb", "b.png", "--from texture --size 256 --source {mesh} -o b.png"),
     ("check", "chair_model.obj", "json", "--json"),
     ("check", "spot.obj", "uv", "--uv --json"),
-    (
-        "compare",
-        "bunny_1hole.obj",
-        "json",
-        "--methods uniform,circle,floater,lscm,bff,isometric --json",
-    ),
+    ("compare", "bunny_1hole.obj", "json", f"--methods {METHODS} --json"),
     ("methods", "", "json", "--json"),
 ]
 # what differs from run to run, and the names of files
@@ -89,12 +85,10 @@ def _case(command: str, mesh: str, options: list[str]) -> dict[str, str]:
         return {}
     with tempfile.TemporaryDirectory() as folder:
         source = [str(found[0])] if found else []
-        told = [o.format(mesh=source[0]) if source else o for o in options]
-        line = [sys.executable, "-m", "circparam", command, *source, *told]
-        paths = {"PYTHONPATH": os.environ.get("PYTHONPATH", str(ROOT))}
-        run = subprocess.run(
-            line, cwd=folder, capture_output=True, text=True, env={**os.environ, **paths}
-        )
+        words = [o.format(mesh=source[0]) if source else o for o in options]
+        line = [sys.executable, "-m", "circparam", command, *source, *words]
+        env = {"PYTHONPATH": str(ROOT), **os.environ}
+        run = subprocess.run(line, cwd=folder, capture_output=True, text=True, env=env)
         out = {"exit": str(run.returncode)}
         if "--json" in options and run.stdout:
             text = json.dumps(_plain(json.loads(run.stdout)), sort_keys=True)
@@ -108,11 +102,8 @@ def cases() -> dict[str, tuple[str, str, list[str]]]:
     """Name → command, mesh, options."""
     out = {}
     for mesh, target, options in UNWRAP:
-        out[f"unwrap {mesh} {target} {options}"] = (
-            "unwrap",
-            mesh,
-            ["-o", target, "-q", *options.split()],
-        )
+        words = ["-o", target, "-q", *options.split()]
+        out[f"unwrap {mesh} {target} {options}"] = ("unwrap", mesh, words)
     for command, mesh, what, options in OTHERS:
         out[f"{command} {mesh} {what}"] = (command, mesh, options.split())
     return out
@@ -129,20 +120,16 @@ def main() -> int:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         hashes = dict(zip(todo, pool.map(lambda case: _case(*case), todo.values()), strict=True))
     if told.work == "store":
-        facts = {
-            "python": platform.python_version(),
-            "machine": platform.machine(),
-            **{name: version(name) for name in ("numpy", "scipy", "trimesh", "pillow")},
-        }
-        told.file.write_text(json.dumps({"facts": facts, "hashes": hashes}, indent=1) + "\n")
+        facts = {"python": platform.python_version(), "machine": platform.machine()}
+        facts |= {name: version(name) for name in ("numpy", "scipy", "trimesh", "pillow")}
+        rows = [f"{json.dumps(name)}: {json.dumps(case)}" for name, case in hashes.items()]
+        text = f'{{"facts": {json.dumps(facts)}, "hashes": {{\n' + ",\n".join(rows) + "\n}}\n"
+        told.file.write_text(text)
         print(f"{len(hashes)} cases stored, {sum(map(len, hashes.values()))} hashes")
         return 0
-    before = json.loads(told.file.read_text())["hashes"]
-    wrong = 0
+    before, wrong = json.loads(told.file.read_text())["hashes"], 0
     for name, now in hashes.items():
-        keys = {
-            k for k in {*now, *before.get(name, {})} if now.get(k) != before.get(name, {}).get(k)
-        }
+        keys = {key for key, _ in set(now.items()) ^ set(before.get(name, {}).items())}
         if keys:
             wrong += 1
             print(f"differs: {name}: {', '.join(sorted(keys))}")

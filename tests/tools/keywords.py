@@ -1,10 +1,9 @@
 """circparam/pipeline/keywords.py, the options as typed keywords, made from the fields of ``Options``.
 
-usage: ``python -m tests.tools.keywords [--check]``
+usage: ``python -m tests.tools.keywords``
 """
 
 import dataclasses
-import sys
 from pathlib import Path
 
 from circparam.core.fields import KEY, Spec
@@ -45,17 +44,5 @@ def _type(kind: str, spec: Spec) -> str:
     return base + none
 
 
-def main() -> int:
-    """Write the module, or with ``--check`` tell whether it is current."""
-    text = page()
-    if "--check" in sys.argv[1:]:
-        current = PAGE.exists() and PAGE.read_text("utf-8") == text
-        if not current:
-            print(f"{PAGE.name} is not what Options says: run make docs", file=sys.stderr)
-        return 0 if current else 1
-    PAGE.write_text(text, "utf-8")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    PAGE.write_text(page(), "utf-8")

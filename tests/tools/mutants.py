@@ -24,7 +24,7 @@ from pathlib import Path
 from queue import Queue
 from typing import Any
 
-from tests.bench.common import REPORTS, ROOT, table, write
+from tests.bench.common import REPORTS, ROOT, options, section, table, write
 from tests.tools.planting import Mutant, sample
 
 PACKAGE = "circparam"
@@ -48,13 +48,10 @@ def tests_of(module: str) -> tuple[str, ...]:
     path = Path(module).relative_to(PACKAGE)
     room = ROOT / "tests" / path.parts[0]
     own = ROOT / "tests" / path.with_name(f"test_{path.name}")
-    name = ".".join(Path(module).with_suffix("").parts)
-    called = re.compile(
-        rf"{re.escape(name)}\b|from {re.escape(name.rpartition('.')[0])} import .*\b{path.stem}\b"
-    )
-    found = [own] if own.is_file() else sorted(room.rglob("test_*.py"))
-    if not own.is_file():
-        found = [f for f in found if called.search(f.read_text(encoding="utf-8"))] or [room]
+    package, name = ".".join(Path(module).parent.parts), path.stem
+    called = re.compile(rf"{package}\.{name}\b|from {package} import .*\b{name}\b")
+    users = [f for f in sorted(room.rglob("test_*.py")) if called.search(f.read_text("utf-8"))]
+    found = [own] if own.is_file() else users or [room]
     return tuple(f.relative_to(ROOT).as_posix() for f in found)
 
 
@@ -186,32 +183,24 @@ def report(mutants: list[Mutant], found: list[bool], told: argparse.Namespace) -
             before, after = _cell(mutant.before), _cell(mutant.after)
             judged = old.get((mutant.file, before, after), "")
             rows.append([f"{mutant.file}:{mutant.line}", before, after, judged])
+    share = [[room, str(len(s)), f"{sum(s) / len(s):.0%}"] for room, s in sorted(rooms.items())]
     intro = (
         f"{len(mutants)} faults planted one at a time (seed {told.seed}), each with the tests of its module: "
         f"{sum(found)} noticed, {sum(found) / len(found):.1%}. Made by `make mutants`; the judgements are "
         "written by hand and kept."
     )
-    share = [[room, str(len(s)), f"{sum(s) / len(s):.0%}"] for room, s in sorted(rooms.items())]
-    return write(
-        REPORT,
-        "Planted faults",
-        intro,
-        [
-            table(["room", "planted", "noticed"], share),
-            ["## Survivors"],
-            table(["place", "before", "after", "judgement"], rows),
-        ],
-    )
+    survivors = table(["place", "before", "after", "judgement"], rows)
+    blocks = [table(["room", "planted", "noticed"], share), section("Survivors", survivors)]
+    return write(REPORT, "Planted faults", intro, blocks)
 
 
 def main() -> int:
     """Plant, run, report; exit 1 where too few are noticed."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options(__doc__)
     parser.add_argument("--sample", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="modules whose name holds this text")
     parser.add_argument("--list", action="store_true", help="show the sample and run nothing")
-    parser.add_argument("--no-report", action="store_true", help="leave docs/benchmarks as it is")
     told = parser.parse_args()
     mutants = sample(modules(told.only), told.sample, told.seed)
     if not mutants:

@@ -4,12 +4,8 @@ import re
 import tomllib
 from pathlib import Path
 
-RUN = (
-    "baseline",
-    "batch",
-    "formats",
-    "usd",
-)  # extras of users; tools of developers may be as new as they come
+# extras of users; tools of developers may be as new as they come
+RUN = ("baseline", "batch", "formats", "usd")
 
 
 def constraints(project: str | None = None) -> list[str]:
