@@ -15,9 +15,11 @@ from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions, relax
 
 
-def surface_of(points: np.ndarray, faces: np.ndarray) -> Surface:
+def surface_of(
+    points: np.ndarray, faces: np.ndarray, polygons: np.ndarray | None = None
+) -> Surface:
     """The surface of a mesh."""
-    return repair(Mesh(points, faces))[0]
+    return repair(Mesh(points, faces, polygons))[0]
 
 
 def uncut(points: np.ndarray, faces: np.ndarray) -> Atlas:

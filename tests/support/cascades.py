@@ -3,15 +3,10 @@
 import numpy as np
 
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, CascadeRules
-
-
-def surface_of(p: np.ndarray, f: np.ndarray, polygons: np.ndarray | None = None) -> Surface:
-    return repair(Mesh(p, f, polygons), RepairOptions())[0]
+from tests.support.atlases import surface_of as surface_of
 
 
 def start(

@@ -4,12 +4,12 @@ import numpy as np
 
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.repair import repair
 
 
 def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
     """(cut mesh, (n_vertices, 3) position of each vertex) of an uncut shape."""
-    surface, _ = repair(Mesh(*shape), RepairOptions())
+    surface, _ = repair(Mesh(*shape))
     cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     points = np.empty((cut_mesh.n_vertices, 3))
     points[cut_mesh.faces.ravel()] = surface.points[surface.faces.ravel()]

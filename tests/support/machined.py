@@ -5,24 +5,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from tests.support.parts import (
-    Builder,
-    Floats,
-    Part,
-    add_walls,
-    circle,
-    extrude,
-    fill,
-    lathe,
-    lift,
-    rectangle,
-)
+from tests.support import parts
+from tests.support.parts import Builder, Floats, Part, add_walls, circle, extrude, fill, lift
 
 
 def perforated() -> Part:
     """A plate with two rows of holes and a pocket: the ears of its flats are slivers from hole to hole."""
     holes = [circle(12, 0.09, x, y) for y in (-0.8, 0.8) for x in np.arange(-3, 4) * 0.5]
-    return extrude(rectangle(4.0, 2.4), holes, 0.3, [(rectangle(3.0, 0.7), 0.15)])
+    outer = parts.rectangle(4.0, 2.4)
+    return extrude(outer, holes, 0.3, [(parts.rectangle(3.0, 0.7), 0.15)])
 
 
 def rounded(width: float, height: float, radius: float, n: int = 8) -> Floats:
@@ -60,7 +51,7 @@ def nozzle() -> Part:
     profile = [
         [0.2, 0], [0.4, 0], [0.7, 0.3], [0.7, 1.8], [1.1, 1.8], [1.1, 2.0], [0.5, 2.0], [0.5, 0.8], [0.2, 0.5],
     ]  # fmt: skip
-    return lathe(np.array(profile), 40)
+    return parts.lathe(np.array(profile), 40)
 
 
 def shaft() -> Part:
@@ -119,8 +110,5 @@ def barrel(staves: int = 20, rings: int = 6) -> Part:
 
 
 MACHINED: dict[str, Callable[[], Part]] = {
-    "perforated": perforated,
-    "housing": housing,
-    "nozzle": nozzle,
-    "shaft": shaft,
-}
+    "perforated": perforated, "housing": housing, "nozzle": nozzle, "shaft": shaft,
+}  # fmt: skip

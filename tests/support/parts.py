@@ -77,26 +77,20 @@ def _bridged(outer: Floats, holes: Sequence[Floats]) -> Floats:
     ring = outer
     for hole in sorted(holes, key=lambda h: -h[:, 0].max()):
         clockwise = hole[::-1]
-        start = int(clockwise[:, 0].argmax())
-        inner = np.roll(clockwise, -start, axis=0)
-        tip = inner[0]
-        best, at = np.inf, -1
-        for k in np.argsort(((ring - tip) ** 2).sum(1)):
-            distance = float(((ring[k] - tip) ** 2).sum())
-            if distance < best and _sees(ring, [*holes], tip, ring[k]):
-                best, at = distance, int(k)
-                break
+        inner = np.roll(clockwise, -int(clockwise[:, 0].argmax()), axis=0)
+        nearest = np.argsort(((ring - inner[0]) ** 2).sum(1))
+        at = next(int(k) for k in nearest if _sees([ring, *holes], inner[0], ring[k]))
         ring = np.concatenate([ring[: at + 1], inner, inner[:1], ring[at:]])
     return ring
 
 
-def _sees(ring: Floats, holes: list[Floats], a: Floats, b: Floats) -> bool:
-    """Whether no edge of an outline or hole properly crosses the way from a to b."""
-    for loop in [ring, *holes]:
-        for p, q in zip(loop, np.roll(loop, -1, axis=0), strict=True):
-            if _cross(a, b, p) * _cross(a, b, q) < 0 and _cross(p, q, a) * _cross(p, q, b) < 0:
-                return False
-    return True
+def _sees(loops: Sequence[Floats], a: Floats, b: Floats) -> bool:
+    """Whether no edge of some loops properly crosses the way from a to b."""
+    return not any(
+        _cross(a, b, p) * _cross(a, b, q) < 0 and _cross(p, q, a) * _cross(p, q, b) < 0
+        for loop in loops
+        for p, q in zip(loop, np.roll(loop, -1, axis=0), strict=True)
+    )
 
 
 def fill(outer: Floats, holes: Sequence[Floats] = ()) -> Floats:
@@ -109,12 +103,12 @@ def fill(outer: Floats, holes: Sequence[Floats] = ()) -> Floats:
             if _cross(a, b, c) <= 1e-14:
                 continue
             rest = np.array([p for p in ring if not any((p == v).all() for v in (a, b, c))])
-            if len(rest):
-                d1 = (b[0] - a[0]) * (rest[:, 1] - a[1]) - (b[1] - a[1]) * (rest[:, 0] - a[0])
-                d2 = (c[0] - b[0]) * (rest[:, 1] - b[1]) - (c[1] - b[1]) * (rest[:, 0] - b[0])
-                d3 = (a[0] - c[0]) * (rest[:, 1] - c[1]) - (a[1] - c[1]) * (rest[:, 0] - c[0])
-                if ((d1 >= -1e-12) & (d2 >= -1e-12) & (d3 >= -1e-12)).any():
-                    continue
+            sides = [
+                (q[0] - p[0]) * (rest[:, 1] - p[1]) - (q[1] - p[1]) * (rest[:, 0] - p[0]) >= -1e-12
+                for p, q in ((a, b), (b, c), (c, a))
+            ]
+            if np.all(sides, axis=0).any():
+                continue
             out.append([a, b, c])
             del ring[i]
             break
@@ -209,37 +203,11 @@ def bracket(fillet: float = 0.3, n: int = 12) -> Part:
 def letters() -> Part:
     """A plaque with letters sunk into it."""
     h = np.array(
-        [
-            [0, 0],
-            [1, 0],
-            [1, 2],
-            [2, 2],
-            [2, 0],
-            [3, 0],
-            [3, 5],
-            [2, 5],
-            [2, 3],
-            [1, 3],
-            [1, 5],
-            [0, 5],
-        ]
-    )
+        [[0, 0], [1, 0], [1, 2], [2, 2], [2, 0], [3, 0], [3, 5], [2, 5], [2, 3], [1, 3], [1, 5], [0, 5]]
+    )  # fmt: skip
     e = np.array(
-        [
-            [0, 0],
-            [3, 0],
-            [3, 1],
-            [1, 1],
-            [1, 2],
-            [2, 2],
-            [2, 3],
-            [1, 3],
-            [1, 4],
-            [3, 4],
-            [3, 5],
-            [0, 5],
-        ]
-    )
+        [[0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [2, 2], [2, 3], [1, 3], [1, 4], [3, 4], [3, 5], [0, 5]]
+    )  # fmt: skip
     sunk = [(h * 0.1 + [-0.7, -0.25], 0.1), (e * 0.1 + [-0.1, -0.25], 0.1)]
     return extrude(rectangle(2.0, 1.0), (), 0.3, [*sunk, (circle(32, 0.2, 0.6, 0.0), 0.1)])
 
@@ -295,14 +263,9 @@ def rounded_box(steps: int = 4, radius: float = 0.25) -> Part:
 
 
 PARTS: dict[str, Callable[[], Part]] = {
-    "plate": plate,
-    "gear": gear,
-    "flanged pipe": flanged_pipe,
-    "bushing": bushing,
-    "bracket": bracket,
-    "letters": letters,
-    "cube": cube,
-}
+    "plate": plate, "gear": gear, "flanged pipe": flanged_pipe, "bushing": bushing, "bracket": bracket,
+    "letters": letters, "cube": cube,
+}  # fmt: skip
 
 
 def shaken(part: Part, size: float, seed: int = 0) -> Part:

@@ -5,17 +5,9 @@ import struct
 import numpy as np
 
 CODES = {
-    "char": "b",
-    "uchar": "B",
-    "short": "h",
-    "ushort": "H",
-    "int": "i",
-    "uint": "I",
-    "float": "f",
+    "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f",
     "double": "d",
-}
-
-
+}  # fmt: skip
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -90,12 +82,8 @@ def sample(encoding: str, kind: str = "float", uv: str = "") -> bytes:
     faces = [[0, 1, 2, 3], [1, 4, 5, 6, 2], [3, 2, 6], [0, 3, 1]]
     vertex = [f"{kind} x", f"{kind} y", f"{kind} z", "uchar red", "short weight"]
     rows: list[list[object]] = [[x, y, 0.25 * k, 10 + k, -k] for k, (x, y) in enumerate(xy)]
-    face = [
-        "uchar material",
-        "list uchar int vertex_indices",
-        "list uchar float extra",
-        "double area",
-    ]
+    face = ["uchar material", "list uchar int vertex_indices"]
+    face += ["list uchar float extra", "double area"]
     cells: list[list[object]] = [[k, f, [0.5] * k, 1 / (k + 3)] for k, f in enumerate(faces)]
     if uv == "vertex":
         vertex.insert(3, "float s")
@@ -107,15 +95,13 @@ def sample(encoding: str, kind: str = "float", uv: str = "") -> bytes:
             [*r[:2], rng.random(2 * len(f)).astype("f4").tolist(), *r[2:]]
             for r, f in zip(cells, faces, strict=True)
         ]
-    return build(
-        encoding,
-        {
-            "vertex": (vertex, rows),
-            "face": (face, cells),
-            "edge": (["int vertex1", "int vertex2"], [[0, 1], [2, 3]]),
-            "material": (["double shine", "list int uchar name"], [[0.1, [65, 66]], [0.2, []]]),
-        },
-    )
+    elements: dict[str, tuple[list[str], list[list[object]]]] = {
+        "vertex": (vertex, rows),
+        "face": (face, cells),
+        "edge": (["int vertex1", "int vertex2"], [[0, 1], [2, 3]]),
+        "material": (["double shine", "list int uchar name"], [[0.1, [65, 66]], [0.2, []]]),
+    }
+    return build(encoding, elements)
 
 
 def plain(rows: list[dict[str, object]]) -> list[dict[str, object]]:
@@ -125,13 +111,9 @@ def plain(rows: list[dict[str, object]]) -> list[dict[str, object]]:
 
 def strip_file(encoding: str, strips: list[list[int]]) -> bytes:
     points: list[list[object]] = [[i % 3, i // 3, (i * i) % 5] for i in range(12)]
-    return build(
-        encoding,
-        {
-            "vertex": (["float x", "float y", "float z"], points),
-            "tristrips": (["list int int vertex_indices"], [[s] for s in strips]),
-        },
-    )
+    vertex, strip = ["float x", "float y", "float z"], ["list int int vertex_indices"]
+    elements = {"vertex": (vertex, points), "tristrips": (strip, [[s] for s in strips])}
+    return build(encoding, elements)
 
 
 def triangles_of(strip: list[int]) -> list[list[int]]:

@@ -25,10 +25,8 @@ class Failing:
             self.failed += bool(fail)
         if fail:
             environ["wsgi.input"].read(int(environ.get("CONTENT_LENGTH") or 0))
-            start(
-                "500 Internal Server Error",
-                [("Content-Type", "text/plain"), ("Content-Length", "0")],
-            )
+            head = [("Content-Type", "text/plain"), ("Content-Length", "0")]
+            start("500 Internal Server Error", head)
             return [b""]
         return self.application(environ, start)
 
@@ -54,9 +52,8 @@ def s3_server(monkeypatch: pytest.MonkeyPatch, every: int = 0) -> Iterator[Faili
     for name in [n for n in os.environ if n.lower() in ("http_proxy", "https_proxy", "all_proxy")]:
         monkeypatch.delenv(name)
     try:
-        reset = urllib.request.Request(
-            f"http://127.0.0.1:{server.port}/moto-api/reset", method="POST"
-        )
+        url = f"http://127.0.0.1:{server.port}/moto-api/reset"
+        reset = urllib.request.Request(url, method="POST")
         urllib.request.urlopen(reset).close()  # what another test has left
         application.every = every
         yield application

@@ -4,6 +4,9 @@ Every strategy yields (points (n, 3) float64, faces (m, 3) int64). Sizes stay sm
 cases fit in a minute; deterministic shapes with known answers are in ``tests.shapes``.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from hypothesis import strategies as st
 
@@ -28,11 +31,9 @@ def disks(draw: st.DrawFn, largest: int = 120) -> Shape:
     """Random disks in space: Delaunay meshes, bent by random waves, stretched and rotated."""
     p, f = draw(planar_disks(largest))
     rng = np.random.default_rng(draw(seeds))
-    p = p.copy()
-    p[:, 2] = draw(st.sampled_from([0.0, 0.1, 0.5, 2.0])) * np.sin(
-        p[:, :2] @ rng.normal(0, 4, (2, 3))
-    ).sum(1)
-    p *= np.exp(rng.normal(0, 0.5, 3))
+    height = draw(st.sampled_from([0.0, 0.1, 0.5, 2.0]))
+    z = height * np.sin(p[:, :2] @ rng.normal(0, 4, (2, 3))).sum(1)
+    p = np.c_[p[:, :2], z] * np.exp(rng.normal(0, 0.5, 3))
     return p @ shapes.rotation(draw(seeds)).T, f
 
 
@@ -47,27 +48,20 @@ def folding_disks(draw: st.DrawFn, largest: int = 120) -> Shape:
     return p, f
 
 
+SURFACES: list[Callable[[], Shape]] = [
+    partial(shapes.icosphere, 1), partial(shapes.torus, 8, 6), partial(shapes.handles, 2, 1),
+    partial(shapes.cube, 2), partial(shapes.cylinder, 8, 3), partial(shapes.cylinder, 8, 3, caps=True),
+    partial(shapes.holed_sheet, 9, 3), partial(shapes.cone, 8, 3),
+    lambda: shapes.row_of(shapes.icosphere(0), 3), partial(shapes.tube, 2.0, 8),
+]  # fmt: skip
+
+
 @st.composite
 def surfaces(draw: st.DrawFn) -> Shape:
     """Manifold, oriented surfaces of every kind: closed, with handles, holes, several components."""
-    make = draw(
-        st.sampled_from(
-            [
-                lambda: shapes.icosphere(1),
-                lambda: shapes.torus(8, 6),
-                lambda: shapes.handles(2, 1),
-                lambda: shapes.cube(2),
-                lambda: shapes.cylinder(8, 3),
-                lambda: shapes.cylinder(8, 3, caps=True),
-                lambda: shapes.holed_sheet(9, 3),
-                lambda: shapes.cone(8, 3),
-                lambda: shapes.row_of(shapes.icosphere(0), 3),
-                lambda: shapes.tube(2.0, 8),
-            ]
-        )
-    )
-    p, f = shapes.noisy(*make(), amount=draw(st.sampled_from([0.0, 0.01, 0.1])), seed=draw(seeds))
-    return p, f
+    made = draw(st.sampled_from(SURFACES))()
+    amount = draw(st.sampled_from([0.0, 0.01, 0.1]))
+    return shapes.noisy(*made, amount=amount, seed=draw(seeds))
 
 
 # hostile -------------------------------------------------------------------------------------------
@@ -133,9 +127,8 @@ def one_sided(draw: st.DrawFn) -> Shape:
     if kind == "klein":
         return shapes.klein(draw(st.integers(3, 8)), draw(st.integers(3, 8)))
     p, f = draw(surfaces())
-    turn = np.random.default_rng(draw(seeds)).random(len(f)) < draw(
-        st.sampled_from([0.05, 0.5, 1.0])
-    )
+    share = draw(st.sampled_from([0.05, 0.5, 1.0]))
+    turn = np.random.default_rng(draw(seeds)).random(len(f)) < share
     return p, np.where(turn[:, None], f[:, ::-1], f)
 
 
@@ -167,14 +160,5 @@ def scaled(draw: st.DrawFn, base: st.SearchStrategy[Shape]) -> Shape:
 
 def hostile() -> st.SearchStrategy[Shape]:
     """Whatever a file found somewhere may hold."""
-    kinds = st.one_of(
-        soups(),
-        glued_triangles(),
-        sheets(),
-        needles(),
-        one_sided(),
-        joints(),
-        surfaces(),
-        disks(40),
-    )
-    return scaled(kinds)
+    bad = soups(), glued_triangles(), sheets(), needles(), one_sided(), joints()
+    return scaled(st.one_of(*bad, surfaces(), disks(40)))

@@ -12,16 +12,12 @@ ALONG, ROUND = 4, 3
 
 def torus(nu: int, nv: int, bump: float = 0.0, turned: float = 0.0) -> Mesh:
     """A torus, turned: its grid begins elsewhere; bump: how much its tube swells."""
-    u, v = np.meshgrid(
-        2 * np.pi * np.arange(nu) / nu + turned,
-        2 * np.pi * np.arange(nv) / nv + turned,
-        indexing="ij",
-    )
+    u, v = (2 * np.pi * np.arange(n) / n + turned for n in (nu, nv))
+    u, v = (a.ravel() for a in np.meshgrid(u, v, indexing="ij"))
     r = 0.4 * (1 + bump * np.sin(3 * u + v))
-    p = np.stack(
-        [(1 + r * np.cos(v)) * np.cos(u), (1 + r * np.cos(v)) * np.sin(u), r * np.sin(v)], -1
-    )
-    return Mesh(p.reshape(-1, 3), shapes.torus(nu, nv)[1])
+    far = 1 + r * np.cos(v)
+    points = np.stack([far * np.cos(u), far * np.sin(u), r * np.sin(v)], 1)
+    return Mesh(points, shapes.torus(nu, nv)[1])
 
 
 def angles(points: np.ndarray) -> np.ndarray:
@@ -79,13 +75,8 @@ def patchwork(nu: int, nv: int, along: int, around: int, bump: float = 0.0) -> t
     """A torus whose uv are along × around rectangular charts; along and around divide nu and nv."""
     mesh = torus(nu, nv, bump)
     centre = angles(mesh.points[mesh.faces].mean(1))
-    index = [
-        np.floor(centre[:, k] % (2 * np.pi) / (2 * np.pi) * n).astype(int)
-        for k, n in ((0, along), (1, around))
-    ]
-    chart = index[0] * around + index[1]
+    index = np.floor(centre % (2 * np.pi) / (2 * np.pi) * [along, around]).astype(int)
+    chart = index[:, 0] * around + index[:, 1]
     corner = angles(mesh.points)[mesh.faces] % (2 * np.pi)
-    return mesh, UVMap(
-        (corner + 10 * chart[:, None, None]).reshape(-1, 2),
-        np.arange(mesh.faces.size).reshape(-1, 3),
-    )
+    uv = (corner + 10 * chart[:, None, None]).reshape(-1, 2)
+    return mesh, UVMap(uv, np.arange(mesh.faces.size).reshape(-1, 3))
