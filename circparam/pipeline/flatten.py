@@ -19,7 +19,7 @@ from circparam.pipeline.job import Job
 from circparam.pipeline.options import DEFAULT_BOUND, Options
 from circparam.pipeline.pinned import pins_of
 from circparam.seams import SEAMS
-from circparam.seams.constraints import constrain
+from circparam.seams.constraints import constrain, seam_prices
 from circparam.seams.options import SeamOptions, Seams
 
 CHARTS_COST = 10.0  # seconds that charts take at least over those of the repair: 20 on many meshes
@@ -74,7 +74,9 @@ def _worth_beginning(monitor: Monitor) -> None:
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
     """The layout of the method, or the layout of the seams if both agree."""
-    options, surface = job.options, job.surface.at_density()
+    options = job.options
+    asked = seam_options(job.document, job.surface, job.repair_report, options)
+    surface = surface_of_layout(job.surface, asked)
     blank = Cascade(Atlas(surface, seams.cut), rules(options), notes=tuple(seams.notes))
     plain = options.method == "isometric" and not (options.blend or options.pins is not None)
     if options.cut == "none":
@@ -92,6 +94,12 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
         return replace(blank, atlas=atlas).repaired(
             f"--method {options.method} failed at first ({error})"
         )
+
+
+def surface_of_layout(surface: Surface, asked: SeamOptions) -> Surface:
+    """The surface that layouts are compared with, where seams for the page have the prices of the user."""
+    dense, price = surface.at_density(), seam_prices(surface, asked)
+    return dense if price is None else replace(dense, price=price, weighted=True)
 
 
 def with_straight(atlas: Atlas, options: Options) -> Atlas:

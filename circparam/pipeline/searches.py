@@ -22,7 +22,7 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline import applies, fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import seam_options
-from circparam.pipeline.flatten import rules, seams_in_frame, with_straight
+from circparam.pipeline.flatten import rules, seams_in_frame, surface_of_layout, with_straight
 from circparam.pipeline.job import Job
 from circparam.pipeline.layout_cost import finished_cost
 from circparam.pipeline.options import Options
@@ -51,9 +51,9 @@ def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     # charts without a layout are projected later, in far too many charts
     if monitor.expired or no_time:
         return cascade
-    # who says where seams may not run wants none for the page either, unless by --pack-splits N
-    prescribed = options.no_seams is not None or options.seam_weights is not None
-    if not options.fills_page or (prescribed and options.cuts_asked is None):
+    # the price of a page is no weight of the user: cuts beside weights are made on demand alone
+    weighted = options.seam_weights is not None and options.cuts_asked is None
+    if not options.fills_page or weighted:
         return cascade
     if options.texel_density is not None:
         from circparam.pipeline.fit_pages import fit_pages
@@ -107,6 +107,7 @@ class Drafted:
     """
 
     job: Job
+    asked: SeamOptions
     seams: DeferredTask
 
     @classmethod
@@ -123,12 +124,14 @@ class Drafted:
         task = (surface, asked, options.cut, Search(draft=True))
         seams = DeferredTask(monitor.jobs, _seams, task, monitor)
         seams.begin()
-        return cls(job, seams)
+        return cls(job, asked, seams)
 
     def layout(self, monitor: Monitor) -> Cascade | None:
         """The layout of the draft; None if there is no time for it."""
         seams = None if monitor.expired else self.seams.result()
-        return None if seams is None else _laid_out(self.job.surface, seams, self.job.options)
+        if seams is None:
+            return None
+        return _laid_out(surface_of_layout(self.job.surface, self.asked), seams, self.job.options)
 
     def on_page(self, layout: Cascade, monitor: Monitor) -> Cascade:
         """The layout on the page of a draft."""
@@ -167,7 +170,8 @@ def searched(
         return None
     with _apart(monitor) as own:
         try:
-            cascade = with_room(_laid_out(surface, seams, options), options, own)
+            cascade = _laid_out(surface_of_layout(surface, asked), seams, options)
+            cascade = with_room(cascade, options, own)
             cascade = _packed(cascade, options, own)
         except FAILURES:
             return None
@@ -191,7 +195,7 @@ def _seams(
 
 def _laid_out(surface: Surface, seams: Seams, options: Options) -> Cascade:
     """The layout of the seams of a search."""
-    atlas = with_straight(Atlas(surface.at_density(), seams.cut, seams.uv), options)
+    atlas = with_straight(Atlas(surface, seams.cut, seams.uv), options)
     return Cascade(atlas, rules(options), notes=tuple(seams.notes))
 
 

@@ -8,6 +8,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, ne
 from circparam.errors import OptionError
 from circparam.mesh.surface import Surface
 from circparam.seams.options import SeamOptions
+from circparam.seams.prices import LEAST_WEIGHT
 
 
 def match_edges(surface: Surface, pairs: IntArray) -> tuple[BoolArray, IntArray]:
@@ -67,6 +68,21 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
             )
         forced |= asked & ~surface.locked
     return dataclasses.replace(surface, locked=locked), forced, notes
+
+
+def seam_prices(surface: Surface, options: SeamOptions) -> FloatArray | None:
+    """(e,) price of a seam along each edge by the user's options, in lengths of the edge, infinite for never.
+
+    None if all edges cost their length.
+    """
+    if options.no_cut is None and options.weights is None:
+        return None
+    price = np.ones(len(surface.edges))
+    if options.weights is not None:
+        price = np.maximum(options.weights, LEAST_WEIGHT)
+    if options.no_cut is not None:
+        price[match_edges(surface, options.no_cut)[0]] = np.inf
+    return price
 
 
 def dihedral_angles(surface: Surface) -> FloatArray:

@@ -1,6 +1,7 @@
 """Cuts that were asked for (--pack-splits N): so many at most, through flats and without a seam before too."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,10 +88,14 @@ def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
         circparam.unwrap(star(), pack_splits=1, **more)
 
 
-def test_no_page_is_worth_a_seam_where_none_may_run() -> None:
+@pytest.mark.parametrize("splits", ["auto", 3])
+@pytest.mark.parametrize("how", ["no_seams", "seam_weights"])
+def test_no_page_is_worth_a_seam_where_none_may_run(how: str, splits: int | str) -> None:
     """A tube of twelve sides opens along the one line that is left, however long its strip is."""
-    lines = [(2 * k, 2 * k + 1) for k in range(12) if k != 2]
-    result = circparam.unwrap(_tube(12), no_seams=lines, resolution=256)
+    lines: Any = [(2 * k, 2 * k + 1) for k in range(12) if k != 2]
+    if how == "seam_weights":
+        lines = [(a, b, np.inf) for a, b in lines]
+    result = circparam.unwrap(_tube(12), **{how: lines}, pack_splits=splits, resolution=256)
     assert result.measures["charts"] == 1
 
 
