@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from circparam.compare import process
-from circparam.compare.baselines import BASELINES
-from circparam.compare.names import method_names
+from circparam.compare.baselines import BASELINES, require
 from circparam.compare.rows import INPUT, Comparison, Entry
-from circparam.compare.task import FLATTEN, flatten_input
+from circparam.compare.task import FLATTEN
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.records import dataclass
@@ -81,15 +80,47 @@ def compare(
     seams = find_seams(job, monitor)
     cut_seconds = time.perf_counter() - start
     scene = _Scene(job, job.surface.cut_mesh(seams.cut), timeout, isolate)
-    rows = [*_input_row(scene)]
+    rows = []
+    own = job.document.uv() if job.document.uv_sets else None
+    if own is not None and (own.uv_faces >= 0).any():
+        status, figures = _figures(scene, own)
+        rows.append(Entry(INPUT, status, figures=figures, uvmap=own))
     for k, name in enumerate(names):
         monitor.update(k / len(names), name)
-        rows.append(_row(scene, name, choices[name], monitor))
+        try:
+            row = _baseline_row if name in BASELINES else _method_row
+            rows.append(row(scene, name, choices[name], monitor))
+        except (NoResultError, OutOfTimeError) as error:
+            rows.append(Entry(name, "failed", error=str(error)))
     mesh = job.document.mesh
     notes = [*job.document.notes, *job.repair_report.messages, *seams.notes]
     return Comparison(
         job.document.source.name, len(mesh.points), len(mesh.faces), cut, cut_seconds, rows, notes
     )
+
+
+def method_names(text: str | Sequence[str]) -> list[str]:
+    """Names as a list: ``"circle,floater"``, ``"all"`` (every method of METHODS), or the names themselves.
+
+    Raises OptionError for an unknown name (with the nearest ones), a name given twice, or a baseline that is
+    not installed.
+    """
+    parts = text.split(",") if isinstance(text, str) else list(text)
+    names: list[str] = []
+    known = [*METHODS.names(), *BASELINES]
+    for name in filter(None, (part.strip() for part in parts)):
+        if name not in known and name != "all":
+            raise OptionError(unknown_name("method", name, [*known, "all"]))
+        names += METHODS.names() if name == "all" else [name]
+    if not names:
+        raise OptionError(f"--methods names no method: choose from {', '.join(known)}, all")
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise OptionError(f"--methods names {twice[0]} twice: name each method once")
+    for name in names:
+        if name in BASELINES:
+            require(name)
+    return names
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,28 +168,12 @@ def _disks(surface: Surface) -> bool:
     return bool(((loops > 0) & (whole.euler() == 2 - loops)).all())
 
 
-def _input_row(scene: _Scene) -> list[Entry]:
-    """The row of the uv that the file has; none if it has none."""
-    uvmap = scene.job.document.uv() if scene.job.document.uv_sets else None
-    if uvmap is None or not (uvmap.uv_faces >= 0).any():
-        return []
-    status, figures = _figures(scene, uvmap)
-    return [Entry(INPUT, status, figures=figures, uvmap=uvmap)]
-
-
-def _row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
-    """Run one method in its own process, and verify its layout."""
-    try:
-        if name in BASELINES:
-            return _baseline_row(scene, name)
-        return _method_row(scene, name, options, monitor)
-    except (NoResultError, OutOfTimeError) as error:
-        return Entry(name, "failed", error=str(error))
-
-
 def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
+    """Run one method in its own process, and verify its layout."""
     p = scene.cut_mesh
-    done = scene.run(FLATTEN, *flatten_input(name, p, method_options(options), scene.timeout))
+    arrays = {k: getattr(p, k) for k in ("faces", "rest_triangles", "chart", "edges")}
+    settings = {"method": name, "options": method_options(options), "timeout": scene.timeout}
+    done = scene.run(FLATTEN, arrays, settings)
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     uv = done.arrays["uv"].copy()
@@ -187,10 +202,13 @@ def _placed(
         return replace(loose, notes=[f"not packed: {error}", *loose.notes]), None
 
 
-def _baseline_row(scene: _Scene, name: str) -> Entry:
+def _baseline_row(scene: _Scene, name: str, *_: Any) -> Entry:
+    """Run one baseline in its own process, and judge its atlas as it is."""
     surface = scene.job.surface
     used, faces = np.unique(surface.faces, return_inverse=True)
-    arrays = {"points": _moderate(surface.points[used]), "faces": faces.reshape(-1, 3)}
+    points = surface.points[used] - surface.points[used].min(0)
+    points /= max(float(points.max()), 1e-300)  # into the range of float32
+    arrays = {"points": points, "faces": faces.reshape(-1, 3)}
     done = scene.run("circparam.compare.baselines:task", arrays, {"method": name})
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
@@ -200,13 +218,6 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
     status, figures = _figures(scene, uvmap)
     stages, seconds = done.info["stages"], sum(done.info["stages"].values())
     return Entry(name, status, stages, seconds, done.peak_bytes, figures, uvmap=uvmap)
-
-
-def _moderate(points: FloatArray) -> FloatArray:
-    """Points moved and scaled into the range of float32."""
-    low, high = points.min(0), points.max(0)
-    moved: FloatArray = (points - low) / max(float((high - low).max()), 1e-300)
-    return moved
 
 
 def _figures(

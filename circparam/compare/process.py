@@ -1,15 +1,15 @@
 """Run one function in a process of its own, to measure its seconds and peak memory.
 
-The child reads its arrays, notes its memory, runs, and notes the peak. The difference is the memory of the
-function. Started as ``python -m circparam.compare.process FOLDER``; nothing else uses that door.
+The child reads its task from a pipe, notes its memory, runs, and notes the peak. The difference is the memory
+of the function. Started as ``python -m circparam.compare.process``; nothing else uses that door.
 """
 
 import contextlib
 import importlib
-import json
+import os
+import pickle
 import subprocess
 import sys
-import tempfile
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 from circparam.core.memory import peak
 from circparam.core.records import dataclass
 from circparam.core.workers import environment
-from circparam.errors import CircparamError, NoResultError, OutOfTimeError, OutputError
+from circparam.errors import CircparamError, NoResultError, OutOfTimeError
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
@@ -41,80 +41,59 @@ def run(
 ) -> Outcome:
     """Call ``function`` in a new process.
 
-    function: "module:name" of a function (arrays, settings) → (arrays, info), both of plain content.
-    arrays: handed over as they are. settings: anything JSON can hold. seconds: the child is ended after it.
-    Raises OutOfTimeError then, NoResultError if the child died without a word. An exception inside the
-    function is no exception here: it is the ``error`` of the outcome.
+    function: "module:name" of a function (arrays, settings) → (arrays, info), all of content that pickle can
+    hold. seconds: the child is ended after it. Raises OutOfTimeError then, NoResultError if the child died
+    without a word. An exception inside the function is no exception here: it is the ``error`` of the outcome.
     """
-    with tempfile.TemporaryDirectory(prefix="circparam-") as name:
-        folder = Path(name)
-        try:
-            _save(folder / "input.npz", arrays)
-            (folder / "task.json").write_text(json.dumps([function, settings]), encoding="utf-8")
-        except OSError as error:
-            raise OutputError(
-                f"{folder}: the mesh cannot be handed to a process ({error.strerror or error}): "
-                "name a folder with room in TMPDIR"
-            ) from None
-        command = [sys.executable, "-P", "-m", "circparam.compare.process", name]
-        try:
-            done = subprocess.run(
-                command, env=environment(), timeout=seconds, capture_output=True, check=False
-            )
-        except subprocess.TimeoutExpired as error:
-            raise OutOfTimeError(
-                f"out of time: nothing after {seconds:g} seconds; give a longer --timeout"
-            ) from error
-        answer = folder / "answer.json"
-        if not answer.exists():
-            last = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
-            raise NoResultError(f"a process ended with code {done.returncode}: {last[0]}")
-        said = json.loads(answer.read_text(encoding="utf-8"))
-        out = _load(folder / "output.npz") if said["error"] is None else {}
-    return Outcome(out, said["info"], said["peak_bytes"], said["error"])
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "circparam.compare.process"],
+            input=pickle.dumps((function, arrays, settings)),
+            env=environment(), timeout=seconds, capture_output=True, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired as error:
+        raise OutOfTimeError(
+            f"out of time: nothing after {seconds:g} seconds; give a longer --timeout"
+        ) from error
+    if done.returncode:
+        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
+        raise NoResultError(f"a process ended with code {done.returncode}: {last[0]}")
+    return Outcome(*pickle.loads(done.stdout))
 
 
 def here(function: str, arrays: Arrays, settings: dict[str, Any]) -> Outcome:
     """The same in this process: quicker for small work, but nothing is known of its memory."""
-    module, name = function.split(":")
-    call = getattr(importlib.import_module(module), name)
     try:
-        out, info = call(arrays, settings)
+        return Outcome(*_function(function)(arrays, settings))
     except CircparamError as error:
         return Outcome(error=str(error))
-    return Outcome(out, info)
 
 
-def _save(path: Path, arrays: Arrays) -> None:
-    with path.open("wb") as stream:
-        np.savez(stream, allow_pickle=False, **arrays)
+def _function(name: str) -> Any:
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(module), function)
 
 
-def _load(path: Path) -> Arrays:
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
-
-
-def _child(folder: Path) -> None:
-    arrays = _load(folder / "input.npz")
-    function, settings = json.loads((folder / "task.json").read_text(encoding="utf-8"))
-    module, name = function.split(":")
-    call = getattr(importlib.import_module(module), name)
+def _child() -> None:
+    """Answer one task; standard output is for the answer alone."""
+    answer = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    name, arrays, settings = pickle.loads(sys.stdin.buffer.read())
+    function = _function(name)
     with contextlib.suppress(OSError):  # Linux resets the peak to the current memory
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
     before = peak()
     error, out, info = None, {}, {}
     try:
-        out, info = call(arrays, settings)
+        out, info = function(arrays, settings)
     except Exception as problem:
         error = " ".join(f"{problem}".split()) or type(problem).__name__
         info = {"kind": type(problem).__name__}
     after = peak()
     grown = None if before is None or after is None else max(after - before, 0)
-    _save(folder / "output.npz", out)
-    said = {"info": info, "peak_bytes": grown, "error": error}
-    (folder / "answer.json").write_text(json.dumps(said), encoding="utf-8")
+    with answer:
+        pickle.dump((out, info, grown, error), answer)
 
 
 if __name__ == "__main__":
-    _child(Path(sys.argv[1]))
+    _child()

@@ -1,5 +1,8 @@
 """Methods side by side: the same cut for all, rows that can be trusted, failures that are rows."""
 
+import json
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,17 +10,12 @@ import numpy as np
 import pytest
 
 from circparam import errors, samples
-from circparam.compare import baselines, process
-from circparam.compare.compare import compare
-from circparam.compare.rows import FIGURES, INPUT, Comparison
+from circparam.compare import process
+from circparam.compare.baselines import BASELINES, atlas
+from circparam.compare.compare import compare, method_names
+from circparam.compare.rows import FIGURES, INPUT, Comparison, Entry
+from circparam.methods import METHODS
 from tests.support import shapes
-
-has_xatlas = True
-try:
-    baselines.require("xatlas")
-except errors.OptionError:
-    has_xatlas = False
-needs_xatlas = pytest.mark.skipif(not has_xatlas, reason="xatlas is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -60,17 +58,12 @@ def test_figures_agree_with_an_unwrap(disk: Comparison) -> None:
         assert mine[name] == pytest.approx(result.measures[name], rel=1e-5)
 
 
-def test_closed_meshes_get_charts_or_what_is_asked_for() -> None:
-    c = quick(shapes.icosphere(2), "mean-value", cut="disk")
-    assert c.cut == "disk"
-    assert row(c, "mean-value")["charts"] == 1
-    assert row(c, "mean-value")["flips"] == 0
-
-
-def test_holes_do_not_keep_a_disk_from_staying_whole() -> None:
+def test_a_mesh_with_holes_stays_whole_and_a_closed_one_is_cut_as_asked() -> None:
     for shape in (shapes.holed_sheet(4), shapes.cylinder(12, 4)):
         c = quick(shape, "circle")
         assert (c.cut, row(c, "circle")["seam_length"]) == ("disk", 0)
+    c = quick(shapes.icosphere(2), "mean-value", cut="disk")
+    assert (c.cut, row(c, "mean-value")["charts"], row(c, "mean-value")["flips"]) == ("disk", 1, 0)
 
 
 def test_the_uv_of_the_file_is_the_first_row() -> None:
@@ -99,24 +92,49 @@ def test_input_row_of_a_layout_that_is_perfect(tmp_path: Path) -> None:
     assert row(c, "uniform")["distortion"] > 1.001
 
 
-@needs_xatlas
-def test_xatlas_is_a_row_with_seams_of_its_own() -> None:
-    c = quick(shapes.cube(4), "isometric,xatlas,xatlas-default")
-    own, plain = row(c, "xatlas"), row(c, "xatlas-default")
-    assert own["charts"] == plain["charts"] == 6
-    assert own["mirrored"] == 0
+@pytest.mark.parametrize("name", BASELINES)
+def test_a_baseline_is_a_row_with_seams_of_its_own(name: str) -> None:
+    pytest.importorskip(BASELINES[name])
+    c = quick(shapes.cube(4), f"isometric,{name}")
+    own = row(c, name)
+    assert own["charts"] == 6 > row(c, "isometric")["charts"]
+    assert own["mirrored"] == 0 or name == "xatlas-default"
     assert own["distortion"] == pytest.approx(1, abs=1e-4)
     assert own["seconds"] > 0
-    assert row(c, "isometric")["charts"] < 6
+    with pytest.raises(errors.OptionError, match="no effect"):
+        quick(shapes.cube(1), name, boundary="square")
 
 
-def test_uvunwrap_is_a_row_with_seams_of_its_own() -> None:
-    pytest.importorskip("uvunwrap")
-    own = row(quick(shapes.cube(4), "uvunwrap"), "uvunwrap")
-    assert own["status"] == "ok"
-    assert own["charts"] == 6
-    assert own["distortion"] == pytest.approx(1, abs=1e-4)
-    assert own["seconds"] > 0
+@pytest.mark.parametrize("name", BASELINES)
+def test_the_page_of_a_baseline_is_undone(name: str) -> None:
+    """A flat strip comes back as a strip: angles and the ratio of its sides are kept."""
+    pytest.importorskip(BASELINES[name])
+    points, faces = shapes.grid(9, 3)
+    points = points * [4, 1, 1]
+    uvmap, seconds = atlas(points, faces, name)
+    assert seconds["atlas"] > 0
+    assert 0 <= uvmap.uv.min() < uvmap.uv.max() <= 1
+    flat, before = uvmap.uv[uvmap.uv_faces], points[faces]
+    ratio = np.linalg.norm(flat - flat[:, [1, 2, 0]], axis=2)
+    ratio /= np.linalg.norm(before - before[:, [1, 2, 0]], axis=2)
+    np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-3)
+
+
+def test_names_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert method_names("all") == METHODS.names()
+    assert method_names(" circle, floater ") == ["circle", "floater"]
+    assert method_names(["circle"]) == ["circle"]
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    for words, said in (
+        ("circel", "did you mean circle"),
+        ("circle,all", "twice"),
+        (" , ", "names no method"),
+        ("circle,uvunwrap", "uvunwrap is not installed: pip"),
+        ("circle,xatlas-default", "xatlas is not installed: pip"),
+        ("xatlass", "did you mean xatlas"),
+    ):
+        with pytest.raises(errors.OptionError, match=said):
+            method_names(words)
 
 
 def test_a_method_that_fails_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,12 +184,6 @@ def test_each_row_gets_the_options_that_it_accepts() -> None:
         assert row(rough, name)["iterations"] < row(plain, name)["iterations"]
 
 
-@needs_xatlas
-def test_an_option_that_no_baseline_takes_is_refused() -> None:
-    with pytest.raises(errors.OptionError, match="no effect"):
-        quick(shapes.bumped_disk(100), "xatlas", boundary="square")
-
-
 def test_bad_requests() -> None:
     with pytest.raises(errors.OptionError, match="cut"):
         quick(shapes.triangle(), "circle", cut="chart")
@@ -181,8 +193,16 @@ def test_bad_requests() -> None:
         quick("nowhere.obj", "circle")
 
 
-def test_as_dict_has_every_figure(disk: Comparison) -> None:
-    plain = disk.as_dict()
-    assert plain["cut_seconds"] >= 0
-    for entry in plain["rows"]:
+def test_rows_are_plain_values(disk: Comparison) -> None:
+    """Every figure is there, and none that JSON cannot hold."""
+    figures = {"charts": 2, "distortion": math.inf, "angle": math.nan, "pack": None, "area": 1.5}
+    row = Entry("x", "ok", figures=figures, uvmap=disk.rows[0].uvmap)
+    whole = replace(disk, rows=[*disk.rows, row]).as_dict()
+    json.dumps(whole, allow_nan=False)
+    assert whole["cut_seconds"] >= 0
+    for entry in whole["rows"]:
         assert set(FIGURES) <= set(entry)
+        assert not {"uvmap", "figures"} & set(entry)
+    plain = whole["rows"][-1]
+    assert (plain["charts"], plain["area"]) == (2, 1.5)
+    assert plain["distortion"] is plain["angle"] is plain["pack"] is plain["flips"] is None

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,15 @@ import pytest
 
 from circparam import errors
 from circparam.compare import process
+from circparam.compare.task import ENOUGH, FLATTEN, REPEATS
+from circparam.core.monitor import Monitor
+from circparam.methods import METHODS
+from circparam.methods.base import MethodOptions
+from tests.support import shapes
+from tests.support.charts import patches_of
 
 HERE = "tests.compare.test_process"
+Answer = tuple[dict[str, Any], dict[str, Any]]
 
 
 @pytest.fixture(autouse=True)
@@ -19,33 +27,28 @@ def _tests_are_importable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).resolve().parents[2]))
 
 
-def allocate(
-    arrays: dict[str, Any], settings: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
+def allocate(arrays: dict[str, Any], settings: dict[str, Any]) -> Answer:
     block = np.ones(settings["megabytes"] * 2**17)
     total = float(block.sum())
     del block  # what counts is the peak, not what is left
+    print("this is no part of the answer")
     return {"twice": 2 * arrays["x"]}, {"total": total, "process": os.getpid()}
 
 
-def fail(arrays: dict[str, Any], settings: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def harm(arrays: dict[str, Any], settings: dict[str, Any]) -> Answer:
+    if settings["how"] == "die":
+        os._exit(9)
+    if settings["how"] == "sleep":
+        time.sleep(600)
     raise ValueError("two\nlines")
 
 
-def die(arrays: dict[str, Any], settings: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    os._exit(9)
-
-
-def sleep(
-    arrays: dict[str, Any], settings: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    import time
-
-    time.sleep(600)
-    return {}, {}
-
-
-def test_arrays_and_values_go_there_and_back() -> None:
+def test_arrays_and_values_go_there_and_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And no module of the working directory is picked up."""
+    (tmp_path / "json.py").write_text("raise SystemExit('shadowed')\n")
+    monkeypatch.chdir(tmp_path)
     done = process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": 1})
     assert done.error is None
     assert done.arrays["twice"].tolist() == [0, 2, 4, 6, 8]
@@ -55,35 +58,43 @@ def test_arrays_and_values_go_there_and_back() -> None:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux resets the peak")
 def test_peak_is_what_the_function_took_and_not_what_the_parent_holds() -> None:
-    ballast = np.ones(40 * 2**17)  # the parent's own memory must not count
-    small = process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": 8})
-    large = process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": 80})
-    assert small.peak_bytes is not None
-    assert large.peak_bytes is not None
-    assert 7.5 * 2**20 <= small.peak_bytes <= 20 * 2**20
-    assert 79 * 2**20 <= large.peak_bytes <= 95 * 2**20
+    ballast = np.ones(40 * 2**17)
+    for megabytes, least, most in ((8, 7.5, 20), (80, 79, 95)):
+        done = process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": megabytes})
+        assert least * 2**20 <= done.peak_bytes <= most * 2**20
     assert ballast[0] == 1
 
 
-def test_an_exception_is_a_line() -> None:
-    done = process.run(f"{HERE}:fail", {}, {})
-    assert done.error == "two lines"
-    assert done.info == {"kind": "ValueError"}
-
-
-def test_a_process_that_dies_is_an_error() -> None:
+def test_a_function_that_fails_dies_or_hangs() -> None:
+    done = process.run(f"{HERE}:harm", {}, {"how": "raise"})
+    assert (done.error, done.info) == ("two lines", {"kind": "ValueError"})
     with pytest.raises(errors.NoResultError, match="code 9"):
-        process.run(f"{HERE}:die", {}, {})
-
-
-def test_a_process_that_hangs_is_ended() -> None:
+        process.run(f"{HERE}:harm", {}, {"how": "die"})
     with pytest.raises(errors.OutOfTimeError, match="2 seconds"):
-        process.run(f"{HERE}:sleep", {}, {}, seconds=2)
+        process.run(f"{HERE}:harm", {}, {"how": "sleep"}, seconds=2)
 
 
-def test_no_module_of_the_working_directory_is_picked_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "json.py").write_text("raise SystemExit('shadowed')\n")
-    monkeypatch.chdir(tmp_path)
-    assert process.run(f"{HERE}:allocate", {"x": np.arange(2)}, {"megabytes": 1}).error is None
+POLYGON = np.array([[0, 0], [3, 0], [1, 2.0]])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        MethodOptions(),
+        MethodOptions(boundary="square", spacing="uniform", clamp=True),
+        MethodOptions(boundary="polygon", polygon=POLYGON),
+    ],
+)
+def test_a_method_as_a_task_is_the_method_and_is_measured(options: MethodOptions) -> None:
+    cut_mesh, _ = patches_of(shapes.bumped_disk(60))
+    arrays = {k: getattr(cut_mesh, k) for k in ("faces", "rest_triangles", "chart", "edges")}
+    done = process.here(
+        FLATTEN, arrays, {"method": "harmonic", "options": options, "timeout": None}
+    )
+    same = METHODS["harmonic"].function(cut_mesh, options, Monitor())
+    np.testing.assert_array_equal(done.arrays["uv"], same.uv)
+    info = done.info
+    assert (info["notes"], info["iterations"]) == (same.notes, 1)
+    assert all(0 < s <= info["seconds"] for s in info["stages"].values())
+    assert 1 <= info["runs"] <= REPEATS
+    assert info["runs"] == REPEATS or info["runs"] * info["seconds"] >= ENOUGH / 2
