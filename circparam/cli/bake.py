@@ -86,38 +86,28 @@ def command(mesh: str, **given: Any) -> None:
     check_place(given["output"], given["overwrite"])
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         report, warnings, notes = (_all if given["whole"] else _one)(mesh, given, look, listener)
-    for line in warnings:
-        progress.warn(f"{mesh}: {line}", given["quiet"])
-    for line in notes:
-        progress.note(f"{mesh}: {line}", given["quiet"])
+    common.tell(given, f"{mesh}: ", warnings, notes)
     report = {"schema": "circparam/bake/1", "input": mesh, **report}
-    if given["as_json"]:
-        common.echo_json(report)
-    elif not given["quiet"]:
-        click.echo("\n".join(report["output"]))
+    common.show(given, report, lambda: "\n".join(report["output"]))
 
 
 def _check_words(given: dict[str, Any], look: LookOptions) -> None:
     """Raise OptionError if --all and --from are both there or both missing, or another word fits but one."""
-    if given["whole"] == (given["kind"] is not None):
+    whole = given["whole"]
+    if whole == (given["kind"] is not None):
         raise OptionError("nothing to bake: give --from WHAT, or --all for every texture")
-    if given["whole"]:
-        for name, flag in {"by": "--map", "cage": "--cage", "up": "--up"}.items():
-            if given[name] is not None:
-                raise OptionError(
-                    f"{flag} has no effect here: --all keeps faces and axes as they are; leave it out"
-                )
-        return
-    if look.size == "auto":
+    if look.size == "auto" and not whole:
         raise OptionError("--size auto has no effect here: it needs --all; give a number")
-    for flag, value in {
-        "--merge-materials": look.merge_materials,
-        "--keep-tiled": look.keep_tiled,
-        "--samples": look.samples,
-        "--check-look": look.check_look,
-    }.items():
-        if value is not None:
-            raise OptionError(f"{flag} has no effect here: it needs --all; leave it out")
+    why = "--all keeps faces and axes as they are" if whole else "it needs --all"
+    useless = (
+        ("by", "cage", "up")
+        if whole
+        else ("merge_materials", "keep_tiled", "samples", "check_look")
+    )
+    for name in useless:
+        if (given if whole else vars(look))[name] is not None:
+            flag = "map" if name == "by" else name.replace("_", "-")
+            raise OptionError(f"--{flag} has no effect here: {why}; leave it out")
 
 
 def _one(

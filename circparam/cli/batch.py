@@ -147,8 +147,7 @@ def _end(summary: "Summary", given: dict[str, Any]) -> int:
     from circparam.cli.batch_progress import print_summary
 
     if given["as_json"]:
-        known = {"schema": "circparam/batch-summary/1", **dataclasses.asdict(summary)}
-        click.echo(json.dumps(known, ensure_ascii=True, allow_nan=False))
+        _print({"schema": "circparam/batch-summary/1", **dataclasses.asdict(summary)})
     elif not given["quiet"]:
         print_summary(summary)
     if not summary.finished:
@@ -178,8 +177,10 @@ def _status(sources: tuple[str, ...], given: dict[str, Any]) -> int:
         found = status(given["status_of"])
     except OSError as error:
         raise InputError(f"{given['status_of']}: {error.strerror or error}") from None
-    if given["as_json"]:
-        click.echo(json.dumps(found, ensure_ascii=True, allow_nan=False))
-    else:
-        print_status(found)
+    _print(found) if given["as_json"] else print_status(found)
     return exits.OK
+
+
+def _print(document: dict[str, Any]) -> None:
+    """One line of JSON that any terminal and any shell can take."""
+    click.echo(json.dumps(document, ensure_ascii=True, allow_nan=False))

@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from circparam.cli import common, exits, progress
-from circparam.errors import CircparamError, GateError, OptionError
+from circparam.errors import CircparamError, OptionError
 
 _EPILOG = """\b
 Examples:
@@ -68,8 +68,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
         try:
             _check(mesh, given, keywords, gates, table=False)
         except (CircparamError, MemoryError) as error:
-            click.echo(f"circparam: error: {exits.line_about(mesh, error)}", err=True)
-            codes.append(exits.code_of(error))
+            codes.append(common.complain(mesh, error))
     return next(iter(codes), exits.OK)
 
 
@@ -85,17 +84,13 @@ def _check(
         format = given["format"] if table or mesh == "-" else None
         found = inspect(read(mesh, format=format, reader=given["reader"]), **keywords)
     report = summarise_check(found)
-    if given["as_json"]:
-        common.echo_json(report)
-    elif not given["quiet"]:
-        from circparam.cli.tables import check_line, check_table, console
 
-        if table:
-            console().print(check_table(report))
-        else:
-            click.echo(f"{mesh}: {check_line(report)}")
+    def shown() -> Any:
+        from circparam.cli.tables import check_line, check_table
+
+        return [check_table(report)] if table else f"{mesh}: {check_line(report)}"
+
+    common.show(given, report, shown)
     if given["require"] == "disk":
         require_disks(found)
-    missed = gates.missed({**report, **(report["uv"] or {})})
-    if missed:
-        raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")
+    common.check_gates(gates, {**report, **(report["uv"] or {})}, mesh)

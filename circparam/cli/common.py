@@ -7,13 +7,13 @@ stand here.
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from circparam.cli import progress
+from circparam.cli import exits, progress
 from circparam.core.fields import Spec, specs
 from circparam.core.registry import unknown_name
 from circparam.errors import GateError
@@ -241,24 +241,42 @@ def echo_json(document: Any, indent: int | None = None) -> None:
     click.echo(text.encode("utf-8", "backslashreplace").decode())
 
 
-def deliver(
-    report: dict[str, Any], given: dict[str, Any], gates: Any, about: str, tables: Any, warned: str
+def show(
+    given: dict[str, Any], report: Any, shown: Callable[[], Any] | None, indent: int | None = None
 ) -> None:
-    """Warnings on stderr, the report as JSON or as tables on stdout; GateError where it misses a gate.
-
-    about: begins the line on gates, warned: that of each warning. tables: makes what is printed, None where
-    stdout holds the mesh.
-    """
-    for line in report["warnings"]:
-        progress.warn(f"{warned}{line}", given["quiet"])
+    """The report as JSON, else what ``shown`` gives, text or tables; nothing with --quiet, or for None."""
     if given["as_json"]:
-        echo_json(report)
-    elif not given["quiet"] and tables is not None:
-        from circparam.cli.tables import console
+        echo_json(report, indent)
+    elif not given.get("quiet") and shown is not None:
+        found = shown()
+        if isinstance(found, str):
+            click.echo(found)
+        else:
+            from circparam.cli.tables import console
 
-        console().print(*tables())
+            console().print(*found)
+
+
+def tell(
+    given: dict[str, Any], place: str, warnings: Iterable[str], notes: Iterable[str] = ()
+) -> None:
+    """Warnings and notes on stderr, one line each behind ``place``."""
+    for line in warnings:
+        progress.warn(place + line, given["quiet"])
+    for line in notes:
+        progress.note(place + line, given["quiet"])
+
+
+def check_gates(gates: Any, report: dict[str, Any], about: str) -> None:
+    """Raise GateError where a report misses a gate of --fail-if."""
     if missed := gates.missed(report):
         raise GateError(f"{about}: --fail-if {'; '.join(missed)}")
+
+
+def complain(about: str, error: BaseException) -> int:
+    """Print the error of one mesh, for commands that go on with the next; its exit code."""
+    click.echo(f"circparam: error: {exits.line_about(about, error)}", err=True)
+    return exits.code_of(error)
 
 
 # options of the command line alone ----------------------------------------------------------------------

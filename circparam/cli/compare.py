@@ -27,14 +27,8 @@ Examples:
   circparam compare *.obj --methods all --csv figures.csv -q
   circparam compare mesh.obj --methods circle,isometric --report report.html
 """
-_LIBRARY = (
-    "max_distortion",
-    "boundary",
-    "spacing",
-    "timeout",
-    "jobs",
-    "reader",
-)  # options of every method
+# options of every method
+_LIBRARY = ("max_distortion", "boundary", "spacing", "timeout", "jobs", "reader")
 
 
 @click.command(cls=common.Command, epilog=_EPILOG)
@@ -76,7 +70,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     sizes of Table 1 of Kim (2019).
     """
     from circparam.compare import kim2019
-    from circparam.compare.names import method_names
+    from circparam.compare.compare import method_names
 
     names = method_names(given["methods"])
     table1 = not meshes and {kim2019.METHOD, kim2019.PEER} <= set(names)
@@ -103,13 +97,11 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
             from circparam.cli.compare_tables import print_comparison
 
             print_comparison(result, shown)
-    sizes = None
-    if table1:
-        sizes = kim2019.measure(repeats=repeats)
-        if not silent:
-            from circparam.cli.compare_tables import print_table1
+    sizes = kim2019.measure(repeats=repeats) if table1 else None
+    if sizes is not None and not silent:
+        from circparam.cli.compare_tables import print_table1
 
-            print_table1(sizes, repeats)
+        print_table1(sizes, repeats)
     _write(found, sizes, {**given, "repeats": repeats})
     rows = [row for c in found for row in c.rows if row.method != "input"]
     if rows and all(row.status == "failed" for row in rows):
@@ -136,11 +128,9 @@ def _compared(
         except CircparamError as error:
             if isinstance(error, OptionError):
                 raise
-            line = exits.line_about(str(source), error)
             if len(meshes) == 1:
-                raise type(error)(line) from None
-            click.echo(f"circparam: error: {line}", err=True)
-            yield None, exits.code_of(error)
+                raise type(error)(exits.line_about(str(source), error)) from None
+            yield None, common.complain(str(source), error)
             continue
         yield None if meshes else mesh, result
 
@@ -148,8 +138,7 @@ def _compared(
 def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[str, Any]) -> None:
     """JSON, CSV, the page and the image, as asked for."""
     if given["as_json"]:
-        document = _document(found, sizes, given["repeats"])
-        common.echo_json(document, 2)
+        common.echo_json(_document(found, sizes, given["repeats"]), 2)
     from circparam.core.files import write_files
 
     contents: dict[Path, bytes] = {}

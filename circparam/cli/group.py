@@ -32,33 +32,22 @@ class Entry:
     summary: str
 
 
-_HERE = "circparam.cli."
-COMMANDS = {
-    "unwrap": Entry(
-        _HERE + "unwrap", "Give meshes a uv layout: cut, flatten, pack, write the file back."
-    ),
-    "batch": Entry(
-        _HERE + "batch",
-        "Unwrap thousands of files on all cores or a cluster; continue when stopped.",
-    ),
-    "check": Entry(_HERE + "check", "Report topology and the quality of uv."),
-    "pack": Entry(_HERE + "pack", "Pack the charts of a file again without changing them."),
-    "compare": Entry(_HERE + "compare", "Compare several methods on the identical cut."),
-    "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or HTML."),
-    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark to landmark."),
-    "transfer": Entry(
-        _HERE + "transfer", "Give the layout of one mesh to its other levels of detail."
-    ),
-    "bake": Entry(
-        _HERE + "bake", "Bake colours, textures, normals or heights into the uv of a mesh."
-    ),
-    "morph": Entry(
-        _HERE + "morph", "Write one mesh as a morph target of another, with an animation."
-    ),
-    "methods": Entry(_HERE + "methods", "Show every method and its guarantees."),
-    "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
-    "blender": Entry(_HERE + "blender", "Save the add-on for Blender."),
+_SUMMARIES = {
+    "unwrap": "Give meshes a uv layout: cut, flatten, pack, write the file back.",
+    "batch": "Unwrap thousands of files on all cores or a cluster; continue when stopped.",
+    "check": "Report topology and the quality of uv.",
+    "pack": "Pack the charts of a file again without changing them.",
+    "compare": "Compare several methods on the identical cut.",
+    "view": "Draw layout, checker and distortion as PNG, SVG or HTML.",
+    "map": "Map one surface onto another, one to one, landmark to landmark.",
+    "transfer": "Give the layout of one mesh to its other levels of detail.",
+    "bake": "Bake colours, textures, normals or heights into the uv of a mesh.",
+    "morph": "Write one mesh as a morph target of another, with an animation.",
+    "methods": "Show every method and its guarantees.",
+    "samples": "List the bundled meshes, or save one.",
+    "blender": "Save the add-on for Blender.",
 }
+COMMANDS = {name: Entry(f"circparam.cli.{name}", text) for name, text in _SUMMARIES.items()}
 _EPILOG = """\b
 Examples:
   circparam unwrap mesh.obj
@@ -66,6 +55,11 @@ Examples:
   circparam check mesh.obj
   circparam COMMAND --help
 """
+
+
+_DEBUG: Any = {
+    "is_flag": True, "expose_value": False, "help": "Show the traceback of an error.",
+}  # fmt: skip
 
 
 class LazyGroup(click.Group):
@@ -82,7 +76,7 @@ class LazyGroup(click.Group):
         module = importlib.import_module(COMMANDS[cmd_name].module)
         command: click.Command = module.command
         if not any(p.name == "debug" for p in command.params):
-            command.params.append(_debug_option())
+            command.params.append(click.Option(["--debug"], **_DEBUG))
         return command
 
     def resolve_command(
@@ -118,7 +112,8 @@ class LazyGroup(click.Group):
         _open_standard_streams()
         with signals.installed():
             code = self._run(argv, complete_var, extra)
-            _end_workers()
+            if pool := sys.modules.get("circparam.core.pool"):  # nothing more is asked of workers
+                pool.stop()
         sys.exit(code)
 
     def _run(self, argv: list[str], complete_var: str | None, extra: dict[str, Any]) -> int:
@@ -146,13 +141,6 @@ class LazyGroup(click.Group):
         return value if isinstance(value, int) else exits.OK
 
 
-def _end_workers() -> None:
-    """End the worker processes, where the command has started some: nothing more will be asked of them."""
-    pool = sys.modules.get("circparam.core.pool")
-    if pool is not None:
-        pool.stop()
-
-
 def _open_standard_streams() -> None:
     """Give streams that were closed before the start (``>&-``) a device, lest a file takes their number.
 
@@ -170,12 +158,6 @@ def _open_standard_streams() -> None:
         sys.stdout.reconfigure(errors="surrogateescape")
 
 
-def _debug_option() -> click.Option:
-    return click.Option(
-        ["--debug"], is_flag=True, expose_value=False, help="Show the traceback of an error."
-    )
-
-
 def _usage_line(error: click.ClickException) -> str:
     """One line for click's own errors, with the help to look at."""
     text = " ".join(error.format_message().split())
@@ -188,8 +170,11 @@ def _usage_line(error: click.ClickException) -> str:
 
 def _report(error: BaseException) -> int:
     """One line about an error; returns its exit code."""
-    if isinstance(error, OSError):
-        _mute_stdout()
+    if isinstance(
+        error, OSError
+    ):  # the interpreter writes to a closed pipe or full disk at its end
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     _complain(exits.line_of(error))
     return exits.code_of(error)
 
@@ -199,19 +184,13 @@ def _complain(line: str) -> None:
         click.echo(f"circparam: error: {line}", err=True)
 
 
-def _mute_stdout() -> None:
-    """Keep the interpreter from writing to a closed pipe or full disk once more when it ends."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 @click.group(
     cls=LazyGroup,
     epilog=_EPILOG,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 @click.version_option(__version__, "-V", "--version", prog_name="circparam")
-@click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
+@click.option("--debug", **_DEBUG)
 def cli() -> None:
     """Unwrap triangle meshes: few charts, bounded distortion, no flips, lossless files."""
 

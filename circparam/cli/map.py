@@ -68,29 +68,18 @@ def command(a: str, b: str, **given: Any) -> None:
     check_place(str(out), given["overwrite"])
     documents = [read(name, reader=given["reader"]) for name in (a, b)]
     with progress.listener(f"{Path(a).name} to {Path(b).name}", given["quiet"]) as listener:
-        found = map_surfaces(
-            documents[0],
-            documents[1],
-            landmarks=given["landmarks"],
-            charts=given["charts"],
-            method=given["method"],
-            mirrored=given["mirrored"],
-            relax=not given["no_relax"],
-            overlay=given["overlay"],
-            listener=listener,
-        )
+        words = ("landmarks", "charts", "method", "mirrored", "overlay")
+        keywords = {name: given[name] for name in words}
+        found = map_surfaces(*documents, relax=not given["no_relax"], listener=listener, **keywords)
     save_map(out, found.map, given["overwrite"])
     for name, document in zip((a, b), documents, strict=True):
-        for line in document.warnings:
-            progress.warn(f"{name}: {line}", given["quiet"])
-        for line in document.notes:
-            progress.note(f"{name}: {line}", given["quiet"])
-    for line in found.notes:
-        progress.note(line, given["quiet"])
+        common.tell(given, f"{name}: ", document.warnings, document.notes)
+    common.tell(given, "", (), found.notes)
     report = {"schema": "circparam/map/1", "a": a, "b": b, "output": str(out), **found.as_dict()}
-    if given["as_json"]:
-        common.echo_json(report)
-    elif not given["quiet"]:
-        from circparam.cli.tables import console, map_table
 
-        console().print(map_table(report))
+    def tables() -> list[Any]:
+        from circparam.cli.tables import map_table
+
+        return [map_table(report)]
+
+    common.show(given, report, tables)

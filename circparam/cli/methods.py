@@ -24,13 +24,11 @@ def command(name: str | None, as_json: bool) -> None:
     """
     from circparam.methods import METHODS
 
-    rows = [_plain(METHODS[name])] if name else [_plain(row) for row in METHODS]
-    if as_json:
-        common.echo_json(rows[0] if name else rows, 2)
-    elif name:
-        _print_page(rows[0])
-    else:
-        _print_table(rows)
+    rows = [_plain(row) for row in ([METHODS[name]] if name else METHODS)]
+    shown = _page if name else _table
+    common.show({"as_json": as_json}, rows[0] if name else rows, lambda: shown(rows), 2)
+    if not (name or as_json):
+        click.echo("circparam methods NAME shows its source and the conditions of its guarantees.")
 
 
 def _plain(row: Any) -> dict[str, Any]:
@@ -46,37 +44,32 @@ def _plain(row: Any) -> dict[str, Any]:
     }
 
 
-_SHORT = {
-    "positive": "positive",
-    "reproduces-plane": "plane",
-    "flip-free": "flip-free",
-    "free-boundary": "free",
-    "convex-boundary": "convex",
-}
+# heads of columns that are shorter than their tags
+_SHORT = {"reproduces-plane": "plane", "free-boundary": "free", "convex-boundary": "convex"}
 
 
-def _print_table(rows: list[dict[str, Any]]) -> None:
+def _table(rows: list[dict[str, Any]]) -> list[Any]:
     """Every method with its guarantees and its use, and the meaning of the guarantees."""
-    from circparam.cli.tables import columns, console, facts
+    from circparam.cli.tables import columns, facts
     from circparam.core.registry import TAGS
 
     short = {tag: _SHORT.get(tag, tag) for tag in TAGS}
     marks = {
         row["name"]: ["yes" if tag in row["guarantees"] else "-" for tag in TAGS] for row in rows
     }
-    out = console()
-    out.print(columns("method", short.values(), marks), "")
-    out.print(facts((row["name"], row["summary"]) for row in rows), "")
-    out.print(facts((short[tag], text) for tag, text in TAGS.items()))
-    click.echo("circparam methods NAME shows its source and the conditions of its guarantees.")
+    meanings = facts((short[tag], text) for tag, text in TAGS.items())
+    uses = facts((row["name"], row["summary"]) for row in rows)
+    return [columns("method", short.values(), marks), "", uses, "", meanings]
 
 
-def _print_page(row: dict[str, Any]) -> None:
+def _page(rows: list[dict[str, Any]]) -> list[Any]:
     """All that is known of one method."""
-    from circparam.cli.tables import console, facts
+    from circparam.cli.tables import facts
     from circparam.core.registry import TAGS
 
+    (row,) = rows
+    lines = [("method", row["name"])]
+    lines += [(key, row[key]) for key in ("summary", "source", "condition") if row[key]]
     guarantees = [f"{tag}: {TAGS[tag]}" for tag in row["guarantees"]] or ["none"]
-    lines = [(key, row[key]) for key in ("summary", "source", "condition") if row[key]]
     lines += [("guarantees" if k == 0 else "", text) for k, text in enumerate(guarantees)]
-    console().print(facts([("method", row["name"]), *lines]))
+    return [facts(lines)]

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from circparam.cli import common, progress
+from circparam.cli import common
 from circparam.cli.paths import check_place
 from circparam.errors import OptionError
 
@@ -60,12 +60,7 @@ def command(first: str, second: str, **given: Any) -> None:
     a, b = (read(mesh, reader=given["reader"]) for mesh in (first, second))
     made = morph(a, b, mapped, given["frames"], given["overlay"])
     write_files({path: made.data}, overwrite=True)
-    for line in [*a.warnings, *b.warnings, *made.warnings]:
-        progress.warn(f"{first}: {line}", given["quiet"])
-    for line in made.notes:
-        progress.note(f"{first}: {line}", given["quiet"])
+    common.tell(given, f"{first}: ", [*a.warnings, *b.warnings, *made.warnings], made.notes)
     report = {"schema": "circparam/morph/1", "input": [first, second], "output": str(path)}
-    if given["as_json"]:
-        common.echo_json({**report, **made.report, "notes": [*made.warnings, *made.notes]})
-    elif not given["quiet"]:
-        click.echo(str(path))
+    report |= {**made.report, "notes": [*made.warnings, *made.notes]}
+    common.show(given, report, lambda: str(path))

@@ -67,4 +67,6 @@ def command(mesh: str, **given: Any) -> None:
 
         return [unwrap_table(report, given["verbose"])]
 
-    common.deliver(report, given, gates, mesh, tables if out != "-" else None, f"{mesh}: ")
+    common.tell(given, f"{mesh}: ", report["warnings"])
+    common.show(given, report, None if out == "-" else tables)
+    common.check_gates(gates, report, mesh)

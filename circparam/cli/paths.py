@@ -1,9 +1,8 @@
 """Places of outputs, and checks before any work begins."""
 
 import contextlib
-import errno
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,37 +42,41 @@ _NOWHERE: dict[str, Any] = {"output": None, "out_dir": None}
 _FURTHER = {"export_seams": (), "index_map": (".npz",), "preview": (".png", ".svg", ".html")}
 
 
+def _refuse(reasons: Iterable[tuple[bool, str]]) -> None:
+    """Raise OptionError with the first reason that holds."""
+    for holds, reason in reasons:
+        if holds:
+            raise OptionError(reason)
+
+
 def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str, Any]) -> None:
     """Refuse impossible outputs before any work. Raises OptionError, OutputError."""
-    if given["output"] is not None and given.get("out_dir") is not None:
-        raise OptionError("-o and --out-dir exclude each other: give one of them")
-    if given["output"] is not None and len(meshes) > 1:
-        raise OptionError(
-            f"-o names one file, but {len(meshes)} meshes are given: use --out-dir DIR"
-        )
-    further = {name: str(given[name]) for name in _FURTHER if given.get(name)}
-    for name, path in further.items():
-        if len(meshes) > 1:
-            raise OptionError(f"{_flag(name)} names one file, but {len(meshes)} meshes are given")
-        endings = _FURTHER[name]
-        if endings and not path.lower().endswith(endings):
-            raise OptionError(f"{_flag(name)} {path}: the name must end in {', '.join(endings)}")
-    if outputs.count("-") + bool(given["as_json"]) > 1:
-        raise OptionError(
-            "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"
-        )
+    count, named, format = len(meshes), given["output"] is not None, given["format"] is not None
     clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
-    if clash is not None:
-        raise OptionError(f"two meshes would be written to {clash}: unwrap them one by one")
-    named = given["output"] is not None
-    if given["format"] is not None and named and "-" not in (*meshes, *outputs):
-        raise OptionError(
-            "--format has no effect here: it is for '-' (stdin, stdout) and outputs without -o; leave it out"
-        )
-    if given["format"] is not None and "-" in meshes and len(meshes) > 1:
-        raise OptionError(
-            "--format is either for '-' or for the outputs of files: unwrap them one by one"
-        )
+    further = {name: str(given[name]) for name in _FURTHER if given.get(name)}
+    _refuse([
+        (named and given.get("out_dir") is not None,
+         "-o and --out-dir exclude each other: give one of them"),
+        (named and count > 1,
+         f"-o names one file, but {count} meshes are given: use --out-dir DIR"),
+    ])  # fmt: skip
+    for name, path in further.items():
+        flag = "--map" if name == "index_map" else "--" + name.replace("_", "-")
+        endings = _FURTHER[name]
+        _refuse([
+            (count > 1, f"{flag} names one file, but {count} meshes are given"),
+            (bool(endings) and not path.lower().endswith(endings),
+             f"{flag} {path}: the name must end in {', '.join(endings)}"),
+        ])  # fmt: skip
+    _refuse([
+        (outputs.count("-") + bool(given["as_json"]) > 1,
+         "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"),
+        (clash is not None, f"two meshes would be written to {clash}: unwrap them one by one"),
+        (format and named and "-" not in (*meshes, *outputs),
+         "--format has no effect here: it is for '-' (stdin, stdout) and outputs without -o; leave it out"),
+        (format and "-" in meshes and count > 1,
+         "--format is either for '-' or for the outputs of files: unwrap them one by one"),
+    ])  # fmt: skip
     for path in (*outputs, *further.values()):
         if path != "-":
             check_place(path, given["overwrite"], given.get("out_dir"))
@@ -81,20 +84,17 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
 
 def check_one_atlas(meshes: Sequence[str], given: dict[str, Any]) -> None:
     """Refuse options without meaning for meshes that share an atlas. Raises OptionError."""
-    if given["output"] is not None:
-        raise OptionError(
-            "--one-atlas writes a file for each mesh: give --out-dir DIR in place of -o"
-        )
-    if given["out_dir"] is None:
-        raise OptionError("--one-atlas needs a folder for its outputs: give --out-dir DIR")
-    if "-" in meshes:
-        raise OptionError("--one-atlas reads files, not stdin: name the file in place of '-'")
-    if len(meshes) < 2:
-        raise OptionError("--one-atlas has no effect on one mesh: leave it out")
     real = [os.path.realpath(mesh) for mesh in meshes]
-    for mesh, path in zip(meshes, real, strict=True):
-        if real.count(path) > 1:
-            raise OptionError(f"{mesh}: the file is named twice: name it once")
+    twice = next((m for m, path in zip(meshes, real, strict=True) if real.count(path) > 1), None)
+    _refuse([
+        (given["output"] is not None,
+         "--one-atlas writes a file for each mesh: give --out-dir DIR in place of -o"),
+        (given["out_dir"] is None,
+         "--one-atlas needs a folder for its outputs: give --out-dir DIR"),
+        ("-" in meshes, "--one-atlas reads files, not stdin: name the file in place of '-'"),
+        (len(meshes) < 2, "--one-atlas has no effect on one mesh: leave it out"),
+        (twice is not None, f"{twice}: the file is named twice: name it once"),
+    ])  # fmt: skip
 
 
 def check_place(path: str, overwrite: bool, made: str | None = None) -> None:
@@ -121,30 +121,20 @@ def made_folder(folder: str | None) -> Iterator[None]:
     """
     made: list[Path] = []
     try:
-        _make(folder, made)
+        if folder is not None:
+            missing = [p for p in (Path(folder), *Path(folder).parents) if not p.exists()]
+            try:
+                for path in reversed(missing):
+                    path.mkdir()
+                    made.append(path)
+                os.listdir(folder)
+            except OSError as error:
+                reason = error.strerror or error
+                raise OutputError(
+                    f"--out-dir {folder}: cannot be made ({reason}): name another folder"
+                ) from None
         yield
     finally:
         for path in reversed(made):
             with contextlib.suppress(OSError):  # a folder with files stays
                 path.rmdir()
-
-
-def _make(folder: str | None, made: list[Path]) -> None:
-    """Make a folder and its parents, noting each as soon as it exists."""
-    if folder is None:
-        return
-    missing = [p for p in (Path(folder), *Path(folder).parents) if not p.exists()]
-    try:
-        for path in reversed(missing):
-            path.mkdir()
-            made.append(path)
-        if not Path(folder).is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-    except OSError as error:
-        raise OutputError(
-            f"--out-dir {folder}: cannot be made ({error.strerror or error}): name another folder"
-        ) from None
-
-
-def _flag(name: str) -> str:
-    return "--map" if name == "index_map" else "--" + name.replace("_", "-")

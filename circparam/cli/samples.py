@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -41,42 +41,41 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
     from circparam import samples
     from circparam.errors import OptionError
 
+    given = {"as_json": as_json}
     if name is None:
         if output is not None:
             raise OptionError(f"-o needs the name of a sample: {', '.join(samples.names())}")
-        if as_json:
-            common.echo_json([vars(s) for s in samples.manifest()], 2)
-        else:
-            _print_table(samples.manifest())
+        rows = samples.manifest()
+        common.show(given, [vars(s) for s in rows], lambda: _table(rows), 2)
         return
     sample = samples.info(name)
     if output is not None:
         for path in _save(sample, output, overwrite):
             click.echo(f"saved {path}", err=True)
-    elif as_json:
-        common.echo_json({**vars(sample), "path": str(samples.path(name))}, 2)
-    else:
-        from circparam.cli.tables import console, facts
+        return
+    known = {**vars(sample), "path": str(samples.path(name))}
 
-        lines = {**vars(sample), "path": samples.path(name)}
-        console().print(facts((key.replace("_", " "), value) for key, value in lines.items()))
+    def page() -> list[Any]:
+        from circparam.cli.tables import facts
+
+        return [facts((key.replace("_", " "), value) for key, value in known.items())]
+
+    common.show(given, known, page, 2)
 
 
-def _print_table(rows: "tuple[Sample, ...]") -> None:
+def _table(rows: "tuple[Sample, ...]") -> list[Any]:
     """Every sample with its size, then a description of each."""
-    from circparam.cli.tables import columns, console, facts
+    from circparam.cli.tables import columns, facts
 
     heads = ("format", "vertices", "faces", "genus", "boundaries")
     sizes = {
-        s.name: (
+        s.name: [
             Path(s.file).suffix[1:],
             *map(str, (s.vertices, s.triangles, s.genus, s.boundaries)),
-        )
+        ]
         for s in rows
     }
-    out = console()
-    out.print(columns("name", heads, sizes), "")
-    out.print(facts((s.name, s.summary) for s in rows))
+    return [columns("name", heads, sizes), "", facts((s.name, s.summary) for s in rows)]
 
 
 def _save(sample: "Sample", output: str, overwrite: bool) -> list[str]:

@@ -68,13 +68,6 @@ def answering(status: Callable[[], str]) -> Iterator[None]:
         _STATUS.remove(status)
 
 
-def _answer() -> None:
-    """One line on stderr, past all buffers."""
-    line = _STATUS[-1]() if _STATUS else "no stage has begun yet"
-    with contextlib.suppress(OSError):
-        os.write(2, f"circparam: status: {line}\n".encode())
-
-
 def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated
 
@@ -117,8 +110,10 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
             return
         if not data:
             return
-        if data[0] == ASK:
-            _answer()
+        if data[0] == ASK:  # one line past all buffers
+            line = _STATUS[-1]() if _STATUS else "no stage has begun yet"
+            with contextlib.suppress(OSError):
+                os.write(2, f"circparam: status: {line}\n".encode())
         elif data[0] in _SPARED:
             _SPARED.remove(data[0])
         elif data[0] in (signal.SIGINT, signal.SIGTERM):

@@ -6,11 +6,12 @@ right). None has lines.
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from circparam.core.plural import counted, plural
 
@@ -34,12 +35,12 @@ def console(**keywords: Any) -> Console:
 
 
 def facts(rows: Iterable[tuple[str, object]] = ()) -> Table:
-    """Names and values, one pair a line; the values are plain text."""
+    """Names and values, one pair a line; the values are plain text, or Text with a style."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows:
-        table.add_row(name, plain(value))
+        table.add_row(name, value if isinstance(value, Text) else plain(value))
     return table
 
 
@@ -56,62 +57,44 @@ def columns(first: str, heads: Iterable[str], rows: Mapping[str, Iterable[str]])
 
 def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     """A short table of one unwrap; ``verbose`` adds the stages, and the notes from 2 on."""
-    table = facts()
-    row = table.add_row
-
-    status = report["status"]
-    row("status", f"[{_STATUS.get(status, 'white')}]{status}[/]")
-    row("input", plain(report["input"]))
-    row("output", plain(report["output"] or "(in memory)"))
-    row("method", f"{report['method']}, cut {report['cut']}")
+    status, worst = report["status"], _number(report["distortion_max_chart"])
+    rows: list[tuple[str, object]] = [
+        ("status", Text(status, _STATUS.get(status, "white"))),
+        ("input", report["input"]),
+        ("output", report["output"] or "(in memory)"),
+        ("method", f"{report['method']}, cut {report['cut']}"),
+    ]
     effort = report.get("effort", {})
     if effort.get("searches", 1) > 1:
         left = f"; no time for {effort['more']} more" if effort["more"] else ""
-        row(
-            "searches",
-            f"{effort['searches']} made, number {effort['best'] + 1} costs least{left}",
-        )
-    row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}{_thin(report)}")
-    row("flips, overlaps", f"{report['flips']}, {report['overlap']}")
-    row(
-        "distortion",
-        f"{_number(report['distortion'])} (worst chart {_number(report['distortion_max_chart'])}; "
-        "1 is perfect)",
-    )
-    row("stretch", _tail(report))
-    row("seam length", _seams(report))
+        best = f"number {effort['best'] + 1} costs least"
+        rows.append(("searches", f"{effort['searches']} made, {best}{left}"))
+    rows += [
+        ("charts", f"{report['charts']} of {counted(report['faces'], 'face')}{_thin(report)}"),
+        ("flips, overlaps", f"{report['flips']}, {report['overlap']}"),
+        ("distortion", f"{_number(report['distortion'])} (worst chart {worst}; 1 is perfect)"),
+        ("stretch", _tail(report)),
+        ("seam length", _seams(report)),
+    ]
     if report["pack"] is not None:
         pages = "the page" if report["pages"] == 1 else f"{report['pages']} pages"
-        row("packed", f"{100 * report['pack']:.1f} % of {pages}")
-    for name, text in _densities(report):
-        row(name, plain(text))
-    for name, text in _groups(report):
-        row(name, plain(text))
-    for name, value in _look(report.get("look")):
-        row(name, value)
-    row("time", f"{report['seconds']:.2f} s")
-    for line in report["repairs"]:
-        row("repaired", plain(line))
+        rows.append(("packed", f"{_percent(report['pack'])} of {pages}"))
+    rows += [*_densities(report), *_groups(report)]
+    if look := report.get("look"):
+        images = f"{len(look['images'])} of {look['size']} texels: {', '.join(look['images'])}"
+        rows.append(("images", images))
+        for name in ("materials", "draw_calls"):
+            if look[name] is not None:
+                rows.append(
+                    (name.replace("_", " "), f"{look[name + '_before']} before, {look[name]} now")
+                )
+    rows.append(("time", f"{report['seconds']:.2f} s"))
+    rows += [("repaired", line) for line in report["repairs"]]
     if verbose:
-        for name, seconds in report["stages"].items():
-            row(f"  {name}", f"{seconds:.3f} s")
+        rows += [(f"  {name}", f"{seconds:.3f} s") for name, seconds in report["stages"].items()]
     if verbose > 1:
-        for line in report["notes"]:
-            row("note", plain(line))
-    return table
-
-
-def _look(look: dict[str, Any] | None) -> list[tuple[str, str]]:
-    """Counts of images, materials and draw calls."""
-    if look is None:
-        return []
-    rows = [
-        ("images", f"{len(look['images'])} of {look['size']} texels: {', '.join(look['images'])}"),
-        ("materials", f"{look['materials_before']} before, {look['materials']} now"),
-    ]
-    if look["draw_calls"] is not None:
-        rows.append(("draw calls", f"{look['draw_calls_before']} before, {look['draw_calls']} now"))
-    return rows
+        rows += [("note", line) for line in report["notes"]]
+    return facts(rows)
 
 
 def summary_table(reports: list[dict[str, Any]]) -> Table:
@@ -136,12 +119,11 @@ def summary_table(reports: list[dict[str, Any]]) -> Table:
 
 def atlas_table(report: dict[str, Any]) -> Table:
     """The files that share an atlas, one line each."""
-    parts = report["parts"]
     rows = {
         f"{number} {_short(part['input'])}": [
             f"{part['faces']:,}", str(part["charts"]), _percent(part["packed"]),
         ]
-        for number, part in enumerate(parts, 1)
+        for number, part in enumerate(report["parts"], 1)
     }  # fmt: skip
     return columns("mesh", ("faces", "charts", "packed"), rows)
 
@@ -152,47 +134,47 @@ def _short(path: str, width: int = 26) -> str:
     return name if len(name) <= width else f"{name[: width - 13]}…{name[-12:]}"
 
 
-def _percent(share: float | None) -> str:
-    return "-" if share is None else f"{100 * share:.1f} %"
-
-
 LISTED = 12  # components that a table shows
 
 
 def check_table(report: dict[str, Any]) -> Table:
     """Topology of a mesh and quality of its uv."""
-    table = facts()
-
-    def row(name: str, value: object) -> None:
-        table.add_row(name, plain(value))
-
-    row("input", f"{report['input']} ({report['format'].upper()})")
-    unused = report["unreferenced_vertices"]
-    row(
-        "vertices", f"{report['vertices']}" + (f" and {unused} that no face uses" if unused else "")
+    unused, parts, sets = (
+        report[name] for name in ("unreferenced_vertices", "component_list", "uv_sets")
     )
-    row("edges, faces", f"{report['edges']}, {report['faces']}")
-    row("Euler, genus", f"{report['euler']}, {'-' if report['genus'] is None else report['genus']}")
-    row("boundaries", report["boundaries"])
-    for name, label in _DEFECTS.items():
-        if report[name]:
-            row(plural(2, label), report[name])
-    parts = report["component_list"]
+    more = f" and {unused} that no face uses" if unused else ""
+    rows: list[tuple[str, object]] = [
+        ("input", f"{report['input']} ({report['format'].upper()})"),
+        ("vertices", f"{report['vertices']}{more}"),
+        ("edges, faces", f"{report['edges']}, {report['faces']}"),
+        ("Euler, genus", f"{report['euler']}, {report['genus'] if report['genus'] is not None else '-'}"),
+        ("boundaries", report["boundaries"]),
+    ]  # fmt: skip
+    rows += [(plural(2, label), report[name]) for name, label in _DEFECTS.items() if report[name]]
     for number, part in enumerate(parts[:LISTED]):
-        lengths = ", ".join(f"{x:.4g}" for x in part["boundary_lengths"][:4])
-        more = ", ..." if len(part["boundary_lengths"]) > 4 else ""
-        boundaries = f"; boundaries of length {lengths}{more}" if lengths else ""
-        row(
-            f"component {number}",
-            f"{part['verdict']}, {counted(part['faces'], 'face')}{boundaries}",
-        )
+        lengths = [f"{x:.4g}" for x in part["boundary_lengths"][:4]]
+        lengths += ["..."] if len(part["boundary_lengths"]) > 4 else []
+        boundaries = f"; boundaries of length {', '.join(lengths)}" if lengths else ""
+        said = f"{part['verdict']}, {counted(part['faces'], 'face')}{boundaries}"
+        rows.append((f"component {number}", said))
     if len(parts) > LISTED:
-        row("", f"and {len(parts) - LISTED} components more")
-    sets = report["uv_sets"]  # with their numbers, so that number 0 is not taken for none
-    row("uv sets", f"{len(sets)} ({_numbers_of(sets)})" if sets else "none")
-    if report["uv"] is not None:
-        _uv_rows(row, report["uv"])
-    return table
+        rows.append(("", f"and {len(parts) - LISTED} components more"))
+    # with their numbers, so that number 0 is not taken for none
+    rows.append(("uv sets", f"{len(sets)} ({_numbers_of(sets)})" if sets else "none"))
+    if (uv := report["uv"]) is not None:
+        worst = _number(uv["distortion_max_chart"])
+        rows += [
+            ("charts", f"{uv['charts']}{_thin(uv)}"),
+            ("flips, overlaps, mirrored", f"{uv['flips']}, {uv['overlap']}, {uv['mirrored']}"),
+            ("distortion", f"{_number(uv['distortion'])} (worst chart {worst})"),
+            ("stretch L2, L-infinity", f"{_number(uv['stretch_l2'])}, {_number(uv['stretch_linf'])}"),
+            ("stretch", _tail(uv)),
+            ("angle, area", f"{_number(uv['angle'])}, {_number(uv['area'])}"),
+            ("seam length", _seams(uv)),
+        ]  # fmt: skip
+        rows += [] if uv["pack"] is None else [("packed", _percent(uv["pack"]))]
+        rows += [*_densities(uv), *(("fault", line) for line in uv["faults"])]
+    return facts(rows)
 
 
 _DEFECTS = {
@@ -211,24 +193,21 @@ def _numbers_of(numbers: list[int]) -> str:
 
 def map_table(report: dict[str, Any]) -> Table:
     """Quality of a map between two surfaces."""
-    table = facts()
-    table.add_row("surfaces", plain(f"{report['a']} to {report['b']}"))
-    table.add_row("output", plain(report["output"]))
-    off = (
-        f", off by {report['landmark_error']:.2g} of the size" if report["landmarks"] else " given"
-    )
-    table.add_row("landmarks", f"{report['landmarks']}{off}")
-    turned = report["inversions"]
-    table.add_row("inversions", f"{turned['a']} of A, {turned['b']} of B")
+    marks, turned = report["landmarks"], report["inversions"]
+    off = f", off by {report['landmark_error']:.2g} of the size" if marks else " given"
+    rows = [
+        ("surfaces", f"{report['a']} to {report['b']}"),
+        ("output", report["output"]),
+        ("landmarks", f"{marks}{off}"),
+        ("inversions", f"{turned['a']} of A, {turned['b']} of B"),
+    ]
     for name, label in (("a_to_b", "A to B"), ("b_to_a", "B to A")):
-        d = report["distortion"][name]
-        table.add_row(
-            f"distortion, {label}",
-            f"{_number(d['mean'])} (95 % of the area below {_number(d['p95'])}, 99 % {_number(d['p99'])}, "
-            f"at most {_number(d['max'])}; 1 is perfect)",
+        mean, p95, p99, most = (
+            _number(report["distortion"][name][k]) for k in ("mean", "p95", "p99", "max")
         )
-    table.add_row("time", f"{report['seconds']:.2f} s")
-    return table
+        tail = f"95 % of the area below {p95}, 99 % {p99}, at most {most}; 1 is perfect"
+        rows.append((f"distortion, {label}", f"{mean} ({tail})"))
+    return facts([*rows, ("time", f"{report['seconds']:.2f} s")])
 
 
 def check_line(report: dict[str, Any]) -> str:
@@ -248,23 +227,8 @@ def check_line(report: dict[str, Any]) -> str:
     return ", ".join(words)
 
 
-def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
-    row("charts", f"{uv['charts']}{_thin(uv)}")
-    row("flips, overlaps, mirrored", f"{uv['flips']}, {uv['overlap']}, {uv['mirrored']}")
-    row(
-        "distortion",
-        f"{_number(uv['distortion'])} (worst chart {_number(uv['distortion_max_chart'])})",
-    )
-    row("stretch L2, L-infinity", f"{_number(uv['stretch_l2'])}, {_number(uv['stretch_linf'])}")
-    row("stretch", _tail(uv))
-    row("angle, area", f"{_number(uv['angle'])}, {_number(uv['area'])}")
-    row("seam length", _seams(uv))
-    if uv["pack"] is not None:
-        row("packed", f"{100 * uv['pack']:.1f} %")
-    for name, text in _densities(uv):
-        row(name, text)
-    for line in uv["faults"]:
-        row("fault", line)
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
 
 
 def _seams(report: dict[str, Any]) -> str:

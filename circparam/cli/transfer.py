@@ -55,40 +55,27 @@ def command(source: str, targets: tuple[str, ...], **given: Any) -> None:
     outputs = [output_path(target, given) for target in targets]
     check_outputs(targets, outputs, given)
     keywords = common.library_keywords(given)
-    keywords.pop("resolution", None)
     with (
         made_folder(given["out_dir"]),
         progress.listener(f"{source} to {len(targets)}", given["quiet"]) as listener,
     ):
-        done = transfer(
-            source,
-            targets,
-            outputs,
-            resolution=given["resolution"],
-            max_drift=given["max_drift"],
-            listener=listener,
-            **keywords,
-        )
+        keywords |= {name: given[name] for name in ("resolution", "max_drift")}
+        done = transfer(source, targets, outputs, listener=listener, **keywords)
     rows = [{"input": name, **one.as_dict()} for name, one in zip(targets, done, strict=True)]
     for row in rows:
-        for line in row["warnings"]:
-            progress.warn(f"{row['input']}: {line}", given["quiet"])
+        common.tell(given, f"{row['input']}: ", row["warnings"])
     report = {"schema": "circparam/transfer/1", "source": source, "targets": rows}
-    report["resolution"], report["max_drift"] = given["resolution"], given["max_drift"]
-    if given["as_json"]:
-        common.echo_json(report)
-    elif not given["quiet"]:
-        from circparam.cli.tables import columns, console
-
-        heads = ("faces", "charts", "flips", "overlaps", "drift", "inside 95 %")
-        console().print(columns("output", heads, {_name(row): _cells(row) for row in rows}))
+    report |= {name: given[name] for name in ("resolution", "max_drift")}
+    common.show(given, report, lambda: [_table(rows)])
 
 
-def _name(row: dict[str, Any]) -> str:
-    return str(row["output"])
+def _table(rows: list[dict[str, Any]]) -> Any:
+    """The figures of each mesh; drifts in texels."""
+    from circparam.cli.tables import columns
 
-
-def _cells(row: dict[str, Any]) -> list[str]:
-    """The figures of one mesh; drifts in texels."""
-    whole = [str(row[name]) for name in ("faces", "charts", "flips", "overlap")]
-    return [*whole, f"{row['drift']:.2f}", f"{row['inside_p95']:.2f}"]
+    cells = {}
+    for row in rows:
+        whole = [str(row[name]) for name in ("faces", "charts", "flips", "overlap")]
+        cells[str(row["output"])] = [*whole, f"{row['drift']:.2f}", f"{row['inside_p95']:.2f}"]
+    heads = ("faces", "charts", "flips", "overlaps", "drift", "inside 95 %")
+    return columns("output", heads, cells)

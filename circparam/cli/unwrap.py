@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -123,14 +124,16 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     codes = []
     with made_folder(given["out_dir"]):
         if given["one_atlas"]:
-            return run.together(asked, outputs)
+            failed = {"schema": "circparam/atlas/1", "input": asked}
+            return run.attempt("--one-atlas", run.together, asked, outputs, **failed)
         for k, (mesh, out) in enumerate(zip(asked, outputs, strict=True), 1):
             run.place = (k, len(asked))
-            codes.append(run.one(mesh, out))
+            codes.append(run.attempt(mesh, run.one, mesh, out, input=mesh))
     run.summary()
     return next((code for code in codes if code), exits.OK)
 
 
+# options that may name files
 FROM_FILES = {
     "boundary",
     "bff_boundary",
@@ -140,7 +143,7 @@ FROM_FILES = {
     "seam_weights",
     "only",
     "lock",
-}  # options that may name files
+}
 
 
 class _Run:
@@ -157,33 +160,25 @@ class _Run:
         self.look = look_options_of(given)
         self.reports: list[dict[str, Any]] = []  # of every mesh, those without a result too
 
-    def one(self, mesh: str, out: str) -> int:
-        """Unwrap one mesh; an error of one does not keep the others from being unwrapped."""
-        try:
-            self._unwrap(mesh, out)
-        except (CircparamError, MemoryError) as error:
-            return self._failed(mesh, error)
-        return exits.OK
+    def attempt(self, about: str, work: Callable[..., None], *args: Any, **failed: Any) -> int:
+        """Do some work; an error of one mesh does not keep the others from being unwrapped.
 
-    def together(self, meshes: list[str], outs: list[str]) -> int:
-        """Unwrap several meshes into one atlas; an error of one is one of all."""
+        failed: what the report says if there is no result. Returns the exit code.
+        """
         try:
-            self._share(meshes, outs)
+            work(*args)
         except (CircparamError, MemoryError) as error:
-            return self._failed("--one-atlas", error, meshes)
-        return exits.OK
+            code = common.complain(about, error)
+            if not isinstance(error, GateError):
+                from circparam.pipeline.summary import SCHEMA
 
-    def _failed(self, mesh: str, error: Exception, meshes: list[str] | None = None) -> int:
-        """Print the error; returns the exit code. meshes: of one atlas."""
-        line = exits.line_about(mesh, error)
-        click.echo(f"circparam: error: {line}", err=True)
-        if not isinstance(error, GateError):
-            self.reports.append(_failure(mesh, line, exits.code_of(error)))
-            if meshes is not None:
-                self.reports[-1] |= {"schema": "circparam/atlas/1", "input": meshes}
-            if self.as_json:
-                common.echo_json(self.reports[-1])
-        return exits.code_of(error)
+                said = {"error": exits.line_about(about, error), "exit": code}
+                known = {"schema": SCHEMA.format("unwrap"), "output": None, "status": "failed"}
+                self.reports.append(known | said | failed)
+                if self.as_json:
+                    common.echo_json(self.reports[-1])
+            return code
+        return exits.OK
 
     def summary(self) -> None:
         """One line for each of several meshes with its result."""
@@ -193,7 +188,8 @@ class _Run:
 
         console().print("", summary_table(self.reports))
 
-    def _unwrap(self, mesh: str, out: str) -> None:
+    def one(self, mesh: str, out: str) -> None:
+        """Unwrap one mesh."""
         from circparam.pipeline.jobs import monitor_of, start_for_file
 
         started, self.started = self.started or time.monotonic(), None
@@ -228,10 +224,12 @@ class _Run:
 
             return [unwrap_table(report, self.given["verbose"])]
 
-        shown = None if out == "-" else tables
-        common.deliver(report, self.given, self.gates, mesh, shown, f"{mesh}: ")
+        common.tell(self.given, f"{mesh}: ", report["warnings"])
+        common.show(self.given, report, None if out == "-" else tables)
+        common.check_gates(self.gates, report, mesh)
 
-    def _share(self, meshes: list[str], outs: list[str]) -> None:
+    def together(self, meshes: list[str], outs: list[str]) -> None:
+        """Unwrap several meshes into one atlas."""
         from circparam.pipeline.jobs import monitor_of
 
         with progress.listener(f"{len(meshes)} meshes", self.quiet, self.place) as listener:
@@ -258,7 +256,9 @@ class _Run:
             page = report | {"input": f"{len(meshes)} meshes", "output": self.given["out_dir"]}
             return [unwrap_table(page, self.given["verbose"]), "", atlas_table(report)]
 
-        common.deliver(report, self.given, self.gates, "--one-atlas", tables, "")
+        common.tell(self.given, "", report["warnings"])
+        common.show(self.given, report, tables)
+        common.check_gates(self.gates, report, "--one-atlas")
 
     def _extras(self, result: Any) -> None:
         """The further files that were asked for."""
@@ -280,20 +280,6 @@ def _look_figures(look: Any) -> dict[str, Any]:
         return {}
     checked = {k: v for k, v in (look.checked or {}).items() if k in ("psnr", "ssim")}
     return {"look": look.as_dict(), **checked}
-
-
-def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
-    """The JSON document of a mesh that has no result."""
-    from circparam.pipeline.summary import SCHEMA
-
-    return {
-        "schema": SCHEMA.format("unwrap"),
-        "input": mesh,
-        "output": None,
-        "status": "failed",
-        "error": line,
-        "exit": code,
-    }
 
 
 def look_options_of(given: dict[str, Any]) -> LookOptions | None:

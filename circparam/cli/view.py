@@ -83,9 +83,6 @@ def command(mesh: str, **given: Any) -> None:
             before = given["before"] and read(given["before"], reader=given["reader"])
         with monitor.stage("draw"):
             view_document(document, path, **look, scale_end=given["scale"], before=before)
-    for line in document.warnings:
-        progress.warn(f"{mesh}: {line}", given["quiet"])
-    for line in document.notes:
-        progress.note(f"{mesh}: {line}", given["quiet"])
+    common.tell(given, f"{mesh}: ", document.warnings, document.notes)
     if not given["quiet"]:
         click.echo(str(path))

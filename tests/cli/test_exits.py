@@ -23,6 +23,9 @@ def test_every_error_has_its_own_code() -> None:
         (ImportError("x.so: failed to map segment from shared object"), 5, "memory"),
         (ImportError("No module named x"), 1, "internal"),
         (OSError(errno.ENOSPC, "No space left on device", "out.obj"), 8, "out.obj: no space"),
+        (OSError(errno.EIO, "Input/output error"), 8, "the output: Input/output error"),
+        (OSError("odd"), 8, "the output: odd"),
+        (type("Special", (errors.TopologyError,), {})("x"), 4, "x"),
         (BrokenPipeError(), 8, "closed"),
         (RuntimeError("two\nlines"), 1, "RuntimeError: two lines"),
     ],
@@ -32,20 +35,6 @@ def test_codes_and_lines(error: BaseException, code: int, word: str) -> None:
     assert code in exits.DOCUMENTED
     assert word in exits.line_of(error)
     assert "\n" not in exits.line_of(error)
-
-
-def test_a_class_of_its_own_has_the_code_of_its_base() -> None:
-    class Special(errors.TopologyError):
-        pass
-
-    assert exits.code_of(Special("x")) == exits.code_of(errors.TopologyError("x")) == 4
-
-
-def test_an_os_error_without_a_file_still_says_why() -> None:
-    assert (
-        exits.line_of(OSError(errno.EIO, "Input/output error")) == "the output: Input/output error"
-    )
-    assert exits.line_of(OSError("odd")) == "the output: odd"
 
 
 def test_every_code_stands_in_the_text() -> None:

@@ -2,16 +2,15 @@
 
 import os
 import subprocess
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from circparam.cli import cli
 from circparam.core.files import TEMPORARIES
-from tests.cli.test_unwrap import obj
 from tests.support import shapes
+from tests.support.command_line import obj, one_line_error, run
 
 resource = pytest.importorskip("resource")
 QUICK = ("--cut", "none", "--method", "mean-value")
@@ -23,13 +22,11 @@ def meshes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("meshes")
     plain = obj(folder / "plain.obj", shapes.bumped_disk(150))
     done = folder / "done.obj"
-    result = CliRunner().invoke(cli, ["unwrap", str(plain), "-o", str(done), *QUICK, "-q"])
-    assert result.exit_code == 0, result.stderr
+    assert run("unwrap", plain, "-o", done, *QUICK, "-q").exit_code == 0
     lines = [f"{x} 1 0 0" if x[:2] == "v " else x for x in done.read_text().splitlines()]
     done.write_text("\n".join(lines) + "\n")
     mapped = folder / "map.npz"
-    result = CliRunner().invoke(cli, ["map", str(done), str(plain), "-o", str(mapped), "-q"])
-    assert result.exit_code == 0, result.stderr
+    assert run("map", done, plain, "-o", mapped, "-q").exit_code == 0
     return {"plain": str(plain), "done": str(done), "map": str(mapped)}
 
 
@@ -65,51 +62,25 @@ def limited(tmp_path: Path) -> Iterator[Path]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-Words = Callable[[dict[str, str], Path], list[str]]
-COMMANDS: dict[str, Words] = {
-    **{
-        f"unwrap {kind}": lambda m, at, kind=kind: [
-            "unwrap", m["plain"], "-o", str(at / f"new.{kind}"), *QUICK,
-        ]
-        for kind in ("obj", "ply", "glb", "gltf")
-    },
-    "unwrap into a new folder": lambda m, at: [
-        "unwrap", m["plain"], "--out-dir", str(at / "a" / "b"), *QUICK,
-    ],
-    "pack": lambda m, at: ["pack", m["done"], "-o", str(at / "new.obj")],
-    **{
-        f"view {kind}": lambda m, at, kind=kind: ["view", m["done"], "-o", str(at / f"new.{kind}")]
-        for kind in ("svg", "html")
-    },
-    **{
-        f"bake {kind}": lambda m, at, kind=kind: [
-            *("bake", m["done"], "--from", "vertex-colors", "--size", "256"),
-            *("-o", str(at / f"new.{kind}")),
-        ]
-        for kind in ("png", "glb")
-    },
-    **{
-        f"bake normals {kind} through {way}": lambda m, at, kind=kind, way=way: [
-            *("bake", m["done"], "--from", "normals", "--source", m["plain"], "--size", "256"),
-            *("--map", m.get(way, way), "-o", str(at / f"new.{kind}")),
-        ]
-        for kind, way in (("png", "nearest"), ("glb", "nearest"), ("png", "map"))
-    },
-    "map": lambda m, at: ["map", m["done"], m["plain"], "-o", str(at / "new.npz")],
-    "transfer": lambda m, at: [
-        "transfer", m["done"], m["plain"], "--out-dir", str(at),
-    ],
-    "morph": lambda m, at: [
-        *("morph", m["done"], m["plain"], "--map", m["map"], "-o", str(at / "new.glb")),
-    ],
-    "compare": lambda m, at: [
-        *("compare", m["plain"], "--methods", "mean-value", "--csv", str(at / "new.csv")),
-        *("--report", str(at / "new.html"), "--plot", str(at / "new.png")),
-    ],
-    "samples": lambda m, at: ["samples", "bumped-disk", "-o", str(at)],
+# @: the folder that is full; plain, done, map: the files above
+BAKE = "bake done --size 256 --from"
+COMMANDS = {
+    **{f"unwrap {k}": f"unwrap plain -o @/new.{k} {' '.join(QUICK)}" for k in ("obj", "ply", "glb", "gltf")},
+    "unwrap into a new folder": f"unwrap plain --out-dir @/a/b {' '.join(QUICK)}",
+    "pack": "pack done -o @/new.obj",
+    "view svg": "view done -o @/new.svg",
+    "view html": "view done -o @/new.html",
+    "bake png": f"{BAKE} vertex-colors -o @/new.png",
+    "bake glb": f"{BAKE} vertex-colors -o @/new.glb",
+    "bake normals png": f"{BAKE} normals --source plain --map nearest -o @/new.png",
+    "bake normals glb": f"{BAKE} normals --source plain --map nearest -o @/new.glb",
+    "bake normals through a map": f"{BAKE} normals --source plain --map map -o @/new.png",
+    "map": "map done plain -o @/new.npz",
+    "transfer": "transfer done plain --out-dir @",
+    "morph": "morph done plain --map map -o @/new.glb",
+    "compare": "compare plain --methods mean-value --csv @/new.csv --report @/new.html --plot @/new.png",
+    "samples": "samples bumped-disk -o @",
 }  # fmt: skip
-
-
 FURTHER = ("unwrap gltf", "view html", "compare", "map")  # one of each writer, on a real full disk
 
 
@@ -117,16 +88,14 @@ FURTHER = ("unwrap gltf", "view html", "compare", "map")  # one of each writer, 
     ("name", "place"), [*((n, "limited") for n in COMMANDS), *((n, "tiny") for n in FURTHER)]
 )
 def test_a_full_disk_leaves_nothing(
-    name: str, place: str, meshes: dict[str, str], request: pytest.FixtureRequest
+    name: str,
+    place: str,
+    meshes: dict[str, str],
+    request: pytest.FixtureRequest,
 ) -> None:
     full = request.getfixturevalue(place)
-    result = CliRunner().invoke(cli, COMMANDS[name](meshes, full))
-    assert result.exit_code == 8, (result.exit_code, result.stderr, result.exception)
-    lines = [line for line in result.stderr.splitlines() if "warning" not in line]
-    assert len(lines) == 1, result.stderr
-    assert lines[0].startswith("circparam: error: ")
-    # under a limit of the process compare cannot even hand the mesh to its child
-    assert str(full) in lines[0] or "TMPDIR" in lines[0]
+    command, *words = COMMANDS[name].replace("@", str(full)).split()
+    one_line_error(run(command, *(meshes.get(word, word) for word in words)), 8, str(full))
     assert os.listdir(full) == ["filler"]
     assert TEMPORARIES == []
 
@@ -138,9 +107,8 @@ def test_a_further_file_that_does_not_fit_is_an_error(
     """The mesh itself went elsewhere and is whole; of the further file there is nothing."""
     ending = {"--preview": "png", "--map": "npz", "--export-seams": "txt"}[flag]
     out = tmp_path_factory.mktemp("out") / "new.obj"
-    words = ["unwrap", meshes["plain"], "-o", str(out), *("--cut", "disk", "--effort", "0.01")]
-    result = CliRunner().invoke(cli, [*words, flag, str(tiny / f"x.{ending}")])
-    assert result.exit_code == 8, (result.exit_code, result.stderr)
+    words = ("unwrap", meshes["plain"], "-o", out, "--cut", "disk", "--effort", "0.01")
+    one_line_error(run(*words, flag, tiny / f"x.{ending}"), 8)
     assert os.listdir(tiny) == ["filler"]
     assert out.read_text().count("\nf ") > 0
 
@@ -148,8 +116,6 @@ def test_a_further_file_that_does_not_fit_is_an_error(
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
 @pytest.mark.parametrize("words", [["methods"], ["samples"], ["check", "done", "--uv", "--json"]])
 def test_a_full_standard_output_is_an_error(words: list[str], meshes: dict[str, str]) -> None:
-    import sys
-
     with open("/dev/full", "w") as out:
         done = subprocess.run(
             [sys.executable, "-m", "circparam", *(meshes.get(w, w) for w in words)],

@@ -1,89 +1,52 @@
-"""The command line as a whole: help, did-you-mean."""
+"""The command line as a whole: help, sections, names out of tables, and the keywords of the library."""
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
 from click.testing import CliRunner
 
+from circparam import __version__
 from circparam.cli import COMMANDS, cli, common
 from circparam.core.fields import flag, option, specs
+from circparam.formats.table import FORMATS
 from circparam.pipeline.options import Options
+from tests.support import shapes
+from tests.support.command_line import QUICK, obj, report, run
 
 
-def commands() -> list[str]:
-    return cli.list_commands(click.Context(cli))
-
-
-def test_every_command_of_the_table_exists() -> None:
-    assert commands() == list(COMMANDS)
-
-
-def test_no_arguments_print_the_help() -> None:
-    alone, asked = (CliRunner().invoke(cli, args) for args in ([], ["--help"]))
-    assert alone.exit_code == 0
-    assert alone.stdout == asked.stdout
-    assert not alone.stderr
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_help_with_an_example(name: str) -> None:
-    result = CliRunner().invoke(cli, [name, "--help"])
-    assert result.exit_code == 0, result.stderr
-    assert "Example" in result.stdout
-    assert f"circparam {name}" in result.stdout
-    assert max(len(line) for line in result.stdout.splitlines()) <= 100
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_option_is_explained(name: str) -> None:
+def command_of(name: str) -> click.Command:
     command = cli.get_command(click.Context(cli), name)
+    assert command is not None
+    return command
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_and_option_has_help_with_an_example(name: str) -> None:
+    text = run(name, "--help").stdout
+    assert f"circparam {name}" in text.split("Example")[1]
+    command = command_of(name)
     assert command.help
     for param in command.params:
         if isinstance(param, click.Option):
             assert param.help, f"{name} {param.opts}"
 
 
-def test_version() -> None:
-    from circparam import __version__
-
-    result = CliRunner().invoke(cli, ["--version"])
-    assert result.stdout.split() == ["circparam,", "version", __version__]
-
-
-@pytest.mark.parametrize(
-    ("args", "word"),
-    [
-        (["unwarp"], "did you mean unwrap?"),
-        (["xyzzy"], "choose unwrap, "),
-        (["--frobnicate"], "--frobnicate"),
-        (["unwrap", "--metod", "circle"], "--method"),
-        (["samples", "creatur", "-o", "x.ply"], "did you mean creature"),
-    ],
-)
-def test_what_is_unknown_is_named_with_what_is_near(args: list[str], word: str) -> None:
-    result = CliRunner().invoke(cli, args)
-    assert result.exit_code == 2
-    assert word in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert result.stderr.startswith("circparam: error: ")
-
-
-def test_a_file_for_a_command_names_the_cure(tmp_path: Path) -> None:
-    mesh = tmp_path / "mesh.obj"
-    mesh.write_text("")
-    result = CliRunner().invoke(cli, [str(mesh)])
-    assert result.exit_code == 2
-    assert f"circparam unwrap {mesh}" in result.stderr
+def test_help_and_version_without_a_command() -> None:
+    assert cli.list_commands(click.Context(cli)) == list(COMMANDS)
+    alone, asked = run(), run("--help")
+    assert (alone.exit_code, alone.stdout, alone.stderr) == (0, asked.stdout, "")
+    assert run("--version").stdout.split() == ["circparam,", "version", __version__]
 
 
 def sections(name: str) -> dict[str, list[str]]:
     """Heading → the flags below it, of a help text."""
     out: dict[str, list[str]] = {}
     heading = ""
-    for line in CliRunner().invoke(cli, [name, "--help"]).stdout.splitlines():
+    for line in run(name, "--help").stdout.splitlines():
         if line and not line.startswith(" "):
             heading = line.rstrip(":")
         found = re.match(r"  (?:-\w, )?(--[\w-]+)", line)
@@ -93,11 +56,10 @@ def sections(name: str) -> dict[str, list[str]]:
 
 
 def test_the_help_of_unwrap_has_sections() -> None:
-    """Every flag stands in one, those of the library by their stage."""
+    """Every flag stands in one, those of the library by their stage; figures are explained once."""
     found = sections("unwrap")
     assert list(found) == list(common.SECTIONS)
-    command = cli.get_command(click.Context(cli), "unwrap")
-    given = [p.opts for p in command.params if isinstance(p, click.Option)]
+    given = [p.opts for p in command_of("unwrap").params if isinstance(p, click.Option)]
     flags = [opts[0] if opts[0][:2] == "--" else opts[-1] for opts in given]
     assert sorted(f for names in found.values() for f in names) == sorted([*flags, "--help"])
     spec_of = {flag(n, s): s for n, s in specs(Options).items()}
@@ -108,6 +70,9 @@ def test_the_help_of_unwrap_has_sections() -> None:
     for heading, name in (("Seams", "--export-seams"), ("Checks", "--fail-if"), ("Information", "--json"),
                           ("Input and output", "--out-dir")):  # fmt: skip
         assert name in found[heading]
+    text = run("unwrap", "--help").stdout
+    for word in ("distortion  ", "seam length  ", "packed  "):
+        assert text.count(f"    {word}") == 1
 
 
 def test_a_new_option_falls_into_a_section_by_its_stage() -> None:
@@ -120,13 +85,78 @@ def test_a_new_option_falls_into_a_section_by_its_stage() -> None:
     def command(**_: object) -> None:
         """Nothing."""
 
-    lines = (
-        CliRunner().invoke(command, ["--help"]).stdout.split("Packing:")[1].split("Information:")[0]
+    text = CliRunner().invoke(command, ["--help"]).stdout
+    assert "--toy" in text.split("Packing:")[1].split("Information:")[0]
+
+
+def test_every_option_of_the_library_is_a_flag() -> None:
+    """Of unwrap, or of pack, where charts are there that can be locked; batch has those of unwrap."""
+    unwrap, pack, batch = (
+        {word for p in command_of(name).params for word in p.opts}
+        for name in ("unwrap", "pack", "batch")
     )
-    assert "--toy" in lines
+    assert {flag(*item).split(" ")[0] for item in specs(Options).items()} <= unwrap | pack
+    streams = {"-o", "--output", "--out-dir", "--format", "-j", "--jobs", "--debug", "meshes"}
+    assert unwrap - streams <= batch
 
 
-def test_the_figures_are_explained_once_by_the_words_of_the_table() -> None:
-    text = CliRunner().invoke(cli, ["unwrap", "--help"]).stdout
-    for word in ("distortion  ", "seam length  ", "packed  "):
-        assert text.count(f"    {word}") == 1
+@pytest.mark.parametrize(
+    ("word", "now"),
+    [
+        ("--border", "--boundary"),
+        ("--border=square", "--boundary=square"),
+        ("--bff-border=a=b", "--bff-boundary=a=b"),
+        ("--borders", "--borders"),
+        ("border", "border"),
+        ("a=b", "a=b"),
+    ],
+)
+def test_words_by_the_name_of_today(word: str, now: str) -> None:
+    assert common.today(word) == now
+
+
+@pytest.mark.parametrize(
+    ("given", "keywords"),
+    [
+        ({"padding": None, "clamp": False, "no_scale": False}, {}),
+        ({"padding": 0, "uv_set": 0, "effort": 0.0}, {"padding": 0, "uv_set": 0, "effort": 0.0}),
+        ({"no_scale": True, "no_normalize": True}, {"scale": False, "normalize": False}),
+        ({"repair": False, "cut_materials": False}, {"repair": False, "cut_materials": False}),
+        ({"clamp": True, "quiet": True, "as_json": True}, {"clamp": True}),
+    ],
+)
+def test_keywords_are_what_was_given(given: dict[str, Any], keywords: dict[str, Any]) -> None:
+    assert common.library_keywords(given) == keywords
+
+
+def test_nothing_is_not_the_same_as_no_option(tmp_path: Path) -> None:
+    """``--padding 0`` is a padding, not the lack of one."""
+    mesh = obj(tmp_path / "m.obj", shapes.bumped_disk(60))
+    got = report("unwrap", mesh, "--cut", "none", *QUICK, "--padding", "0")
+    assert got["options"]["padding"] == 0
+    assert got["border_texels"] < 4
+    words = ("--uv-set", "0", "--overwrite-uv", *QUICK, "-q")
+    assert run("unwrap", tmp_path / "m_uv.obj", *words).exit_code == 0
+
+
+@click.command()
+@click.option("--fruit", type=common.Name("fruit", lambda: ["apple", "pear"]))
+@click.option("--nut", type=common.Name("nut", lambda: ["hazel", "wal"], listed=True))
+def fruit(fruit: str, nut: str) -> None:
+    click.echo(fruit)
+
+
+def test_names_of_a_table() -> None:
+    invoke = CliRunner().invoke
+    for word in ("pear", "pear:ripe"):
+        assert invoke(fruit, ["--fruit", word]).output == f"{word}\n"
+    wrong = invoke(fruit, ["--fruit", "appel"])
+    assert wrong.exit_code == 2
+    assert "unknown fruit 'appel': did you mean apple?" in wrong.output
+    text = invoke(fruit, ["--help"]).output
+    assert "--fruit FRUIT" in text
+    assert "--nut [hazel|wal]" in text
+    param = fruit.params[0]
+    items = param.type.shell_complete(click.Context(fruit), param, "p")
+    assert [item.value for item in items] == ["pear"]
+    assert f"[{'|'.join(FORMATS.names())}]" in run("check", "--help").stdout

@@ -1,38 +1,25 @@
 """map, morph and bake in the hands of somebody careless: odd names, folders as files, damaged maps."""
 
-import json
 import os
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
-from circparam.cli import cli
 from circparam.maps.surface_map import save_map
-from tests.cli.test_unwrap import one_line_error
 from tests.support.baking import write_obj
 from tests.support.bumps import belt
+from tests.support.command_line import one_line_error, report, run
 from tests.support.maps import known_map
 
 NAMES = ("sp ace ü 数", "'quoted' #1 %20", os.fsdecode(b"odd\xff"))
 
 
-def run(*words: object) -> Result:
-    return CliRunner().invoke(cli, [str(w) for w in words])
-
-
-@pytest.fixture(params=NAMES, ids=ascii)
-def names(request: pytest.FixtureRequest, tmp_path: Path) -> dict[str, Path]:
-    """Two meshes with uv and the map between both, in a folder of an odd name, named oddly themselves."""
-    folder = tmp_path / request.param
-    try:
-        folder.mkdir()
-    except (OSError, UnicodeError):
-        pytest.skip("the file system has no such names")
-    found = {k: folder / f"{k} {request.param}.{end}" for k, end in
-             (("a", "obj"), ("b", "obj"), ("m", "npz"), ("out", "glb"), ("png", "png"))}  # fmt: skip
+def written(folder: Path, tail: str = "") -> dict[str, Path]:
+    """Two meshes with uv and the map between both."""
+    ends = {"a": "obj", "b": "obj", "m": "npz", "out": "glb", "png": "png"}
+    found = {k: folder / f"{k}{tail}.{end}" for k, end in ends.items()}
     meshes = []
     for key, size, bump in (("a", 6, 0.0), ("b", 9, 0.05)):
         mesh, layout = belt(size, 2 * size, bump)
@@ -53,46 +40,38 @@ def commands(n: dict[str, Path]) -> dict[str, list[object]]:
     }
 
 
-@pytest.mark.parametrize("command", ["map", "morph", "bake"])
-def test_any_name_will_do(names: dict[str, Path], command: str) -> None:
-    words = commands(names)[command]
-    result = run(*words, "--json")
-    assert result.exit_code == 0, result.output
-    report = json.loads(result.stdout)
-    output = report["output"]
-    assert Path(output[0] if isinstance(output, list) else output).stat().st_size > 100
+@pytest.mark.parametrize("name", NAMES, ids=ascii)
+def test_any_name_will_do(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / name
+    try:
+        folder.mkdir()
+    except (OSError, UnicodeError):
+        pytest.skip("the file system has no such names")
+    for words in commands(written(folder, f" {name}")).values():
+        output = report(*words)["output"]
+        assert Path(output[0] if isinstance(output, list) else output).stat().st_size > 100
 
 
-@pytest.mark.parametrize("command", ["map", "morph", "bake"])
-def test_folders_are_no_files(names: dict[str, Path], command: str) -> None:
+def test_folders_are_no_files(tmp_path: Path) -> None:
     """An input that is a folder is an error of the input, an output that is one of the output."""
-    words = commands(names)[command]
-    before = sorted(os.listdir(names["a"].parent))
-    for key, code in (("a", 3), ("b", 3), ("m", 3), ("out", 8), ("png", 8)):
-        if names[key] not in words:
-            continue
-        path = names[key]
-        if command == "map" and key == "m":
-            code = 8
-        here = names["a"].parent / f"folder{path.suffix}"
-        here.mkdir()
-        result = run(*(here if w == path else w for w in words), "--overwrite")
-        one_line_error(result, code)
-        here.rmdir()
-    assert sorted(os.listdir(names["a"].parent)) == before
+    names = written(tmp_path)
+    before = sorted(os.listdir(tmp_path))
+    for command, words in commands(names).items():
+        for key, path in names.items():
+            if path not in words:
+                continue
+            here = tmp_path / f"folder{path.suffix}"
+            here.mkdir()
+            output = key in ("out", "png") or (command, key) == ("map", "m")
+            result = run(*(here if w == path else w for w in words), "--overwrite")
+            one_line_error(result, 8 if output else 3)
+            here.rmdir()
+    assert sorted(os.listdir(tmp_path)) == before
 
 
-@pytest.mark.parametrize("command", ["morph", "bake"])
 @pytest.mark.parametrize("how", ["shorter", "beyond", "cut off", "none"])
-def test_a_damaged_map_is_an_error_of_the_input(tmp_path: Path, command: str, how: str) -> None:
-    meshes = []
-    for key, size in (("a", 6), ("b", 9)):
-        mesh, layout = belt(size, 2 * size, 0.0)
-        write_obj(tmp_path / f"{key}.obj", mesh.points, layout, mesh.faces)
-        meshes.append(mesh)
-    names = {k: tmp_path / f"{k}.obj" for k in "ab"}
-    names |= {"m": tmp_path / "m.npz", "out": tmp_path / "o.glb", "png": tmp_path / "o.png"}
-    save_map(names["m"], known_map(*meshes))
+def test_a_damaged_map_is_an_error_of_the_input(tmp_path: Path, how: str) -> None:
+    names = written(tmp_path)
     with np.load(names["m"]) as file:
         data = dict(file)
     if how == "cut off":
@@ -106,6 +85,7 @@ def test_a_damaged_map_is_an_error_of_the_input(tmp_path: Path, command: str, ho
         else:
             data["a_face"] += 10**6
         np.savez(names["m"], **data)
-    one_line_error(run(*commands(names)[command]), 3, "map")
+    for command in ("morph", "bake"):
+        one_line_error(run(*commands(names)[command]), 3, "map")
     assert not names["out"].exists()
     assert not names["png"].exists()

@@ -17,10 +17,10 @@ from circparam.formats.joined import join
 from circparam.formats.memory import from_arrays
 from circparam.geometry.raster import fragments
 from circparam.mesh.mesh import UVMap
-from tests.bake.test_rebake import UPRIGHT, looks_alike, run
+from tests.bake.test_rebake import UPRIGHT, looks_alike
 from tests.bake.test_rebake_text import shown
-from tests.cli.test_unwrap import one_line_error
 from tests.support.baking import sheet, write_obj
+from tests.support.command_line import one_line_error, run
 from tests.support.looks import Painted, model, psnr, waves
 from tests.support.validator import validate
 

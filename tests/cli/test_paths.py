@@ -1,5 +1,6 @@
 """Where outputs go, and what is refused before any work begins."""
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -38,38 +39,27 @@ def test_output_path(mesh: str, given: dict[str, Any], path: str) -> None:
     assert Path(output_path(mesh, NOTHING | given)) == Path(path)
 
 
-REFUSED = {
-    "both": ("a", "o", {"output": "o", "out_dir": "d"}, "exclude each other"),
-    "one file for two": ("a b", "o o", {"output": "o"}, "2 meshes"),
-    "one map for two": ("a b", "x y", {"index_map": "m.npz"}, "--map names one file"),
-    "one preview for two": ("a b", "x y", {"preview": "p.png"}, "--preview names one file"),
-    "stdout twice": ("-", "-", {"as_json": True, "format": "obj"}, "stdout"),
-    "two meshes to stdout": ("a b", "- -", {}, "stdout"),
-    "two of one name": ("a b", "o o", {}, "one by one"),
-    "a map of another kind": (
-        "a",
-        "o",
-        {"index_map": "m.txt"},
-        "--map m.txt: the name must end in .npz",
-    ),
-    "a preview of no kind": ("a", "o", {"preview": "p"}, "--preview p: the name must end in .png"),
-    "format of a name": ("a", "o", {"format": "obj", "output": "o"}, "--format has no effect"),
-    "format of two things": ("- a", "- o", {"format": "obj"}, "one by one"),
-}
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_refused(name: str) -> None:
-    meshes, outputs, given, word = REFUSED[name]
-    with pytest.raises(OptionError, match=word):
+@pytest.mark.parametrize(
+    ("meshes", "outputs", "given", "word"),
+    [
+        ("a b", "x y", {"index_map": "m.npz"}, "--map names one file"),
+        ("a b", "x y", {"preview": "p.png"}, "--preview names one file"),
+        ("-", "-", {"as_json": True, "format": "obj"}, "stdout"),
+        ("a b", "- -", {}, "stdout"),
+        ("a", "o", {"index_map": "m.txt"}, "--map m.txt: the name must end in .npz"),
+        ("a", "o", {"preview": "p"}, "--preview p: the name must end in .png"),
+        ("- a", "- o", {"format": "obj"}, "one by one"),
+        ("a b", "x y", {"out_dir": ".", "as_json": True}, None),
+        ("-", "o", {"output": "o", "format": "obj", "as_json": True}, None),
+        ("a", "-", {"output": "-", "format": "obj"}, None),
+        ("a", "o", {"index_map": "m.npz"}, None),
+    ],
+)
+def test_what_is_refused_and_what_is_fine(
+    meshes: str, outputs: str, given: dict[str, Any], word: str | None
+) -> None:
+    with pytest.raises(OptionError, match=word) if word else contextlib.nullcontext():
         check_outputs(tuple(meshes.split()), outputs.split(), NOTHING | given)
-
-
-def test_what_is_fine() -> None:
-    check_outputs(("a", "b"), ["x", "y"], NOTHING | {"out_dir": "d", "as_json": True})
-    check_outputs(("-",), ["o"], NOTHING | {"output": "o", "format": "obj", "as_json": True})
-    check_outputs(("a",), ["-"], NOTHING | {"output": "-", "format": "obj"})
-    check_outputs(("a",), ["o"], NOTHING | {"index_map": "m.npz"})
 
 
 @pytest.mark.parametrize("extra", [{}, {"index_map": "there.npz"}, {"export_seams": "there"}])
@@ -87,14 +77,10 @@ def test_a_file_that_is_there_stays(extra: dict[str, Any], tmp_path: Path) -> No
 def test_directories_and_missing_folders_are_told_before_the_work(
     name: str, tmp_path: Path
 ) -> None:
-    for path, says in (
-        (tmp_path, "this is a directory"),
-        (tmp_path / "no" / "x", "does not exist"),
-    ):
-        given = NOTHING | {name: str(path), "overwrite": True}
-        out = str(path) if name == "output" else str(tmp_path / "x.obj")
+    for path, says in ((tmp_path, "is a directory"), (tmp_path / "no" / "x", "does not exist")):
+        out = str(path if name == "output" else tmp_path / "x.obj")
         with pytest.raises(OutputError, match=says):
-            check_outputs(("a",), [out], given)
+            check_outputs(("a",), [out], NOTHING | {name: str(path), "overwrite": True})
 
 
 def test_outputs_of_an_earlier_call_are_no_inputs() -> None:

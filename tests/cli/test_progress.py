@@ -12,18 +12,19 @@ from circparam.cli import progress
 from tests.support import shapes
 
 
-def test_a_warning_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    progress.warn("careful")
-    progress.warn("careful", quiet=True)
-    assert capsys.readouterr() == ("", "circparam: warning: careful\n")
-    progress.note("done so")
-    progress.note("done so", quiet=True)
-    assert capsys.readouterr() == ("", "circparam: note: done so\n")
-
-
-def test_no_bar_without_a_terminal() -> None:
+def test_lines_for_people_and_none_with_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a terminal there is no bar; no time is told before anything is known."""
+    for quiet in (False, True):
+        progress.warn("careful", quiet=quiet)
+        progress.note("done so", quiet=quiet)
+    said = "circparam: warning: careful\ncircparam: note: done so\n"
+    assert capsys.readouterr() == ("", said)
     with progress.listener("m.obj", False) as listener:
         assert isinstance(listener, progress.Status)
+        assert "left" not in listener.line()
+        listener("read", 0.5, "")
+        assert listener.line().startswith("m.obj: read, 0 % done")
+        assert float(listener.line().split()[-2]) > 10  # MB
 
 
 def test_a_program_hears_each_per_cent_once(
@@ -139,11 +140,3 @@ def test_the_time_left_is_right_where_stages_take_what_they_should(
                     assert 0.5 <= left / (whole - now[0]) <= 2
                     assert f"about {left:.0f} s left" in status.line()
                 now[0] += seconds / 2 if part < 1 else 0.0
-
-
-def test_no_time_is_told_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    status = progress.Status("m.ply")
-    assert "left" not in status.line()
-    status("read", 0.5, "")
-    assert status.line().startswith("m.ply: read, 0 % done")
-    assert float(status.line().split()[-2]) > 10  # MB

@@ -1,16 +1,20 @@
 """Ctrl-C and SIGTERM end the work soon, with a code and one line, and no file is left behind."""
 
+import contextlib
 import os
 import re
 import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from circparam.cli import signals
+
+needs_posix = pytest.mark.skipif(os.name != "posix", reason="signals of another kind")
 
 # the work is replaced by something that waits, so that no test depends on speed
 
@@ -46,58 +50,57 @@ NATIVE_WORK = f"""while True:
 """
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals of another kind")
+@pytest.fixture
+def mesh(tmp_path: Path) -> Path:
+    path = tmp_path / "m.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    return path
+
+
+@contextlib.contextmanager
+def program(code: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A program that has said that it is ready."""
+    with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == b"ready\n"
+        yield process
+
+
+@needs_posix
 @pytest.mark.parametrize("work", [PYTHON_WORK, NATIVE_WORK], ids=["python", "native"])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_end_it_soon_and_clean(
-    work: str, number: signal.Signals, code: int, tmp_path: Path
+    work: str, number: signal.Signals, code: int, mesh: Path
 ) -> None:
-    mesh = tmp_path / "m.obj"
-    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    left = tmp_path / ".half.tmp"
-    script = WAIT.format(left=str(left), work=work, mesh=str(mesh))
-    with subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE) as process:
-        assert process.stderr is not None
-        assert process.stderr.readline() == b"ready\n"
+    left = mesh.parent / ".half.tmp"
+    with program(WAIT.format(left=str(left), work=work, mesh=str(mesh))) as process:
         process.send_signal(number)
         _, error = process.communicate(timeout=30)
     assert process.returncode == code
     assert error.count(b"\n") == 1
     assert error.startswith(b"circparam: error: ")
-    assert sorted(p.name for p in tmp_path.iterdir() if p != left) == ["m.obj"]
+    assert sorted(p.name for p in mesh.parent.iterdir() if p != left) == ["m.obj"]
     if work is NATIVE_WORK:
         assert not left.exists()
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="no such signal")
 @pytest.mark.parametrize("work", [PYTHON_WORK, NATIVE_WORK], ids=["python", "native"])
-def test_whoever_asks_is_told_how_far_it_is_and_the_work_goes_on(work: str, tmp_path: Path) -> None:
-    mesh = tmp_path / "m.obj"
-    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    script = WAIT.format(left=str(tmp_path / ".half.tmp"), work=work, mesh=str(mesh))
-    with subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE) as process:
-        assert process.stderr is not None
-        assert process.stderr.readline() == b"ready\n"
+def test_whoever_asks_is_told_how_far_it_is_and_the_work_goes_on(work: str, mesh: Path) -> None:
+    line = r"circparam: status: m\.obj: repair, \d+ % done, \d+ s so far, \d+ MB\n"
+    left = str(mesh.parent / ".half.tmp")
+    with program(WAIT.format(left=left, work=work, mesh=str(mesh))) as process:
         for _ in range(2):
             process.send_signal(signal.SIGUSR1)
-            line = process.stderr.readline().decode()
-            assert re.fullmatch(
-                r"circparam: status: m\.obj: repair, \d+ % done, \d+ s so far, \d+ MB\n", line
-            )
+            assert re.fullmatch(line, process.stderr.readline().decode())
         assert process.poll() is None
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=30)
     assert process.returncode == 143
 
 
-def test_what_was_there_before_is_there_again() -> None:
+def test_handlers_are_those_of_before_afterwards_and_outside_the_main_thread() -> None:
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-    with signals.installed():
-        assert signal.getsignal(signal.SIGTERM) is not before[1]
-    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
-
-
-def test_nothing_is_installed_outside_the_main_thread() -> None:
     seen = []
 
     def work() -> None:
@@ -107,7 +110,9 @@ def test_nothing_is_installed_outside_the_main_thread() -> None:
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()
-    assert seen == [signal.getsignal(signal.SIGTERM)]
+    work()
+    assert seen[0] is before[1] is not seen[1]
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
 
 
 ASK = """
@@ -123,11 +128,9 @@ with signals.installed():
 """
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals of another kind")
+@needs_posix
 def test_the_first_ctrl_c_may_only_ask() -> None:
-    with subprocess.Popen([sys.executable, "-c", ASK], stderr=subprocess.PIPE) as process:
-        assert process.stderr is not None
-        assert process.stderr.readline() == b"ready\n"
+    with program(ASK) as process:
         process.send_signal(signal.SIGINT)
         assert process.stderr.readline() == b"asked\n"
         with pytest.raises(subprocess.TimeoutExpired):

@@ -32,14 +32,8 @@ REPORT: dict[str, Any] = {
         "method": "circle",
         "cut": "disk",
     },
-    **{"charts": 2, "faces": 9, "flips": 0, "overlap": 3, "distortion": 1.25},
-    **{
-        "distortion_max_chart": 1e300,
-        "seam_length": 20000.0,
-        "pages": 2,
-        "pack": 0.756,
-        "seconds": 1.239,
-    },
+    **{"charts": 2, "faces": 9, "flips": 0, "overlap": 3, "distortion": 1.25, "pages": 2},
+    **{"distortion_max_chart": 1e300, "seam_length": 20000.0, "pack": 0.756, "seconds": 1.239},
     **{"stretch_p95": 1.1, "stretch_p99": 1.3, "stretch_p999": 1.9},
     **{"repairs": ["split [b] vertices"], "stages": {"solve": 0.5}, "notes": ["all is well"]},
 }
@@ -48,7 +42,7 @@ REPORT: dict[str, Any] = {
 def test_an_unwrap() -> None:
     got = text(unwrap_table(REPORT))
     assert "[" not in got.replace("a[1].obj", "").replace("[b]", "")  # names are no markup
-    for line in (
+    for said in (
         "(in memory)",
         "circle, cut disk",
         "2 of 9 faces",
@@ -56,7 +50,7 @@ def test_an_unwrap() -> None:
         "75.6 % of 2 pages",
         "1.24 s",
     ):
-        assert line in got
+        assert said in got
     assert "1.2500 (worst chart infinite" in " ".join(got.split())
     assert "2e+04 x sqrt(area)" in got
     assert "at most 1.1 on 95 %, 1.3 on 99 %, 1.9 on 99.9 %" in " ".join(got.split())

@@ -17,9 +17,9 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 from circparam.methods.base import Layout, MethodOptions
 from circparam.pipeline.options import Options
-from tests.cli.test_unwrap import CONVEX, obj
 from tests.contracts import test_methods as contract
 from tests.support import shapes
+from tests.support.command_line import CONVEX, obj
 from tests.support.toys import added
 
 TAGS = frozenset({"flip-free", "convex-boundary"})

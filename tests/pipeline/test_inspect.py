@@ -12,8 +12,8 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import repair
 from circparam.pipeline.inspect import Inspection, inspect, require_disks
 from circparam.pipeline.verify import verify
-from tests.cli.test_check import with_uv
 from tests.support import shapes
+from tests.support.command_line import obj
 
 
 def test_without_a_set_nothing_is_judged() -> None:
@@ -23,12 +23,12 @@ def test_without_a_set_nothing_is_judged() -> None:
 
 def test_faults_of_a_set(tmp_path: Path) -> None:
     p, f = shapes.grid(5, 5)
-    good = read(with_uv(tmp_path / "a.obj", p[:, :2] * 0.8 + 0.1, (p, f)))
+    good = read(obj(tmp_path / "a.obj", (p, f), p[:, :2] * 0.8 + 0.1))
     found = inspect(good, uv_set=0, resolution=64, padding=4)
     assert found.uv is not None
     assert found.uv.valid
     assert found.faults == []
-    near = read(with_uv(tmp_path / "b.obj", p[:, :2] * 0.98 + 0.01, (p, f)))
+    near = read(obj(tmp_path / "b.obj", (p, f), p[:, :2] * 0.98 + 0.01))
     assert inspect(
         near, uv_set=0, resolution=64, padding=4
     ).faults  # nearer to the edge than 4 texels

@@ -1,0 +1,48 @@
+"""The command line in this process, and small files for it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from click.testing import CliRunner, Result
+
+from circparam.cli import cli
+
+QUICK = ("--effort", "0.01")  # the search for a better packing is tested elsewhere
+CONVEX = ("--cut", "none", "--method", "mean-value", *QUICK)
+
+
+def run(*words: object, **keywords: Any) -> Result:
+    """The result of a command line."""
+    return CliRunner().invoke(cli, [str(word) for word in words], **keywords)
+
+
+def report(*words: object) -> dict[str, Any]:
+    """The document that a command prints with --json; the run must have gone well."""
+    result = run(*words, "--json")
+    assert result.exit_code == 0, result.stderr
+    document: dict[str, Any] = json.loads(result.stdout)
+    return document
+
+
+def one_line_error(result: Result, code: int, *words: str) -> None:
+    """The documented code, one line on stderr that says what and where, no traceback."""
+    assert result.exit_code == code, (result.exit_code, result.stderr, result.exception)
+    lines = [line for line in result.stderr.splitlines() if "warning" not in line]
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("circparam: error: ")
+    for word in words:
+        assert word in lines[0], lines[0]
+    assert "Traceback" not in result.output
+
+
+def obj(path: Path, shape: tuple[np.ndarray, np.ndarray], uv: np.ndarray | None = None) -> Path:
+    """An OBJ file of points and faces; uv: of each point."""
+    points, faces = shape
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+    lines += [] if uv is None else [f"vt {u!r} {v!r}" for u, v in uv.tolist()]
+    corner = "{0}" if uv is None else "{0}/{0}"
+    lines += ["f " + " ".join(corner.format(k) for k in face) for face in (faces + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return path
