@@ -14,7 +14,7 @@ from typing import Any
 
 from circparam.batch.cluster import Cluster, LostError
 from circparam.batch.index import Index, size_of
-from circparam.batch.manifest import NAME, Manifest, lines
+from circparam.batch.manifest import NAME, Manifest, lines, local_copy
 from circparam.batch.progress import Meter, Progress
 from circparam.batch.report import save_report
 from circparam.batch.run import LAST, Batch, Task
@@ -110,7 +110,9 @@ def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
             if due:
                 finished = _work(plan, settings, (index, manifest, meter), hooks)
             index.add_lines(lines(manifest.path))
-            report = _report(folder, index, bool(due))
+            report: str | None = folder.of("report.html")
+            if due or folder.remote or not os.path.exists(str(report)):
+                report = save_report(folder, index)
         finally:
             _clean(folder)
             manifest.close()
@@ -215,12 +217,6 @@ def _clean(folder: Folder) -> None:
             shutil.rmtree(left, ignore_errors=True)
 
 
-def _report(folder: Folder, index: Index, changed: bool) -> str | None:
-    if not changed and not folder.remote and os.path.exists(folder.of("report.html")):
-        return folder.of("report.html")
-    return save_report(folder, index)
-
-
 def _summary(
     index: Index, meter: Meter, finished: bool, report: str | None, seconds: float
 ) -> Summary:
@@ -244,11 +240,12 @@ def status(out: str) -> dict[str, Any]:
 
     Raises OptionError if there is no manifest.
     """
-    from circparam.batch.manifest import manifest_file
-
     folder = Folder(out)
+    path, _ = local_copy(folder)
+    if not path.exists():
+        raise OptionError(f"{folder.address}: it has no {NAME}: no batch has written there")
     with Index() as index:
-        index.add_lines(lines(manifest_file(folder)))
+        index.add_lines(lines(path))
         rows = list(
             index.data.execute("SELECT status, count(*), sum(exit != 0) FROM done GROUP BY 1")
         )

@@ -21,7 +21,7 @@ from circparam.batch.store import EXTRA
 from circparam.core.files import lock
 from circparam.core.messages import message
 from circparam.core.pool import quiet_start
-from circparam.core.workers import environment
+from circparam.core.workers import environment, free_cores
 from circparam.errors import OptionError
 
 ANSWER = 10.0  # seconds that a scheduler has for its first answer
@@ -32,12 +32,6 @@ FOLDER = "circparam-batch-dask-"  # how the folders of clusters on this machine 
 
 class LostError(Exception):
     """The scheduler has gone."""
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    free = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()
-    return len(free) or os.cpu_count() or 1
 
 
 class Cluster:
@@ -59,14 +53,11 @@ class Cluster:
         self._folder: str | None = None
         self.scheduler = scheduler_file or scheduler
         if self.scheduler is None:
-            self._start(workers or cores())
+            self._start(workers or free_cores())
         import distributed  # while the cluster does so, too
 
-        for name in (
-            "distributed",
-            "asyncio",
-            "tornado",
-        ):  # a pipe that is cut off reports an error here
+        # a pipe that is cut off reports an error there
+        for name in ("distributed", "asyncio", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler_file is not None:
             scheduler = address_in(scheduler_file)
@@ -75,18 +66,14 @@ class Cluster:
             self.client = distributed.Client(
                 address, name="circparam-batch", timeout=ANSWER, set_as_default=False
             )
+            self._check_versions()
         except (OSError, ValueError, ImportError) as error:
-            self._end()
+            self.kill()
             flag = "--scheduler-file" if scheduler_file else "--scheduler"
             said = " ".join(str(error).split()) or type(error).__name__
             raise OptionError(
                 f"{flag} {self.scheduler}: no answer within {ANSWER:g} s ({said}): is the scheduler running?"
             ) from None
-        except BaseException:
-            self._end()
-            raise
-        try:
-            self._check_versions()
         except BaseException:
             self.kill()
             raise

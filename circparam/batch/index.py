@@ -5,7 +5,6 @@ the data base, because the manifest is the truth and the index only orders its l
 """
 
 import itertools
-import json
 import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
@@ -55,10 +54,6 @@ class Index:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Throw it away."""
         self.data.close()
 
     def add_lines(self, found: Iterable[dict[str, Any]]) -> None:
@@ -197,19 +192,6 @@ def _key(text: str) -> bytes:
 
 def _text(key: bytes) -> str:
     return key.decode("utf-8", "surrogateescape")
-
-
-def settings_hash(values: dict[str, Any]) -> str:
-    """A short hash of plain values; arrays by their content."""
-    import hashlib
-
-    def plain(value: Any) -> Any:
-        return (
-            hashlib.sha256(value.tobytes()).hexdigest() if hasattr(value, "tobytes") else str(value)
-        )
-
-    text = json.dumps(values, sort_keys=True, default=plain)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def size_of(path: str | os.PathLike[str]) -> int:

@@ -70,9 +70,11 @@ class Manifest:
 
     def __init__(self, folder: Folder) -> None:
         self.folder = folder
-        self.path = journal(folder) if folder.remote else Path(folder.of(NAME))
         try:
-            self.fresh = self._fetch() if folder.remote else not self.path.exists()
+            self.path, there = local_copy(folder)
+            self.fresh = not there
+            if folder.remote and self.fresh:  # of another folder of that name
+                self.path.unlink(missing_ok=True)
             self._stream = self.path.open("ab", buffering=0)
             self._lock()
             self.mended = mend(self.path)
@@ -88,16 +90,6 @@ class Manifest:
         self._pause = UPLOAD
         if folder.remote and self.fresh:
             self.upload()
-
-    def _fetch(self) -> bool:
-        """Make the journal hold the remote manifest; the longer of the two contains the other."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        data = self.folder.get_bytes(NAME)
-        if data is not None and (not self.path.exists() or self.path.stat().st_size < len(data)):
-            self.path.write_bytes(data)
-        elif data is None:
-            self.path.unlink(missing_ok=True)  # another folder of that name was there once
-        return data is None
 
     def _lock(self) -> None:
         try:
@@ -168,15 +160,17 @@ def journal(folder: Folder) -> Path:
     return Path(base) / "circparam" / "batch" / f"{key}.jsonl"
 
 
-def manifest_file(folder: Folder) -> Path:
-    """A local file with the lines of a folder's manifest. Raises OptionError if there is none."""
+def local_copy(folder: Folder) -> tuple[Path, bool]:
+    """(where the lines of a folder are on this machine, whether the folder has a manifest).
+
+    Of a remote folder that is the journal, which gets the remote manifest: the longer of the two contains the
+    other.
+    """
     if not folder.remote:
         path = Path(folder.of(NAME))
-    else:
-        path, data = journal(folder), folder.get_bytes(NAME)
-        if data is not None and (not path.exists() or path.stat().st_size < len(data)):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
-    if not path.exists():
-        raise OptionError(f"{folder.address}: it has no {NAME}: no batch has written there")
-    return path
+        return path, path.exists()
+    path, data = journal(folder), folder.get_bytes(NAME)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if data is not None and (not path.exists() or path.stat().st_size < len(data)):
+        path.write_bytes(data)
+    return path, data is not None

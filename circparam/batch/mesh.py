@@ -34,10 +34,9 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
 
     # as many meshes are at work as there are cores, and a fork has no processes that others have opened
     options = replace(settings.options, overwrite=True, format=None, jobs=1)
+    # of thousands of files none may take all the time it is given
     if options.timeout is not None and options.effort is None:
-        options = replace(
-            options, effort=1.0
-        )  # of thousands of files none may take all the time it is given
+        options = replace(options, effort=1.0)
     monitor = Monitor(None, options.timeout, options.processes)
     with monitor.stage("read"):
         document = read(source, unshare=bool(options.unshare), reader=options.reader)

@@ -10,7 +10,6 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import Future
 from typing import Any
 
 from circparam.core.memory import resident
@@ -21,8 +20,7 @@ START = 120.0  # seconds that a server may take to import everything
 MORE = 30.0  # seconds that a server has, after the hard stop of a mesh, to say so
 TICK = 0.1
 _FREE: "list[WarmServer]" = []
-_COMING: "list[Future[WarmServer]]" = []  # started before anybody asked
-_LOCK = threading.Lock()
+_LOCK, _COMING = threading.Lock(), threading.Lock()
 
 
 class GoneError(Exception):
@@ -124,16 +122,10 @@ class WarmServer:
 @contextlib.contextmanager
 def warm_server(forks: bool) -> Iterator[WarmServer]:
     """A server that nobody else uses, started where none is free; one that has ended is not used again."""
-    with _LOCK:
-        free = [s for s in _FREE if s.forks == forks and s.alive]
-        server = free[0] if free else None
+    with _COMING, _LOCK:  # one that starts with the worker is worth waiting for
+        server = next((s for s in _FREE if s.forks == forks and s.alive), None)
         _FREE[:] = [s for s in _FREE if s is not server and s.alive]
-        coming = _COMING.pop() if server is None and _COMING else None
-    if coming is not None:
-        with contextlib.suppress(GoneError):
-            server = coming.result()
-    if server is None or server.forks != forks:
-        server = WarmServer(forks)
+    server = server or WarmServer(forks)
     try:
         yield server
     finally:
@@ -144,15 +136,10 @@ def warm_server(forks: bool) -> Iterator[WarmServer]:
 
 def prepare(forks: bool) -> None:
     """Begin to start a server: the first mesh finds it warm."""
-    future: Future[WarmServer] = Future()
-    with _LOCK:
-        _COMING.append(future)
 
     def start() -> None:
-        try:
-            future.set_result(WarmServer(forks))
-        except BaseException as error:
-            future.set_exception(error)
+        with _COMING, contextlib.suppress(GoneError):
+            _FREE.append(WarmServer(forks))
 
     threading.Thread(target=start, daemon=True).start()
 

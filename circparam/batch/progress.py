@@ -8,9 +8,8 @@ from typing import Any
 
 from circparam.core.records import dataclass
 
-LEAST_WEIGHT_BYTES = (
-    50_000  # bytes added to the size of a file for its weight: the least cost of an unwrap
-)
+# bytes added to the size of a file for its weight: the least cost of an unwrap
+LEAST_WEIGHT_BYTES = 50_000
 RECENT = 300.0  # seconds that the rate is measured over
 KINDS = ("ok", "repaired", "degraded", "failed")
 

@@ -3,9 +3,8 @@
 import csv
 import functools
 import html
+import io
 import json
-import os
-import tempfile
 from collections.abc import Callable
 from typing import Any
 
@@ -46,36 +45,32 @@ _DRAWABLE = "output_bytes IS NOT NULL AND status != 'failed'"
 
 def save_report(folder: Folder, index: Index) -> str:
     """Write report.html and report.csv; returns the address of the page. Raises OutputError."""
-    with tempfile.TemporaryDirectory(prefix="circparam-batch-report-") as scratch:
-        table = os.path.join(scratch, TABLE)
-        _write_csv(table, index)
-        with open(table, "rb") as stream:
-            data = stream.read()
-        page = report_page(folder, index).encode("utf-8", "backslashreplace")
-        try:
-            folder.put_bytes(TABLE, data)
-            folder.put_bytes(PAGE, page)
-        except OutputError:
-            raise
-        except Exception as error:
-            reason = getattr(error, "strerror", None) or error
-            raise OutputError(f"{folder.of(PAGE)}: cannot be written ({reason})") from None
+    table = _csv(index).encode("utf-8", "backslashreplace")
+    page = report_page(folder, index).encode("utf-8", "backslashreplace")
+    try:
+        folder.put_bytes(TABLE, table)
+        folder.put_bytes(PAGE, page)
+    except OutputError:
+        raise
+    except Exception as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"{folder.of(PAGE)}: cannot be written ({reason})") from None
     return folder.of(PAGE)
 
 
-def _write_csv(path: str, index: Index) -> None:
+def _csv(index: Index) -> str:
     names = ["name", "source", "status", "exit", "cause", "output_bytes", *FIGURES]
-    with open(path, "w", newline="", encoding="utf-8", errors="backslashreplace") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(names)
-        for row in index.data.execute(f"SELECT {', '.join(names)} FROM done ORDER BY name"):
-            writer.writerow([readable(v) if isinstance(v, bytes) else v for v in row])
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(names)
+    for row in index.data.execute(f"SELECT {', '.join(names)} FROM done ORDER BY name"):
+        writer.writerow([readable(v) if isinstance(v, bytes) else v for v in row])
+    return text.getvalue()
 
 
 def report_page(folder: Folder, index: Index) -> str:
     """The page as text."""
     counts = dict(index.data.execute("SELECT status, count(*) FROM done GROUP BY 1"))
-    total = sum(counts.values())
     sections = [
         _counts(counts, index),
         _causes(index),
@@ -83,36 +78,30 @@ def report_page(folder: Folder, index: Index) -> str:
         _cards(folder, index),
     ]
     rows, cut = _rows(index)
-    note = (
-        f"The {len(rows):,} that failed, degraded or took longest; {TABLE} has all." if cut else ""
-    )
+    note = f"The {len(rows):,} that failed, degraded or took longest; {TABLE} has all."
     heads = ["name", "status", "exit", "faces", *TITLES.values(), "tries", "cause"]
-    text = {"name", "status", "cause"}
-    data = {
-        "heads": [{"name": n, "numeric": n not in text} for n in heads],
-        "kinds": KINDS,
-        "rows": rows,
-    }
-    kinds = dict(zip(("OK", "REPAIRED", "DEGRADED", "FAILED"), _colours(), strict=True))
-    style = page_style("compare.css") + fill_in(
-        viewer_file("batch.css"), {"WARN": col.CHARTS[5], **kinds}
-    )
-    where = html.escape(readable(folder.address.encode("utf-8", "surrogateescape")))
+    columns = [{"name": n, "numeric": n not in ("name", "status", "cause")} for n in heads]
+    data = json.dumps({"heads": columns, "kinds": KINDS, "rows": rows}, separators=(",", ":"))
+    colours = {"WARN": col.CHARTS[5], **{kind.upper(): _COLOURS[kind] for kind in KINDS}}
     fields = {
         "VERSION": __version__,
-        "TITLE": f"Batch: {total:,} meshes",
-        "NOTE": where,
-        "STYLE": style,
+        "TITLE": f"Batch: {sum(counts.values()):,} meshes",
+        "NOTE": html.escape(readable(folder.address.encode("utf-8", "surrogateescape"))),
+        "STYLE": page_style("compare.css") + fill_in(viewer_file("batch.css"), colours),
         "SECTIONS": "\n".join(filter(None, sections)),
-        "ROWS_NOTE": note,
-        "DATA": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        "ROWS_NOTE": note if cut else "",
+        "DATA": data.replace("<", "\\u003c"),
         "SCRIPT": viewer_file("batch.js"),
     }
     return fill_in(viewer_file("batch.html"), fields)
 
 
-def _colours() -> tuple[str, ...]:
-    return (col.CHARTS[2], col.CHARTS[4], col.CHARTS[1], col.CHARTS[5])
+_COLOURS = {kind: col.CHARTS[k] for kind, k in zip(KINDS, (2, 4, 1, 5), strict=True)}
+
+
+def _section(title: str, content: str) -> str:
+    """A section of the page; none without content."""
+    return f"<section><h2>{title}</h2><p></p>{content}</section>" if content else ""
 
 
 def _counts(counts: dict[str, int], index: Index) -> str:
@@ -128,10 +117,7 @@ def _counts(counts: dict[str, int], index: Index) -> str:
     bar = "".join(
         f'<i class="kind-{k}" style="flex:{counts[k]}"></i>' for k in KINDS if counts.get(k)
     )
-    return (
-        f'<section><h2>Status</h2><p></p><ul class="tiles">{tiles}</ul>'
-        f'<div class="share">{bar}</div></section>'
-    )
+    return _section("Status", f'<ul class="tiles">{tiles}</ul><div class="share">{bar}</div>')
 
 
 def _causes(index: Index) -> str:
@@ -152,18 +138,16 @@ def _causes(index: Index) -> str:
         for n, code, text, name in sorted(found.values(), key=lambda e: -e[0])[:CAUSES]
     )
     more = f"<p>and {len(found) - CAUSES} causes more</p>" if len(found) > CAUSES else ""
-    return (
-        "<section><h2>What went wrong</h2><p></p>"
+    table = (
         '<div class="scroll"><table class="causes"><thead><tr><th>files</th><th>exit</th><th>cause</th>'
-        f"<th>for example</th></tr></thead><tbody>{rows}</tbody></table></div>{more}</section>"
+        f"<th>for example</th></tr></thead><tbody>{rows}</tbody></table></div>{more}"
     )
+    return _section("What went wrong", table)
 
 
 def _distributions(index: Index) -> str:
-    plots = "".join(filter(None, (_histogram(index, name) for name in TITLES)))
-    if not plots:
-        return ""
-    return f'<section><h2>Distributions</h2><p></p><div class="histograms">{plots}</div></section>'
+    plots = "".join(_histogram(index, name) for name in TITLES)
+    return _section("Distributions", plots and f'<div class="histograms">{plots}</div>')
 
 
 def _histogram(index: Index, name: str) -> str:
@@ -213,7 +197,7 @@ def _edges(low: float, high: float, log: bool) -> FloatArray:
 
 def _cards(folder: Folder, index: Index) -> str:
     """The slowest and the worst files with a picture and their cause."""
-    out = []
+    out = ""
     # the slowest are often among the worst
     pictures = functools.cache(functools.partial(thumbnails, folder))
     for title, order in (("Slowest", "seconds DESC"), ("Worst", _WORST)):
@@ -222,11 +206,8 @@ def _cards(folder: Folder, index: Index) -> str:
             f"FROM done WHERE {_DRAWABLE} ORDER BY {order}, name LIMIT {SHOWN}"
         )
         cards = "".join(_card(pictures, title, row) for row in index.data.execute(query).fetchall())
-        if cards:
-            out.append(
-                f'<section><h2>{title}</h2><p></p><div class="cards">{cards}</div></section>'
-            )
-    return "".join(out)
+        out += _section(title, cards and f'<div class="cards">{cards}</div>')
+    return out
 
 
 def _card(pictures: Callable[[str], list[str]], title: str, row: tuple[Any, ...]) -> str:

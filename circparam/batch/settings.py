@@ -1,13 +1,14 @@
 """Settings that all files of a batch share, as sent to the workers."""
 
 import dataclasses
+import hashlib
+import json
 import sys
 from collections.abc import Callable
 from dataclasses import field
 from typing import Any
 
 from circparam._version import __version__
-from circparam.batch.index import settings_hash
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.pipeline.gates import Gates
@@ -55,7 +56,14 @@ class Settings:
         return None if self.options.timeout is None else 1.5 * self.options.timeout
 
     def key(self) -> str:
-        """A hash of the options and the version, which decide the bytes of the results."""
+        """A short hash of the options and the version, which decide the bytes of the results."""
         names = [f.name for f in dataclasses.fields(self.options) if f.name not in _NO_BYTES]
         values: dict[str, Any] = {name: getattr(self.options, name) for name in names}
-        return settings_hash({**values, **self.extras, "version": self.version})
+        values |= {**self.extras, "version": self.version}
+
+        def plain(value: Any) -> str:  # arrays by their content
+            array = hasattr(value, "tobytes")
+            return hashlib.sha256(value.tobytes()).hexdigest() if array else str(value)
+
+        text = json.dumps(values, sort_keys=True, default=plain)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -10,6 +10,7 @@ import functools
 import os
 import pickle
 import shutil
+import signal
 import socket
 import tempfile
 import time
@@ -22,39 +23,18 @@ from circparam.batch.manifest import SCHEMA
 from circparam.batch.process import GoneError, warm_server
 from circparam.batch.settings import Settings
 from circparam.batch.store import Folder, digest, is_remote
-from circparam.errors import CircparamError, InputError, OutputError
+from circparam.errors import InputError, OutputError
 
 WORK = ".circparam-batch"  # folder under --out that exists while a batch runs
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _FULL_TEXT = tuple(os.strerror(number) for number in _FULL)
-SIGNALS = {
-    4: "SIGILL",
-    6: "SIGABRT",
-    7: "SIGBUS",
-    8: "SIGFPE",
-    9: "SIGKILL",
-    11: "SIGSEGV",
-    15: "SIGTERM",
-}
-_NOT_ITS_FAULT = (9, 15)  # signals that come from outside
-# keys with a place of their own in a line, or none
+_NOT_ITS_FAULT = (9, 15)  # SIGKILL and SIGTERM come from outside
+# keys of a report with a place of their own in a line, or none
 _ELSEWHERE = {
-    *(
-        "schema",
-        "version",
-        "input",
-        "output",
-        "files",
-        "format",
-        "status",
-        "reasons",
-        "method",
-        "cut",
-    ),
-    *("options", "repairs", "repaired", "warnings", "notes", "seconds", "stages"),
+    *("schema", "version", "input", "output", "files", "format", "method", "cut", "options"),
+    *("repaired", "seconds"),
 }
-
-
+_KEPT = ("status", "reasons", "warnings", "repairs", "notes", "stages")
 _LEFT: set[str] = set()  # runs that begin nothing more in this process
 
 
@@ -149,7 +129,7 @@ def _unwrap(settings: Settings, data: bytes, item: Item, scratch: str) -> dict[s
     }
     with warm_server(settings.forks) as server:
         end = server.ask(task, settings.hard_stop, settings.max_memory)
-    said = _failure(settings, end)
+    said = _told(settings, end)
     real = {target: folder.of(item.target), inner: os.path.dirname(folder.of(item.target))}
     out |= _renamed(said, {**real, source: item.source})
     files = said.pop("files")
@@ -187,17 +167,12 @@ def _placed(
     return {"output": folder.of(item.target), **output, **({"files": more} if more else {})}
 
 
-def _failure(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
+def _told(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
     """The answer of a warm server for a mesh, as part of a line; its files under 'files' and 'further'."""
     out: dict[str, Any] = {
-        "status": "failed",
-        "exit": 1,
-        "error": None,
-        "seconds": round(end["seconds"], 4),
-        "peak_memory": end["peak"],
-        "files": [],
-        "further": {},
-    }
+        "status": "failed", "exit": 1, "error": None, "seconds": round(end["seconds"], 4),
+        "peak_memory": end["peak"], "files": [], "further": {},
+    }  # fmt: skip
     answer = end["answer"]
     if answer is None:
         return out | _cut_short(settings, end)
@@ -207,20 +182,10 @@ def _failure(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
     report = answer["report"]
     if report is None:
         full = answer["code"] == 8 and any(text in (answer["error"] or "") for text in _FULL_TEXT)
-        return {**out, **({"again": "space"} if full else {})}
-    measures = {k: v for k, v in report.items() if k not in _ELSEWHERE}
-    return {
-        **out,
-        "status": report["status"],
-        "reasons": report["reasons"],
-        "warnings": report["warnings"],
-        "repairs": report["repairs"],
-        "notes": report["notes"],
-        "measures": measures,
-        "stages": report["stages"],
-        "files": answer["files"],
-        "further": answer["further"],
-    }
+        return out | ({"again": "space"} if full else {})
+    measures = {k: v for k, v in report.items() if k not in _ELSEWHERE and k not in _KEPT}
+    out |= {**{k: report[k] for k in _KEPT}, "measures": measures}
+    return out | {k: answer[k] for k in ("files", "further")}
 
 
 def _cut_short(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
@@ -233,40 +198,34 @@ def _cut_short(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
         size = (settings.max_memory or 0) / 2**20
         return {"exit": 5, "error": f"ended at {size:.0f} MB of memory: give a larger --max-memory"}
     number = int(end.get("signal", 0))
+    names = {int(known): known.name for known in signal.Signals}
+    name = names.get(number, f"signal {number}") if number else "no word"
     said = f": {end['said']}" if end.get("said") else ""
     if number in _NOT_ITS_FAULT:
-        name = SIGNALS[number]
         text = (
             f"its process was ended by {name}, perhaps because memory was short: give --max-memory"
         )
         return {"exit": 5, "error": text + said, "again": "ended"}
-    name = SIGNALS.get(number, f"signal {number}") if number else "no word"
-    return {
-        "exit": 1,
-        "error": f"its process crashed ({name}){said}: please report it with the file",
-    }
+    text = f"its process crashed ({name}){said}: please report it with the file"
+    return {"exit": 1, "error": text}
 
 
 def _failed(settings: Settings, error: Exception) -> dict[str, Any]:
     """An error round the unwrap: of a store, a disk, a warm server."""
-    out = {"status": "failed", "seconds": None, "peak_memory": None}
     cause = error.__cause__ or error
+    again = None
     if isinstance(error, GoneError):
-        line = "the process that unwraps was ended from outside"
-        return {**out, "exit": 5, "error": line, "again": "ended"}
-    code, line = settings.exit_of(error)
-    if isinstance(cause, OSError) and cause.errno in _FULL:
-        return {**out, "exit": 8, "error": line, "again": "space"}
-    if isinstance(error, OutputError) or (isinstance(error, InputError) and error.__cause__):
-        return {**out, "exit": code, "error": line, "again": "store"}
-    if isinstance(error, CircparamError):
-        return {**out, "exit": code, "error": line}
-    return {
-        **out,
-        "exit": code,
-        "error": line,
-        **({"again": "store"} if isinstance(error, OSError) else {}),
-    }
+        code, line, again = 5, "the process that unwraps was ended from outside", "ended"
+    else:
+        code, line = settings.exit_of(error)
+        full = isinstance(cause, OSError) and cause.errno in _FULL
+        of_store = isinstance(error, (OutputError, OSError))
+        if full:
+            code, again = 8, "space"
+        elif of_store or (isinstance(error, InputError) and error.__cause__):
+            again = "store"
+    out = {"status": "failed", "seconds": None, "peak_memory": None, "exit": code, "error": line}
+    return out | ({"again": again} if again else {})
 
 
 def _renamed(values: Any, names: dict[str, str]) -> Any:

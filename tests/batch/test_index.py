@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circparam.batch.index import Index, settings_hash
+from circparam.batch.index import Index
 from circparam.batch.sources import Source
 from circparam.batch.store import Folder, digest
 from circparam.errors import OptionError
@@ -83,6 +83,33 @@ def test_what_is_done_again(
     assert bool(due(index, *retry)) is expected
 
 
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        (
+            ("/s/a.off", "a.off", "/s/a.stl", "a.stl"),
+            "/s/a.off and /s/a.stl would both be written to a.glb",
+        ),
+        (("{here}/a.obj", "a.obj"), "would overwrite itself"),
+        (
+            ("{here}/a.obj", "x/a.obj", "/s/a.obj", "a.obj"),
+            "/s/a.obj would overwrite the source .*/a.obj",
+        ),
+        (("/s/a.obj", "a.obj", "/s/a.obj", "a.obj"), None),
+    ],
+)
+def test_results_that_collide_and_a_file_that_is_named_twice(
+    index: Index, tmp_path: Path, found: tuple[str, ...], said: str | None
+) -> None:
+    words = [word.format(here=os.path.realpath(tmp_path)) for word in found]
+    files = [Source(*pair) for pair in zip(words[::2], words[1::2], strict=True)]
+    if said is None:
+        assert index.add_sources(files, Folder(str(tmp_path))) == 1
+        return
+    with pytest.raises(OptionError, match=said):
+        index.add_sources(files, Folder(str(tmp_path)))
+
+
 def test_a_result_that_is_gone_is_made_again(index: Index) -> None:
     index.add_sources([Source("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
     index.add_lines([line("a.obj")])
@@ -104,37 +131,3 @@ def test_a_file_that_was_only_touched_is_not_done_again(index: Index, tmp_path: 
     assert due(index) == []
     path.write_text("54321")
     assert due(index) == ["a.obj"]
-
-
-def test_results_that_collide(index: Index, tmp_path: Path) -> None:
-    with pytest.raises(OptionError, match=r"/s/a.off and /s/a.stl would both be written to a.glb"):
-        index.add_sources(
-            [Source(f"/s/a.{k}", f"a.{k}") for k in ("off", "stl")], Folder(str(tmp_path))
-        )
-
-
-def test_a_file_named_twice_counts_once(index: Index, tmp_path: Path) -> None:
-    twice = [Source("/s/a.obj", "a.obj")] * 2
-    assert index.add_sources(twice, Folder(str(tmp_path))) == 1
-
-
-def test_no_source_is_overwritten(index: Index, tmp_path: Path) -> None:
-    real = os.path.realpath(tmp_path)
-    with pytest.raises(OptionError, match="would overwrite itself"):
-        index.add_sources([Source(f"{real}/a.obj", "a.obj")], Folder(str(tmp_path)))
-
-
-def test_no_other_source_is_overwritten(index: Index, tmp_path: Path) -> None:
-    real = os.path.realpath(tmp_path)
-    found = [Source(f"{real}/a.obj", "x/a.obj"), Source("/s/a.obj", "a.obj")]
-    with pytest.raises(OptionError, match=r"/s/a.obj would overwrite the source .*/a.obj"):
-        index.add_sources(found, Folder(str(tmp_path)))
-
-
-def test_the_hash_tells_options_apart() -> None:
-    import numpy as np
-
-    a = settings_hash({"x": 1, "pins": np.zeros((2, 3))})
-    assert a == settings_hash({"pins": np.zeros((2, 3)), "x": 1})
-    assert a != settings_hash({"x": 1, "pins": np.ones((2, 3))})
-    assert a != settings_hash({"x": 2, "pins": np.zeros((2, 3))})

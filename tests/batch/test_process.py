@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import circparam
@@ -29,6 +30,7 @@ from circparam.batch.task import do_item, pack_settings, settings_of
 from circparam.core.messages import send
 from circparam.errors import OptionError
 from circparam.pipeline.gates import parse_gates
+from circparam.pipeline.options import Options
 from tests.support.batch_faults import QUICK, Poison, files, settings, write_disk
 
 
@@ -111,15 +113,12 @@ def test_harm_stays_where_it_is(name: str, tmp_path: Path) -> None:
     assert do(write_disk(tmp_path / "good.obj"), given)["status"] == "ok"
 
 
-def test_broken_input_has_the_code_and_line_of_unwrap(tmp_path: Path) -> None:
+def test_broken_input_and_a_missed_gate_are_those_of_unwrap(tmp_path: Path) -> None:
     bad = tmp_path / "bad.obj"
     bad.write_text("nothing\n")
     line = do(bad, settings(tmp_path / "o"))
     assert (line["exit"], line["output"]) == (3, None)
     assert line["error"] == f"{bad}: it has no v and f lines: this is not an OBJ mesh"
-
-
-def test_a_missed_gate_keeps_its_file(tmp_path: Path) -> None:
     line = do(write_disk(tmp_path / "m.obj"), settings(tmp_path / "o", parse_gates("faces>1")))
     assert (line["status"], line["exit"]) == ("ok", 6)
     assert "faces>1: it is 18" in line["error"]
@@ -145,20 +144,23 @@ def test_a_server_that_is_reused_is_ended_from_outside(tmp_path: Path) -> None:
         assert server.pid != first
 
 
+def hanging(tmp_path: Path) -> tuple[dict[str, Any], Path]:
+    """A task for a server that never ends, and its scratch folder."""
+    scratch = tmp_path / "s"
+    scratch.mkdir()
+    task = {"settings": pickle.dumps(settings(tmp_path / "o", Poison())), "name": "hang.obj"}
+    task["source"] = str(write_disk(tmp_path / "hang.obj"))
+    return task | {"target": str(scratch / "hang.obj"), "scratch": str(scratch)}, scratch
+
+
 def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
-    given = settings(tmp_path / "o", Poison())
-    (tmp_path / "s").mkdir()
-    asked = {
-        "settings": pickle.dumps(given), "source": str(write_disk(tmp_path / "hang.obj")),
-        "target": str(tmp_path / "s" / "hang.obj"), "name": "hang.obj", "scratch": str(tmp_path / "s"),
-    }  # fmt: skip
-    server = WarmServer(True)
+    server, (task, _) = WarmServer(True), hanging(tmp_path)
     children = Path(f"/proc/{server.pid}/task/{server.pid}/children")
     failed: list[BaseException] = []
 
     def ask() -> None:
         try:
-            server.ask(asked, None, None)
+            server.ask(task, None, None)
         except GoneError as error:
             failed.append(error)
 
@@ -176,16 +178,10 @@ def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
 
 
 def test_a_server_whose_worker_has_gone_cleans_up(tmp_path: Path) -> None:
-    given = settings(tmp_path / "o", Poison())
-    scratch = tmp_path / "s"
-    scratch.mkdir()
-    asked = {
-        "settings": pickle.dumps(given), "source": str(write_disk(tmp_path / "hang.obj")),
-        "target": str(scratch / "hang.obj"), "name": "hang.obj", "scratch": str(scratch),
-    }  # fmt: skip
     process, pause = WarmServer(True)._process, threading.Event()
+    task, scratch = hanging(tmp_path)
     assert process.stdin is not None
-    send(process.stdin, pickle.dumps(asked))
+    send(process.stdin, pickle.dumps(task))
     while not (scratch / "hang.obj").exists():
         pause.wait(0.01)
     process.stdin.close()
@@ -212,6 +208,9 @@ def test_the_key_is_that_of_the_bytes() -> None:
     assert base.key() != settings("o", padding=2).key()
     assert base.key() != settings("o", extras={"map": "{}.npz"}).key()
     assert base.key() != replace(base, version="9").key()
+    pins = [Options(method="lscm", pins=np.full((2, 3), k)) for k in (0.0, 0.0, 1.0)]
+    keys = [replace(base, options=options).key() for options in pins]
+    assert keys[0] == keys[1] != keys[2]
 
 
 def test_a_server_pays_no_heed_to_how_dask_wants_memory_given_back(

@@ -29,16 +29,8 @@ def names(*given: object, out: object = None) -> list[str]:
 
 
 def test_a_folder_is_mirrored_and_only_meshes_count(tmp_path: Path) -> None:
-    tree(
-        tmp_path,
-        "a.obj",
-        "sub/b.GLB",
-        "sub/deep/c.stl",
-        "read.me",
-        "sub/t.png",
-        ".hidden/d.obj",
-        "e_uv.obj",
-    )
+    tree(tmp_path, "a.obj", "sub/b.GLB", "sub/deep/c.stl", "e_uv.obj")
+    tree(tmp_path, "read.me", "sub/t.png", ".hidden/d.obj")
     assert names(tmp_path) == ["a.obj", "sub/b.GLB", "sub/deep/c.stl"]
     listing = Listing([str(tmp_path)])
     found = {s.name: s for s in listing}
