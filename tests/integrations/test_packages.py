@@ -9,10 +9,12 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from circparam._version import __version__
 from tests.support import shapes
+from tests.support.command_line import obj
 
 yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 ROOT = Path(__file__).parents[2]
@@ -45,13 +47,10 @@ def play(inputs: dict[str, str], folder: Path) -> subprocess.CompletedProcess[st
 def meshes(tmp_path: Path) -> Path:
     """A square with good uv, one with a flipped triangle, in folders."""
     points, faces = shapes.grid(2, 2)
-    for name, uv in (("good/a", "0 0\n0 1\n1 0\n1 1"), ("bad/b c", "0 0\n0 1\n1 0\n-1 -0.5")):
+    for name, last in (("good/a", [1, 1]), ("bad/b c", [-1, -0.5])):
         path = tmp_path / f"{name}.obj"
         path.parent.mkdir()
-        lines = [f"v {x} {y} {z}" for x, y, z in points.tolist()]
-        lines += [f"vt {row}" for row in uv.splitlines()]
-        lines += ["f " + " ".join(f"{k + 1}/{k + 1}" for k in face) for face in faces.tolist()]
-        path.write_text("\n".join(lines) + "\n")
+        obj(path, (points, faces), np.array([[0, 0], [0, 1], [1, 0], last], float))
     return tmp_path
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
+from PIL import Image
 
 import circparam
 from circparam.errors import InputError, OptionError
@@ -15,18 +16,6 @@ from tests.support import shapes, strategies
 
 xatlas = pytest.importorskip("xatlas", reason="the baseline is not installed")
 QUICK = {"effort": 0.01}
-
-
-def export(mesh: trimesh.Trimesh, uv_package: Any) -> trimesh.Trimesh:
-    """What the exporters of generated meshes do: unwrap, split the vertices, hand out a textured mesh."""
-    vmapping, indices, uvs = uv_package.parametrize(mesh.vertices, mesh.faces)
-    return trimesh.Trimesh(
-        vertices=mesh.vertices[vmapping],
-        faces=indices,
-        vertex_normals=mesh.vertex_normals[vmapping],
-        visual=trimesh.visual.TextureVisuals(uv=uvs),
-        process=False,
-    )
 
 
 def test_shapes_and_types_are_those_of_xatlas() -> None:
@@ -50,26 +39,23 @@ def test_every_output_is_a_valid_layout_of_the_input(mesh: Any) -> None:
     assert uvs.max() <= 1
 
 
-@pytest.mark.parametrize("kind", [">i4", "<i8", ">u2", "u4", "i1"])
-def test_indices_of_every_integer_type(kind: str) -> None:
-    p, f = shapes.cube(1)
-    usual = circparam.parametrize(p, f, **QUICK)
-    for a, b in zip(usual, circparam.parametrize(p, f.astype(kind), **QUICK), strict=True):
-        np.testing.assert_array_equal(a, b)
+P, F = shapes.cube(1)
 
 
-@pytest.mark.parametrize("kind", [">f8", ">f4", "i4", "f2"])
-def test_points_of_every_type_and_in_views(kind: str) -> None:
-    p, f = shapes.cube(1)
-    wide = np.repeat(np.asarray(p * 2, kind), 2, axis=1)[:, ::2]
-    usual = circparam.parametrize(p * 2, f, **QUICK)
-    before = wide.copy()
-    for a, b in zip(usual, circparam.parametrize(wide, f[:, ::-1][:, ::-1], **QUICK), strict=True):
+@pytest.mark.parametrize(
+    ("points", "faces"),
+    [("f8", k) for k in (">i4", "<i8", ">u2", "u4", "i1")]
+    + [(k, "i8") for k in (">f8", ">f4", "i4", "f2")],
+)
+def test_numbers_of_every_type_and_in_views(points: str, faces: str) -> None:
+    wide = np.repeat(np.asarray(2 * P, points), 2, axis=1)[:, ::2]
+    given, before = F.astype(faces)[:, ::-1][:, ::-1], wide.copy()
+    usual = circparam.parametrize(2 * P, F, **QUICK)
+    for a, b in zip(usual, circparam.parametrize(wide, given, **QUICK), strict=True):
         np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(wide, before)
 
 
-P, F = shapes.cube(1)
 BAD = {
     "float faces": ((P, F.astype(float)), "integers"),
     "quads": ((P, np.c_[F, F[:, 0]]), "quads"),
@@ -95,13 +81,10 @@ def test_bad_arrays_get_one_clear_exception(name: str) -> None:
     assert "--" not in str(caught.value)
 
 
-def test_options_of_files_do_not_apply() -> None:
-    for name, value in {"overwrite": True, "ply_uv": "face", "format": "obj", "uv_set": 1}.items():
+def test_options_that_do_not_apply() -> None:
+    for name in ("overwrite", "ply_uv", "format", "uv_set"):
         with pytest.raises(OptionError, match=f"{name} concerns files"):
-            circparam.parametrize(P, F, **{name: value})
-
-
-def test_options_of_xatlas_are_told_where_they_are_taken() -> None:
+            circparam.parametrize(P, F, **{name: 1})
     for name in ("chart_options", "pack_options"):
         with pytest.raises(OptionError, match=r"circparam\.xatlas\.parametrize takes it"):
             circparam.parametrize(P, F, **{name: None})
@@ -123,9 +106,6 @@ def test_a_result_has_the_same_three_arrays() -> None:
 
 def test_a_trimesh_object_comes_back_with_its_colours_and_a_baked_texture(tmp_path) -> None:
     """There and back, then through a file: uv, colours and the image that was baked are all there."""
-    import trimesh
-    from PIL import Image
-
     p, f = shapes.icosphere(2)
     rng = np.random.default_rng(0)
     colours = rng.integers(0, 256, (len(p), 4), np.uint8)
@@ -149,9 +129,6 @@ def test_a_trimesh_object_comes_back_with_its_colours_and_a_baked_texture(tmp_pa
 
 
 def test_a_texture_that_does_not_fit_the_new_uv_is_not_shown_and_said(tmp_path) -> None:
-    import trimesh
-    from PIL import Image
-
     p, f = shapes.bumped_disk(80)
     old = trimesh.visual.TextureVisuals(uv=p[:, :2], image=Image.new("RGB", (4, 4)))
     given = trimesh.Trimesh(p, f, process=False, visual=old)

@@ -39,18 +39,19 @@ class Job:
         first = write_obj(stem + ".obj", self.parts, axis, uv, self._polygons)
         command = "pack" if self._packs else "unwrap"
         words = [command, stem + ".obj", "-o", self._output, "--json"]
-        words += sorting_words(asked) + straight_words(asked) + density_words(asked)
+        words += words_of(asked, "sorting", "straight", "density")
         if not self._held:
-            words += packing_words(asked)
+            words += words_of(asked, "packing")
         if asked.density and not self._held and not (self._packs and self._beside):
             words += ["--texel-density", f"{asked.density:.9g}"]
         if self._beside:
             chosen = np.concatenate([p.chosen for p in self.parts])
             flag, faces = ("--lock", ~chosen) if self._packs else ("--only", chosen)
-            words += _file(flag, stem + ".faces", np.flatnonzero(faces), "%d") + room_words(asked)
+            words += _file(flag, stem + ".faces", np.flatnonzero(faces), "%d")
+            words += words_of(asked, "room")
         if self._packs:
             return words
-        words += chart_words(asked)
+        words += words_of(asked, "charts")
         if hints:
             words.append("--keep-uv-seams")
         if asked.seams == "MUST":
@@ -91,9 +92,9 @@ class Job:
 
     def _refuse(self):
         """Raise Failure for options that lay out a whole page if only some of its charts are laid out."""
-        words = sorting_words(self.asked)
-        words += straight_words(self.asked) if self._held else []
-        words += density_words(self.asked) if self._beside else []
+        kinds = ["straight"] if self._held else []
+        kinds += ["density"] if self._beside else []
+        words = words_of(self.asked, "sorting", *kinds)
         if words and (self._held or self._beside):
             raise Failure(
                 f"{words[0]} lays out a whole page: select all faces and hold no points, or switch it off"
@@ -119,7 +120,7 @@ class Rest:
         stay = np.flatnonzero(~np.concatenate(self._free))
         words = ["pack", stem + "_rest.obj", "-o", self._output, "--json"]
         words += _file("--lock", stem + "_rest.faces", stay, "%d")
-        return words + packing_words(self._job.asked) + room_words(self._job.asked)
+        return words + words_of(self._job.asked, "packing", "room")
 
     def take(self, report):
         """Write the result into Blender; returns its line. Raises Failure before any change."""
@@ -142,43 +143,45 @@ def _without_pins(part, uv):
     return out
 
 
-def room_words(asked):
-    """Options of charts beside others."""
-    return ["--keep-page"] if asked.keep_page else []
+def words_of(asked, *kinds):
+    """Options of the program as the properties of the operator ask for them, by their kinds.
 
-
-def packing_words(asked):
-    """Options of packing."""
-    words = ["--resolution", str(asked.resolution), "--padding", str(asked.padding)]
-    return [*words, "--effort", {"DRAFT": "0", "NORMAL": "1", "HIGH": "4"}[asked.effort]]
-
-
-def sorting_words(asked):
-    """Options that place all charts of a page: groups, upright charts, stacks."""
-    kind = {"NONE": "", "MATERIAL": "material", "OBJECT": "node"}[asked.group_by]
-    words = [f"--{'pages' if asked.group_pages else 'group'}-by", kind] if kind else []
-    words += ["--stack", asked.stack.lower()] if asked.stack != "OFF" else []
-    words += ["--stack-offset"] if asked.stack != "OFF" and asked.stack_offset else []
-    return words + (["--orient", "up", "--up", "z"] if asked.upright else [])
-
-
-def straight_words(asked):
-    """Options of straight borders."""
-    return ["--straighten", asked.straighten.lower()] if asked.straighten != "AUTO" else []
-
-
-def density_words(asked):
-    """Options of densities by name."""
-    return ["--density", asked.densities] if asked.densities else []
-
-
-def chart_words(asked):
-    """Options of charts and seams."""
-    words = ["--max-distortion", f"{asked.max_distortion:.9g}"]
-    words += ["--hide-seams", f"{asked.hide_seams:.9g}"]
-    words += ["--max-charts", str(asked.max_charts)] if asked.max_charts else []
-    words += ["--sharp", f"{np.degrees(asked.sharp):.9g}"] if asked.sharp else []
-    return words + (["--symmetry", asked.symmetry.lower()] if asked.symmetry != "NONE" else [])
+    sorting, straight and density lay out a whole page; room: of charts beside others.
+    """
+    group = {"NONE": None, "MATERIAL": "material", "OBJECT": "node"}[asked.group_by]
+    stack = None if asked.stack == "OFF" else asked.stack.lower()
+    sharp = f"{np.degrees(asked.sharp):.9g}" if asked.sharp else None
+    known = {
+        "packing": {
+            "--resolution": asked.resolution,
+            "--padding": asked.padding,
+            "--effort": {"DRAFT": "0", "NORMAL": "1", "HIGH": "4"}[asked.effort],
+        },
+        "room": {"--keep-page": asked.keep_page},
+        "sorting": {
+            f"--{'pages' if asked.group_pages else 'group'}-by": group,
+            "--stack": stack,
+            "--stack-offset": bool(stack and asked.stack_offset),
+            "--orient": "up" if asked.upright else None,
+            "--up": "z" if asked.upright else None,
+        },
+        "straight": {
+            "--straighten": asked.straighten.lower() if asked.straighten != "AUTO" else None
+        },
+        "density": {"--density": asked.densities or None},
+        "charts": {
+            "--max-distortion": f"{asked.max_distortion:.9g}",
+            "--hide-seams": f"{asked.hide_seams:.9g}",
+            "--max-charts": asked.max_charts or None,
+            "--sharp": sharp,
+            "--symmetry": asked.symmetry.lower() if asked.symmetry != "NONE" else None,
+        },
+    }
+    words = []
+    for flag, value in ((f, v) for kind in kinds for f, v in known[kind].items()):
+        if value is not None and value is not False:
+            words += [flag] if value is True else [flag, str(value)]
+    return words
 
 
 def _file(option, path, rows, form):
@@ -218,14 +221,12 @@ def _weight_rows(parts, first, group):
 
 def refuse_lost(parts):
     """Raise Failure if a mesh was changed or deleted."""
-    if gone := [p.name for p in parts if _lost(p)]:
+    gone = []
+    for part in parts:
+        try:
+            gone += [part.name] if part.changed() else []
+        except ReferenceError:
+            gone.append(part.name)
+    if gone:
         which = "it" if len(parts) == 1 else " and ".join(gone)
         raise Failure(f"{which} was changed or deleted while circparam worked: run it again")
-
-
-def _lost(part):
-    """Whether the mesh of a part was changed or deleted."""
-    try:
-        return part.changed()
-    except ReferenceError:
-        return True

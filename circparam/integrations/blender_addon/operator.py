@@ -214,12 +214,8 @@ class OBJECT_OT_circparam(bpy.types.Operator):
             self._failures.append(f"{job.names}: was deleted before circparam came to it")
         self._run = None
         self._done += 1
-        if (
-            self._done == len(self._jobs)
-            and self.look
-            and self._parts
-            and not isinstance(job, Page)
-        ):
+        last = self._done == len(self._jobs)
+        if last and self.look and self._parts and not isinstance(job, Page):
             self._jobs.append(Page(self._parts, self.padding / self.resolution))
         return self._done < len(self._jobs)
 
@@ -252,16 +248,8 @@ class Page:
         """Write the present meshes; returns the words after the program's name."""
         fresh = [part.again() for part in self.parts]
         write_obj(stem + ".obj", fresh, uv=[p.uv for p in fresh])
-        return [
-            "view",
-            stem + ".obj",
-            "-o",
-            self.path,
-            "--overwrite",
-            "--padding",
-            f"{self.padding:.9g}",
-            "-q",
-        ]
+        words = ["view", stem + ".obj", "-o", self.path, "--overwrite", "-q"]
+        return [*words, "--padding", f"{self.padding:.9g}"]
 
     def take(self, report):
         """Open the page in the browser."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, relabel
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, relabel
 from circparam.core.monitor import Listener
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
@@ -23,13 +23,10 @@ from circparam.pipeline.result import Result
 
 NO_CHART = np.uint32(0xFFFFFFFF)  # as xatlas numbers the chart of a vertex that has none
 MOST_PAGES = 100
-LONGEST = (
-    0.95  # of the room of a page: a chart that is longer finds no place among the steps of packing
-)
-FULLEST = (
-    # share of a page that charts hardly ever exceed: first estimate for a page of a given density
-    0.9
-)
+# of the room of a page: a chart that is longer finds no place among the steps of packing
+LONGEST = 0.95
+# share of a page that charts hardly ever exceed: first estimate for a page of a given density
+FULLEST = 0.9
 # Layouts are verified in the float32 numbers that are handed out, which a PLY holds too.
 FLOAT32: dict[str, Any] = {"format": "ply"}
 
@@ -109,7 +106,9 @@ def lay_out(
     padding = Options(padding=keywords.get("padding")).padding_texels
     grows = density > 0 and "resolution" not in keywords
     if grows:
-        area = _area(document)
+        p = document.mesh.points[document.mesh.faces]
+        normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+        area = float(np.linalg.norm(normal, axis=1).sum() / 2)
         full = math.ceil(density * math.sqrt(area / FULLEST)) + 2 * padding
         keywords = keywords | {"resolution": full}
     result = work(document, listener=listener, **FLOAT32, **keywords)
@@ -123,13 +122,6 @@ def lay_out(
     elif density > 0:
         result = _on_pages(result, density, packing)
     return AtlasLayout(result, _split(result, meshes), side)
-
-
-def _area(document: Document) -> float:
-    """Area of all faces."""
-    p = document.mesh.points[document.mesh.faces]
-    normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-    return float(np.linalg.norm(normal, axis=1).sum() / 2)
 
 
 def _in_units(result: Result, scale: FloatArray | float = 1.0) -> Document:
@@ -147,12 +139,9 @@ def _on_pages(result: Result, density: float, packing: dict[str, Any]) -> Result
     side, found = result.options.resolution or DEFAULT_RESOLUTION, result.verification
     asked = PackOptions(resolution=side, padding=result.options.padding_texels)
     room = side - 2 * asked.border
-    owner = found.cut_mesh.vertex_chart
-    low = np.full((found.cut_mesh.n_charts, 2), np.inf)
-    np.minimum.at(low, owner, found.uv)
-    high = np.full_like(low, -np.inf)
-    np.maximum.at(high, owner, found.uv)
-    texels = (high - low).max(1) * density / uv_per_unit(result)
+    owner, count = found.cut_mesh.vertex_chart, found.cut_mesh.n_charts
+    spans = [group_max(x, owner, count) - group_min(x, owner, count) for x in found.uv.T]
+    texels = np.maximum(*spans) * density / uv_per_unit(result)
     shrink = np.minimum(LONGEST * room / np.maximum(texels, 1e-300), 1.0)
     if (shrink < 1).any():
         warnings.warn(
@@ -184,9 +173,8 @@ def _split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
     chart, chart_pages = _charts(result)
     vertex_chart = np.full(len(vmapping), -1)
     np.maximum.at(vertex_chart, indices.ravel(), np.repeat(chart, 3))
-    lone = np.clip(np.floor(uvs[:, 0]), 0, None).astype(
-        np.int64
-    )  # corners of degenerate faces alone
+    # corners of degenerate faces alone
+    lone = np.clip(np.floor(uvs[:, 0]), 0, None).astype(np.int64)
     page = np.where(vertex_chart >= 0, chart_pages[vertex_chart], lone)
     uvs = uvs - np.stack([page, np.zeros_like(page)], 1).astype(np.float32)
     first_vertex = np.cumsum([0, *(len(a.mesh.points) for a in meshes)])

@@ -23,6 +23,17 @@ def public(thing: Any) -> set[str]:
     return {name for name in dir(thing) if not name.startswith("_")}
 
 
+def generated(*meshes: Any, charts: Any = None, **keywords: Any) -> ours.Atlas:
+    """An atlas of some meshes; keywords: options of xatlas for the pages, and those of circparam."""
+    atlas, pages = ours.Atlas(), ours.PackOptions()
+    for name in public(pages) & keywords.keys():
+        setattr(pages, name, keywords.pop(name))
+    for mesh in meshes:
+        atlas.add_mesh(*mesh)
+    atlas.generate(charts, pages, **(QUICK | keywords))
+    return atlas
+
+
 def drawn(atlas: Any, page: int, side: int) -> Any:
     """How many faces of all meshes cover each texel of a page."""
     corners = []
@@ -159,9 +170,7 @@ def test_several_meshes_share_one_atlas(package: Any) -> None:
 
 
 def test_an_atlas_is_generated_again_with_what_was_added() -> None:
-    atlas = ours.Atlas()
-    atlas.add_mesh(P, F)
-    atlas.generate(**QUICK)
+    atlas = generated((P, F))
     alone = atlas.texels_per_unit
     atlas.add_mesh(10 * P, F)
     assert len(atlas) == 1
@@ -182,11 +191,8 @@ def test_coordinates_stay_exact_beside_other_meshes(rng: np.random.Generator) ->
 
 @pytest.mark.parametrize("padding", [0, 2, 8])
 def test_texels_per_unit_makes_a_page_of_the_size_that_is_needed(padding: int) -> None:
-    pages = ours.PackOptions()
-    pages.texels_per_unit, pages.padding, pages.bilinear = 100.0, padding, False
-    atlas = ours.Atlas()
-    atlas.add_mesh(*shapes.icosphere(2))
-    atlas.generate(pack_options=pages, **QUICK)
+    pages = {"texels_per_unit": 100.0, "padding": padding, "bilinear": False}
+    atlas = generated(shapes.icosphere(2), **pages)
     assert atlas.texels_per_unit == pytest.approx(100, rel=0.01)
     assert atlas.atlas_count == 1
     assert atlas.result.measures["border_texels"] >= padding
@@ -194,25 +200,17 @@ def test_texels_per_unit_makes_a_page_of_the_size_that_is_needed(padding: int) -
 
 def test_a_page_that_is_fuller_than_expected_keeps_its_padding() -> None:
     """A square covers all of its page: the page is smaller than the one it was begun with, and packed again."""
-    pages = ours.PackOptions()
-    pages.texels_per_unit, pages.padding = 100.0, 8
-    atlas = ours.Atlas()
-    atlas.add_mesh(*shapes.grid(5, 5))
-    atlas.generate(pack_options=pages, **QUICK)
+    atlas = generated(shapes.grid(5, 5), texels_per_unit=100.0, padding=8)
     assert atlas.utilization > 0.6
     assert atlas.width == atlas.result.options.resolution
     assert atlas.result.measures["border_texels"] >= 8
 
 
 def test_texels_per_unit_and_resolution_make_pages_of_that_size() -> None:
-    pages = ours.PackOptions()
-    pages.texels_per_unit, pages.resolution, pages.padding = 50.0, 128, 1
-    atlas = ours.Atlas()
-    for _ in range(4):
-        atlas.add_mesh(*shapes.icosphere(1))
+    meshes = [shapes.icosphere(1)] * 4
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        atlas.generate(pack_options=pages, **QUICK)
+        atlas = generated(*meshes, texels_per_unit=50.0, resolution=128, padding=1)
     assert (atlas.width, atlas.height) == (128, 128)
     assert atlas.atlas_count > 1
     assert sum("longer than a page" in str(w.message) for w in said) == 1
@@ -227,11 +225,7 @@ def test_texels_per_unit_and_resolution_make_pages_of_that_size() -> None:
 
 
 def test_the_image_shows_the_charts_row_0_at_v_0() -> None:
-    pages = ours.PackOptions()
-    pages.resolution, pages.create_image = 96, True
-    atlas = ours.Atlas()
-    atlas.add_mesh(P, F)
-    atlas.generate(pack_options=pages, **QUICK)
+    atlas = generated((P, F), resolution=96, create_image=True)
     image = atlas.chart_image
     assert (image.shape, image.dtype) == ((96, 96, 3), np.uint8)
     np.testing.assert_array_equal(image.any(2), drawn(atlas, 0, 96) > 0)
@@ -274,21 +268,16 @@ def test_the_uv_of_the_input_are_where_charts_begin() -> None:
     points, faces, uv = P[cube.vmapping], cube.indices, cube.uvs
     charts = ours.ChartOptions()
     charts.use_input_mesh_uvs = True
-    atlas = ours.Atlas()
-    atlas.add_mesh(points, faces, None, uv)
-    atlas.generate(charts, **QUICK)
+    atlas = generated((points, faces, None, uv), charts=charts)
     assert atlas.chart_count <= cube.measures["charts"]
-    lacking = ours.Atlas()
-    lacking.add_mesh(points, faces)
     with pytest.raises(OptionError, match="uvs to each add_mesh"):
-        lacking.generate(charts, **QUICK)
+        generated((points, faces), charts=charts)
 
 
 def test_options_become_keywords_and_keywords_win() -> None:
     pages = ours.PackOptions()
     pages.padding, pages.resolution, pages.bruteForce, pages.rotate_charts = 0, 512, True, False
-    atlas = ours.Atlas()
-    atlas.add_mesh(P, F)
+    atlas = generated((P, F))
     atlas.generate(pack_options=pages, padding=3, effort=0.25, verbose=True)
     asked = atlas.result.options
     assert (asked.padding, asked.resolution, asked.effort, asked.rotate) == (3, 512, 0.25, "none")
@@ -315,8 +304,7 @@ def test_an_option_without_counterpart_warns_once_by_name(name: str) -> None:
 
 
 def test_the_warning_stands_at_the_call_of_generate() -> None:
-    atlas, charts = ours.Atlas(), ours.ChartOptions()
-    atlas.add_mesh(P, F)
+    atlas, charts = generated((P, F)), ours.ChartOptions()
     charts.max_iterations = 4
     tell_once.cache_clear()
     with pytest.warns(UserWarning, match="max_iterations has no counterpart") as said:

@@ -1,8 +1,7 @@
 """Programs of the kind that calls xatlas, written for these tests: they run unchanged but for what they import.
 
 The patterns are those of public pipelines: a single mesh with options out of a configuration (threestudio),
-``parametrize`` on a trimesh object (TRELLIS, Hunyuan3D), a few iterations and the first mesh
-(stable-dreamfusion).
+``parametrize`` on a trimesh object (TRELLIS, Hunyuan3D).
 """
 
 import sys
@@ -53,15 +52,16 @@ def test_configured_as_threestudio_does(installed: str, mesh: trimesh.Trimesh) -
     """Options come as dictionaries and are set by name; ``get_mesh(0)`` gives int64 indices for a GPU."""
     import xatlas
 
+    atlas = xatlas.Atlas()
+
     def unwrap_uv(positions: Any, triangles: Any, chart_config: dict, pack_config: dict) -> Any:
-        atlas = xatlas.Atlas()
-        atlas.add_mesh(positions, triangles)
+        atlas.add_mesh(positions, triangles, mesh.vertex_normals)
         chart_options, pack_options = xatlas.ChartOptions(), xatlas.PackOptions()
         for name, value in chart_config.items():
             setattr(chart_options, name, value)
         for name, value in pack_config.items():
             setattr(pack_options, name, value)
-        atlas.generate(chart_options, pack_options)
+        atlas.generate(chart_options=chart_options, pack_options=pack_options)
         vmapping, indices, uvs = atlas.get_mesh(0)
         return (
             vmapping.astype(np.uint64, casting="same_kind").view(np.int64),
@@ -70,8 +70,10 @@ def test_configured_as_threestudio_does(installed: str, mesh: trimesh.Trimesh) -
         )
 
     points, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)
-    out = unwrap_uv(points, faces, {"max_iterations": 2, "normal_seam_weight": 3.0}, {"padding": 2})
+    pages = {"padding": 2, "create_image": True, "bruteForce": True}
+    out = unwrap_uv(points, faces, {"max_iterations": 2, "normal_seam_weight": 3.0}, pages)
     check(points, faces, *out)
+    assert atlas.chart_image.shape == (atlas.height, atlas.width, 3)
 
 
 def test_a_trimesh_object_as_hunyuan_and_trellis_do(installed: str, tmp_path: Path) -> None:
@@ -90,27 +92,6 @@ def test_a_trimesh_object_as_hunyuan_and_trellis_do(installed: str, tmp_path: Pa
     again = trimesh.load(tmp_path / "out.obj", process=False)
     np.testing.assert_allclose(again.triangles, before, atol=1e-6)
     assert again.visual.uv.shape[1] == 2
-
-
-def test_a_few_iterations_as_stable_dreamfusion_does(
-    installed: str, mesh: trimesh.Trimesh, tmp_path: Path
-) -> None:
-    """Options by keyword, arrays kept in an npz, charts drawn as an image."""
-    import xatlas
-
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(
-        mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32), mesh.vertex_normals
-    )
-    chart_options, pack_options = xatlas.ChartOptions(), xatlas.PackOptions()
-    chart_options.max_iterations = 4
-    pack_options.create_image = pack_options.bruteForce = True
-    atlas.generate(chart_options=chart_options, pack_options=pack_options)
-    vmapping, indices, uvs = atlas[0]
-    np.savez(tmp_path / "uv.npz", vt=uvs, ft=indices, vmapping=vmapping)
-    kept = np.load(tmp_path / "uv.npz")
-    check(mesh.vertices, mesh.faces, kept["vmapping"], kept["ft"], kept["vt"])
-    assert atlas.chart_image.shape == (atlas.height, atlas.width, 3)
 
 
 def test_what_is_handed_out_has_no_flip_and_fewer_charts_than_xatlas() -> None:
