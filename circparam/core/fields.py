@@ -102,8 +102,12 @@ def check(options: Any) -> None:
         if value is None:
             continue
         if spec.words and isinstance(value, str):
-            if value not in spec.words:
-                raise OptionError(_no_word(flag(name, spec), value, spec))
+            if value not in spec.words:  # without a near word the shortest is suggested
+                near = difflib.get_close_matches(value, spec.words, n=1, cutoff=0.5)
+                meaning = "" if spec.bounds is None else f"give {spec.bounds.meaning}; "
+                meant = (near or list(spec.words))[0]
+                said = f"{flag(name, spec)} {value!r}: {meaning}did you mean {meant}?"
+                raise OptionError(said)
         elif spec.word and isinstance(value, str):
             if value != spec.word:
                 raise OptionError(f"{flag(name, spec)} {value!r}: give {spec.word} or a number")
@@ -120,10 +124,3 @@ def check(options: Any) -> None:
         why = spec.applies(options, name)
         if why is not None:
             raise OptionError(f"{flag(name, spec)} has no effect here: {why}; leave it out")
-
-
-def _no_word(name: str, value: str, spec: Spec) -> str:
-    """The message for a word that stands for no number; without a near word it suggests the shortest."""
-    near = difflib.get_close_matches(value, spec.words, n=1, cutoff=0.5) or list(spec.words)[:1]
-    meaning = "" if spec.bounds is None else f"give {spec.bounds.meaning}; "
-    return f"{name} {value!r}: {meaning}did you mean {near[0]}?"

@@ -83,7 +83,13 @@ def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tupl
             real = Path(os.path.realpath(path))  # write through a link, not over it
             if not real.parent.is_dir():
                 raise OutputError(f"{path}: the folder {str(path.parent)!r} does not exist")
-            folder = real.parent if not real.exists() or real.is_file() else _scratch()
+            folder = real.parent
+            if (
+                real.exists() and not real.is_file()
+            ):  # no file may be made beside a pipe or a device
+                import tempfile
+
+                folder = Path(tempfile.gettempdir())
             temporary = folder / f".{real.name}.{os.getpid()}.tmp"
             _clear_left(folder, real.name)
             TEMPORARIES.append(temporary)
@@ -140,13 +146,6 @@ def _runs(pid: int) -> bool:
     except OSError:
         pass
     return True
-
-
-def _scratch() -> Path:
-    """A folder for the content of a pipe or a device, because no file may be made beside those."""
-    import tempfile
-
-    return Path(tempfile.gettempdir())
 
 
 def _sync_folders(staged: list[tuple[Path, Path]]) -> None:

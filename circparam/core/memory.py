@@ -9,9 +9,7 @@ from typing import Any
 from circparam.errors import NoResultError
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h has them
-KEPT_BYTES = (
-    1 << 30
-)  # bytes of freed arrays, and of free space at the end of the heap, that are kept
+KEPT_BYTES = 1 << 30  # of freed arrays, and of free space at the end of the heap, that are kept
 # bytes of address space for NumPy and SciPy with the work space of their two OpenBLAS, and for each of its
 # threads: with less, OpenBLAS tries without end, or ends the process
 LIBRARIES, THREAD = 250_000_000, 100_000_000

@@ -160,7 +160,8 @@ def _open(count: int, modules: tuple[str, ...], opening: _Opening) -> None:
 
 
 def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
-    limit, share = _memory(count)
+    limit = _memory_bound()
+    share = None if limit is None else limit[0] // (WORKER_SHARE * count)
     if share is not None and share < LEAST_MEMORY:
         return None
     with quiet_start():
@@ -220,16 +221,14 @@ def quiet_start() -> Iterator[None]:
             os.environ["PYTHONSAFEPATH"] = before
 
 
-def _memory(count: int) -> tuple[tuple[int, int] | None, int | None]:
-    """The bound on the address space of this process, and the share of each of so many workers."""
+def _memory_bound() -> tuple[int, int] | None:
+    """The bound on the address space of this process, if there is one."""
     try:
         import resource
     except ImportError:
-        return None, None
+        return None
     limit = resource.getrlimit(resource.RLIMIT_AS)
-    if limit[0] == resource.RLIM_INFINITY:
-        return None, None
-    return limit, limit[0] // (WORKER_SHARE * count)
+    return None if limit[0] == resource.RLIM_INFINITY else limit
 
 
 def _bound_memory(limit: tuple[int, int]) -> None:

@@ -231,7 +231,9 @@ class _Shared:
             results[own] = self._here(own)
             own = self._take()
         for k, future in self._sent.items():
-            results[k] = self._answer(k, future)
+            answer = _answered(self._pool, future, self._monitor)
+            self._packed[k] = b"" if answer else self._packed[k]
+            results[k] = answer[0] if answer else self._here(k)
         self._tasks, self._packed = [], []  # who waits for a process holds this until there is one
         return results
 
@@ -267,14 +269,6 @@ class _Shared:
             future.add_done_callback(self._send)
         else:
             self._pool.release()
-
-    def _answer(self, k: int, future: "Future[bytes] | None") -> Any:
-        """The answer of a process, else the same computed here."""
-        answer = _answered(self._pool, future, self._monitor)
-        if answer is None:
-            return self._here(k)
-        self._packed[k] = b""
-        return answer[0]
 
 
 def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:

@@ -76,23 +76,20 @@ def test_distinct_values_come_once_and_in_order(values: list[int]) -> None:
     assert sorted_distinct(twice).tolist() == sorted(set(values)), "any shape"
 
 
-@given(st.lists(st.integers(0, 12), max_size=60), st.sampled_from([0, 1, 2**40, -5, 2**62]))
-def test_equal_keys_stay_in_their_order(keys: list[int], far: int) -> None:
-    array = np.array([k + far for k in keys], np.int64)
-    assert stable_order(array).tolist() == sorted(range(len(keys)), key=lambda k: keys[k])
-
-
-@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), max_size=60))
-def test_keys_that_differ_in_low_and_in_high_bits_are_sorted_by_both(
-    keys: list[tuple[int, int]],
-) -> None:
-    values = [(high << 58) + low for high, low in keys]
-    order = stable_order(np.array(values, np.int64)).tolist()
-    assert order == sorted(range(len(values)), key=lambda k: values[k])
-
-
 @given(st.integers(0, 300), st.integers(1, 50))
 def test_slices_hold_every_row_once_and_in_order(count: int, size: int) -> None:
     rows = [range(count)[k] for k in slices(count, size)]
     assert [row for piece in rows for row in piece] == list(range(count))
     assert all(0 < len(piece) <= size for piece in rows)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), max_size=60),
+    st.sampled_from([0, 58]),
+    st.sampled_from([0, 1, 2**40, -5, 2**62]),
+)
+def test_equal_keys_stay_in_their_order(pairs: list[tuple[int, int]], shift: int, far: int) -> None:
+    """Small ones, far ones, and those that differ in low and in high bits."""
+    values = [(high << shift) + low + (far if shift == 0 else 0) for high, low in pairs]
+    order = stable_order(np.array(values, np.int64)).tolist()
+    assert order == sorted(range(len(values)), key=lambda k: values[k])

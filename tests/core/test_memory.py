@@ -24,10 +24,7 @@ def test_what_is_held_counts() -> None:
         assert resident(os.getpid()) - before > 0.8 * size
         assert address_space() - room > 0.8 * size
     assert resident() <= address_space()
-
-
-def test_a_process_that_is_not_there_holds_nothing() -> None:
-    assert resident(2**30) == 0 == address_space(2**30)
+    assert resident(2**30) == 0 == address_space(2**30), "of a process that is not there"
 
 
 def faults(size: int, times: int) -> int:
@@ -84,24 +81,20 @@ assert np.allclose(blas.dgemm(1.0, square, square), 300)
 
 
 @needs_bounds
-@pytest.mark.parametrize("words", [["unwrap", "mesh.obj"], ["methods"]])
-def test_a_bound_below_what_the_libraries_take_is_refused_at_once(words: list[str]) -> None:
-    run = bounded(300_000_000, *words)
-    assert run.returncode == 5
-    assert "the libraries alone take" in run.stderr
-    assert run.stderr.count("\n") == 1
-
-
-@needs_bounds
-def test_help_needs_no_libraries() -> None:
-    assert bounded(300_000_000, "--help").returncode == 0
-
-
-def bounded(size: int, *words: str) -> subprocess.CompletedProcess[str]:
-    """The command line with so much address space."""
-    code = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({size}, {size}))"
-    code += "; from circparam.cli.group import main; main()"
-    command = [sys.executable, "-c", code, *words]
-    return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
+@pytest.mark.parametrize(
+    ("words", "code"), [(["unwrap", "mesh.obj"], 5), (["methods"], 5), (["--help"], 0)]
+)
+def test_a_bound_below_what_the_libraries_take_is_refused_at_once(
+    words: list[str], code: int
+) -> None:
+    program = "import resource; resource.setrlimit(resource.RLIMIT_AS, (300_000_000,) * 2)"
+    program += "; from circparam.cli.group import main; main()"
+    run = subprocess.run(
+        [sys.executable, "-c", program, *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
+    assert run.returncode == code
+    assert ("the libraries alone take" in run.stderr) == (run.stderr.count("\n") == 1) == bool(code)

@@ -44,30 +44,17 @@ class Kept:
 
 def test_values_by_place_name_and_default(dataclass: Any) -> None:
     _, Child = _classes(dataclass)
-    one = Child(1, e=5)
-    assert (one.a, one.b, one.c, one.d, one.e, one.length, one.kind) == (
-        1,
-        [],
-        2.0,
-        "d",
-        5,
-        7,
-        "base",
-    )
-    two = Child(1, [4], 3.0, "x", e=6)
+    one, two = Child(1, e=5), Child(1, [4], 3.0, "x", e=6)
+    assert (one.a, one.b, one.c, one.d, one.e) == (1, [], 2.0, "d", 5)
+    assert (one.length, one.kind) == (7, "base")
     assert (two.b, two.c, two.d) == ([4], 3.0, "x")
     assert Child(1, e=5).b is not one.b
-
-
-@pytest.mark.parametrize(
-    ("values", "named"),
-    [((), {"e": 1}), ((1,), {}), ((1, [], 2.0, "d", 9), {}), ((1,), {"e": 1, "f": 2})],
-)
-def test_wrong_values_are_errors_of_the_call(dataclass: Any, values: Any, named: Any) -> None:
-    _, Child = _classes(dataclass)
-    for _ in range(2):  # the first instance and later ones
-        with pytest.raises(TypeError, match="__init__"):
-            Child(*values, **named)
+    for values, named in (
+        ((), {"e": 1}), ((1,), {}), ((1, [], 2.0, "d", 9), {}), ((1,), {"e": 1, "f": 2}),
+    ):  # fmt: skip
+        for made in (Child, _classes(dataclass)[1]):  # after the first instance, and before
+            with pytest.raises(TypeError, match="__init__"):
+                made(*values, **named)
 
 
 def test_frozen_is_frozen_and_replaced_by_copies(dataclass: Any) -> None:
@@ -82,6 +69,9 @@ def test_frozen_is_frozen_and_replaced_by_copies(dataclass: Any) -> None:
     with pytest.raises(ValueError, match="below zero"):
         dataclasses.replace(Child(1, e=2), e=-1)
     assert dataclasses.asdict(Base(1, [2])) == {"a": 1, "b": [2], "c": 2.0, "length": 7}
+    assert copy.deepcopy(Base(1, [2])).b == [2]
+    sent = pickle.loads(pickle.dumps(Kept(4)))
+    assert (sent.x, sent.y) == (4, 3)
 
 
 def test_a_standard_class_inherits(dataclass: Any) -> None:
@@ -106,11 +96,6 @@ def test_a_standard_class_inherits(dataclass: Any) -> None:
 def test_equality_hash_and_text(dataclass: Any) -> None:
     Base, Child = _classes(dataclass)
 
-    @dataclass(frozen=True)
-    class Point:
-        x: int
-        y: int = 0
-
     @dataclass
     class Mutable:
         x: int
@@ -119,22 +104,6 @@ def test_equality_hash_and_text(dataclass: Any) -> None:
     class Same:
         x: int
 
-    assert Point(1) == Point(1, 0) != Point(1, 2)
-    assert hash(Point(1)) == hash(Point(1, 0))
-    assert len({Point(1), Point(1), Point(2)}) == 2
-    assert Base(1) != Child(1, e=2)
-    assert Child(1, d="a", e=2) == Child(1, d="b", e=2)
-    assert repr(Base(1)).endswith("Base(a=1, c=2.0, length=7)")
-    one = Mutable(1)
-    one.x = 5
-    assert one == Mutable(5)
-    with pytest.raises(TypeError, match="unhashable"):
-        hash(one)
-    assert Same(1) != Same(1)
-    assert hash(Same(1)) is not None
-
-
-def test_own_methods_are_kept(dataclass: Any) -> None:
     @dataclass(frozen=True)
     class Own:
         x: int
@@ -148,13 +117,16 @@ def test_own_methods_are_kept(dataclass: Any) -> None:
         def __hash__(self) -> int:
             return 3
 
-    assert repr(Own(1)) == "own"
-    assert Own(1) == Own(2)
-    assert hash(Own(1)) == 3
-
-
-def test_instances_are_copied_and_sent(dataclass: Any) -> None:
-    Base, _ = _classes(dataclass)
-    assert copy.deepcopy(Base(1, [2])).b == [2]
-    sent = pickle.loads(pickle.dumps(Kept(4)))
-    assert (sent.x, sent.y) == (4, 3)
+    class_of_two = dataclasses.make_dataclass("Two", ["x"], frozen=True)
+    assert Child(1, d="a", e=2) == Child(1, d="b", e=2) != Base(1) != class_of_two(1)
+    tuples = [Child(1, (), e=2), Child(1, (), d="b", e=2), Child(1, (), e=3)]
+    assert len(set(tuples)) == 2
+    assert repr(Base(1)).endswith("Base(a=1, c=2.0, length=7)")
+    one = Mutable(1)
+    one.x = 5
+    assert one == Mutable(5)
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(one)
+    assert Same(1) != Same(1)
+    assert hash(Same(1)) is not None
+    assert (repr(Own(1)), hash(Own(1)), Own(1) == Own(2)) == ("own", 3, True)

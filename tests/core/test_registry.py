@@ -22,24 +22,15 @@ def test_rows_by_name_in_their_order() -> None:
     assert fruit.tagged("flip-free") == []
 
 
-def test_an_unknown_name_is_an_error_with_what_is_near() -> None:
+def test_an_unknown_name_is_an_error_with_at_most_two_that_are_near() -> None:
     with pytest.raises(OptionError, match=r"^unknown fruit 'appel': did you mean apple\?$"):
         table()["appel"]
     with pytest.raises(OptionError, match=r"^unknown fruit 'xyz': choose one of apple, pear$"):
         table()["xyz"]
-
-
-def test_at_most_two_near_names() -> None:
-    names = ["abcd", "abce", "abcf", "zzzz"]
-    near = unknown_name("word", "abc", names).split("did you mean ")[1].rstrip("?").split(" or ")
-    assert len(near) == 2
-    assert set(near) < {"abcd", "abce", "abcf"}
+    said = unknown_name("word", "abc", ["abcd", "abce", "abcf", "zzzz"])
+    assert said.count("abc") == 3
 
 
 def test_tags_that_nobody_proves_are_refused() -> None:
     with pytest.raises(ValueError, match=r"'magic'.*'wand'"):
         Row("wand", str, "", tags=frozenset({"magic", *TAGS}))
-
-
-def test_a_row_accepts_nothing_unless_it_says_so() -> None:
-    assert Row("apple", str, "").accepts == frozenset()

@@ -62,14 +62,20 @@ def none_left() -> Iterator[None]:
     workers.stop()
 
 
-def test_tasks_are_done_here_and_beside_in_order() -> None:
+def test_tasks_are_done_here_and_beside_in_order_by_so_many() -> None:
     pool = opened(3)
-    got = Worker(3).map(square, [(k, "") for k in range(7)], Monitor())
-    assert [value for value, _ in got] == [k * k for k in range(7)]
-    found = {pid for _, pid in got}
-    assert os.getpid() in found
-    assert len(found) > 1
-    assert found - {os.getpid()} <= set(pids(pool))
+    for jobs in (1, 3):
+        got = Worker(jobs).map(square, [(k, "") for k in range(7)], Monitor())
+        assert [value for value, _ in got] == [k * k for k in range(7)]
+        found = {pid for _, pid in got}
+        assert os.getpid() in found
+        assert found - {os.getpid()} <= set(pids(pool))
+        assert (len(found) > 1) == (jobs > 1)
+    for fewer in (1, 2, 3):
+        workers.start(fewer, HERE)
+        assert current() is pool, "as many, or more than enough, stay"
+    assert opened(4, "no.such.module") is not pool
+    assert Worker(2).map(square, [(k, "") for k in range(3)], Monitor())[2][0] == 4
 
 
 def outer(k: int, monitor: Monitor) -> list[tuple[int, int]]:
@@ -146,32 +152,19 @@ def patient(k: int, monitor: Monitor) -> int:
     return os.getpid()
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_one_job_is_this_process_alone(jobs: int) -> None:
-    opened()
-    got = Worker(jobs).map(square, [(1, ""), (2, "")], Monitor())
-    assert (got[1][1] == os.getpid()) is (jobs == 1)
-    workers.start(1, HERE)
-    assert current() is not None, "whoever needs none ends none"
-
-
-def test_what_a_dead_worker_leaves_is_done_here() -> None:
-    opened()
-    tasks = [(k, str(os.getpid())) for k in range(4)]
+@pytest.mark.parametrize("when", ["at work", "idle"])
+def test_what_a_dead_worker_leaves_is_done_here_and_the_next_mesh_has_new_ones(when: str) -> None:
+    pool, here = opened(), os.getpid()
+    if when == "idle":
+        for pid in pids(pool):
+            os.kill(pid, signal.SIGKILL)
+    tasks = [(k, str(here) if when == "at work" else "") for k in range(4)]
     for _ in range(2):  # the second time there is no worker any more
-        assert Worker(2).map(square, tasks, Monitor()) == [(k * k, os.getpid()) for k in range(4)]
+        assert Worker(2).map(square, tasks, Monitor()) == [(k * k, here) for k in range(4)]
     assert current() is None
-
-
-def test_a_worker_killed_while_it_waits_for_work() -> None:
-    pool = opened()
-    for pid in pids(pool):
-        os.kill(pid, signal.SIGKILL)
-    got = Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
-    assert got == [(k * k, os.getpid()) for k in range(3)]
     opened()
     (_, own), (_, other) = Worker(2).map(square, [(1, ""), (2, "")], Monitor())
-    assert own == os.getpid() != other, "new ones for the next mesh"
+    assert own == here != other
 
 
 def test_what_fails_in_a_worker_is_done_here() -> None:
@@ -209,12 +202,6 @@ def test_where_no_worker_can_be_had_all_is_done_here(
     assert got == [(k * k, os.getpid()) for k in range(3)]
 
 
-def test_a_module_that_is_not_there_is_no_error() -> None:
-    opened(2, "no.such.module")
-    got = Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
-    assert [value for value, _ in got] == [0, 1, 4]
-
-
 def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -228,16 +215,6 @@ def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(
     assert (threads, further) == ("1", False)
     assert pid != os.getpid()
     assert "pytest" not in main
-
-
-def test_workers_are_kept_and_more_of_them_are_new() -> None:
-    pool = opened()
-    workers.start(2, HERE)
-    assert current() is pool
-    more = opened(3)
-    assert more is not pool
-    workers.start(2, HERE)
-    assert current() is more, "more than enough stay"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="bounds on the address space")
@@ -270,20 +247,19 @@ for size in (8 << 30, 1 << 30):
     )
 
 
-def test_one_core_is_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)
-    assert workers.free_cores() == workers.cores() == 1
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
+def test_cores_are_those_that_are_free_and_at_most_the_threads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(workers, "_quota", lambda: 3)
-    assert workers.free_cores() == workers.cores() == 3
-
-
-def test_cores_are_bounded_by_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert workers.cores() == 1
-    monkeypatch.setenv("OMP_NUM_THREADS", "nonsense")
-    assert workers.cores() >= 1
+    for free, threads, cores in (
+        ({0}, None, 1), (set(range(6)), None, 3), ({0, 1}, "1", 1), ({0, 1}, "nonsense", 2),
+    ):  # fmt: skip
+        monkeypatch.setattr(os, "sched_getaffinity", lambda _, free=free: free, raising=False)
+        monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+        if threads:
+            monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        assert workers.cores() == cores
+        assert workers.free_cores() == min(len(free), 3)
 
 
 @settings(max_examples=40)
