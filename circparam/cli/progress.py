@@ -97,7 +97,7 @@ class Forward:
     def __call__(self, stage: str, fraction: float) -> float:
         """The share of the run, 0..1, that is done when a stage has come so far; unknown ones move nothing."""
         if stage in OTHERS and self.groups is GROUPS:
-            self.groups, self.fraction = OTHERS[stage], 0.0
+            self.groups = OTHERS[stage]
         for number, group in enumerate(self.groups):
             if stage in group and number >= self._at:
                 self._come = self._come if number == self._at else {}
@@ -107,7 +107,7 @@ class Forward:
         here = self.groups[self._at]
         done = float(sum(costs[: self._at]))
         done += sum(here.get(name, 0) * come for name, come in self._come.items())
-        self.fraction = max(self.fraction, done / sum(costs))
+        self.fraction = done / sum(costs)
         return self.fraction
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support import shapes
+from tests.support.command_line import obj
 
 resource = pytest.importorskip("resource")
 STEPS = 20
@@ -56,12 +57,7 @@ def test_four_gigabytes_cut_short(tmp_path: Path, enough: bool) -> None:
 def test_memory_that_ends_at_any_step(tmp_path: Path) -> None:
     """From what the libraries take to what the mesh takes: a line and its code, or the whole file."""
     shape = shapes.noisy(*shapes.torus(128, 50), amount=0.002)
-    path = tmp_path / "in.obj"
-    points, faces = shape
-    path.write_text(
-        "".join(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points)
-        + "".join(f"f {a} {b} {c}\n" for a, b, c in faces + 1)
-    )
+    path = obj(tmp_path / "in.obj", shape)
     before, codes = path.read_bytes(), []
     for limit in np.linspace(300e6, 900e6, STEPS).astype(int):
         done = run(int(limit), "unwrap", str(path), "-o", str(tmp_path / "out.ply"), "--overwrite")

@@ -188,7 +188,8 @@ ROWS = """
 3 | bake old.obj -o x.png --from texture               | uses uv set 0
 3 | bake new.obj -o x.png --from texture --source gone.obj | no such file
 3 | bake new.obj -o x.png --from texture --source unpainted.obj | gone.png is missing
-2 | bake new.obj -o x.png                              | --from
+2 | bake new.obj -o x.png                              | nothing to bake: give --from WHAT, or --all
+2 | bake new.obj -o x.png --all --from texture         | nothing to bake: give --from WHAT, or --all
 2 | bake new.obj -o x.png --all --map nearest          | --map has no effect here: --all keeps
 2 | bake new.obj -o x.png --from texture --samples 4   | --samples has no effect here: it needs --all
 2 | bake new.obj -o x.png --from texture --size auto   | it needs --all

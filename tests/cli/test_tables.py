@@ -60,6 +60,8 @@ def test_an_unwrap() -> None:
     assert "all is well" in text(unwrap_table(REPORT, 2))
     assert "packed" not in text(unwrap_table(REPORT | {"pack": None}))
     assert "75.6 % of the page" in text(unwrap_table(REPORT | {"pages": 1}))
+    unknown = " ".join(text(unwrap_table(REPORT | {"distortion": None})).split())
+    assert "distortion - (worst chart infinite" in unknown
 
 
 def check_report(parts: int) -> dict[str, Any]:

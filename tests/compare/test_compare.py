@@ -16,6 +16,7 @@ from circparam.compare.compare import compare, method_names
 from circparam.compare.rows import FIGURES, INPUT, Comparison, Entry
 from circparam.methods import METHODS
 from tests.support import shapes
+from tests.support.command_line import obj
 
 
 @pytest.fixture(scope="module")
@@ -79,12 +80,7 @@ def test_the_uv_of_the_file_is_the_first_row() -> None:
 
 def test_input_row_of_a_layout_that_is_perfect(tmp_path: Path) -> None:
     p, f = shapes.delaunay_square(50)
-    lines = [f"v {x!r} {y!r} 0" for x, y, _ in p.tolist()] + [
-        f"vt {x!r} {y!r}" for x, y, _ in p.tolist()
-    ]
-    lines += [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in (f + 1).tolist()]
-    (tmp_path / "flat.obj").write_text("\n".join(lines) + "\n")
-    c = quick(tmp_path / "flat.obj", "uniform")
+    c = quick(obj(tmp_path / "flat.obj", (p, f), p[:, :2]), "uniform")
     own = row(c, INPUT)
     assert own["status"] == "ok"
     assert own["distortion"] == pytest.approx(1, abs=1e-9)

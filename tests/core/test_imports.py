@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.support import shapes
+from tests.support.command_line import obj
 
 PROGRAM = """
 import sys
@@ -89,11 +90,9 @@ print(sorted(wanted & set(sys.modules)))
 
 
 def test_a_mesh_of_one_chart_loads_nothing_that_only_others_need(tmp_path: Path) -> None:
-    mesh = tmp_path / "dome.obj"
     points, faces = shapes.delaunay_square(200)
     points = np.c_[points[:, :2], 0.1 * (points[:, :2] ** 2).sum(1)]
-    lines = [f"v {x} {y} {z}" for x, y, z in points]
-    mesh.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in faces + 1)]) + "\n")
+    mesh = obj(tmp_path / "dome.obj", (points, faces))
     done = subprocess.run(
         [sys.executable, "-c", UNWRAP, str(mesh), "-o", str(tmp_path / "out.obj")],
         capture_output=True,
@@ -120,6 +119,7 @@ if sys.argv[1] == "moved":
 import circparam
 from circparam.core import linalg
 from tests.support import shapes
+from tests.support.command_line import obj
 result = circparam.unwrap(shapes.noisy(*shapes.icosphere(2), amount=0.1), jobs=1, resolution=256)
 print(linalg.gstrf is None, sorted(result.measures.items()))
 """

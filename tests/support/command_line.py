@@ -8,6 +8,7 @@ import numpy as np
 from click.testing import CliRunner, Result
 
 from circparam.cli import cli
+from tests.support import writers
 
 QUICK = ("--effort", "0.01")  # the search for a better packing is tested elsewhere
 CONVEX = ("--cut", "none", "--method", "mean-value", *QUICK)
@@ -39,10 +40,5 @@ def one_line_error(result: Result, code: int, *words: str) -> None:
 
 def obj(path: Path, shape: tuple[np.ndarray, np.ndarray], uv: np.ndarray | None = None) -> Path:
     """An OBJ file of points and faces; uv: of each point."""
-    points, faces = shape
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    lines += [] if uv is None else [f"vt {u!r} {v!r}" for u, v in uv.tolist()]
-    corner = "{0}" if uv is None else "{0}/{0}"
-    lines += ["f " + " ".join(corner.format(k) for k in face) for face in (faces + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_bytes(writers.obj(*shape, uv))
     return path
