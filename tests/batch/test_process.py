@@ -82,7 +82,7 @@ def test_a_mesh_opens_no_processes_of_its_own(
     asked: list[int] = []
     monkeypatch.setattr("circparam.core.workers.start", lambda jobs, *_: asked.append(jobs))
     monkeypatch.setattr("circparam.pipeline.options.cores", lambda: 4)
-    mesh = str(samples.path("creature"))
+    mesh = str(samples.path("ribbon"))
     (tmp_path / "o").mkdir()
     for jobs in (None, 4):
         given = settings(tmp_path, method="isometric", cut="charts", jobs=jobs)
