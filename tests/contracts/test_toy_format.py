@@ -53,27 +53,23 @@ def to_toy(document, uvmap, options, stem):
     return Encoded("\n".join(lines).encode(), "toy", np.arange(n), np.arange(m))
 
 
-ROW = Row(
-    "toy",
-    Format(
-        read_toy,
-        (".toy",),
-        lambda data: data.startswith(b"TOY\n"),
-        export=to_toy,
-        round_uv=round_toy,
-    ),
-    "a toy: one line for each point, triangle and layout of a triangle",
-)
+def is_toy(data):
+    return data.startswith(b"TOY\n")
+
+
+FORMAT = Format(read_toy, (".toy",), is_toy, export=to_toy, round_uv=round_toy)
 
 
 @pytest.fixture(autouse=True)
-def toy() -> Iterator[None]:
-    with added(FORMATS, ROW):
-        yield
+def toy(tmp_path: Path) -> Iterator[Path]:
+    """A cube as a file of the new format."""
+    with added(FORMATS, Row("toy", FORMAT, "a line for each point, triangle and layout of one")):
+        doc = circparam.formats.from_arrays(*shapes.cube())
+        write(tmp_path / "in.toy", doc, smooth_layout(doc))
+        yield tmp_path / "in.toy"
 
 
 def test_it_keeps_the_contract_of_every_format(tmp_path: Path) -> None:
-    assert "toy" in FORMATS.names()
     contract.check_round_trip("toy")
     contract.check_rounding_is_small("toy")
     contract.check_told_by_content_and_name("toy", tmp_path)
@@ -82,34 +78,24 @@ def test_it_keeps_the_contract_of_every_format(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("output", ["out.toy", "out.glb"])
-def test_it_is_unwrapped_and_written(tmp_path: Path, output: str) -> None:
-    points, faces = shapes.cube()[:2]
-    doc = circparam.formats.from_arrays(points, faces)
-    write(tmp_path / "in.toy", doc, smooth_layout(doc))
-    result = circparam.unwrap(tmp_path / "in.toy", tmp_path / output)
+def test_it_is_unwrapped_and_written(toy: Path, output: str) -> None:
+    result = circparam.unwrap(toy, toy.with_name(output), effort=0.01)
     assert result.status == "ok"
     assert result.document.format == "toy"
-    back = read(tmp_path / output)
+    back = read(toy.with_name(output))
     assert back.format == output.split(".")[1]
     uvmap = back.uv()
-    np.testing.assert_array_equal(
-        uvmap.uv[uvmap.uv_faces], result.uv[result.uv_faces][result.face_map]
-    )
+    expected = result.uv[result.uv_faces][result.face_map]
+    np.testing.assert_array_equal(uvmap.uv[uvmap.uv_faces], expected)
     if output == "out.toy":
         steps = uvmap.uv * STEPS
         np.testing.assert_array_equal(steps, np.round(steps))  # judged as the file holds them
 
 
-def test_nothing_said_it_is_written_as_itself(tmp_path: Path) -> None:
-    points, faces = shapes.cube()[:2]
-    doc = circparam.formats.from_arrays(points, faces)
-    write(tmp_path / "in.toy", doc, smooth_layout(doc))
-    assert circparam.unwrap(tmp_path / "in.toy").format == "toy"
+def test_nothing_said_it_is_written_as_itself(toy: Path) -> None:
+    assert circparam.unwrap(toy, effort=0.01).format == "toy"
 
 
-def test_options_that_do_not_apply_name_it(tmp_path: Path) -> None:
-    points, faces = shapes.cube()[:2]
-    doc = circparam.formats.from_arrays(points, faces)
-    write(tmp_path / "in.toy", doc, smooth_layout(doc))
+def test_options_that_do_not_apply_name_it(toy: Path) -> None:
     with pytest.raises(OptionError, match="TOY files share no meshes"):
-        circparam.unwrap(tmp_path / "in.toy", unshare=True)
+        circparam.unwrap(toy, unshare=True)

@@ -58,6 +58,14 @@ def run(*words: object) -> Result:
     return CliRunner().invoke(cli, [str(word) for word in words])
 
 
+def unwrapped_by_it(disk: Path) -> dict[str, Any]:
+    """The report of an unwrap by the new method."""
+    result = run("unwrap", disk, *CONVEX[:2], "--method", "toyish", "--effort", "0.01", "--json")
+    assert result.exit_code == 0, result.stderr
+    report: dict[str, Any] = json.loads(result.stdout)
+    return report
+
+
 def test_it_is_unknown_without_its_row(disk: Path) -> None:
     assert run("unwrap", disk, *CONVEX[:2], "--method", "toyish").exit_code == 2
     with pytest.raises(OptionError, match="unknown method 'toyish'"):
@@ -65,9 +73,7 @@ def test_it_is_unknown_without_its_row(disk: Path) -> None:
 
 
 def test_it_unwraps(disk: Path, toyish: Row[Any]) -> None:
-    result = run("unwrap", disk, *CONVEX[:2], "--method", "toyish", "--effort", "0.01", "--json")
-    assert result.exit_code == 0, result.stderr
-    report = json.loads(result.stdout)
+    report = unwrapped_by_it(disk)
     assert (report["method"], report["status"], report["flips"]) == ("toyish", "ok", 0)
 
 
@@ -79,11 +85,8 @@ def test_it_is_listed_with_its_guarantees(toyish: Row[Any]) -> None:
 
 
 def test_it_is_suggested(disk: Path, toyish: Row[Any]) -> None:
-    for result in (
-        run("unwrap", disk, "--method", "toyis"),
-        run("methods", "toyis"),
-        run("compare", disk, "--methods", "toyis"),
-    ):
+    words = (["unwrap", disk, "--method"], ["methods"], ["compare", disk, "--methods"])
+    for result in (run(*some, "toyis") for some in words):
         assert result.exit_code == 2
         assert "did you mean toyish" in result.stderr
 
@@ -102,9 +105,8 @@ def test_it_accepts_what_its_row_names(toyish: Row[Any]) -> None:
 
 def test_it_is_compared(disk: Path, toyish: Row[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     # a process of its own would not know the row: the methods run in this one
-    monkeypatch.setattr(
-        process, "run", lambda task, arrays, told, _: process.here(task, arrays, told)
-    )
+    here = lambda task, arrays, told, _: process.here(task, arrays, told)  # noqa: E731
+    monkeypatch.setattr(process, "run", here)
     result = run("compare", disk, "--methods", "toyish,mean-value", "--json")
     assert result.exit_code == 0, result.stderr
     ours, same = json.loads(result.stdout)["meshes"][0]["rows"]
@@ -123,24 +125,24 @@ def contract_checks() -> dict[str, Callable[[str], None]]:
 
 
 @pytest.mark.parametrize("name", contract_checks())
-def test_it_keeps_the_contract(
-    name: str, toyish: Row[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_keeps_the_contract(name: str, toyish: Row[Any]) -> None:
     contract_checks()[name]("toyish")
 
 
-def test_the_contract_notices_a_method_that_breaks_it() -> None:
+UPRIGHT = (
+    contract.test_the_layout_fits_the_patches_and_is_upright,
+    contract.test_one_triangle_is_a_map,
+)
+
+
+@pytest.mark.parametrize("check", UPRIGHT)
+def test_the_contract_notices_a_method_that_breaks_it(check: Callable[[str], None]) -> None:
     with added(METHODS, row(mirrored)), pytest.raises(AssertionError):
-        contract.test_the_layout_fits_the_patches_and_is_upright("toyish")
-    with added(METHODS, row(mirrored)), pytest.raises(AssertionError):
-        contract.test_one_triangle_is_a_map("toyish")
+        check("toyish")
 
 
 def test_the_file_is_verified_whatever_a_row_does(disk: Path) -> None:
     with added(METHODS, row(mirrored)):
-        result = run(
-            "unwrap", disk, *CONVEX[:2], "--method", "toyish", "--effort", "0.01", "--json"
-        )
-    report = json.loads(result.stdout)
+        report = unwrapped_by_it(disk)
     assert (report["status"], report["mirrored"]) == ("degraded", 1)
     assert "mirrored" in " ".join(report["reasons"])

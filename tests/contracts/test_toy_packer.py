@@ -42,87 +42,72 @@ def five_squares(shapes: object, options: PackOptions) -> bool:
 TOY = Row("quincunx", Packer(quincunx, five_squares), "five squares like the five of a die")
 
 
+def never(shapes: object, options: object) -> bool:
+    return False
+
+
 def is_quincunx(packed: Packed) -> bool:
     centre = packed.uv.reshape(N, 4, 2).mean(1)
     return bool(np.abs(centre[1:] - 0.5).min() > 0.25) and np.allclose(centre[0], 0.5)
 
 
-def use(monkeypatch: pytest.MonkeyPatch, *rows: Row[Packer]) -> None:
+def packed_by(
+    monkeypatch: pytest.MonkeyPatch,
+    *rows: Row[Packer],
+    options: PackOptions = OPTIONS,
+    **given: object,
+) -> Packed:
+    """The five squares packed by a table of these rows."""
     monkeypatch.setattr("circparam.packing.table.PACKERS", Table("packer", *rows))
+    return pack(*squares(), options, **given)
 
 
 def test_one_row_adds_a_packer(monkeypatch: pytest.MonkeyPatch) -> None:
     without = pack(*squares(), OPTIONS)
     assert not is_quincunx(without)
-    use(monkeypatch, *PACKERS, TOY)
-    packed = pack(*squares(), OPTIONS)
+    packed = packed_by(monkeypatch, *PACKERS, TOY)
     assert is_quincunx(packed)
     assert packed.scale > without.scale
     assert packed.share[0] == pytest.approx(N * packed.scale**2, rel=0.02)
 
 
 def test_a_packer_runs_where_it_applies_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    use(monkeypatch, TOY)
-    assert is_quincunx(pack(*squares(), OPTIONS))
+    assert is_quincunx(packed_by(monkeypatch, TOY))
     with pytest.raises(OptionError, match="do not fit"):
-        pack(*squares(), PackOptions(resolution=256, rotate="none"))
+        packed_by(monkeypatch, TOY, options=PackOptions(resolution=256, rotate="none"))
 
 
-def test_a_looser_packer_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    without = pack(*squares(), OPTIONS)
-    known: list[list[str]] = []
+@pytest.mark.parametrize("factor", [0.5, 1.1])
+def test_a_packer_that_is_looser_or_overlaps_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch, factor: float
+) -> None:
+    """Whoever claims the largest scale is looked at first; where charts overlap, the next one is taken."""
+    found: list[tuple[list[str], bool]] = []
 
-    def loose(task: PackTask) -> Placement:
-        known.append(sorted(task.found))
+    def scaled(task: PackTask) -> Placement:
         placement = quincunx(task)
-        return Placement(placement.scale / 2, placement.angle, placement.offset, placement.page)
-
-    use(monkeypatch, *PACKERS, Row("loose", Packer(loose), "the same, half as large"))
-    np.testing.assert_array_equal(pack(*squares(), OPTIONS).uv, without.uv)
-    assert known == [["nest", "shelf"]]  # it may start from what the rows before it found
-
-
-def test_a_packer_that_overlaps_is_refused_by_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It claims the largest scale, so it is looked at first; the next one is taken."""
-    sound: list[bool] = []
-
-    def bad(task: PackTask) -> Placement:
-        placement = quincunx(task)
-        too_large = Placement(
-            placement.scale * 1.1, placement.angle, placement.offset, placement.page
-        )
-        sound.extend([task.sound(placement), task.sound(too_large)])
-        return too_large
+        placement = replace(placement, scale=factor * placement.scale)
+        found.append((sorted(task.found), task.sound(placement)))
+        return placement
 
     without = pack(*squares(), OPTIONS)
-    use(monkeypatch, *PACKERS, Row("bad", Packer(bad), "charts over each other"))
-    np.testing.assert_array_equal(pack(*squares(), OPTIONS).uv, without.uv)
-    assert sound == [True, False]
+    row = Row("scaled", Packer(scaled), "the same, smaller or larger")
+    np.testing.assert_array_equal(packed_by(monkeypatch, *PACKERS, row).uv, without.uv)
+    assert found == [(["nest", "shelf"], factor < 1)]  # it may start from what others found
 
 
 def test_a_fallback_runs_where_only_a_start_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(shapes: object, options: object) -> bool:
-        return False
-
-    def fails(task: PackTask) -> Placement | None:
-        return None
-
-    shelf = PACKERS["shelf"]
-    empty = Row("empty", Packer(fails), "finds nothing")
+    empty = Row("empty", Packer(lambda task: None), "finds nothing")
     fallback = Row("fallback", Packer(quincunx, never, fallback=True), "where nothing else is")
-    use(monkeypatch, shelf, empty, Row("other", Packer(quincunx, never), "no fallback"))
-    assert not is_quincunx(pack(*squares(), OPTIONS))
-    use(monkeypatch, shelf, empty, fallback)
-    assert is_quincunx(pack(*squares(), OPTIONS))
-    ran: list[str] = []
+    other = Row("other", Packer(quincunx, never), "no fallback")
+    assert not is_quincunx(packed_by(monkeypatch, PACKERS["shelf"], empty, other))
+    assert is_quincunx(packed_by(monkeypatch, PACKERS["shelf"], empty, fallback))
 
-    def recorded(task: PackTask) -> Placement:
-        ran.append("fallback")
-        return quincunx(task)
+    def unasked(task: PackTask) -> Placement:
+        raise AssertionError("a fallback ran beside a packer that found a place")
 
-    use(monkeypatch, TOY, Row("fallback", Packer(recorded, never, fallback=True), "not needed"))
-    assert is_quincunx(pack(*squares(), OPTIONS))
-    assert ran == []
+    idle = Row("fallback", Packer(unasked, never, fallback=True), "not needed")
+    assert is_quincunx(packed_by(monkeypatch, TOY, idle))
 
 
 def test_only_instant_packers_run_after_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,10 +116,9 @@ def test_only_instant_packers_run_after_the_deadline(monkeypatch: pytest.MonkeyP
         def expired(self) -> bool:
             return True
 
-    use(monkeypatch, PACKERS["shelf"], TOY)
-    assert not is_quincunx(pack(*squares(), OPTIONS, Over()))
-    use(monkeypatch, Row("quincunx", Packer(quincunx, instant=True), "takes no time"))
-    assert is_quincunx(pack(*squares(), OPTIONS, Over()))
+    instant = Row("quincunx", Packer(quincunx, instant=True), "takes no time")
+    assert not is_quincunx(packed_by(monkeypatch, PACKERS["shelf"], TOY, monitor=Over()))
+    assert is_quincunx(packed_by(monkeypatch, instant, monitor=Over()))
 
 
 @pytest.mark.parametrize("row", list(PACKERS), ids=PACKERS.names())
@@ -146,8 +130,6 @@ def test_every_row_places_charts_by_itself(row: Row[Packer]) -> None:
         return finish(shapes, placement, options)[1] is None
 
     placement = row.function(PackTask(shapes, options, Monitor(), {}, sound))
-    assert placement is not None
     packed, wrong = finish(shapes, placement, options)
     assert wrong is None
     assert packed.share[0] > 0.5
-    assert row.summary
