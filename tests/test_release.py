@@ -30,11 +30,8 @@ def test_the_readme_of_a_release_has_no_relative_link() -> None:
     assert len(relative(README)) > 10
     for url in ("", URL):
         assert not relative(release.absolute(README, url))
-    shown = release.absolute(README, URL)
-    assert (
-        f"![The same disk flattened by several methods]({URL}/raw/v{__version__}/docs/pictures/"
-        in shown
-    )
+    shown, picture = release.absolute(README, URL), "The same disk flattened by several methods"
+    assert f"![{picture}]({URL}/raw/v{__version__}/docs/pictures/" in shown
     assert f"[Tutorial]({URL}/blob/v{__version__}/docs/tutorial.md)" in shown
     plain = release.absolute(README, "")
     assert "![" not in plain
@@ -67,13 +64,8 @@ def test_one_version_and_the_same_authors_everywhere() -> None:
 def test_a_copy_for_the_build_has_docs_and_tests(tmp_path: Path) -> None:
     release.stage(tmp_path, URL)
     kept = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
-    for name in (
-        "docs/tutorial.md",
-        "docs/pictures/creature.png",
-        "tests/test_docs.py",
-        "CITATION.cff",
-    ):
-        assert name in kept
+    pages = {"docs/tutorial.md", "docs/pictures/creature.png", "CITATION.cff"}
+    assert pages | {"tests/test_docs.py"} <= kept
     assert not relative((tmp_path / "README.md").read_text("utf-8"))
     grafted = re.findall(r"^graft (\w+)$", release.MANIFEST, re.M)
     assert {"docs", "tests", "data"} == set(grafted)

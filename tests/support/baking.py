@@ -10,6 +10,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
 from circparam.render.texture import bilinear
+from tests.support.shapes import sheet_faces
 from tests.support.writers import obj
 
 
@@ -17,11 +18,7 @@ def sheet(n: int) -> tuple[FloatArray, np.ndarray]:
     """The unit square as an n × n grid of squares, in space."""
     g = np.linspace(0, 1, n + 1)
     x, y = np.meshgrid(g, g)
-    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
-    faces = np.concatenate(
-        [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
-    )
-    return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], 1), faces
+    return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], 1), sheet_faces(n, n)
 
 
 def smooth(p: FloatArray) -> FloatArray:

@@ -4,13 +4,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.mesh.mesh import Mesh, UVMap
-
-
-def grid_faces(rows: int, columns: int) -> IntArray:
-    """Triangles of a grid of rows × columns squares, corners row by row."""
-    i = np.arange(rows * (columns + 1)).reshape(rows, columns + 1)[:, :-1].ravel()
-    j = i + columns + 1
-    return np.concatenate([np.stack([i, i + 1, j + 1], 1), np.stack([i, j + 1, j], 1)])
+from tests.support.shapes import sheet_faces
 
 
 def belt(rows: int, columns: int, bump: float = 0.0, twist: float = 0.0) -> tuple[Mesh, UVMap]:
@@ -23,9 +17,8 @@ def belt(rows: int, columns: int, bump: float = 0.0, twist: float = 0.0) -> tupl
     ))  # fmt: skip
     inner = np.sin(np.pi * u) * np.sin(np.pi * v)
     x, y = u + twist * inner * 0.1, v - twist * inner * 0.05
-    return Mesh(surface(x, y, bump), grid_faces(rows, columns)), UVMap(
-        np.stack([0.05 + 0.9 * x, 0.2 + 0.5 * y], 1), grid_faces(rows, columns)
-    )
+    faces, uv = sheet_faces(rows, columns), np.stack([0.05 + 0.9 * x, 0.2 + 0.5 * y], 1)
+    return Mesh(surface(x, y, bump), faces), UVMap(uv, faces)
 
 
 def surface(u: FloatArray, v: FloatArray, bump: float) -> FloatArray:

@@ -5,6 +5,7 @@ import numpy as np
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
+from tests.support.shapes import sheet_faces
 
 
 def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
@@ -51,8 +52,4 @@ def developable(kind: str, refine: int = 1) -> CutMesh:
     else:
         p = np.stack([u, v, 0 * u], -1)
         p[..., 2] = np.where(u > 0.6, 1.7 * (u - 0.6), 0.0)
-    points = p.reshape(-1, 3)
-    index = np.arange(points.shape[0]).reshape(u.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
-    return patches_of((points, faces))[0]
+    return patches_of((p.reshape(-1, 3), sheet_faces(12 * refine, 24 * refine)))[0]

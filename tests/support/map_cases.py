@@ -86,6 +86,4 @@ def mapped(kind: str, relax: bool = True) -> MapResult:
 
 def boundary(mesh: Mesh) -> np.ndarray:
     """(k,) vertices on the boundary."""
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), 1)
-    edge, count = np.unique(edges, axis=0, return_counts=True)
-    return np.unique(edge[count == 1])
+    return shapes.boundary(mesh.faces)

@@ -5,6 +5,7 @@ from scipy.spatial import Delaunay
 
 from circparam.core.arrays import cross2
 from circparam.formats import io
+from tests.support.shapes import boundary, sheet_faces
 
 ROUNDINGS = {
     "f4": lambda uv: uv.astype(np.float32).astype(np.float64),
@@ -27,20 +28,16 @@ def band(rng: np.random.Generator, n: int, width: float):
     """A turned grid of n columns in which up to three rows lie only ``width`` apart: (points, faces)."""
     y = np.sort(np.r_[np.linspace(0, 1, 4), 0.5 + np.arange(rng.integers(1, 4)) * width / 0.05])
     px, py = np.meshgrid(np.linspace(0, 1, n), y)
-    k = np.arange(n * len(y)).reshape(len(y), n)
-    a, b, c, d = k[:-1, :-1].ravel(), k[:-1, 1:].ravel(), k[1:, 1:].ravel(), k[1:, :-1].ravel()
     t = rng.uniform(0, 6)
     turn = np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]])
     p = 0.05 * np.stack([px.ravel(), py.ravel()], 1) @ turn + rng.uniform(0.2, 0.8, 2)
-    return _upright(p, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
+    return _upright(p, sheet_faces(len(y) - 1, n - 1))
 
 
 def boundary_vertices(faces, n: int):
     """(n,) bool: the vertex is on a side that one face has alone."""
-    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
-    sides, count = np.unique(sides, axis=0, return_counts=True)
     out = np.zeros(n, bool)
-    out[sides[count == 1]] = True
+    out[boundary(faces)] = True
     return out
 
 

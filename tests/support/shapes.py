@@ -39,6 +39,13 @@ def _grid_faces(nu: int, nv: int, closed_u: bool = False, closed_v: bool = False
     return np.stack([np.stack([a, b, c], 1), np.stack([a, c, d], 1)], 1).reshape(-1, 3)
 
 
+def sheet_faces(rows: int, columns: int) -> np.ndarray:
+    """Faces of rows × columns squares, corners numbered row by row; first the faces below the diagonals."""
+    i = np.arange(rows * (columns + 1)).reshape(rows, columns + 1)[:, :-1].ravel()
+    j = i + columns + 1
+    return np.concatenate([np.stack([i, i + 1, j + 1], 1), np.stack([i, j + 1, j], 1)])
+
+
 def _mesh_grid(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     a, b = np.meshgrid(u, v, indexing="ij")
     return a.ravel(), b.ravel()
@@ -393,6 +400,13 @@ def pinched(n: int = 4) -> Shape:
     """Two squares that meet in one vertex."""
     p, f = grid(n, n)
     return weld(*join((p, f), (p - [1, 1, 0], f)))
+
+
+def boundary(faces: np.ndarray) -> np.ndarray:
+    """(k,) vertices of the edges that one face has alone."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), 1)
+    edge, count = np.unique(edges, axis=0, return_counts=True)
+    return np.unique(edge[count == 1])
 
 
 # changing shapes -----------------------------------------------------------------------------------

@@ -61,8 +61,13 @@ def silent_ranges(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     def place(line: int, offset: int) -> tuple[int, int]:
         return line, len(lines[line - 1].encode()[:offset].decode())
 
-    quiet: list[Any] = []
+    def is_quiet(node: ast.AST) -> bool:
+        if isinstance(node, ast.JoinedStr):
+            return True
+        return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+
     tree = ast.parse(source)
+    quiet: list[Any] = [node for node in ast.walk(tree) if is_quiet(node)]
     for node in ast.walk(tree):
         quiet += [getattr(node, "annotation", None), getattr(node, "returns", None)]
         quiet += getattr(node, "decorator_list", [])
@@ -71,20 +76,13 @@ def silent_ranges(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
             quiet += [k.value for k in node.keywords if k.arg == "strict"]
             if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
                 quiet += [a for a in node.args if isinstance(a, ast.UnaryOp)]
-        if isinstance(node, ast.JoinedStr) or (
-            isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-        ):
-            quiet.append(node)
     for node in tree.body:
-        if isinstance(node, ast.Assign | ast.AnnAssign):
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if all(isinstance(t, ast.Name) and t.id.isupper() for t in targets):
-                quiet.append(node)
-    return [
-        (place(n.lineno, n.col_offset), place(n.end_lineno, n.end_col_offset))
-        for n in quiet
-        if n is not None
-    ]
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        if all(isinstance(t, ast.Name) and t.id.isupper() for t in targets):
+            quiet.append(node)
+    spots = [n for n in quiet if n is not None]
+    ends = [(n.lineno, n.col_offset, n.end_lineno, n.end_col_offset) for n in spots]
+    return [(place(a, b), place(c, d)) for a, b, c, d in ends]
 
 
 def _rank(*parts: object) -> bytes:

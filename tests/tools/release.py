@@ -82,11 +82,10 @@ def usable(python: str) -> bool:
 
 def run(*words: str | Path, cwd: Path | None = None) -> None:
     """A command whose output is shown only where it fails."""
-    done = subprocess.run(
-        list(map(str, words)), cwd=cwd, capture_output=True, text=True, check=False
-    )
+    command = [str(word) for word in words]
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
     if done.returncode:
-        sys.exit(f"{' '.join(map(str, words))}\n{done.stdout}{done.stderr}")
+        sys.exit(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
 
 
 def try_wheel(wheel: Path, python: str, folder: Path) -> int:
@@ -100,9 +99,8 @@ def try_wheel(wheel: Path, python: str, folder: Path) -> int:
     program, mesh, out = own / "circparam", folder / "creature.ply", folder / "creature_uv.glb"
     gates = "flips>0,overlap>0,mirrored>0"
     run(program, "samples", "creature", "-o", mesh)
-    run(
-        program, "unwrap", mesh, "-o", out, "--preview", folder / "creature.png", "--fail-if", gates
-    )
+    picture = folder / "creature.png"
+    run(program, "unwrap", mesh, "-o", out, "--preview", picture, "--fail-if", gates)
     run(program, "blender", "-o", folder / "addon.zip")
     run(own / "python", "-c", "import circparam.xatlas as x; x.Atlas()")
     return size
@@ -135,17 +133,8 @@ def main() -> None:
         if tried:
             environment = folder / Path(tried[0]).name / "bin" / "python"
             bill = given.out / f"circparam-{__version__}.cdx.json"
-            run(
-                sys.executable,
-                "-m",
-                "cyclonedx_py",
-                "environment",
-                environment,
-                "--of",
-                "JSON",
-                "-o",
-                bill,
-            )
+            words = ["-m", "cyclonedx_py", "environment", environment, "--of", "JSON", "-o", bill]
+            run(sys.executable, *words)
             text = bill.read_text("utf-8")  # names the wheel by its place on this machine
             bill.write_text(text.replace(f"{given.out.resolve().as_uri()}/", ""), "utf-8")
     print(*sorted(p.name for p in given.out.iterdir()), sep="\n")
