@@ -4,8 +4,7 @@ The package can be called: ``circparam.bake(mesh, kind, output)`` is ``bake_mesh
 """
 
 from circparam.bake.bake import KINDS, Baked, bake, bake_document
-from circparam.bake.files import bake_mesh
-from circparam.bake.write import check_target, write_baked
+from circparam.bake.write import bake_mesh, check_target, write_baked
 from circparam.core.callable_room import make_callable
 
 __all__ = ["KINDS", "Baked", "bake", "bake_document", "bake_mesh", "check_target", "write_baked"]

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
-from circparam.bake.facing import brought_upright
 from circparam.bake.projection import Projection, height_paint, normal_paint, require_shape, through
 from circparam.bake.sampling import (
     Closest,
@@ -32,6 +31,8 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode
+from circparam.formats.table import up_of
+from circparam.formats.upright import turned
 from circparam.geometry.raster import barycentric, fragments
 from circparam.maps.pair import oriented
 from circparam.maps.surface_map import SurfaceMap
@@ -201,17 +202,17 @@ def bake_document(
     across = across or Across()
     check_across(kind, source is not None, across)
     layout = document.require_uv(uv_set)
-    turned: list[str] = []
+    upright: list[str] = []
     if source is not None:
         require_shape(source)
         if not isinstance(across.by, SurfaceMap):
-            document, source, turned = brought_upright(document, source)
+            document, source, upright = brought_upright(document, source)
     if source is not None and (kind in SHAPES or across.by is not None):
         require_shape(document)
         baked = _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
-        return replace(baked, notes=turned + baked.notes, tints=_tints(source, kind))
+        return replace(baked, notes=upright + baked.notes, tints=_tints(source, kind))
     paint, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
-    notes = turned + notes
+    notes = upright + notes
     if source is not None and not same_surface(document.mesh, source.mesh):
         closest = Closest(source.mesh.points, source.mesh.faces)
         away = apart(document.mesh, closest)
@@ -228,6 +229,21 @@ def bake_document(
             )
     baked = bake(layout, paint, size, channels=channels, monitor=monitor)
     return replace(baked, notes=notes + baked.notes, tints=_tints(source or document, kind))
+
+
+def brought_upright(document: Document, source: Document) -> tuple[Document, Document, list[str]]:
+    """Both, and notes: the one that is no glTF file is turned from z up to y up where they fit better then."""
+    marks = [up_of(d.format) == "y" for d in (document, source)]
+    if marks[0] == marks[1] or same_surface(document.mesh, source.mesh):
+        return document, source, []
+    found = (document, turned(source)) if marks[0] else (turned(document), source)
+    notes = [f"{(source if marks[0] else document).source.name}: turned from z up to y up"]
+    if same_surface(found[0].mesh, found[1].mesh):
+        return *found, notes
+    before, after = (
+        apart(a.mesh, Closest(b.mesh.points, b.mesh.faces)) for a, b in ((document, source), found)
+    )
+    return (*found, notes) if after < before else (document, source, [])
 
 
 def _tints(origin: Document, kind: str) -> tuple[str, ...]:
@@ -290,14 +306,9 @@ def _colours(
     document: Document, layout: UVMap, kind: str, source: Document | None, how: tuple[int, int]
 ) -> tuple[Paint, int, list[str]]:
     """The colours or textures of a file: (paint, channels, notes); how: (uv set, size)."""
-    if kind == "vertex-colors":
-        return _vertex_colours(source or document)
-    uv_set, size = how
-    return _texture_colours(document, layout, uv_set, source, size)
-
-
-def _vertex_colours(origin: Document) -> tuple[Paint, int, list[str]]:
-    """The vertex colours of a file: (paint, channels, notes)."""
+    origin = source or document
+    if kind == "texture":
+        return _texture_colours(document, layout, source, how)
     corners = origin.colours()
     if corners is None:
         raise InputError(
@@ -308,10 +319,10 @@ def _vertex_colours(origin: Document) -> tuple[Paint, int, list[str]]:
 
 
 def _texture_colours(
-    document: Document, layout: UVMap, uv_set: int, source: Document | None, size: int
+    document: Document, layout: UVMap, source: Document | None, how: tuple[int, int]
 ) -> tuple[Paint, int, list[str]]:
     """The textures of a file, averaged to texels of the new layout: (paint, channels, notes)."""
-    origin = source or document
+    origin, (uv_set, size) = source or document, how
     found = origin.textures()
     name = origin.source.name
     if found is None:

@@ -4,7 +4,8 @@ import numpy as np
 
 from circparam.bake.look_source import Source
 from circparam.bake.sharpness import FILLED
-from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.bake.texels import flat_areas
+from circparam.core.arrays import FloatArray, IntArray, group_sum
 from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 
@@ -34,14 +35,12 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
     mapped = chart >= 0
     n = int(chart.max()) + 1
     dense = _texels_a_length(source)
-    sharp = _of_charts(dense[mapped], _areas(source)[mapped], chart[mapped], n)
+    sharp = _of_charts(dense[mapped], source.areas[mapped], chart[mapped], n)
     shown = sharp > 0
     if not shown.any() or (even and shown.all()):
         return None
     factor = np.ones(n) if even else sharp / sharp.max()
-    corners = layout.uv[layout.uv_faces[mapped]]
-    covered = np.abs(cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) / 2
-    area = group_sum(covered, chart[mapped], n)
+    area = group_sum(flat_areas(layout.uv[layout.uv_faces[mapped]]), chart[mapped], n)
     page = float((area * factor**2)[shown].sum()) / FILLED
     faces = np.bincount(chart[mapped], minlength=n)
     texels = np.maximum(LEAST_SIDE_TEXELS, SIDE_TEXELS_PER_FACE * np.sqrt(faces))
@@ -54,24 +53,14 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
     )
 
 
-def _areas(source: Source) -> FloatArray:
-    """(m,) areas of faces in space."""
-    corners = source.document.mesh.points[source.document.mesh.faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    out: FloatArray = np.linalg.norm(cross, axis=1) / 2
-    return out
-
-
 def _texels_a_length(source: Source) -> FloatArray:
     """(m,) texels of the densest image of each face along a unit of space; 0 if it shows none."""
-    area = _areas(source)
+    area = source.areas
     plain, tiled = np.zeros(len(area)), np.zeros(len(area))
     for k in np.unique(source.looks.face).tolist():
         mine = source.looks.face == k
         for use in source.looks.materials[k].uses.values() if k not in source.kept else ():
-            corners = np.nan_to_num(source.in_texels(use))
-            side1, side2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-            texels = np.abs(cross2(side1, side2)) / 2
+            texels = flat_areas(np.nan_to_num(source.in_texels(use)))
             with np.errstate(divide="ignore", invalid="ignore"):
                 found = np.nan_to_num(np.sqrt(texels / area), posinf=0.0)
             best = tiled if source.repeats(use, mine) else plain

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from circparam.bake.projection import frames_over
 from circparam.bake.source_image import SourceImage
-from circparam.core.arrays import FloatArray, IntArray, cross2
+from circparam.bake.texels import flat_areas
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.looks import Looks, Use, pixels
-from circparam.geometry.shading import Frames, corner_normals, frames
+from circparam.geometry.shading import Frames, corner_normals
 from circparam.render.scene import row_labels
 
 FARTHEST = 1e9  # copies of an image away, where doubles still tell its texels apart
@@ -63,9 +65,7 @@ class Source:
     def repeats(self, use: Use, faces: npt.NDArray[np.bool_]) -> bool:
         """Whether an image lies more than TILES times over some faces."""
         places, has = self.places(use)
-        some = places[faces & has]
-        sides = some[:, 1:] - some[:, :1]
-        return bool(np.abs(cross2(sides[:, 0], sides[:, 1])).sum() / 2 > TILES)
+        return bool(flat_areas(places[faces & has]).sum() > TILES)
 
     def check(self, use: Use, faces: npt.NDArray[np.bool_]) -> None:
         """Raise InputError if faces have uv for a texture that are not finite."""
@@ -108,6 +108,13 @@ class Source:
         return out
 
     @cached_property
+    def areas(self) -> FloatArray:
+        """(m,) areas of the faces in space."""
+        corners = self.document.mesh.points[self.document.mesh.faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return np.asarray(np.linalg.norm(cross, axis=1) / 2)
+
+    @cached_property
     def vertex(self) -> IntArray:
         """(m, 3) label of each corner by position."""
         mesh = self.document.mesh
@@ -123,10 +130,9 @@ class Source:
     def frames(self, corners: FloatArray) -> Frames:
         """Tangent frames over uv (m, 3, 2) with v up."""
         mesh = self.document.mesh
-        flat = np.nan_to_num(corners.reshape(-1, 2))
-        place = row_labels(flat).reshape(-1, 3)
-        label = self.vertex * (int(place.max()) + 1) + place
-        return frames(mesh.points[mesh.faces], flat.reshape(-1, 3, 2), label, self.normals)
+        return frames_over(
+            mesh.points[mesh.faces], self.vertex, self.normals, np.nan_to_num(corners)
+        )
 
     def old_frames(self, use: Use | None) -> Frames:
         """The frames in which an image tells directions: tangents of the file where it has them."""

@@ -6,12 +6,13 @@ cage. Otherwise the texel stays empty and is filled like padding. With a map the
 source, every vertex to its place. Rays then take the nearest hit.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, slices
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.errors import InputError
@@ -36,11 +37,15 @@ PROBES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2], [3, 3, 0], [3, 0,
 
 @dataclass(frozen=True, eq=False)
 class Landed:
-    """face: (p,) of the source, −1 for none. bary: (p, 3). height: (p,) along the normal. normal: (p, 3)."""
+    """face: (p,) of the source, −1 for none. bary: (p, 3). height: (p,) along the normal."""
 
     face: IntArray
     bary: FloatArray
     height: FloatArray
+
+    def take(self, rows: BoolArray) -> "Landed":
+        """Some of the places."""
+        return Landed(self.face[rows], self.bary[rows], self.height[rows])
 
 
 @dataclass
@@ -168,27 +173,33 @@ class Projection:
             )
 
 
-def in_blocks(paint: Paint) -> Paint:
-    """The same paint, some hundred thousand texels at a time: bounds the memory."""
+def landed_paint(
+    projection: Projection,
+    channels: int,
+    values: Callable[[IntArray, FloatArray, Landed], FloatArray],
+) -> Paint:
+    """A paint of values at the places where the target's texels land on the source; NaN without a place.
+
+    values: (faces (k,) and coordinates (k, 3) on the target, their landings) → (k, channels). Some hundred
+    thousand texels at a time bound the memory.
+    """
 
     def painted(face: IntArray, bary: FloatArray) -> FloatArray:
-        cuts = range(0, len(face), BLOCK)
-        return np.concatenate([paint(face[k : k + BLOCK], bary[k : k + BLOCK]) for k in cuts])
+        out = np.full((len(face), channels), np.nan)
+        for k in slices(len(face), BLOCK):
+            landed = projection.find(face[k], bary[k])
+            on = landed.face >= 0
+            out[k][on] = values(face[k][on], bary[k][on], landed.take(on))
+        return out
 
     return painted
 
 
 def through(projection: Projection, paint: Paint, channels: int) -> Paint:
-    """Values of a paint of the source at the places of the target's texels; NaN without a place."""
-
-    def painted(face: IntArray, bary: FloatArray) -> FloatArray:
-        landed = projection.find(face, bary)
-        out = np.full((len(face), channels), np.nan)
-        on = landed.face >= 0
-        out[on] = paint(landed.face[on], landed.bary[on])
-        return out
-
-    return in_blocks(painted)
+    """Values of a paint of the source at the places of the target's texels."""
+    return landed_paint(
+        projection, channels, lambda face, bary, landed: paint(landed.face, landed.bary)
+    )
 
 
 def normal_paint(
@@ -203,24 +214,17 @@ def normal_paint(
     if seen is None:
         label = row_labels(source.mesh.points)[source.mesh.faces]
         seen = corner_normals(source.mesh.points[source.mesh.faces], label, SHARP)
-    space = target_frames(projection, target, layout)
+    if projection.mapped:
+        uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+        space = frames_over(projection.corners, projection.vertex, projection.normals, uv)
+    else:
+        space = own_frames(target, layout)
 
-    def painted(face: IntArray, bary: FloatArray) -> FloatArray:
-        landed = projection.find(face, bary)
-        out = np.full((len(face), 3), np.nan)
-        on = landed.face >= 0
-        normal = np.einsum("pk,pkc->pc", landed.bary[on], seen[landed.face[on]])
-        out[on] = 0.5 + 0.5 * space.into(face[on], bary[on], unit(normal))
-        return out
+    def normals(face: IntArray, bary: FloatArray, landed: Landed) -> FloatArray:
+        normal = np.einsum("pk,pkc->pc", landed.bary, seen[landed.face])
+        return 0.5 + 0.5 * space.into(face, bary, unit(normal))
 
-    return in_blocks(painted)
-
-
-def target_frames(projection: Projection, target: Document, layout: UVMap) -> Frames:
-    """The frames of the normals: the target's own, or those of the target moved onto the source."""
-    if not projection.mapped:
-        return own_frames(target, layout)
-    return _frames(projection.corners, projection.vertex, projection.normals, layout)
+    return landed_paint(projection, 3, normals)
 
 
 def own_frames(target: Document, layout: UVMap, own: FloatArray | None = None) -> Frames:
@@ -232,22 +236,19 @@ def own_frames(target: Document, layout: UVMap, own: FloatArray | None = None) -
     corners, vertex = mesh.points[mesh.faces], row_labels(mesh.points)[mesh.faces]
     own = target.normals() if own is None else own
     normal = corner_normals(corners, vertex) if own is None else own
-    return _frames(corners, vertex, normal, layout)
+    return frames_over(corners, vertex, normal, layout.uv[np.maximum(layout.uv_faces, 0)])
 
 
-def _frames(corners: FloatArray, vertex: IntArray, normal: FloatArray, layout: UVMap) -> Frames:
-    """Tangent frames of corners that share position and uv."""
-    uv_faces = np.maximum(layout.uv_faces, 0)
-    label = vertex * (len(layout.uv) + 1) + row_labels(layout.uv)[uv_faces]
-    return frames(corners, layout.uv[uv_faces], label, normal)
+def frames_over(
+    corners: FloatArray, vertex: IntArray, normal: FloatArray, uv: FloatArray
+) -> Frames:
+    """Tangent frames of corners (m, 3, 3) over uv (m, 3, 2), one where corners share position and uv."""
+    place = row_labels(uv.reshape(-1, 2)).reshape(-1, 3)
+    return frames(corners, uv, vertex * (int(place.max()) + 1) + place, normal)
 
 
 def height_paint(projection: Projection, reach: float) -> Paint:
     """Heights along the target's smooth normals, from −reach (black) to +reach (white)."""
-
-    def painted(face: IntArray, bary: FloatArray) -> FloatArray:
-        landed = projection.find(face, bary)
-        height = np.where(landed.face >= 0, landed.height, np.nan)
-        return (0.5 + 0.5 * height / reach)[:, None]
-
-    return in_blocks(painted)
+    return landed_paint(
+        projection, 1, lambda face, bary, landed: (0.5 + 0.5 * landed.height / reach)[:, None]
+    )

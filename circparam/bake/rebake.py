@@ -38,21 +38,9 @@ from circparam.pipeline.verify import reasons
 
 # options that a second packing of the same charts has in common with the first
 PACKING = (
-    *(
-        "resolution",
-        "padding",
-        "rotate",
-        "orient",
-        "up",
-        "group_by",
-        "effort",
-        "uv_set",
-        "overwrite_uv",
-        "ply_uv",
-        "lightmap",
-    ),
-    *("copy_assets", "repair", "weld", "overwrite", "jobs", "timeout", "format"),
-)
+    "resolution", "padding", "rotate", "orient", "up", "group_by", "effort", "uv_set", "overwrite_uv",
+    "ply_uv", "lightmap", "copy_assets", "repair", "weld", "overwrite", "jobs", "timeout", "format",
+)  # fmt: skip
 # formats that can be written with the materials of each format
 HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf"), "obj": ("obj",), "ply": ("ply",)}
 
@@ -108,14 +96,20 @@ def rebake(
     Returns the result of the unwrap and the new images and materials. Raises the errors of ``unwrap``, and
     InputError for images that cannot be carried.
     """
-    names = specs(LookOptions)
-    look = LookOptions(**{k: v for k, v in keywords.items() if k in names})
-    rest = {k: v for k, v in keywords.items() if k not in names}
-    options = from_keywords(rest, options)
+    options, look = options_of(keywords, options)
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
     return rebake_document(document, output, options, look, monitor)
+
+
+def options_of(
+    keywords: dict[str, Any], options: Options | None = None
+) -> tuple[Options, LookOptions]:
+    """Options of both kinds by their names."""
+    names = specs(LookOptions)
+    look = LookOptions(**{k: v for k, v in keywords.items() if k in names})
+    return from_keywords({k: v for k, v in keywords.items() if k not in names}, options), look
 
 
 def rebake_document(

@@ -9,10 +9,12 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, edge_keys
+from circparam.bake.texels import flat_areas
+from circparam.core.arrays import FloatArray, IntArray, slices
 from circparam.formats.materials import Textures, decode
 from circparam.geometry.closest import closest_on_triangles
 from circparam.geometry.shading import unit
+from circparam.mesh.halfedge import shared_edges
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 from circparam.render.texture import bilinear
@@ -75,12 +77,9 @@ def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tup
 
 def texel_ratio(old: UVMap, old_size: float, new: UVMap, new_size: float) -> float:
     """Texels of the old layout for one texel of the new one, along a side, by the areas of both."""
-
-    def area(layout: UVMap) -> FloatArray:
-        c = layout.uv[np.maximum(layout.uv_faces, 0)]
-        return np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]))
-
-    before, after = float(area(old).sum()), float(area(new).sum())
+    before, after = (
+        float(flat_areas(layout.uv[np.maximum(layout.uv_faces, 0)]).sum()) for layout in (old, new)
+    )
     return float(np.sqrt(before / after) * old_size / new_size) if after > 0 else 1.0
 
 
@@ -93,17 +92,13 @@ class Closest:
 
     def __init__(self, points: FloatArray, faces: IntArray) -> None:
         self.corners = points[faces]
-        self.normals = unit(
-            np.cross(
-                self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
-            )
-        )
-        self.beside = neighbours(points, faces)
         a = self.corners[:, 1] - self.corners[:, 0]
         b = self.corners[:, 2] - self.corners[:, 0]
+        normal = np.cross(a, b)
+        self.normals = unit(normal)
+        self.beside = neighbours(points, faces)
         self.longest = float(np.sqrt(max((s * s).sum(1).max() for s in (a, b, b - a))))
-        area = np.linalg.norm(np.cross(a, b), axis=1)
-        whole = np.cumsum(area)
+        whole = np.cumsum(np.linalg.norm(normal, axis=1))
         samples = int(np.clip(SAMPLES_A_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
         spread = np.searchsorted(whole, (np.arange(samples) + 0.5) / samples * whole[-1])
         self.face = np.concatenate([np.arange(len(faces)), np.minimum(spread, len(faces) - 1)])
@@ -126,10 +121,8 @@ class Closest:
         if len(places) == 0:
             return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
         blocks = [
-            self._find(
-                places[k : k + BLOCK], None if normals is None else normals[k : k + BLOCK], far
-            )
-            for k in range(0, len(places), BLOCK)
+            self._find(places[k], None if normals is None else normals[k], far)
+            for k in slices(len(places), BLOCK)
         ]
         face, bary, distance = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return face, bary, distance
@@ -173,14 +166,9 @@ class Closest:
 
 def neighbours(points: FloatArray, faces: IntArray) -> IntArray:
     """(m, 3) the face across each side, the face itself where there is none; sides meet by position."""
-    w = row_labels(points)[faces]
-    a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
-    key = edge_keys(a, b, int(w.max()) + 1)
-    order = np.argsort(key, kind="stable")
-    same = key[order[1:]] == key[order[:-1]]
+    i, j = shared_edges(row_labels(points)[faces]).T
     out = np.repeat(np.arange(len(faces)), 3)
-    i, j = order[:-1][same], order[1:][same]
-    out[j], out[i] = i // 3, j // 3
+    out[i], out[j] = j // 3, i // 3
     return out.reshape(-1, 3)
 
 

@@ -74,9 +74,7 @@ def blurred(found: list[Sharpness], size: int) -> list[str]:
 def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[str, float, bool]]:
     """Of every image: its name, its texels along one of the page that all but TAIL of its surface keep to, and
     whether it repeats."""
-    mesh, looks = source.document.mesh, source.looks
-    solid = mesh.points[mesh.faces]
-    area = np.linalg.norm(np.cross(solid[:, 1] - solid[:, 0], solid[:, 2] - solid[:, 0]), axis=1)
+    area, looks = source.areas, source.looks
     shows = np.array([bool(m.uses) for m in looks.materials])[looks.face]
     new = _flat(area, shows) if layout is None else corners_in_texels(layout, size)
     worst: dict[int, tuple[float, bool]] = {}

@@ -100,12 +100,16 @@ def places_in(xy: FloatArray, face: IntArray, pixel: IntArray, size: int, sample
             yield out
 
 
+def flat_areas(corners: FloatArray) -> FloatArray:
+    """(m,) areas of triangles (m, 3, 2)."""
+    return np.abs(cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) / 2
+
+
 def density(old: FloatArray, new: FloatArray) -> FloatArray:
     """(m,) number of texels of an old image along one texel of a new one: √ of the ratio of areas.
 
     old, new: (m, 3, 2) corners in texels. NaN if a face has no area in either.
     """
-    before, after = (np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])) for c in (old, new))
     with np.errstate(divide="ignore", invalid="ignore"):
-        out: FloatArray = np.sqrt(before / after)
+        out: FloatArray = np.sqrt(flat_areas(old) / flat_areas(new))
     return np.where(np.isfinite(out), out, np.nan)

@@ -9,8 +9,15 @@ from typing import Any
 from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.merging import groups_of
-from circparam.bake.rebake import Look, as_written, carried_looks, check_home, check_page, laid_out
-from circparam.core.fields import specs
+from circparam.bake.rebake import (
+    Look,
+    as_written,
+    carried_looks,
+    check_home,
+    check_page,
+    laid_out,
+    options_of,
+)
 from circparam.core.monitor import Listener, Monitor
 from circparam.errors import OptionError
 from circparam.formats.document import Document
@@ -19,7 +26,7 @@ from circparam.formats.joined import image_name, join
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.look_options import LookOptions
-from circparam.pipeline.options import Options, from_keywords
+from circparam.pipeline.options import Options
 from circparam.pipeline.together import SharedAtlas, check_together, outputs_in, save_together
 
 STEM = "atlas"  # prefix of the names of shared images
@@ -42,9 +49,7 @@ def rebake_together(
     Returns the atlas and the new images and materials. Raises the errors of ``unwrap_together`` and ``rebake``
     for any of the files, and then writes none.
     """
-    known = specs(LookOptions)
-    look = LookOptions(**{k: v for k, v in keywords.items() if k in known})
-    options = from_keywords({k: v for k, v in keywords.items() if k not in known}, options)
+    options, look = options_of(keywords, options)
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         documents = [open_source(source, options) for source in sources]

@@ -1,23 +1,25 @@
 """Baked images on the disk: as PNG, one a tile, or inside a GLB whose materials show them."""
 
 import io
+import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from circparam.bake.bake import Baked, Texels, to_image
+from circparam.bake.bake import Across, Baked, Texels, bake_document, to_image
+from circparam.bake.left_behind import check_left_behind
 from circparam.bake.projection import own_frames
 from circparam.core.files import write_files
 from circparam.core.plural import counted
-from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.normals import with_frames
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.io import encode
+from circparam.formats.io import encode, read
 from circparam.formats.source import Source
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned, y_up
@@ -79,7 +81,7 @@ def write_baked(
         tangent = np.concatenate([space.tangent, sign], 2)
         order = encoded.face_map
         data = with_frames(data, document.source, space.normal[order], tangent[order])
-    data = embed(data, document.source, image, number, slot=SLOTS.get(kind, SLOTS["texture"]))
+    data = embed(data, document.source, image, number, kind)
     return write_files({path: data}, overwrite=True), notes
 
 
@@ -123,24 +125,10 @@ def png(array: Texels, level: int = 7) -> bytes:
     return out.getvalue()
 
 
-@dataclass(frozen=True)
-class Slot:
-    """Where a material shows an image: as its base colour or as its normals.
-
-    drop_colours: leave COLOR_0 out, which would tint the image.
-    """
-
-    normals: bool = False
-    drop_colours: bool = False
-
-
-SLOTS = {"texture": Slot(), "vertex-colors": Slot(drop_colours=True), "normals": Slot(normals=True)}
-
-
 def embed(
-    glb: bytes, source: Source, image: bytes, uv_set: int = 0, slot: Slot = SLOTS["texture"]
+    glb: bytes, source: Source, image: bytes, uv_set: int = 0, kind: str = "texture"
 ) -> bytes:
-    """A GLB with a PNG in a slot of every material and of every face without one.
+    """A GLB with a PNG in every material and on every face without one, as colour or normals by its kind.
 
     source: the file named in errors. uv_set: the set that the image refers to. Raises InputError if the
     bytes are no sound glTF.
@@ -160,40 +148,43 @@ def embed(
         },
         "samplers": {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071},
     }  # fmt: skip
-    for kind, entry in new.items():
-        tree.setdefault(kind, []).append(entry)
+    for name, entry in new.items():
+        tree.setdefault(name, []).append(entry)
     tree.setdefault("textures", []).append(
         {"source": len(tree["images"]) - 1, "sampler": len(tree["samplers"]) - 1}
     )
     texture = {"index": len(tree["textures"]) - 1, "texCoord": uv_set}
-    _dress(tree, texture, slot)
+    _dress(tree, texture, kind)
     return glb_bytes(tree, padded, found.rest)
 
 
-def _dress(tree: dict[str, Any], texture: dict[str, int], slot: Slot) -> None:
+def _dress(tree: dict[str, Any], texture: dict[str, int], kind: str) -> None:
     """Let every material of a tree show the texture, in place; primitives without a material get one."""
     materials = tree.setdefault("materials", [])
     for material in materials:
-        if slot.normals:
+        if kind == "normals":
             material["normalTexture"] = dict(texture)
         else:
             _colour(material, texture)
-    if not slot.normals:
-        for kind in ("extensionsUsed", "extensionsRequired"):
-            if GLOSS in tree.get(kind, []):
-                tree[kind] = [name for name in tree[kind] if name != GLOSS]
-                if not tree[kind]:  # an empty list is none that glTF knows
-                    tree.pop(kind)
-    plain: int | None = None
-    for mesh in tree.get("meshes", []):
-        for primitive in mesh["primitives"]:
-            if slot.drop_colours:
+    for names in ("extensionsUsed", "extensionsRequired") if kind != "normals" else ():
+        if GLOSS in tree.get(names, []):
+            tree[names].remove(GLOSS)
+            if not tree[names]:  # an empty list is none that glTF knows
+                tree.pop(names)
+    bare = [
+        primitive
+        for mesh in tree.get("meshes", [])
+        for primitive in mesh["primitives"]
+        if "material" not in primitive
+    ]
+    for primitive in bare:
+        primitive["material"] = len(materials)
+    if bare:
+        materials.append(_plain(texture, kind))
+    if kind == "vertex-colors":  # colours of vertices would tint the image
+        for mesh in tree.get("meshes", []):
+            for primitive in mesh["primitives"]:
                 primitive["attributes"].pop("COLOR_0", None)
-            if "material" not in primitive:
-                if plain is None:
-                    plain = len(materials)
-                    materials.append(_plain(texture, slot))
-                primitive["material"] = plain
 
 
 def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
@@ -229,13 +220,47 @@ def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
             pbr[name] = gloss[old]
 
 
-def _plain(texture: dict[str, int], slot: Slot) -> dict[str, Any]:
+def _plain(texture: dict[str, int], kind: str) -> dict[str, Any]:
     """A material for faces that have none."""
-    pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
-    if slot.normals:
+    if kind == "normals":
         return {
             "name": "baked",
-            "pbrMetallicRoughness": pbr | {"roughnessFactor": 0.6},
+            "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.6},
             "normalTexture": dict(texture),
         }
+    pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
     return {"name": "baked", "pbrMetallicRoughness": {"baseColorTexture": dict(texture), **pbr}}
+
+
+def bake_mesh(
+    mesh: str | os.PathLike[str] | Document,
+    kind: str,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    source: str | os.PathLike[str] | Document | None = None,
+    overwrite: bool = False,
+    across: Across | None = None,
+    **keywords: Any,
+) -> Baked:
+    """Carry colours, a texture, normals or heights into the uv of a mesh.
+
+    mesh: a file or a ``Document`` with uv. kind: texture, vertex-colors, normals or height. output: an image
+    (.png) or the mesh with the image inside (.glb); None writes nothing. source: the mesh with the colours or
+    the shape, None for the mesh itself. across: how places are found on the source. keywords: uv_set, size in
+    texels, monitor, see ``bake_document``.
+
+    Returns the images by tile and the notes on them. Raises OptionError, InputError, OutputError.
+    """
+    target = None if output is None else Path(output)
+    if target is not None:
+        check_target(target, kind)
+        if target.exists() and not overwrite:
+            raise OptionError(f"{target}: the file exists; replace it with --overwrite")
+    document = mesh if isinstance(mesh, Document) else read(mesh)
+    other = source if source is None or isinstance(source, Document) else read(source)
+    number = keywords.get("uv_set", 0)
+    left = [] if target is None else check_left_behind(target, document, other, kind, number)
+    baked = bake_document(document, kind, source=other, across=across, **keywords)
+    if target is not None:
+        write_baked(target, baked, document, number, kind)
+    return replace(baked, notes=[*baked.notes, *left])

@@ -4,7 +4,7 @@ Every face of the target takes the chart that covers most of it. Every corner ta
 chart, on one side of each seam. Neighbours whose shared corners have the same uv stay connected; all other
 edges are seams. Flipped or overlapping faces try another chart or another side of a seam. A linear program
 moves the rest by the least drift (``least_drift``). The few faces that it cannot mend go to free room
-(``loose_faces``).
+(``_lay_anew``).
 """
 
 import dataclasses
@@ -25,14 +25,17 @@ from circparam.core.arrays import (
     slices,
 )
 from circparam.core.records import dataclass
+from circparam.errors import NoResultError
 from circparam.geometry.closest import closest_on_triangles
 from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas
-from circparam.maps.least_drift import LEAST_HEIGHT_PAGES, faults, meetings, mend
-from circparam.maps.loose_faces import lay_anew
+from circparam.maps.least_drift import LEAST_HEIGHT_PAGES, faults, heights, meetings, mend
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import shapes_of
+from circparam.packing.room import by_page, find_room
 
 CANDIDATES = 12  # nearest samples whose faces are tried for the closest point
 WALK_STEPS = 64  # to neighbours, for as long as one is nearer
@@ -51,8 +54,6 @@ PROBES = np.array(
 SAME_EDGE_SHARE = 0.25  # of an edge in uv, by which its faces may place its ends apart,
 SAME_PAGE_SHARE = 1 / 2048  # and of the page at most: the ends move to their middle
 RELABEL_ROUNDS = 12  # rounds in which faces at fault go to charts of their neighbours; most need 3
-AGREE_ROUNDS = 12  # rounds in which a point goes from face to face round a vertex
-WHOLE_STRETCH = 2.0  # of a chart, up to which two points are not on two sides of a slit
 LOOSE_ROUNDS = 3  # rounds in which faces at fault are let go
 PAIRS_AT_ONCE = 4_000_000  # of triangles and faces, whose boxes are compared
 
@@ -239,26 +240,36 @@ class CarriedLayout:
     least: float
     faulty: BoolArray
 
+    @property
+    def loose_share(self) -> float:
+        """Share of the surface in free room."""
+        areas = self.atlas.surface.areas
+        return float(areas[self.loose].sum() / areas.sum())
+
+    @property
+    def farthest(self) -> FloatArray:
+        """(3,) the vertex with the largest drift."""
+        surface = self.atlas.surface
+        face, corner = np.unravel_index(int(self.drift.argmax()), self.drift.shape)
+        return np.asarray(surface.points[surface.faces[face, corner]])
+
 
 def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     """The layout of the charts on a target of the same shape."""
     probed, led = _leaders(source, target)
     corners = _corner_points(source, target, led, np.arange(len(target.faces)))
-    _agree(source, target, led, corners)
-    mirrored = _mirrored(source)
+    sign = _signs(source)
     for _ in range(RELABEL_ROUNDS):
-        if not _relabel(source, target, (probed, led, corners), mirrored):
+        if not _relabel(source, target, (probed, led, corners), sign):
             break
     uv = source.uv(corners).reshape(-1, 3, 2)
-    turned = mirrored[
-        source.chart[led.face]
-    ]  # a chart of the target lies on one chart of the source
+    of_face = sign[source.chart[led.face]]  # a chart of the target lies on one of the source
     atlas = Atlas(target, _seams(source, target, led, uv), uv)
-    loose, faulty = _mended(atlas, uv, np.where(turned, -1.0, 1.0))
+    loose, faulty = _mended(atlas, uv, of_face)
     drift = np.linalg.norm(atlas.corners - uv, axis=2)
     drift[loose] = 0.0
-    least = float(np.maximum(-_heights(uv[~loose], turned[~loose]), 0.0).max(initial=0.0) / 2)
-    lay_anew(atlas, loose, source.scale)
+    least = max(0.0, float(-heights(uv[~loose], of_face[~loose])[0].min(initial=0.0) / 2))
+    _lay_anew(atlas, loose, source.scale)
     places = target.points[target.faces].mean(1)
     expected = source.expected(led, places, target.normals)
     middle = source.uv(source.on_chart(places, source.chart[led.face], expected))
@@ -292,6 +303,26 @@ def _mended(atlas: Atlas, uv: FloatArray, sign: FloatArray) -> tuple[BoolArray, 
     return loose, wrong
 
 
+def _lay_anew(atlas: Atlas, loose: BoolArray, scale: float) -> None:
+    """Lay faces ((m,) bool, with all edges cut) beside the charts of an atlas, without distortion. In place.
+
+    scale: uv units per unit of the mesh. Raises NoResultError where no page has room.
+    """
+    if not loose.any():
+        return
+    cut_mesh, _ = atlas.open()
+    face = np.flatnonzero(loose)
+    corner = np.arange(3 * len(face)).reshape(-1, 3)
+    flat = scale * cut_mesh.rest_triangles[face].reshape(-1, 2)
+    shapes = shapes_of(corner, flat, np.arange(len(face)))
+    room = find_room(shapes, by_page(atlas.corners[~loose]), PackOptions(), True)
+    if room is None:
+        raise NoResultError(
+            f"{len(face)} faces overlap others, and no page has room for them: give a finer mesh"
+        )
+    atlas.corners[face] = room.uv[corner]
+
+
 def _leaders(source: SourceCharts, target: Surface) -> tuple[SurfacePoints, SurfacePoints]:
     """The points of the source at all probes, and the one that leads each face: on the chart of most probes."""
     m, k = len(target.faces), len(PROBES)
@@ -316,58 +347,18 @@ def _corner_points(
     return source.on_chart(places, source.chart[lead.face], expected)
 
 
-def _mirrored(source: SourceCharts) -> BoolArray:
-    """(n,) bool: charts of the source that lie clockwise."""
+def _signs(source: SourceCharts) -> FloatArray:
+    """(n,) 1 for a chart of the source, −1 for one that lies clockwise."""
     corners = source.atlas.corners
     area = signed_areas(np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 2))
-    result: BoolArray = group_sum(area, source.chart, source.count) < 0
-    return result
-
-
-def _heights(uv: FloatArray, mirrored: BoolArray) -> FloatArray:
-    """(f,) height of corners (f, 3, 2) over the longest side, negative where a face is turned over.
-
-    mirrored: (f,) bool, its chart lies clockwise.
-    """
-    d, e = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    longest = np.sqrt(np.maximum(((d - e) ** 2).sum(1), np.maximum((d**2).sum(1), (e**2).sum(1))))
-    area = d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]
-    result: FloatArray = np.where(mirrored, -area, area) / np.maximum(longest, 1e-300)
-    return result
-
-
-def _agree(
-    source: SourceCharts, target: Surface, led: SurfacePoints, corners: SurfacePoints
-) -> None:
-    """Give corners of one vertex the nearest of their points, where the chart is whole between these points.
-
-    A slit lies between points that are further apart in the layout than in space. In place.
-    """
-    i, j = target.edges[:, 0], target.edges[:, 1]
-    a, b = np.r_[i, next_half_edge(i)], np.r_[next_half_edge(j), j]
-    chart = source.chart[led.face]
-    same = chart[a // 3] == chart[b // 3]
-    a, b = a[same], b[same]
-    for _ in range(AGREE_ROUNDS):
-        uv, at = source.uv(corners), source.places_of(corners)
-        apart = np.linalg.norm(uv[a] - uv[b], axis=1)
-        near = (apart > 0) & (
-            apart <= WHOLE_STRETCH * source.scale * np.linalg.norm(at[a] - at[b], axis=1)
-        )
-        first = corners.distance[a] <= corners.distance[b]
-        giver, taker = np.where(first, a, b)[near], np.where(first, b, a)[near]
-        if len(taker) == 0:
-            break
-        order = np.lexsort((corners.distance[giver], taker))
-        order = order[first_of_runs(taker[order])]
-        corners.put(taker[order], corners.take(giver[order]))
+    return np.where(group_sum(area, source.chart, source.count) < 0, -1.0, 1.0)
 
 
 def _relabel(
     source: SourceCharts,
     target: Surface,
     points: tuple[SurfacePoints, SurfacePoints, SurfacePoints],
-    mirrored: BoolArray,
+    sign: FloatArray,
 ) -> bool:
     """Let other probes or neighbours lead faces at fault, so that they are less so; whether any did.
 
@@ -376,9 +367,9 @@ def _relabel(
     """
     probed, led, corners = points
     uv = source.uv(corners).reshape(-1, 3, 2)
-    face = _at_fault(source, target, led, uv, mirrored)
+    face = _at_fault(source, target, led, uv, sign)
     now = np.zeros(len(uv))
-    height = _heights(uv[face], mirrored[source.chart[led.face[face]]])
+    height = heights(uv[face], sign[source.chart[led.face[face]]])[0]
     now[face] = np.maximum(_depths(uv[face], face, uv), -height)
     face = face[now[face] > LEAST_HEIGHT_PAGES]
     if len(face) == 0:
@@ -390,7 +381,7 @@ def _relabel(
     lead = _concatenated(probed.take(probe), led.take(beside))
     found = _corner_points(source, target, lead, face)
     there = source.uv(found).reshape(-1, 3, 2)
-    fault = -_heights(there, mirrored[source.chart[lead.face]])
+    fault = -heights(there, sign[source.chart[lead.face]])[0]
     rows = np.flatnonzero(fault < now[face] / 2)
     fault = np.maximum(fault[rows], _depths(there[rows], face[rows], uv))
     good = fault < now[face[rows]] / 2
@@ -409,10 +400,10 @@ def _relabel(
 
 
 def _at_fault(
-    source: SourceCharts, target: Surface, led: SurfacePoints, uv: FloatArray, mirrored: BoolArray
+    source: SourceCharts, target: Surface, led: SurfacePoints, uv: FloatArray, sign: FloatArray
 ) -> IntArray:
     """(f,) faces that are turned over, or at whose edges boundaries meet, with corners at uv (m, 3, 2)."""
-    bad = _heights(uv, mirrored[source.chart[led.face]]) <= 0
+    bad = heights(uv, sign[source.chart[led.face]])[0] <= 0
     cut_mesh, _ = Atlas(target, _seams(source, target, led, uv), uv).open()
     bad[meetings(cut_mesh, _means(cut_mesh, uv)).ravel() // 3] = True
     result: IntArray = np.flatnonzero(bad)

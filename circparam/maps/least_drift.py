@@ -2,8 +2,8 @@
 
 Only vertices near a fault move. With p the wanted places and x the new ones, the program is
 
-    minimise    Σ_i t_i  +  Σ_k n_k T_k  +  penalty · (violation of the rows)
-    subject to  |x_i − p_i| ≤ t_i ≤ T_k        for every vertex i of group k with n_k vertices
+    minimise    Σ_i t_i  +  n T  +  penalty · (violation of the rows)
+    subject to  |x_i − p_i| ≤ t_i ≤ T          for each of the n moving vertices i
                 height of face f at x  ≥  h    for every moving face, to first order
                 n · (x_i − y_j(x))     ≥  h    for every vertex i inside another part of the boundary
 
@@ -17,11 +17,10 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, edge_keys, next_half_edge
-from circparam.core.graph import components
 from circparam.core.linalg import SparseMatrix
 from circparam.core.linear_program import CHOOSE, least
 from circparam.core.records import dataclass
-from circparam.geometry.boundary import boundary_in
+from circparam.geometry.boundary import BoundarySegments, boundary_in
 from circparam.geometry.intersect import meeting
 from circparam.geometry.overlap import overlaps
 from circparam.mesh.cut_mesh import CutMesh
@@ -50,18 +49,27 @@ class Contacts:
 
     def beside(self, x: FloatArray) -> "Contacts":
         """The contacts whose vertex projects onto its edge at places (nv, 2), or just beyond an end."""
-        t = self.feet(x)[0]
-        ok = (t > -END_MARGIN_EDGES) & (t < 1 + END_MARGIN_EDGES)
+        ok = _beside(self.feet(x)[0])
         return Contacts(self.vertex[ok], self.edge[ok])
 
     def feet(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """((k,) share along the line of each edge, (k,) distance to its right, (k, 2) its normal there)."""
-        a = x[self.edge[:, 0]]
-        along = x[self.edge[:, 1]] - a
-        length = np.maximum(np.sqrt((along**2).sum(1)), 1e-300)
-        out = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
-        away = x[self.vertex] - a
-        return (away * along).sum(1) / length**2, (away * out).sum(1), out
+        """The feet of the vertices on their edges, see ``_feet``."""
+        return _feet(x[self.vertex], x[self.edge[:, 0]], x[self.edge[:, 1]])
+
+
+def _feet(
+    place: FloatArray, start: FloatArray, end: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """((k,) share along the line from start to end, (k,) distance to its right, (k, 2) its normal there)."""
+    along, away = end - start, place - start
+    length = np.maximum(np.sqrt((along**2).sum(1)), 1e-150)
+    out = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
+    return (away * along).sum(1) / length**2, (away * out).sum(1), out
+
+
+def _beside(share: FloatArray) -> BoolArray:
+    """Whether feet lie on an edge, or just beyond an end."""
+    return np.abs(share - 0.5) < 0.5 + END_MARGIN_EDGES
 
 
 def joined(several: list[Contacts]) -> Contacts:
@@ -79,7 +87,7 @@ def mend(cut_mesh: CutMesh, wanted: FloatArray, sign: FloatArray) -> FloatArray:
     met = [_contacts(cut_mesh, x)]
     seed = np.zeros(len(cut_mesh.faces), bool)
     for _ in range(MOST_ROUNDS):
-        low = _heights(cut_mesh, x, sign)[0] < LEAST_HEIGHT_PAGES / 2
+        low = heights(x[cut_mesh.faces], sign)[0] < LEAST_HEIGHT_PAGES / 2
         if not low.any() and not len(met[-1].vertex):
             break
         contacts = joined(met[-CONTACT_ROUNDS:])
@@ -97,7 +105,7 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
     Of two overlapping charts the one with fewer faces is at fault: where both cross, or else as a whole.
     """
     n, chart = cut_mesh.n_charts, cut_mesh.chart
-    wrong: BoolArray = _heights(cut_mesh, x, sign)[0] < LEAST_HEIGHT_PAGES / 4
+    wrong: BoolArray = heights(x[cut_mesh.faces], sign)[0] < LEAST_HEIGHT_PAGES / 4
     found = overlaps(cut_mesh.faces, _stored(x), chart, cut_mesh.edges)
     size = np.bincount(chart, minlength=n)
     a, b = meetings(cut_mesh, x).T // 3
@@ -113,10 +121,16 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
 
 def meetings(cut_mesh: CutMesh, x: FloatArray) -> IntArray:
     """(p, 2) boundary half-edges that cross at places x (nv, 2), within a chart or between charts."""
-    boundary = boundary_in(cut_mesh, _stored(x))
-    pairs = [np.stack(meeting(boundary, between)[:2], 1) for between in (False, True)]
-    result: IntArray = boundary.half_edge[np.concatenate(pairs)]
+    boundary, pairs = _crossings(cut_mesh, _stored(x))
+    result: IntArray = boundary.half_edge[pairs]
     return result
+
+
+def _crossings(cut_mesh: CutMesh, x: FloatArray) -> tuple[BoundarySegments, IntArray]:
+    """(the boundary at places x (nv, 2), (p, 2) pairs of its segments that cross)."""
+    boundary = boundary_in(cut_mesh, x)
+    pairs = [np.stack(meeting(boundary, between)[:2], 1) for between in (False, True)]
+    return boundary, np.concatenate(pairs)
 
 
 def _stored(x: FloatArray) -> FloatArray:
@@ -124,9 +138,9 @@ def _stored(x: FloatArray) -> FloatArray:
     return x.astype(np.float32).astype(np.float64)
 
 
-def _heights(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """((m,) height over the longest side, negative where turned; (m, 3, 2) its gradient by the corners)."""
-    p = x[cut_mesh.faces]
+def heights(p: FloatArray, sign: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """((m,) height of triangles (m, 3, 2) over the longest side, negative where turned; (m, 3, 2) its gradient
+    by the corners). sign: (m,) 1, or −1 for faces of clockwise charts."""
     side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]  # across from each corner
     longest = np.maximum(np.sqrt((side**2).sum(2).max(1)), 1e-300)
     area = cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
@@ -138,31 +152,22 @@ def _heights(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> tuple[FloatA
 def _contacts(cut_mesh: CutMesh, x: FloatArray) -> Contacts:
     """The contacts of all crossings: of the four ends of each crossing, the one that lies least deep."""
     x = _stored(x)
-    boundary = boundary_in(cut_mesh, x)
-    pairs = [np.stack(meeting(boundary, between)[:2], 1) for between in (False, True)]
-    i, j = np.concatenate(pairs).T
+    boundary, pairs = _crossings(cut_mesh, x)
+    i, j = pairs.T
     s, e = boundary.start, boundary.end
     flat = cut_mesh.faces.ravel()
     tail = flat[boundary.half_edge]
     head = flat[next_half_edge(boundary.half_edge)]
     back = (s != x[tail]).any(1)  # mirrored charts are walked the other way
     tail, head = np.where(back, head, tail), np.where(back, tail, head)
-    along = e - s
-    length = np.maximum(np.sqrt((along**2).sum(1)), 1e-300)
-    out = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
     depth, vertex, other = [], [], []
     for a, b in ((i, j), (j, i)):
         for place, v in ((s[a], tail[a]), (e[a], head[a])):
-            d = -((place - s[b]) * out[b]).sum(1)
-            t = ((place - s[b]) * along[b]).sum(1) / length[b] ** 2
+            t, away, _ = _feet(place, s[b], e[b])
+            d = -away
             # a corner of the face of the edge must stay on its left
             own = (cut_mesh.faces[boundary.half_edge[b] // 3] == v[:, None]).any(1)
-            ok = (
-                (d > -LEAST_HEIGHT_PAGES)
-                & ~own
-                & (t > -END_MARGIN_EDGES)
-                & (t < 1 + END_MARGIN_EDGES)
-            )
+            ok = (d > -LEAST_HEIGHT_PAGES) & ~own & _beside(t)
             depth.append(np.where(ok, d, np.inf))
             vertex.append(v)
             other.append(b)
@@ -189,7 +194,7 @@ def _linear_step(
     number = np.full(len(x), -1)
     number[moving] = np.arange(n)
     face = np.flatnonzero(free[cut_mesh.faces].any(1))
-    height, gradient = _heights(cut_mesh, x, sign)
+    height, gradient = heights(x[cut_mesh.faces], sign)
     contacts = contacts.beside(x)
     t, gap, normal = contacts.feet(x)
     # rows: vertex of the whole, gradient by its place
@@ -198,29 +203,26 @@ def _linear_step(
     share = np.stack([np.ones(len(t)), t - 1, -t], 1)
     row_gap = _rows(number, spots, share[:, :, None] * normal[:, None], n)
     moves: SparseMatrix = sps.vstack([row_face, row_gap], format="csr")
-    group = _groups(number, cut_mesh.faces[face], spots, n)
-    k = int(group.max(initial=-1)) + 1
     lack = sps.identity(moves.shape[0])
-    blank = sps.csr_matrix((moves.shape[0], n + k))
+    blank = sps.csr_matrix((moves.shape[0], n + 1))
     need = LEAST_HEIGHT_PAGES - np.r_[height[face], gap]
     angle = 2 * np.pi / DRIFT_DIRECTIONS * np.arange(DRIFT_DIRECTIONS)
     turn = np.stack([np.cos(angle), np.sin(angle)], 1)
     disc = sps.kron(sps.identity(n), turn)
     far = sps.kron(sps.identity(n), np.ones((DRIFT_DIRECTIONS, 1)))
     away = (x - wanted)[moving]
-    of = sps.csr_matrix((np.ones(n), (np.arange(n), group)), shape=(n, k))
     lacks = lack.shape[0]
-    # unknowns: steps (2n), drifts (n), largest drift of each group (k), what rows lack
+    largest = sps.csr_matrix(np.ones((n, 1)))
+    # unknowns: steps (2n), drifts (n), largest drift, what rows lack
     rows: list[list[Any]] = [
         [-moves, blank, -lack],
-        [disc, -far, sps.csr_matrix((DRIFT_DIRECTIONS * n, k + lacks))],
-        [sps.csr_matrix((n, 2 * n)), sps.identity(n), -of, sps.csr_matrix((n, lacks))],
+        [disc, -far, sps.csr_matrix((DRIFT_DIRECTIONS * n, 1 + lacks))],
+        [sps.csr_matrix((n, 2 * n)), sps.identity(n), -largest, sps.csr_matrix((n, lacks))],
     ]
     matrix = sps.csc_matrix(sps.vstack([sps.hstack(row) for row in rows]))
     bound = np.r_[-need, -(away @ turn.T).ravel(), np.zeros(n)] / LEAST_HEIGHT_PAGES
-    size = np.bincount(group, minlength=k).astype(float)
-    cost = np.r_[np.zeros(2 * n), np.ones(n), size, np.full(lacks, VIOLATION_PENALTY)]
-    lowest = np.r_[np.full(2 * n, -np.inf), np.zeros(n + k + lacks)]
+    cost = np.r_[np.zeros(2 * n), np.ones(n), n, np.full(lacks, VIOLATION_PENALTY)]
+    lowest = np.r_[np.full(2 * n, -np.inf), np.zeros(n + 1 + lacks)]
     solved = least(cost, matrix, bound, (lowest, np.full(len(cost), np.inf)), CHOOSE)
     if solved.x is None:
         return x
@@ -239,11 +241,3 @@ def _rows(number: IntArray, vertex: IntArray, gradient: FloatArray, n: int) -> S
     shape = (r, 2 * n)
     where: Any = (np.repeat(row[ok], 2), at.ravel())
     return sps.csr_matrix((gradient[ok].ravel(), where), shape=shape)
-
-
-def _groups(number: IntArray, faces: IntArray, contacts: IntArray, n: int) -> IntArray:
-    """(n,) group of each moving vertex: vertices that share a face or a contact have one group."""
-    a = number[np.r_[faces, contacts]]
-    tail, head = a[:, [0, 1]].ravel(), a[:, [1, 2]].ravel()
-    ok = (tail >= 0) & (head >= 0)
-    return components(n, tail[ok], head[ok])[1]

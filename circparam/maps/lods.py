@@ -32,7 +32,6 @@ LOOSE_SHARE = 0.01  # of the surface: more faces without texture would show
 DRIFT = Range(0.0, 1e6, "a distance in texels, at least 0; 8 is the default")
 SIDE = Range(16, 65536, "a page of 16 to 65536 texels a side")
 
-
 _DRIFTS = ("drift", "drift_mean", "inside_p95", "inside_max", "apart", "anew", "anew_share")
 
 
@@ -112,14 +111,13 @@ def transfer(
     with monitor.stage("transfer"):
         for job in jobs:
             apart = _check_shape(charts, job.surface, job.document)
-            carried.append((carry_charts(charts, job.surface), apart))
-            _check_layout(carried[-1][0], job)
-            _check_drift(carried[-1][0], job, resolution, max_drift)
-    made = [_fitted(job, layout) for job, (layout, _) in zip(jobs, carried, strict=True)]
+            layout = carry_charts(charts, job.surface)
+            _check_layout(layout, job, resolution, max_drift)
+            carried.append((layout, apart, _fitted(job, layout)))
     out = []
-    for job, fitted, output, (layout, apart) in zip(jobs, made, outputs, carried, strict=True):
+    for job, output, (layout, apart, fitted) in zip(jobs, outputs, carried, strict=True):
         result = finish(job, fitted, output, monitor, "transfer")
-        one = _transferred(result, layout, apart, job.surface, resolution)
+        one = _transferred(result, layout, apart, resolution)
         if one.anew:
             result.warnings.append(
                 f"{counted(one.anew, 'face')} ({percent(one.anew_share)} of the surface) overlapped others and "
@@ -161,12 +159,12 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
     return far
 
 
-def _check_layout(layout: CarriedLayout, job: Job) -> None:
-    """Raise NoResultError if faces stay flipped, overlap, or if too many lie in free room."""
+def _check_layout(layout: CarriedLayout, job: Job, resolution: int, most: float) -> None:
+    """Raise NoResultError if faces stay flipped or overlap, if too many lie in free room, or if a corner lies
+    too far from its place in the first layout."""
     surface, name = job.surface, job.document.source.name
-    share = _loose_share(layout, surface)
     bad = layout.faulty if layout.faulty.any() else layout.loose
-    if layout.faulty.any() or share > LOOSE_SHARE:
+    if layout.faulty.any() or layout.loose_share > LOOSE_SHARE:
         places = surface.points[surface.faces].mean(1)
         middle = places[bad][surface.areas[bad].argmax()]
         raise NoResultError(
@@ -174,18 +172,11 @@ def _check_layout(layout: CarriedLayout, job: Job) -> None:
             f"({_point(middle)}): give a finer mesh, or one that has the seams of the first mesh as edges"
         )
 
-
-def _loose_share(layout: CarriedLayout, surface: Surface) -> float:
-    return float(surface.areas[layout.loose].sum() / surface.areas.sum())
-
-
-def _check_drift(layout: CarriedLayout, job: Job, resolution: int, most: float) -> None:
-    """Raise NoResultError if a corner lies too far from its place in the first layout."""
     drift = resolution * float(layout.drift.max())
     if drift > most:
         raise NoResultError(
-            f"{job.document.source.name}: the layout drifts by {drift:.1f} texels of {resolution} at "
-            f"({_point(_place(layout, job.surface))}), more than --max-drift {most:g}: give a finer mesh or a "
+            f"{name}: the layout drifts by {drift:.1f} texels of {resolution} at "
+            f"({_point(layout.farthest)}), more than --max-drift {most:g}: give a finer mesh or a "
             "larger --max-drift"
         )
 
@@ -202,17 +193,11 @@ def _fitted(job: Job, layout: CarriedLayout) -> Fitted:
     return Fitted(Cascade(layout.atlas), uvmap)
 
 
-def _place(layout: CarriedLayout, surface: Surface) -> FloatArray:
-    face, corner = np.unravel_index(int(layout.drift.argmax()), layout.drift.shape)
-    result: FloatArray = surface.points[surface.faces[face, corner]]
-    return result
-
-
 def _transferred(
-    result: Result, layout: CarriedLayout, apart: float, surface: Surface, resolution: int
+    result: Result, layout: CarriedLayout, apart: float, resolution: int
 ) -> Transferred:
     order = np.argsort(layout.inside)
-    whole = np.cumsum(surface.areas[order])
+    whole = np.cumsum(layout.atlas.surface.areas[order])
     p95 = layout.inside[order][np.searchsorted(whole, 0.95 * whole[-1])]
     return Transferred(
         result,
@@ -221,10 +206,10 @@ def _transferred(
         resolution * float(p95),
         resolution * float(layout.inside.max()),
         apart,
-        _place(layout, surface),
+        layout.farthest,
         resolution * layout.least,
         int(layout.loose.sum()),
-        _loose_share(layout, surface),
+        layout.loose_share,
     )
 
 

@@ -76,9 +76,7 @@ def _representatives(scene: Scene, most: int) -> IntArray:
 def _fixed(scene: Scene) -> BoolArray:
     """(k,) vertices of the layout at seams, and of flips."""
     fixed = np.zeros(len(scene.uv), bool)
-    corners = scene.uv_faces.ravel()
-    h = scene.seams
-    fixed[corners[h]] = fixed[corners[3 * (h // 3) + (h + 1) % 3]] = True
+    fixed[np.concatenate(scene.seam_ends)] = True
     fixed[scene.uv_faces[scene.flipped & scene.mapped]] = True
     return fixed
 

@@ -7,6 +7,7 @@ other: before and after, or those of several methods. ``packed`` says how the ge
 import base64
 import html
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from circparam._version import __version__
-from circparam.core.arrays import group_count, group_sum
+from circparam.core.arrays import group_count, group_sum, next_half_edge
 from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
@@ -23,7 +24,7 @@ from circparam.render.coarser import MOST, coarser
 from circparam.render.figures import Figures, PageImages, PictureOptions, counts, scene_figures
 from circparam.render.packed import box, pack_geometry, uv_span
 from circparam.render.scene import Scene
-from circparam.render.views import checker_cells
+from circparam.render.views import checker_cells, layout_line_weight
 
 SCRIPTS = [
     f"{name}.js"
@@ -183,16 +184,8 @@ def _choice(layouts: Sequence[PageLayout], meshes: Sequence[str]) -> str:
 
 def fill_in(template: str, fields: dict[str, str]) -> str:
     """Replace every %NAME% of a template; replaced text is not searched again."""
-    parts = template.split("%")
-    out, k = [parts[0]], 1
-    while k < len(parts):
-        if parts[k] in fields and k + 1 < len(parts):
-            out += [fields[parts[k]], parts[k + 1]]
-            k += 2
-        else:
-            out.append("%" + parts[k])
-            k += 1
-    return "".join(out)
+    names = "|".join(map(re.escape, fields))
+    return re.sub(f"%({names})%", lambda found: fields[found[1]], template)
 
 
 def viewer_file(name: str) -> str:
@@ -313,19 +306,13 @@ def _meta(layout: PageLayout) -> dict[str, Any]:
 def _line_weights(scene: Scene) -> dict[str, float]:
     """How thick seams are drawn before anything is zoomed, on the surface and in the layout."""
     h, flat = scene.seams, scene.faces.ravel()
-    ends = 3 * (h // 3) + (h + 1) % 3
-    on_surface = np.linalg.norm(scene.points[flat[ends]] - scene.points[flat[h]], axis=1).sum()
-    once = scene.once
-    h, corners = once.seams, once.uv_faces.ravel()
-    d = once.uv[corners[3 * (h // 3) + (h + 1) % 3]] - once.uv[corners[h]]
-    u0, v0, u1, v1 = once.bounds
+    along = scene.points[flat[next_half_edge(h)]] - scene.points[flat[h]]
+    on_surface = np.linalg.norm(along, axis=1).sum()
     diagonal = max(float(np.linalg.norm(np.ptp(scene.used_points, axis=0))), 1e-300)
     return {
         # both sides of a seam are listed, and half of the surface is seen
         "surface": round(col.line_weight(float(on_surface) / 4 / diagonal), 3),
-        "plane": round(
-            col.line_weight(float(np.linalg.norm(d, axis=1).sum()) / max(u1 - u0, v1 - v0)), 3
-        ),
+        "plane": round(layout_line_weight(scene.once), 3),
     }
 
 

@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     cross2,
     edge_keys,
     group_sum,
+    next_half_edge,
     relabel,
 )
 from circparam.core.graph import components
@@ -213,6 +214,12 @@ class Scene:
         lone[:-1] &= ranked[1:] != ranked[:-1]
         out: IntArray = np.sort(order[lone & (ranked >= 0)])
         return out
+
+    @cached_property
+    def seam_ends(self) -> tuple[IntArray, IntArray]:
+        """(s,) vertices of the layout at the beginning and at the end of each of the ``seams``."""
+        flat = self.uv_faces.ravel()
+        return flat[self.seams], flat[next_half_edge(self.seams)]
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:

@@ -73,11 +73,7 @@ def view_document(
         check_before(path)
     how = Look(**look)
     uv_set, group_by, up = how.uv_set, how.group_by, how.up
-    uvmap = document.require_uv(uv_set)
-    judged = judged_set(document, uv_set, group_by)
-    if judged is not None:
-        uvmap = laid_apart(uvmap, judged.tiles)
-    scene = scene_of(document, uvmap)
+    scene, judged = _judged_scene(document, uv_set, group_by)
     images, note, notes = None, "this mesh has no texture", list(document.notes)
     notes += [judged.note] if judged is not None and judged.note else []
     if path.suffix.lower() == ".html":
@@ -92,10 +88,7 @@ def view_document(
         notes += more
     scene = with_instances(scene, document.instance_transforms())
     name = Path(document.source.name).name
-    if (
-        up == "auto"
-        # the axis of the format, for formats that become glTF; else the axis on which the shape stands
-    ):
+    if up == "auto":  # the axis of a format that becomes glTF; else that on which the shape stands
         up = document.up or up_of(document.format) or up
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
@@ -107,6 +100,16 @@ def view_document(
     old = None if before is None else _before(before, uv_set, group_by, options)
     save_scene(path, scene, options, view_figures(judged, scene), old)
     return scene
+
+
+def _judged_scene(
+    document: Document, uv_set: int, group_by: str | None
+) -> tuple[Scene, Judged | None]:
+    """The scene of a uv set, several atlases side by side, and the verdict of ``circparam check --uv``."""
+    uvmap, judged = document.require_uv(uv_set), judged_set(document, uv_set, group_by)
+    if judged is not None:
+        uvmap = laid_apart(uvmap, judged.tiles)
+    return scene_of(document, uvmap), judged
 
 
 def check_before(path: Path) -> None:
@@ -121,11 +124,8 @@ def _before(
     document: Document, uv_set: int, group_by: str | None, options: PictureOptions
 ) -> PageLayout:
     """The layout of the original file, with its own textures and the camera of the new one."""
-    uvmap = document.require_uv(uv_set)
-    judged = judged_set(document, uv_set, group_by)
-    if judged is not None:
-        uvmap = laid_apart(uvmap, judged.tiles)
-    scene = with_instances(scene_of(document, uvmap), document.instance_transforms())
+    scene, judged = _judged_scene(document, uv_set, group_by)
+    scene = with_instances(scene, document.instance_transforms())
     images, note, _ = page_images(document, uv_set)
     options = replace(options, images=images, image_note=note)
     return PageLayout("before", scene, options, view_figures(judged, scene))

@@ -6,12 +6,12 @@ every chart is one path; in the last faces of one chart and of one step of the c
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray, next_half_edge
 from circparam.core.graph import cycles
 from circparam.render import colours as col
 from circparam.render.figures import PictureOptions, counts
 from circparam.render.scene import Scene
-from circparam.render.views import checker_cells
+from circparam.render.views import checker_cells, layout_line_weight
 
 SIZE = 1000  # svg units for one uv unit
 STEPS = 24  # of the colour scale
@@ -27,7 +27,7 @@ def outlines(scene: Scene, label: IntArray | None = None) -> list[tuple[int, Flo
     flat = scene.uv_faces.ravel()
     owner = scene.chart if label is None else label
     h = scene.seams if label is None else _borders(scene, label)
-    a, b = flat[h], flat[3 * (h // 3) + (h + 1) % 3]
+    a, b = flat[h], flat[next_half_edge(h)]
     piece = owner[h // 3]
     leaving, arriving = np.lexsort((a, piece)), np.lexsort((b, piece))
     ends_meet = np.array_equal(a[leaving], b[arriving])
@@ -61,6 +61,7 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
     width, height = (u1 - u0) * SIZE, (v1 - v0) * SIZE
     pad, text = 0.02 * max(width, height), 0.024 * max(width, height)
     stroke = max(width, height) / 900
+    thin = stroke * layout_line_weight(scene)
     head, foot = 3.4 * text, 2.4 * text
     whole = 3 * width + 4 * pad
     view = f"{-pad:g} {-head:g} {whole:g} {height + head + foot:g}"
@@ -89,7 +90,7 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
             *_grid(u0, v0, u1, v1),
             "</g>",
             inside if name == "distortion" else "",
-            f'<g stroke="{col.INK}" stroke-width="{stroke * _weight(scene):g}" stroke-linejoin="round" '
+            f'<g stroke="{col.INK}" stroke-width="{thin:g}" stroke-linejoin="round" '
             f'fill-rule="evenodd">',
             *(fills if name != "distortion" else [_unfilled(d) for d in fills]),
             "</g>",
@@ -98,14 +99,6 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
         ]
     lines.append(_legend(2 * (width + pad), height + 0.5 * text, width, text, options.scale_end))
     return "\n".join([line for line in lines if line] + ["</svg>", ""])
-
-
-def _weight(scene: Scene) -> float:
-    """Thinner lines for many charts."""
-    h, flat = scene.seams, scene.uv_faces.ravel()
-    d = scene.uv[flat[3 * (h // 3) + (h + 1) % 3]] - scene.uv[flat[h]]
-    u0, v0, u1, v1 = scene.bounds
-    return col.line_weight(float(np.linalg.norm(d, axis=1).sum()) / max(u1 - u0, v1 - v0))
 
 
 def _paths(scene: Scene, label: IntArray | None = None) -> dict[int, str]:

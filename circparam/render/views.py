@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
 from circparam.core.records import dataclass
 from circparam.geometry.raster import barycentric, rasterise
 from circparam.render import colours as col
@@ -66,9 +66,8 @@ def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> Flo
     """Mask of the seams and boundaries that are seen; the bias keeps a line from sinking into its own faces."""
     h, w = z.shape
     xy, depth = camera.project(scene.points, w, h)
-    seams = scene.seams
     flat = scene.faces.ravel()
-    a, b = flat[seams], flat[3 * (seams // 3) + (seams + 1) % 3]
+    a, b = flat[scene.seams], flat[next_half_edge(scene.seams)]
     lines = np.concatenate([xy, depth[:, None]], 1)
     pixel_size = 2 * camera.reach / min(w, h)
     # every seam is listed from both sides, and about half of them are seen
@@ -153,6 +152,14 @@ def distortion_colours(scene: Scene, faces: IntArray, top: float) -> FloatArray:
     out[scene.flipped[faces]] = col.rgb(col.FLIP)
     out[~scene.mapped[faces]] = col.rgb(col.NO_UV)
     return out
+
+
+def layout_line_weight(scene: Scene) -> float:
+    """Thickness of the seams in a drawing of the layout: less for many charts."""
+    a, b = scene.seam_ends
+    u0, v0, u1, v1 = scene.bounds
+    length = float(np.linalg.norm(scene.uv[b] - scene.uv[a], axis=1).sum())
+    return col.line_weight(length / max(u1 - u0, v1 - v0))
 
 
 def checker_cells(scene: Scene, across: float = 26.0) -> float:
@@ -251,9 +258,7 @@ def _draw_padding(image: FloatArray, face: IntArray, width: float) -> None:
 
 def _draw_boundaries(image: FloatArray, scene: Scene, uv: FloatArray, factor: int) -> None:
     """The boundaries of all charts, in place; thinner for many charts."""
-    h = scene.seams
-    flat = scene.uv_faces.ravel()
-    a, b = uv[flat[h]], uv[flat[3 * (h // 3) + (h + 1) % 3]]
+    a, b = (uv[ends] for ends in scene.seam_ends)
     weight = col.line_weight(np.linalg.norm(b - a, axis=1).sum() / image.shape[0])
     mask = draw_lines(a, b, image.shape[:2], 0.62 * factor * weight)[..., None]
     strength = 0.85 * np.sqrt(weight)

@@ -13,7 +13,7 @@ from PIL import Image
 
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.sampling import Closest
-from circparam.bake.write import GLOSS, SLOTS, embed, png, write_baked
+from circparam.bake.write import GLOSS, embed, png, write_baked
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
@@ -116,7 +116,7 @@ def test_materials_and_colours_of_a_glb_show_the_image(files: Path):
     ]
     image = png(np.full((2, 2, 3), 7, np.uint8))
     for kind, drop in (("texture", False), ("vertex-colors", True)):
-        out, body = chunks(embed(glb_bytes(tree, binary), Source("x.glb"), image, 1, SLOTS[kind]))
+        out, body = chunks(embed(glb_bytes(tree, binary), Source("x.glb"), image, 1, kind))
         shown = [m["pbrMetallicRoughness"] for m in out["materials"]]
         assert len(shown) == 3  # one new material for both faces without
         assert [m["baseColorTexture"] for m in shown] == [{"index": 1, "texCoord": 1}] * 3
