@@ -22,9 +22,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Fuzz the command line.")
     parser.add_argument("--cases", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--minutes", type=float, default=30.0, help="start no further case after this time"
-    )
+    late = "start no further case after this time"
+    parser.add_argument("--minutes", type=float, default=30.0, help=late)
     parser.add_argument("--bound", type=float, default=20.0, help="seconds for one case")
     parser.add_argument("--keep", type=Path, help="folder for the files of cases that went wrong")
     chosen = parser.parse_args()
@@ -38,12 +37,9 @@ def main() -> int:
 
     @seed(chosen.seed)
     @settings(
-        max_examples=chosen.cases,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate],
+        max_examples=chosen.cases, deadline=None, database=None, phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
-    )
+    )  # fmt: skip
     @given(cases())
     def one(case: Case) -> None:
         nonlocal slowest
@@ -59,15 +55,11 @@ def main() -> int:
         if found:
             wrong.append((case, found))
             (keep / f"{case.key}-{case.name}").write_bytes(case.data)
-            words = " ".join(
-                [*case.command, f"{case.key}-{case.name}", *case.options, str(case.output)]
-            )
-            print(f"{words}: {'; '.join(found)}", flush=True)
+            words = [*case.command, f"{case.key}-{case.name}", *case.options, str(case.output)]
+            print(f"{' '.join(words)}: {'; '.join(found)}", flush=True)
 
-    print(
-        f"fuzz: {chosen.cases} cases, seed {chosen.seed}, at most {chosen.minutes:g} minutes",
-        flush=True,
-    )
+    bounds = f"seed {chosen.seed}, at most {chosen.minutes:g} minutes"
+    print(f"fuzz: {chosen.cases} cases, {bounds}", flush=True)
     one()
     skipped = f", {count['skipped']} not run for lack of time" if count["skipped"] else ""
     print(

@@ -72,12 +72,8 @@ def _judge(case: Case, source: Path, target: Path | None, said: str, warned: str
     except ValueError:
         return ["stdout is no JSON document"]
     if target is None:
-        wanted = case.expected or {}
-        return [
-            f"{name} is {report['uv'][name]}, not {value}"
-            for name, value in wanted.items()
-            if report["uv"][name] != value
-        ]
+        told = [(name, report["uv"][name], value) for name, value in (case.expected or {}).items()]
+        return [f"{name} is {found}, not {value}" for name, found, value in told if found != value]
     if report["status"] not in ("ok", "repaired", "degraded"):
         return [f"exit 0 and status {report['status']}"]
     if not target.exists():
@@ -93,16 +89,11 @@ def _judge(case: Case, source: Path, target: Path | None, said: str, warned: str
     corners = uvmap.uv[uvmap.uv_faces]
     if not np.isfinite(corners).all():
         return ["uv that are not finite"]
-    out = []
+    out, (u, v) = [], np.moveaxis(corners, 2, 0)
     if "--no-normalize" in case.options:
-        corners = (corners - corners.min((0, 1))) / max(
-            float(np.ptp(corners, (0, 1)).max()), 1e-300
-        )
-    elif (
-        corners[..., 1].min() < -1e-6
-        or corners[..., 1].max() > 1 + 1e-6
-        or corners[..., 0].min() < -1e-6
-    ):
+        size = max(float(np.ptp(corners, (0, 1)).max()), 1e-300)
+        corners = (corners - corners.min((0, 1))) / size
+    elif u.min() < -1e-6 or v.min() < -1e-6 or v.max() > 1 + 1e-6:
         out.append("uv outside the pages")
     live = live_faces(written.mesh.points, written.mesh.weld[written.mesh.faces])
     slack = 3e-7 if target.suffix == ".glb" else 1e-9
@@ -118,12 +109,9 @@ def live_faces(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     size = max(float(np.abs(centre).max()), 1e-300)
     p = (points / size)[faces]
     e = np.roll(p, -1, 1) - p
-    longest = (e**2).sum(2).max(1)
-    area = (
-        np.linalg.norm(np.cross(e[:, 0] / np.sqrt(longest.clip(1e-300))[:, None], e[:, 1]), axis=1)
-        / 2
-    )
-    fat = area > 1e-11 * np.sqrt(longest)
+    longest = np.sqrt((e**2).sum(2).max(1))
+    unit = e[:, 0] / longest.clip(1e-150)[:, None]
+    fat = np.linalg.norm(np.cross(unit, e[:, 1]), axis=1) / 2 > 1e-11 * longest
     key = np.sort(faces, 1)
     _, first = np.unique(key, axis=0, return_index=True)
     lonely = np.zeros(len(faces), bool)

@@ -32,9 +32,8 @@ def spoiled(draw: st.DrawFn, data: bytes) -> bytes:
 def _change(draw: st.DrawFn, data: bytes) -> bytes:
     at = round(draw(st.floats(0, 1)) * len(data))
     size = draw(st.sampled_from([1, 1, 2, 4, 16, 100]))
-    kind = draw(
-        st.sampled_from(["cut", "drop", "flip", "zero", "ones", "twice", "junk", "word", "line"])
-    )
+    kinds = ["cut", "drop", "flip", "zero", "ones", "twice", "junk", "word", "line"]
+    kind = draw(st.sampled_from(kinds))
     if kind == "cut":
         return data[:at]
     if kind == "drop":
@@ -56,7 +55,8 @@ def _change(draw: st.DrawFn, data: bytes) -> bytes:
     return data[:start] + draw(st.sampled_from(_LINES)) + data[start:]
 
 
-def whole(shape: Shape, writer: str) -> tuple[str, bytes]:
+@st.composite
+def whole(draw: st.DrawFn, shapes: st.SearchStrategy[Shape]) -> tuple[str, bytes]:
     """(suffix, bytes) of a mesh in one of the formats."""
-    suffix, write = WRITERS[writer]
-    return suffix, write(*shape)
+    suffix, write = WRITERS[draw(st.sampled_from(sorted(WRITERS)))]
+    return suffix, write(*draw(shapes))

@@ -62,9 +62,8 @@ def _obj(at: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> bytes:
     lines += [f"vt {u!r} {v!r}" for u, v in rows.tolist()]
     for k, face in enumerate((faces + 1).tolist()):
         bare = (uv[k] == NONE).all()
-        lines.append(
-            "f " + " ".join(str(p) if bare else f"{p}/{3 * k + c + 1}" for c, p in enumerate(face))
-        )
+        corners = [str(p) if bare else f"{p}/{3 * k + c}" for c, p in enumerate(face, 1)]
+        lines.append("f " + " ".join(corners))
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -91,18 +90,12 @@ def expected(faces: np.ndarray, uv: np.ndarray) -> dict[str, object] | None:
         pages.add(page)
         edge = np.array([64 * page, 0])
         outside += int((low < edge).any() or (high > edge + 64).any())
-    missing = int((~ok).sum())
+    missing, shared = int((~ok).sum()), int(ok.sum()) - len(judged)
     meets = any(_meet(uv[i], uv[j]) for i, j in combinations(judged, 2))
-    out: dict[str, object] = {
-        "missing": missing,
-        "flips": flips,
-        "mirrored": mirrored,
-        "outside": outside,
-        "pages": len(pages),
-        "valid": not (missing or flips or mirrored or meets),
-        "shared": int(ok.sum()) - len(judged),
-    }
-    return out
+    return {
+        "missing": missing, "flips": flips, "mirrored": mirrored, "outside": outside,
+        "pages": len(pages), "valid": not (missing or flips or mirrored or meets), "shared": shared,
+    }  # fmt: skip
 
 
 def _charts(judged: list[int], corners: list[dict[int, tuple[int, int]]]) -> list[list[int]]:

@@ -52,10 +52,9 @@ class Painted(GltfMaker):
             self.tree.setdefault(kind, [])
         self.tree["images"].append({"bufferView": self.view(data), "mimeType": "image/png"})
         self.tree["samplers"].append({"wrapS": wrap, "wrapT": wrap, **sampler})
-        self.tree["textures"].append(
-            {"source": len(self.tree["images"]) - 1, "sampler": len(self.tree["samplers"]) - 1}
-        )
-        return len(self.tree["textures"]) - 1
+        last = len(self.tree["textures"])
+        self.tree["textures"].append({"source": last, "sampler": last})
+        return last
 
 
 def sheet(n: int = 9) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
@@ -63,9 +62,8 @@ def sheet(n: int = 9) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
     points, faces = grid(n)
     points = (points * [1, 1, 0.3] / (n - 1)).astype(np.float32)
     normal = np.zeros((len(points), 3))
-    flat = np.cross(
-        points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
-    )
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    flat = np.cross(b - a, c - a)
     for k in range(3):
         np.add.at(normal, faces[:, k], flat)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -87,14 +85,10 @@ def model(materials: list[dict[str, Any]], g: Painted, sets: int = 2) -> Painted
             "NORMAL": g.accessor(normal),
         }
         for number in range(sets):
-            attributes[f"TEXCOORD_{number}"] = g.accessor(
-                turned(uv, 0.4 + k + number, 1.2, 0.3 * number)
-            )
-        primitive = {
-            "attributes": attributes,
-            "indices": g.accessor(faces.ravel().astype("u2")),
-            "material": k,
-        }
+            layout = turned(uv, 0.4 + k + number, 1.2, 0.3 * number)
+            attributes[f"TEXCOORD_{number}"] = g.accessor(layout)
+        index = g.accessor(faces.ravel().astype("u2"))
+        primitive = {"attributes": attributes, "indices": index, "material": k}
         meshes.append({"primitives": [primitive]})
         nodes.append({"mesh": k})
     g.tree |= {"materials": materials, "meshes": meshes}
@@ -132,11 +126,8 @@ def look_up(
     uv[:, 1] = 1 - uv[:, 1]
     uv = uv * moved.get("scale", [1, 1])
     r = moved.get("rotation", 0.0)
-    uv = np.stack(
-        [np.cos(r) * uv[:, 0] + np.sin(r) * uv[:, 1], np.cos(r) * uv[:, 1] - np.sin(r) * uv[:, 0]],
-        1,
-    )
-    uv = uv + moved.get("offset", [0, 0])
+    turn = np.array([[np.cos(r), -np.sin(r)], [np.sin(r), np.cos(r)]])
+    uv = uv @ turn + moved.get("offset", [0, 0])
     h, w = image.shape[:2]
     sampler = tree.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
     mode = MODES[sampler.get("wrapS", 10497)]
@@ -148,9 +139,8 @@ def seen(document: GltfDocument, face: IntArray, bary: FloatArray) -> dict[str, 
     """Base colour, alpha, metallic-roughness, occlusion and emissive at points, by the rules of glTF 2.0,
     3.9."""
     size = [len(p.triangles) for p in document.primitives]
-    entries = [
-        document.tree.json["meshes"][p.mesh]["primitives"][p.number] for p in document.primitives
-    ]
+    meshes = document.tree.json["meshes"]
+    entries = [meshes[p.mesh]["primitives"][p.number] for p in document.primitives]
     of = np.repeat([e.get("material", -1) for e in entries], size)[face]
     n = len(face)
     out = {
@@ -182,10 +172,8 @@ def seen(document: GltfDocument, face: IntArray, bary: FloatArray) -> dict[str, 
 def surface_points(document: GltfDocument, n: int = 20_000) -> tuple[IntArray, FloatArray]:
     """(face, barycentric coordinates) of points spread evenly over the surface."""
     rng = np.random.default_rng(4)
-    corners = document.mesh.points[document.mesh.faces]
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    a, b, c = document.mesh.points[document.mesh.faces].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return rng.choice(len(area), n, p=area / area.sum()), rng.dirichlet([1, 1, 1], n)
 
 

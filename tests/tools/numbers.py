@@ -12,17 +12,10 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2] / "circparam"
 # what decides where seams run and how charts lie on a page
-STEERING = [
-    "seams",
-    "packing",
-    *(
-        f"pipeline/{name}.py"
-        for name in (
-            "chords", "cut_along", "fit_pages", "fuller_page", "page_cuts", "page_search", "place",
-            "searches",
-        )
-    ),
-]  # fmt: skip
+PIPELINE = (
+    "chords", "cut_along", "fit_pages", "fuller_page", "page_cuts", "page_search", "place", "searches",
+)  # fmt: skip
+STEERING = ["seams", "packing", *(f"pipeline/{name}.py" for name in PIPELINE)]
 FREE = (0, 1, 0.5, 2)
 PRECISION = 1e-6
 HASH = 1 << 32
@@ -30,10 +23,9 @@ HASH = 1 << 32
 
 def modules() -> list[Path]:
     """The files that are counted."""
+    places = [PACKAGE / name for name in STEERING]
     return sorted(
-        path
-        for name in STEERING
-        for path in ([PACKAGE / name] if name.endswith(".py") else (PACKAGE / name).rglob("*.py"))
+        p for place in places for p in ([place] if place.is_file() else place.rglob("*.py"))
     )
 
 
