@@ -32,25 +32,10 @@ def test_no_suffix_stands_for_two_formats() -> None:
     assert all(s == s.lower() and s[0] == "." for s in suffixes)
 
 
+@pytest.mark.parametrize("promise", contract.PROMISES)
 @pytest.mark.parametrize("name", WRITABLE)
-def test_points_faces_and_uv_come_back(name: str) -> None:
-    contract.check_round_trip(name)
-    contract.check_rounding_is_small(name)
-
-
-@pytest.mark.parametrize("name", WRITABLE)
-def test_content_and_name_tell_the_format(name: str, tmp_path: Path) -> None:
-    contract.check_told_by_content_and_name(name, tmp_path)
-
-
-@pytest.mark.parametrize("name", WRITABLE)
-def test_files(name: str, tmp_path: Path) -> None:
-    contract.check_written_to_disk(name, tmp_path)
-
-
-@pytest.mark.parametrize("name", WRITABLE)
-def test_messages_name_it(name: str) -> None:
-    contract.check_named_in_messages(name)
+def test_a_row_keeps_its_promise(name: str, promise: str, tmp_path: Path) -> None:
+    contract.PROMISES[promise](name, tmp_path)
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n not in WRITABLE])
@@ -76,9 +61,8 @@ def test_unshare_changes_nothing_where_nothing_is_shared(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_garbage_is_refused_in_one_line(name: str) -> None:
     own = (b"x", b"{}", b"ply\nx\n", b"glTF" + b"\xff" * 20, b"OFF\n1 1\n", b"\0" * 200)
-    for data in (
-        own if name in (*WRITABLE, "stl", "off") else own[:1]
-    ):  # a process for each of others
+    # a process for each of the other formats
+    for data in own if name in (*WRITABLE, "stl", "off") else own[:1]:
         with pytest.raises(InputError) as caught:
             read_data(data, format=name)
         assert "\n" not in str(caught.value)

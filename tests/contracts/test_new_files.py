@@ -33,11 +33,6 @@ OFF = b"""OFF # comment
 """
 
 
-def document():
-    points, faces = grid(4)
-    return from_arrays(points, faces)
-
-
 @pytest.mark.parametrize("format", ["ply", "glb", "gltf", "obj"])
 def test_groups_and_polygons_go_where_they_can(format: str) -> None:
     text = (
@@ -76,7 +71,7 @@ def test_rounded_positions_are_noted() -> None:
 
 
 def test_inputs_are_not_changed() -> None:
-    doc = document()
+    doc = from_arrays(*grid(4))
     uvmap = layout_with_seams(doc)
     uv, faces, points = uvmap.uv.copy(), uvmap.uv_faces.copy(), doc.mesh.points.copy()
     for format in ("obj", "ply", "glb", "gltf"):

@@ -69,12 +69,10 @@ def toy(tmp_path: Path) -> Iterator[Path]:
         yield tmp_path / "in.toy"
 
 
-def test_it_keeps_the_contract_of_every_format(tmp_path: Path) -> None:
-    contract.check_round_trip("toy")
-    contract.check_rounding_is_small("toy")
-    contract.check_told_by_content_and_name("toy", tmp_path)
-    contract.check_written_to_disk("toy", tmp_path)
-    contract.check_named_in_messages("toy")
+@pytest.mark.parametrize("promise", contract.PROMISES)
+def test_it_keeps_the_contract_of_every_format(promise: str, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    contract.PROMISES[promise]("toy", tmp_path / "empty")
 
 
 @pytest.mark.parametrize("output", ["out.toy", "out.glb"])

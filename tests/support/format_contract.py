@@ -1,5 +1,6 @@
 """What every row of FORMATS promises: used for the rows that are there, and for one added by a test."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ def document(n: int = 4):
     return from_arrays(*grid(n))
 
 
-def check_round_trip(name: str) -> None:
+def check_round_trip(name: str, _: Path) -> None:
     """read(write(x)) keeps points and faces bit for bit, and uv as the row's ``round_uv`` says."""
     doc = document()
     for uvmap in (smooth_layout(doc), layout_with_seams(doc)):
@@ -40,7 +41,7 @@ def check_round_trip(name: str) -> None:
         assert_round_trip(again, whole, name)
 
 
-def check_rounding_is_small(name: str) -> None:
+def check_rounding_is_small(name: str, _: Path) -> None:
     """uv move by what single precision moves them at most."""
     uvmap = smooth_layout(document())
     np.testing.assert_allclose(stored(uvmap, name).uv, uvmap.uv, rtol=0, atol=2.0**-20)
@@ -81,7 +82,7 @@ def check_written_to_disk(name: str, folder: Path) -> None:
     np.testing.assert_array_equal(corners(again), wanted)
 
 
-def check_named_in_messages(name: str) -> None:
+def check_named_in_messages(name: str, _: Path) -> None:
     """Misspelt it is suggested; where another format or suffix fails it is among the choices."""
     with pytest.raises(OptionError, match=f"did you mean.* {name}"):
         read_data(b"x", format=name + "x")
@@ -94,3 +95,13 @@ def check_named_in_messages(name: str) -> None:
         if other.function.export is None:
             with pytest.raises(OptionError, match=rf"write .*\b{name}\b"):
                 stored(smooth_layout(document()), other.name)
+
+
+# promise → its check, given a name of a row and an empty folder
+PROMISES: dict[str, Callable[[str, Path], None]] = {
+    "points, faces and uv come back": check_round_trip,
+    "rounding is small": check_rounding_is_small,
+    "content and name tell the format": check_told_by_content_and_name,
+    "files are written once and whole": check_written_to_disk,
+    "messages name it": check_named_in_messages,
+}
