@@ -17,7 +17,7 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument
-from circparam.formats.gltf.normals import with_frames
+from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode, read
 from circparam.formats.source import Source

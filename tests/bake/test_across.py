@@ -12,7 +12,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.gltf.normals import with_frames
+from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.source import Source
 from circparam.geometry.shading import corner_normals, unit

@@ -17,7 +17,7 @@ from circparam.bake.write import GLOSS, embed, png, write_baked
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
-from circparam.formats.gltf.normals import with_frames
+from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.scene import mesh_matrices
 from circparam.formats.io import encode, read, read_data, write
 from circparam.formats.memory import from_arrays

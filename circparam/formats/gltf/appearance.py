@@ -9,8 +9,7 @@ from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
-from circparam.formats.gltf.images import media_type_of
-from circparam.formats.gltf.model import Json
+from circparam.formats.gltf.model import Json, media_type_of
 from circparam.formats.materials import Textures, decode, linear
 from circparam.mesh.mesh import UVMap
 

@@ -4,14 +4,25 @@ import base64
 import copy
 import json
 import struct
+from pathlib import Path
+from typing import Any
 from urllib.parse import quote, unquote
 
 import numpy as np
+import numpy.typing as npt
 
-from circparam.formats.gltf.images import embed_images
-from circparam.formats.gltf.model import ARRAY_BUFFER, Json
-from circparam.formats.gltf.reading import Tree
-from circparam.formats.gltf.rows import short_views
+from circparam.core.arrays import IntArray
+from circparam.formats.gltf.model import (
+    ARRAY_BUFFER,
+    COMPONENT_OF,
+    COMPONENTS,
+    ELEMENT_BUFFER,
+    Json,
+    Primitive,
+    index_type,
+    media_type_of,
+)
+from circparam.formats.gltf.reading import Tree, element_size
 from circparam.formats.gltf.unused import (
     Span,
     Unused,
@@ -19,8 +30,10 @@ from circparam.formats.gltf.unused import (
     drop_buffers,
     drop_unused,
     extensions_hold_data,
+    short_views,
     view_span,
 )
+from circparam.formats.source import bytes_beside
 from circparam.formats.tokens import ByteArray
 
 
@@ -37,22 +50,70 @@ class Packing:
         # nothing moves where an extension may refer to data in a way that is not known here
         self.careful = extensions_hold_data(self.json)
 
-    def accessor(self, entry: Json, rows: ByteArray, target: int) -> int:
-        """Append an accessor and its bytes; returns its number."""
-        view: Json = {"buffer": 0, "byteOffset": 0, "target": target}
-        width = rows.shape[1]
-        if target == ARRAY_BUFFER and width % 4:  # vertex attributes begin at multiples of 4
-            rows = np.pad(rows, ((0, 0), (0, -width % 4)))
-            view["byteStride"] = rows.shape[1]
-        body = rows.tobytes()
-        view["byteLength"] = len(body)
+    def primitive(self, p: Primitive) -> Json:
+        """The entry of a primitive in the new tree."""
+        entry: Json = self.json["meshes"][p.mesh]["primitives"][p.number]
+        return entry
+
+    def replace(self, holder: dict[str, int], name: str, accessor: int | None = None) -> None:
+        """Let an attribute name another accessor, or take it away; the old one loses a user."""
+        if name in holder:
+            self.touched.add(holder[name] if accessor is not None else holder.pop(name))
+        if accessor is not None:
+            holder[name] = accessor
+
+    def view(self, data: bytes, **entry: int) -> int:
+        """Append a buffer view and its bytes; returns its number."""
+        view = {"buffer": 0, "byteOffset": 0, **entry, "byteLength": len(data)}
         self.json.setdefault("bufferViews", []).append(view)
-        number = len(self.json["bufferViews"]) - 1
-        self.data.append((view, body))
-        self.json.setdefault("accessors", []).append(
-            {"bufferView": number, **entry, "count": len(rows)}
-        )
-        return len(self.json["accessors"]) - 1
+        self.data.append((view, data))
+        return len(self.json["bufferViews"]) - 1
+
+    def accessor(self, entry: Json, rows: ByteArray, target: int = ARRAY_BUFFER) -> int:
+        """Append an accessor and its bytes (n, bytes of an element); returns its number. target: 0 for none."""
+        form = {"target": target} if target else {}
+        if (
+            target == ARRAY_BUFFER and rows.shape[1] % 4
+        ):  # vertex attributes begin at multiples of 4
+            rows = np.pad(rows, ((0, 0), (0, -rows.shape[1] % 4)))
+            form["byteStride"] = rows.shape[1]
+        view = self.view(rows.tobytes(), **form)
+        known = self.json.setdefault("accessors", [])
+        known.append({"bufferView": view, **entry, "count": len(rows)})
+        return len(known) - 1
+
+    def array(
+        self, values: npt.NDArray[Any], target: int = ARRAY_BUFFER, *, bounds: bool = False,
+        keep: Json | None = None,
+    ) -> int:  # fmt: skip
+        """Append an accessor of float32 or integer scalars (n,) or vectors (n, k); returns its number.
+
+        bounds: with least and largest. keep: further properties, which stand first.
+        """
+        kind = "SCALAR" if values.ndim == 1 else f"VEC{values.shape[1]}"
+        values = values.astype("<f4") if values.dtype.kind == "f" else values
+        rows = np.ascontiguousarray(values.reshape(len(values), -1))
+        entry = {**(keep or {}), "componentType": COMPONENT_OF[rows.dtype], "type": kind}
+        if bounds:
+            entry |= {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
+        return self.accessor(entry, rows.view(np.uint8).reshape(len(rows), -1), target)
+
+    def indices(
+        self, corner: IntArray, vertices: int, least: int = 5123, keep: Json | None = None
+    ) -> int:
+        """Append an index list of so many vertices, of the component type ``least`` or a wider one."""
+        code = COMPONENTS[index_type(vertices, least)]
+        return self.array(corner.astype(code), ELEMENT_BUFFER, keep=keep)
+
+    def rows(self, number: int) -> ByteArray:
+        """(count, bytes of one element) the raw elements of an accessor, old or new."""
+        if number < len(self.tree.json["accessors"]):
+            return self.tree.rows(number)
+        accessor = self.json["accessors"][number]
+        view = self.json["bufferViews"][accessor["bufferView"]]
+        body = next(data for held, data in self.data if held is view)
+        table = np.frombuffer(body, np.uint8).reshape(accessor["count"], -1)
+        return table[:, : element_size(accessor)]
 
     # the file --------------------------------------------------------------------------------
 
@@ -65,7 +126,7 @@ class Packing:
         self._store_images(format, stem, extra)
         if format == "glb" and not self.tree.is_glb:
             body, unused = self._pack(unused)
-            self.data += embed_images(self.json, self.tree.source.folder)
+            self._embed_images()
         if body is not None or (format == "glb" and not self.json["buffers"]):
             body = self._append(cut(self.json, body or b"", unused, self._fresh()), 0)
             buffers = self.json["buffers"]
@@ -73,7 +134,7 @@ class Packing:
                 buffers.append({})
             buffers[0]["byteLength"] = len(body)
             if format == "glb":
-                return self._glb(body), extra, self._assets()
+                return glb_bytes(self.json, body, self.tree.rest), extra, self._assets()
             buffers[0] = {"uri": self._name(stem, body, extra), **buffers[0]}
         elif self.data:
             if not self.careful:
@@ -82,7 +143,7 @@ class Packing:
             body = self._append(b"", len(buffers))
             buffers.append({"uri": self._name(stem, body, extra), "byteLength": len(body)})
         if format == "glb":
-            return self._glb(None), extra, self._assets()
+            return glb_bytes(self.json, None, self.tree.rest), extra, self._assets()
         text = json.dumps(
             self.json, ensure_ascii=False, indent=self.tree.indent,
             separators=(",", ":") if self.tree.indent is None else None, allow_nan=False,
@@ -96,14 +157,30 @@ class Packing:
         for number, data in self.images.items():
             image = self.json["images"][number]
             if format == "glb" or not stem:
-                view: Json = {"buffer": 0, "byteOffset": 0, "byteLength": len(data)}
-                self.json.setdefault("bufferViews", []).append(view)
-                image["bufferView"] = len(self.json["bufferViews"]) - 1
-                self.data.append((view, data))
+                image["bufferView"] = self.view(data)
             else:
                 name = self.image_files.get(image["name"], f"{stem}_{image['name']}.png")
                 image["uri"] = quote(name)
                 extra[name] = data
+
+    def _embed_images(self) -> None:
+        """Take image files into the tree; missing and unknown ones, and those elsewhere, keep their names."""
+        known: dict[str, Json] = {}
+        for image in self.json.get("images", []):
+            uri = image.get("uri")
+            if not isinstance(uri, str) or uri.startswith("data:"):
+                continue
+            if uri not in known:
+                try:
+                    data = bytes_beside(self.tree.source.folder, uri)
+                except OSError:
+                    data = b""
+                kind = media_type_of(data)
+                known[uri] = {"bufferView": self.view(data), "mimeType": kind} if kind else {}
+            if known[uri]:
+                image.pop("uri")
+                image |= known[uri]
+                image.setdefault("name", Path(unquote(uri)).stem)
 
     def _drop(self) -> Unused:
         """Remove entries that lost their last user."""
@@ -179,9 +256,6 @@ class Packing:
         ]
         still = {e.get("uri") for kind in ("buffers", "images") for e in self.json.get(kind, [])}
         return list(dict.fromkeys(unquote(u) for u in uris if u in still))
-
-    def _glb(self, body: bytes | None) -> bytes:
-        return glb_bytes(self.json, body, self.tree.rest)
 
 
 def _image_views(tree: Json) -> set[int]:

@@ -15,7 +15,6 @@ from circparam.formats.gltf.looks import read_looks
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.names import entry_names, material_of, node_names
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
-from circparam.formats.gltf.rows import short_views
 from circparam.formats.gltf.scene import (
     Again,
     mesh_matrices,
@@ -26,6 +25,7 @@ from circparam.formats.gltf.scene import (
     unshare_meshes,
     walk,
 )
+from circparam.formats.gltf.unused import short_views
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source

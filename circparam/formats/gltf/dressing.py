@@ -78,13 +78,9 @@ def _dress(
         for k, primitive in enumerate(mesh["primitives"]):
             primitive["material"] = k
             if not has_uv:
-                edit.touched.add(primitive["attributes"].pop("TEXCOORD_0"))
+                edit.replace(primitive["attributes"], "TEXCOORD_0")
     for data, kind in images:
-        view: Json = {"buffer": 0, "byteOffset": 0, "byteLength": len(data)}
-        json["bufferViews"].append(view)
-        edit.data.append((view, data))
-        entry = {"bufferView": len(json["bufferViews"]) - 1, "mimeType": kind}
-        json.setdefault("images", []).append(entry)
+        json.setdefault("images", []).append({"bufferView": edit.view(data), "mimeType": kind})
         texture = {"source": len(json["images"]) - 1, "sampler": 0}
         json.setdefault("textures", []).append(texture)
         json["samplers"] = [{"magFilter": 9729, "minFilter": 9987}]

@@ -14,17 +14,8 @@ from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.joining import join_primitives
 from circparam.formats.gltf.looks import redressed
-from circparam.formats.gltf.model import (
-    ARRAY_BUFFER,
-    COMPONENTS,
-    ELEMENT_BUFFER,
-    TRIANGLES,
-    Json,
-    Pool,
-    Primitive,
-    index_type,
-)
-from circparam.formats.gltf.scene import mesh_matrices, times
+from circparam.formats.gltf.model import TRIANGLES, Json, Pool, Primitive
+from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
 from circparam.formats.looks import Carried
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
@@ -57,7 +48,7 @@ def write_uv(
             edit.tangents(users, split, np.concatenate(own_tangents))
         if split.added:
             added += split.added
-            listed += edit.indices(users, split)
+            listed += edit.relist(users, split)
     notes = []
     if added:
         notes.append(duplicated(added))
@@ -126,45 +117,34 @@ class TreeEdit(Packing):
         """New attributes of one pool and the primitives that use it; returns the number of lost tangents."""
         entries = [self.primitive(p) for p in users]
         attributes, targets = dict(pool.attributes), copy.deepcopy(pool.targets)
-        last = number
+        last, name = number, f"TEXCOORD_{number}"
         if any((p.mesh, p.number) in self.keeps for p in users):
             last = self.kept_set
-            if f"TEXCOORD_{number}" in attributes:
-                attributes[f"TEXCOORD_{last}"] = attributes[f"TEXCOORD_{number}"]
+            if name in attributes:
+                attributes[f"TEXCOORD_{last}"] = attributes[name]
         changed = {number, *(n for n in range(last) if f"TEXCOORD_{n}" not in attributes)}
-        lost = "TANGENT" in attributes and any(self.tangent_set(e) in changed for e in entries)
+        lost = "TANGENT" in attributes and any(
+            tangent_set(self.json, e) in changed for e in entries
+        )
         if lost:
-            self.touched.add(attributes.pop("TANGENT"))
-            for target in targets:
-                self.touched |= {target.pop("TANGENT")} if "TANGENT" in target else set()
-        old = attributes.get(f"TEXCOORD_{number}")
-        keep = (
-            {k: v for k, v in self.json["accessors"][old].items() if k in ("name", "extras")}
-            if old is not None
-            else {}
-        )
-        new = self.accessor(
-            {**keep, "componentType": 5126, "type": "VEC2"},
-            rows.view(np.uint8).reshape(len(rows), 8),
-            ARRAY_BUFFER,
-        )
+            for holder in (attributes, *targets):
+                self.replace(holder, "TANGENT")
+        old = self.json["accessors"][attributes[name]] if name in attributes else {}
+        new = self.array(rows, keep={k: v for k, v in old.items() if k in ("name", "extras")})
         for n in changed:
-            self.touched |= (
-                {attributes[f"TEXCOORD_{n}"]} if f"TEXCOORD_{n}" in attributes else set()
-            )
-            attributes[f"TEXCOORD_{n}"] = new
+            self.replace(attributes, f"TEXCOORD_{n}", new)
             for target in targets:
                 target.pop(f"TEXCOORD_{n}", None)
         if split.added:
             same: dict[int, int] = {new: new}
             for group in (attributes, *targets):
-                for name, index in group.items():
+                for key, index in group.items():
                     if index not in same:
                         same[index] = self.extended(index, split.source)
-                    group[name] = same[index]
+                    group[key] = same[index]
         for entry in entries:
             order = [*entry["attributes"], *sorted(set(attributes) - set(entry["attributes"]))]
-            entry["attributes"] = {name: attributes[name] for name in order if name in attributes}
+            entry["attributes"] = {key: attributes[key] for key in order if key in attributes}
             if "targets" in entry:
                 entry["targets"] = copy.deepcopy(targets)
         return len(users) if lost else 0
@@ -193,37 +173,14 @@ class TreeEdit(Packing):
         if kept or not all("NORMAL" in entry["attributes"] for entry in entries):
             return
         whole = mesh_matrices(self.tree)[users[0].mesh][:3, :3]
+        local = unit_rows(times(new_tangents[:, :3], np.linalg.pinv(whole).T))
         rows = np.tile([1.0, 0.0, 0.0, 1.0], (len(split.source), 1))
-        local = times(new_tangents[:, :3], np.linalg.pinv(whole).T)
-        length = np.linalg.norm(local, axis=1, keepdims=True)
-        rows[split.corner] = np.c_[
-            np.where(length > 0, local / np.maximum(length, 1e-300), rows[0, :3]),
-            new_tangents[:, 3],
-        ]
-        raw = np.ascontiguousarray(rows, "<f4")
-        new = self.accessor(
-            {"componentType": 5126, "type": "VEC4"},
-            raw.view(np.uint8).reshape(len(raw), 16),
-            ARRAY_BUFFER,
-        )
+        rows[split.corner] = np.c_[local, new_tangents[:, 3]]
+        new = self.array(rows)
         for entry in entries:
-            if "TANGENT" in entry["attributes"]:
-                self.touched.add(entry["attributes"]["TANGENT"])
-            entry["attributes"]["TANGENT"] = new
+            self.replace(entry["attributes"], "TANGENT", new)
             for target in entry.get("targets", []):
-                self.touched |= {target.pop("TANGENT")} if "TANGENT" in target else set()
-
-    def primitive(self, p: Primitive) -> Json:
-        """The entry of a primitive in the new tree."""
-        entry: Json = self.json["meshes"][p.mesh]["primitives"][p.number]
-        return entry
-
-    def tangent_set(self, entry: Json) -> int:
-        """The uv set that tangents of a primitive belong to: that of its normal map."""
-        material = self.json["materials"][entry["material"]] if "material" in entry else {}
-        texture = material.get("normalTexture", {})
-        moved = texture.get("extensions", {}).get("KHR_texture_transform", {})
-        return int(moved.get("texCoord", texture.get("texCoord", 0)))
+                self.replace(target, "TANGENT")
 
     def extended(self, index: int, source: IntArray) -> int:
         """An accessor with its rows in a new order, raw. Sparse values stand in the rows, and not twice."""
@@ -233,9 +190,9 @@ class TreeEdit(Packing):
             for k, v in self.json["accessors"][index].items()
             if k not in ("bufferView", "byteOffset", "sparse", "count")
         }
-        return self.accessor(entry, self.tree.rows(index)[source], ARRAY_BUFFER)
+        return self.accessor(entry, self.tree.rows(index)[source])
 
-    def indices(self, users: list[Primitive], split: Split) -> int:
+    def relist(self, users: list[Primitive], split: Split) -> int:
         """New index lists of primitives; returns the number of former strips and fans."""
         at = relisted = 0
         for p in users:
@@ -245,18 +202,19 @@ class TreeEdit(Packing):
             at += n
             old = self.json["accessors"][entry["indices"]] if "indices" in entry else {}
             keep = {k: v for k, v in old.items() if k in ("name", "extras")}
-            kind = index_type(len(split.source), old.get("componentType", 5123))
             if "min" in old or "max" in old:
                 keep |= {"max": [int(corner.max())], "min": [int(corner.min())]}
-            if "indices" in entry:
-                self.touched.add(entry["indices"])
-            raw = corner.astype(COMPONENTS[kind])
-            entry["indices"] = self.accessor(
-                {**keep, "componentType": kind, "type": "SCALAR"},
-                raw.view(np.uint8).reshape(n, -1),
-                ELEMENT_BUFFER,
-            )
+            least = old.get("componentType", 5123)
+            self.replace(entry, "indices", self.indices(corner, len(split.source), least, keep))
             if entry.get("mode", TRIANGLES) != TRIANGLES:
                 entry["mode"] = TRIANGLES
                 relisted += 1
         return relisted
+
+
+def tangent_set(tree: Json, entry: Json) -> int:
+    """The uv set that tangents of a primitive belong to: that of its normal map."""
+    material = tree["materials"][entry["material"]] if "material" in entry else {}
+    texture = material.get("normalTexture", {})
+    moved = texture.get("extensions", {}).get("KHR_texture_transform", {})
+    return int(moved.get("texCoord", texture.get("texCoord", 0)))

@@ -24,7 +24,7 @@ from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import file_uv, stored_uv
 from circparam.formats.gltf.groups import store_grouping, store_pages
 from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json, index_type
-from circparam.formats.gltf.normals import unit_rows
+from circparam.formats.gltf.scene import unit_rows
 from circparam.formats.source import Source
 from circparam.formats.upright import y_up
 from circparam.formats.vertex_split import Split, duplicated, split_vertices

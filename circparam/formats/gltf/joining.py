@@ -12,18 +12,8 @@ from typing import Any
 import numpy as np
 
 from circparam.formats.gltf.buffers import Packing
-from circparam.formats.gltf.model import (
-    ARRAY_BUFFER,
-    COMPONENTS,
-    ELEMENT_BUFFER,
-    TRIANGLES,
-    Json,
-    Primitive,
-    index_type,
-)
-from circparam.formats.gltf.reading import element_size
-from circparam.formats.gltf.unused import Slots, accessor_slots, view_slots
-from circparam.formats.tokens import ByteArray
+from circparam.formats.gltf.model import COMPONENTS, TRIANGLES, Json, Primitive
+from circparam.formats.gltf.unused import accessor_slots, close_gaps, view_slots
 
 
 def join_primitives(
@@ -39,7 +29,7 @@ def join_primitives(
         return alone
     alike: dict[str, list[int]] = defaultdict(list)
     for i in chosen:
-        entry = _entry(edit, primitives[i])
+        entry = edit.primitive(primitives[i])
         if entry.get("mode", TRIANGLES) == TRIANGLES and "extensions" not in entry:
             alike[_kind(edit, primitives[i].mesh, entry)].append(i)
     users: dict[int, set[int]] = defaultdict(set)
@@ -59,11 +49,6 @@ def join_primitives(
     return [blocks.get(i, [i]) for i in range(len(primitives)) if i not in gone]
 
 
-def _entry(edit: Packing, p: Primitive) -> Json:
-    entry: Json = edit.json["meshes"][p.mesh]["primitives"][p.number]
-    return entry
-
-
 def _kind(edit: Packing, mesh: int, entry: Json) -> str:
     """Common properties of primitives that can be joined, as text."""
 
@@ -81,7 +66,7 @@ def _kind(edit: Packing, mesh: int, entry: Json) -> str:
 
 def _join(edit: Packing, group: list[Primitive]) -> None:
     """Let the first of some primitives have the vertices and triangles of all, in place."""
-    entries = [_entry(edit, p) for p in group]
+    entries = [edit.primitive(p) for p in group]
     first_of = {p.pool: entry for p, entry in zip(group[::-1], entries[::-1], strict=True)}
     pools = sorted(first_of)  # in the order in which they are read
     size = [edit.json["accessors"][first_of[k]["attributes"]["POSITION"]]["count"] for k in pools]
@@ -103,18 +88,10 @@ def _join(edit: Packing, group: list[Primitive]) -> None:
         head["attributes"] = joined[0]
         if "targets" in head:
             head["targets"] = joined[1:]
-    corner = np.concatenate(index)
-    kinds = [
-        edit.json["accessors"][e["indices"]]["componentType"] for e in entries if "indices" in e
-    ]
-    edit.touched |= {e["indices"] for e in entries if "indices" in e}
-    kind = index_type(sum(size), max(kinds, default=5123))
-    raw = corner.astype(COMPONENTS[kind])
-    head["indices"] = edit.accessor(
-        {"componentType": kind, "type": "SCALAR"},
-        raw.view(np.uint8).reshape(len(raw), -1),
-        ELEMENT_BUFFER,
-    )
+    lists = [entry["indices"] for entry in entries if "indices" in entry]
+    edit.touched |= set(lists)
+    least = max((edit.json["accessors"][k]["componentType"] for k in lists), default=5123)
+    head["indices"] = edit.indices(np.concatenate(index), sum(size), least)
 
 
 def _index(edit: Packing, entry: Json, start: int) -> Any:
@@ -124,7 +101,7 @@ def _index(edit: Packing, entry: Json, start: int) -> Any:
         return np.arange(count - count % 3) + start
     accessor = edit.json["accessors"][entry["indices"]]
     kind = COMPONENTS[accessor["componentType"]]
-    index = np.ascontiguousarray(_rows(edit, entry["indices"])).view(kind)[:, 0].astype(np.int64)
+    index = np.ascontiguousarray(edit.rows(entry["indices"])).view(kind)[:, 0].astype(np.int64)
     return index[: len(index) - len(index) % 3] + start
 
 
@@ -137,25 +114,14 @@ def _concatenated(edit: Packing, numbers: tuple[int, ...]) -> int:
     for key, best in (("min", np.min), ("max", np.max)):
         if all(key in e for e in entries):
             entry[key] = best([e[key] for e in entries], axis=0).tolist()
-    return edit.accessor(entry, np.concatenate([_rows(edit, k) for k in numbers]), ARRAY_BUFFER)
-
-
-def _rows(edit: Packing, number: int) -> ByteArray:
-    """(count, bytes of one element) the raw elements of an accessor, old or new."""
-    if number < len(edit.tree.json["accessors"]):
-        return edit.tree.rows(number)
-    accessor = edit.json["accessors"][number]
-    view = edit.json["bufferViews"][accessor["bufferView"]]
-    body = next(data for held, data in edit.data if held is view)
-    table = np.frombuffer(body, np.uint8).reshape(accessor["count"], -1)
-    return table[:, : element_size(accessor)]
+    return edit.accessor(entry, np.concatenate([edit.rows(k) for k in numbers]))
 
 
 def _remove(edit: Packing, primitives: list[Primitive]) -> None:
     """Take primitives out of their meshes; their accessors lose a user."""
-    gone = {id(_entry(edit, p)) for p in primitives}
+    gone = {id(edit.primitive(p)) for p in primitives}
     for p in primitives:
-        entry = _entry(edit, p)
+        entry = edit.primitive(p)
         for holder in (entry["attributes"], *entry.get("targets", [])):
             edit.touched |= set(holder.values())
     for mesh in edit.json["meshes"]:
@@ -174,15 +140,5 @@ def _drop_new(edit: Packing) -> None:
     dead_views = {accessors[k]["bufferView"] for k in dead}
     without = {id(views[k]) for k in dead_views}
     edit.data = [(view, body) for view, body in edit.data if id(view) not in without]
-    _renumber(accessors, dead, accessor_slots(edit.json))
-    _renumber(views, dead_views, view_slots(edit.json))
-
-
-def _renumber(entries: list[Json], dead: set[int], slots: Slots) -> None:
-    """Take entries out of a list, in place; references to the others follow."""
-    kept = [k for k in range(len(entries)) if k not in dead]
-    number = {k: i for i, k in enumerate(kept)}
-    references = list(slots)
-    entries[:] = [entries[k] for k in kept]
-    for container, key in references:
-        container[key] = number.get(container[key], container[key])
+    close_gaps(accessors, dead, accessor_slots(edit.json))
+    close_gaps(views, dead_views, view_slots(edit.json))

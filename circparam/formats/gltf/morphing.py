@@ -1,15 +1,15 @@
-"""A morph target in a glTF tree, and an animation that plays it."""
+"""Vertex data that a glTF tree gets: a morph target and the animation that plays it, normals and tangents."""
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
 from circparam.formats.gltf.buffers import Packing
-from circparam.formats.gltf.document import GltfDocument
-from circparam.formats.gltf.model import ARRAY_BUFFER, Json, Primitive
+from circparam.formats.gltf.document import GltfDocument, read_gltf
+from circparam.formats.gltf.model import Json, Primitive
 from circparam.formats.gltf.reading import sound_tree
-from circparam.formats.gltf.scene import mesh_matrices, times
-from circparam.formats.tokens import ByteArray
+from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
+from circparam.formats.source import Source
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,38 +28,13 @@ class Target:
     colours: FloatArray | None = None
 
 
-class Morphing(Packing):
-    """A copy of a tree that gets a morph target."""
-
-    def floats(self, values: FloatArray, bounds: bool = False, target: int = ARRAY_BUFFER) -> int:
-        """A float accessor of vectors (n, k) or scalars (n,): its number. bounds: with least and largest."""
-        raw = np.ascontiguousarray(values.reshape(len(values), -1), "<f4")
-        kind = "SCALAR" if values.ndim == 1 else f"VEC{values.shape[1]}"
-        entry: Json = {"componentType": 5126, "type": kind}
-        if bounds:
-            entry |= {"min": raw.min(0).tolist(), "max": raw.max(0).tolist()}
-        return self.accessor(entry, raw.view(np.uint8).reshape(len(raw), -1), target)
-
-    def accessor(self, entry: Json, rows: ByteArray, target: int) -> int:
-        """As ever; data of animations have views without a target."""
-        number = super().accessor(entry, rows, target)
-        if not target:
-            self.data[-1][0].pop("target")
-        return number
-
-    def primitive(self, p: Primitive) -> Json:
-        """The entry of a primitive in the new tree."""
-        entry: Json = self.json["meshes"][p.mesh]["primitives"][p.number]
-        return entry
-
-
 def with_morph(document: GltfDocument, target: Target) -> bytes:
     """The document as GLB with a morph target on all its triangles, and an animation of its weight.
 
     Meshes that nodes show several times move alike in each place. Raises InputError if it has morph targets.
     """
     tree = document.tree
-    edit = Morphing(tree)
+    edit = Packing(tree)
     with sound_tree(document.source):
         if any(p.get("targets") for mesh in edit.json["meshes"] for p in mesh["primitives"]):
             raise document.source.error(
@@ -79,7 +54,7 @@ def with_morph(document: GltfDocument, target: Target) -> bytes:
 
 
 def _pool(
-    edit: Morphing,
+    edit: Packing,
     document: GltfDocument,
     users: list[Primitive],
     target: Target,
@@ -89,22 +64,25 @@ def _pool(
     pool = document.pools[users[0].pool]
     part = slice(pool.first, pool.first + pool.count)
     turn = np.linalg.pinv(matrix[:3, :3])
-    before, after = (_unit(times(rows[part], matrix[:3, :3])) for rows in target.normals)
+    before, after = (
+        unit_rows(times(rows[part], matrix[:3, :3]), (0.0, 0.0, 1.0)) for rows in target.normals
+    )
     start = document.tree.values(pool.attributes["POSITION"])
     delta = times(target.points[part] - matrix[:3, 3], turn.T) - start
-    attributes = {} if "NORMAL" in pool.attributes else {"NORMAL": edit.floats(before)}
+    attributes = {} if "NORMAL" in pool.attributes else {"NORMAL": edit.array(before)}
     if target.colours is not None:
-        attributes["COLOR_0"] = edit.floats(target.colours[part])
+        attributes["COLOR_0"] = edit.array(target.colours[part])
     if "NORMAL" in pool.attributes:
         before = document.tree.values(pool.attributes["NORMAL"])
-    goal = {"POSITION": edit.floats(delta, True), "NORMAL": edit.floats(after - before, True)}
+    moved = {"POSITION": delta, "NORMAL": after - before}
+    goal = {name: edit.array(rows, bounds=True) for name, rows in moved.items()}
     for p in users:
         entry = edit.primitive(p)
         entry["attributes"] |= attributes
         entry["targets"] = [dict(goal)]
 
 
-def _mesh(edit: Morphing, mesh: Json, name: str) -> None:
+def _mesh(edit: Packing, mesh: Json, name: str) -> None:
     """A weight and a name for the target; primitives that have no triangles get a target that moves nothing."""
     mesh["weights"] = [0.0]
     extras = mesh.get("extras")
@@ -117,7 +95,7 @@ def _mesh(edit: Morphing, mesh: Json, name: str) -> None:
             p["targets"] = [{"POSITION": len(edit.json["accessors"]) - 1}]
 
 
-def _play(edit: Morphing, meshes: set[int], target: Target) -> None:
+def _play(edit: Packing, meshes: set[int], target: Target) -> None:
     """The animation: one sampler, a channel for every node that shows a mesh."""
     if not edit.json.get("nodes"):  # a file of meshes alone
         edit.json["nodes"] = [{"mesh": k} for k in range(len(edit.json["meshes"]))]
@@ -125,8 +103,8 @@ def _play(edit: Morphing, meshes: set[int], target: Target) -> None:
         edit.json["scene"] = 0
     nodes = [k for k, node in enumerate(edit.json["nodes"]) if node.get("mesh") in meshes]
     sampler = {
-        "input": edit.floats(target.times, True, 0),
-        "output": edit.floats(target.weights, False, 0),
+        "input": edit.array(target.times, 0, bounds=True),
+        "output": edit.array(target.weights, 0),
         "interpolation": "LINEAR",
     }
     channels = [{"sampler": 0, "target": {"node": k, "path": "weights"}} for k in nodes]
@@ -135,8 +113,32 @@ def _play(edit: Morphing, meshes: set[int], target: Target) -> None:
     )
 
 
-def _unit(rows: FloatArray) -> FloatArray:
-    """Vectors of length 1; any direction (z) where there is none, since glTF allows no other length."""
-    length = np.linalg.norm(rows, axis=1, keepdims=True)
-    out: FloatArray = np.where(length > 0, rows / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])
-    return out
+def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatArray) -> bytes:
+    """A GLB whose vertices have the NORMAL and TANGENT of its corners; NORMAL stays where it has one.
+
+    normal: (m, 3, 3) of the corners of its triangles in the order of reading, in the world. tangent: (m, 3, 4),
+    w last. The last of the corners that share a vertex counts. Raises InputError if the bytes are no sound
+    glTF.
+    """
+    document = read_gltf(glb, source)
+    rows = np.tile([0.0, 0, 1, 1, 0, 0, 1], (len(document.mesh.points), 1))
+    frames = np.concatenate([normal.reshape(-1, 3), tangent.reshape(-1, 4)], 1)
+    rows[document.mesh.faces.ravel()] = frames
+    edit = Packing(document.tree)
+    with sound_tree(source):
+        matrix = mesh_matrices(document.tree)
+        for k, pool in enumerate(document.pools):
+            users = [p for p in document.primitives if p.pool == k]
+            if not users:
+                continue
+            part = rows[pool.first : pool.first + pool.count]
+            whole = matrix[users[0].mesh][:3, :3]
+            along = unit_rows(times(part[:, 3:6], np.linalg.pinv(whole).T))
+            new = {"TANGENT": edit.array(np.c_[along, part[:, 6]])}
+            if "NORMAL" not in pool.attributes:
+                new["NORMAL"] = edit.array(unit_rows(times(part[:, :3], whole)))
+            for p in users:
+                for name, number in new.items():
+                    edit.replace(edit.primitive(p)["attributes"], name, number)
+        data, _, _ = edit.finish("glb", "")
+    return data

@@ -204,6 +204,15 @@ def times(rows: FloatArray, matrix: npt.NDArray[np.floating[Any]]) -> FloatArray
     return np.stack([(rows * column).sum(1) for column in matrix.T], 1)
 
 
+def unit_rows(
+    rows: FloatArray, instead: tuple[float, float, float] = (1.0, 0.0, 0.0)
+) -> FloatArray:
+    """Vectors of length 1; ``instead`` where there is no direction, since glTF allows no other length."""
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    out: FloatArray = np.where(length > 0, rows / np.maximum(length, 1e-300), instead)
+    return out
+
+
 def triangles_of(index: IntArray, mode: int) -> IntArray:
     """(k, 3) triangles of an index list by primitive mode; an incomplete rest is dropped."""
     if mode == TRIANGLES:

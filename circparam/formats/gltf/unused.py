@@ -4,7 +4,7 @@ New entries take the places of removed ones, so few numbers change. The remainin
 references renumbered. The bytes go with them, those of accessors that share a view with others too.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,10 +12,10 @@ import numpy as np
 from circparam.core.arrays import BoolArray
 from circparam.core.records import dataclass
 from circparam.formats.gltf.model import Json
-from circparam.formats.gltf.rows import row_span
+from circparam.formats.gltf.reading import element_size
 
 _DATA_KEYS = {"accessor", "accessors", "bufferView", "buffer", "attributes", "indices", "POSITION"}
-Slots: TypeAlias = Iterator[tuple[Any, Any]]
+Slots: TypeAlias = Iterable[tuple[Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ def drop_unused(
     spans = [view_span(all_views[k]) for k in dead]
     spans += [s for k in free for s in accessor_spans(tree, old[k])]
     shared = [all_views[k] for k in sorted(mine & alive)]
-    _compact(old, free, accessors, lambda: accessor_slots(tree))
-    _compact(all_views, dead, views, lambda: view_slots(tree))
+    _fill_gaps(old, free, accessors, lambda: accessor_slots(tree))
+    _fill_gaps(all_views, dead, views, lambda: view_slots(tree))
     return Unused(spans, shared)
 
 
@@ -84,11 +84,34 @@ def drop_buffers(tree: Json, before: Json, fresh: Iterable[Json]) -> None:
     new = {id(v) for v in fresh}
     kept_views = [v for v in tree.get("bufferViews", []) if id(v) not in new]
     gone = {v["buffer"] for v in before.get("bufferViews", [])} - {v["buffer"] for v in kept_views}
-    left = [k for k in range(len(tree["buffers"])) if k not in gone]
-    number = {k: i for i, k in enumerate(left)}
-    for view in kept_views:
-        view["buffer"] = number.get(view["buffer"], view["buffer"])
-    tree["buffers"] = [tree["buffers"][k] for k in left]
+    close_gaps(tree["buffers"], gone, ((view, "buffer") for view in kept_views))
+
+
+def row_span(view: Json, accessor: Json) -> tuple[int, int]:
+    """(start, end) of the bytes of an accessor in its view, by whole rows where the view interleaves."""
+    size = element_size(accessor)
+    stride, start = view.get("byteStride", 0) or size, accessor.get("byteOffset", 0)
+    count = int(accessor["count"])
+    if stride == size:
+        return start, start + count * size
+    first = start - start % stride
+    return first, max(first + count * stride, start + max(count - 1, 0) * stride + size)
+
+
+def short_views(tree: Json) -> dict[int, int]:
+    """View → its length in whole rows, for every view that ends inside the last row of an accessor.
+
+    glTF allows such views. Loaders take count × stride bytes, three.js and assimp among them, and refuse them.
+    """
+    views = tree.get("bufferViews", [])
+    need: dict[int, int] = {}
+    for a in tree.get("accessors", []):
+        k = a.get("bufferView", -1)
+        if 0 <= k < len(views) and (stride := views[k].get("byteStride", 0)):
+            end = row_span(views[k], a)[1]
+            if 0 < end - views[k]["byteLength"] < stride:
+                need[k] = max(need.get(k, 0), end)
+    return need
 
 
 def accessor_spans(tree: Json, accessor: Json) -> list[Span]:
@@ -179,37 +202,38 @@ def _words(spans: Iterable[Span], size: int, whole: bool) -> BoolArray:
     """(⌈size / 4⌉,) which words of buffer 0, of so many bytes, the spans touch, or (whole) cover."""
     words = -(-size // 4)
     change = np.zeros(words + 1, np.int64)
-    end = -1
-    merged: list[list[int]] = []
-    for s in sorted((s.start, s.end) for s in spans if s.buffer == 0 and s.end > s.start):
-        if merged and s[0] <= end:
-            merged[-1][1] = end = max(end, s[1])
-        else:
-            merged.append([*s])
-            end = s[1]
-    for start, stop in merged:
-        if whole:
-            first, last = -(-start // 4), stop // 4 if stop < size else words
-        else:
-            first, last = start // 4, -(-stop // 4)
-        if first < last:
-            change[min(first, words)] += 1
-            change[min(last, words)] -= 1
+    mine = sorted((s.start, s.end) for s in spans if s.buffer == 0 and s.end > s.start)
+    start, end = np.array(mine, np.int64).reshape(-1, 2).T
+    end = np.maximum.accumulate(end)
+    first = np.flatnonzero(start > np.concatenate([[-1], end[:-1]]))  # spans that overlap are one
+    start, end = start[first], end[np.append(first[1:], len(end))[: len(first)] - 1]
+    if whole:
+        low, high = -(-start // 4), np.where(end < size, end // 4, words)
+    else:
+        low, high = start // 4, -(-end // 4)
+    some = low < high
+    np.add.at(change, np.minimum(low[some], words), 1)
+    np.add.at(change, np.minimum(high[some], words), -1)
     out: BoolArray = np.cumsum(change)[:-1] > 0
     return out
 
 
-def _compact(entries: list[Json], free: list[int], old: int, slots: Callable[[], Slots]) -> None:
-    """Move the entries from ``old`` on into free places, close the remaining gaps, and renumber."""
-    if not free:
-        return
+def close_gaps(entries: list[Json], gone: Iterable[int], slots: Slots) -> dict[int, int]:
+    """Take entries out of a list, in place; references follow. Returns the new numbers of the others."""
+    dead, references = set(gone), list(slots)
+    kept = [k for k in range(len(entries)) if k not in dead]
+    number = {k: i for i, k in enumerate(kept)}
+    for container, key in references:
+        container[key] = number.get(container[key], container[key])
+    entries[:] = [entries[k] for k in kept]
+    return number
+
+
+def _fill_gaps(entries: list[Json], free: list[int], old: int, slots: Callable[[], Slots]) -> None:
+    """Move the entries from ``old`` on into free places, and close the gaps that are left."""
     moves = dict(zip(range(old, len(entries)), free, strict=False))
     for source, place in moves.items():
         entries[place] = entries[source]
-    gone = {*moves, *free[len(moves) :]}
-    kept = [k for k in range(len(entries)) if k not in gone]
-    number = {k: i for i, k in enumerate(kept)}
-    number |= {source: number[place] for source, place in moves.items()}
     for container, key in slots():
-        container[key] = number.get(container[key], container[key])
-    entries[:] = [entries[k] for k in kept]
+        container[key] = moves.get(container[key], container[key])
+    close_gaps(entries, {*moves, *free[len(moves) :]}, slots())

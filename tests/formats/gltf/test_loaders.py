@@ -11,7 +11,7 @@ from PIL import Image
 from circparam.errors import NoResultError
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.editing import file_uv
-from circparam.formats.gltf.rows import short_views
+from circparam.formats.gltf.unused import short_views
 from circparam.formats.io import encode, read, read_data, stored
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.save import check_loadable
