@@ -1,5 +1,6 @@
 """glTF and GLB: the whole tree kept, primitives stay primitives, uv as TEXCOORD_n."""
 
+from collections.abc import Iterator
 from dataclasses import field, replace
 from urllib.parse import unquote
 
@@ -13,12 +14,15 @@ from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, store_pages, stored_grouping
 from circparam.formats.gltf.looks import read_looks
 from circparam.formats.gltf.model import Json, Pool, Primitive
-from circparam.formats.gltf.names import entry_names, material_of, node_names
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
 from circparam.formats.gltf.scene import (
     Again,
+    entry_names,
+    material_of,
     mesh_matrices,
     morph_targets,
+    node_names,
+    pool_rows,
     read_meshes,
     shown_again,
     times,
@@ -74,14 +78,9 @@ class GltfDocument(Document):
             if name not in pool.attributes:
                 continue
             with sound_tree(self.source):
-                value = self.tree.values(pool.attributes[name])
-            if value.shape != (pool.count, 2):
-                raise self.source.error(
-                    f"{name} has {value.shape[0]} entries for {pool.count} vertices"
-                )
-            part = slice(pool.first, pool.first + pool.count)
-            uv[part, 0], uv[part, 1] = value[:, 0], 1.0 - value[:, 1]
-            has[part] = True
+                value = pool_rows(self.tree, pool, pool.attributes[name], 2, name)
+            uv[pool.part, 0], uv[pool.part, 1] = value[:, 0], 1.0 - value[:, 1]
+            has[pool.part] = True
         faces = self.mesh.faces
         return UVMap(uv, np.where(has[faces], faces, -1))
 
@@ -122,39 +121,29 @@ class GltfDocument(Document):
         if not all("NORMAL" in pool.attributes for pool in self.pools):
             return None
         rows = np.zeros((len(self.mesh.points), 3))
-        with sound_tree(self.source):
-            matrix = mesh_matrices(self.tree)
-            for p in self.primitives:
-                pool = self.pools[p.pool]
-                value = self.tree.values(pool.attributes["NORMAL"])
-                if value.shape != (pool.count, 3):
-                    raise self.source.error(
-                        f"NORMAL has {len(value)} entries for {pool.count} vertices"
-                    )
-                turn = np.linalg.pinv(matrix[p.mesh][:3, :3])
-                rows[pool.first : pool.first + pool.count] = times(value, turn)
+        for part, value, matrix in self._directions("NORMAL", 3):
+            rows[part] = times(value, np.linalg.pinv(matrix))
         rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
         return rows[self.mesh.faces]
 
     def tangents(self) -> FloatArray | None:
         """TANGENT of the vertices, turned into the world."""
         rows = np.full((len(self.mesh.points), 4), np.nan)
+        for part, value, matrix in self._directions("TANGENT", 4):
+            turned = times(value[:, :3], matrix.T)
+            length = np.linalg.norm(turned, axis=1, keepdims=True)
+            rows[part] = np.c_[turned / np.maximum(length, 1e-300), value[:, 3]]
+        return None if np.isnan(rows).all() else rows[self.mesh.faces]
+
+    def _directions(self, name: str, width: int) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """(points, rows, (3, 3) matrix into the world) of an attribute of primitives that have normals."""
         with sound_tree(self.source):
             matrix = mesh_matrices(self.tree)
             for p in self.primitives:
                 pool = self.pools[p.pool]
-                if "TANGENT" not in pool.attributes or "NORMAL" not in pool.attributes:
-                    continue
-                value = self.tree.values(pool.attributes["TANGENT"])
-                if value.shape != (pool.count, 4):
-                    raise self.source.error(
-                        f"TANGENT has {len(value)} entries for {pool.count} vertices"
-                    )
-                turned = times(value[:, :3], matrix[p.mesh][:3, :3].T)
-                length = np.linalg.norm(turned, axis=1, keepdims=True)
-                part = slice(pool.first, pool.first + pool.count)
-                rows[part] = np.c_[turned / np.maximum(length, 1e-300), value[:, 3]]
-        return None if np.isnan(rows).all() else rows[self.mesh.faces]
+                if name in pool.attributes and "NORMAL" in pool.attributes:
+                    value = pool_rows(self.tree, pool, pool.attributes[name], width, name)
+                    yield pool.part, value, matrix[p.mesh][:3, :3]
 
     def targets(self) -> list[tuple[str, FloatArray]]:
         """The morph targets of the meshes: the first of each mesh together, then the second ones."""
@@ -230,6 +219,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     shown = walk(tree)
     if unshare:
         unshare_meshes(tree, shown)
+        shown = walk(tree)
     parts = read_meshes(tree, shown)
     faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
     groups, names = _materials(tree, parts.primitives)
@@ -237,7 +227,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     return GltfDocument(
         source, "glb" if tree.is_glb else "gltf", Mesh(parts.points, faces, groups=groups),
         tuple(sets), parts.notes, _features(tree), names,
-        tree=tree, primitives=parts.primitives, pools=parts.pools, again=shown_again(tree, shown),
+        tree=tree, primitives=parts.primitives, pools=parts.pools, again=shown_again(shown),
     )  # fmt: skip
 
 

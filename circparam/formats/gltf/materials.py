@@ -21,7 +21,7 @@ def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None
     for pool in pools:
         if "COLOR_0" in pool.attributes:
             values = tree.values(pool.attributes["COLOR_0"])
-            out[pool.first : pool.first + pool.count] = srgb(values[:, :3])
+            out[pool.part] = srgb(values[:, :3])
             found = True
     return out[faces] if found else None
 

@@ -46,6 +46,11 @@ class Pool:
     first: int
     count: int
 
+    @property
+    def part(self) -> slice:
+        """Its points among all."""
+        return slice(self.first, self.first + self.count)
+
 
 def index_type(n: int, least: int = 5123) -> int:
     """The component type of indices of n vertices: the smallest from ``least`` on that holds them.

@@ -62,7 +62,7 @@ def _pool(
 ) -> None:
     """Deltas of one pool of vertices, in the space of its mesh, for the primitives that use it."""
     pool = document.pools[users[0].pool]
-    part = slice(pool.first, pool.first + pool.count)
+    part = pool.part
     turn = np.linalg.pinv(matrix[:3, :3])
     before, after = (
         unit_rows(times(rows[part], matrix[:3, :3]), (0.0, 0.0, 1.0)) for rows in target.normals
@@ -131,7 +131,7 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
             users = [p for p in document.primitives if p.pool == k]
             if not users:
                 continue
-            part = rows[pool.first : pool.first + pool.count]
+            part = rows[pool.part]
             whole = matrix[users[0].mesh][:3, :3]
             along = unit_rows(times(part[:, 3:6], np.linalg.pinv(whole).T))
             new = {"TANGENT": edit.array(np.c_[along, part[:, 6]])}

@@ -1,7 +1,8 @@
 """The nodes and meshes of a glTF tree as points in the world, primitives, and the vertices they share."""
 
 import copy
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,9 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.formats.gltf.model import FAN, STRIP, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree
+
+# a node (−1 for a mesh that no node shows), its mesh, and its (4, 4) world transform
+Shown: TypeAlias = tuple[int, int, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +26,7 @@ class Parts:
     notes: list[str]
 
 
-def node_matrix(node: Json) -> npt.NDArray[np.float64]:
+def node_matrix(node: Json) -> FloatArray:
     """(4, 4) the local transform of a node, column vectors."""
     if "matrix" in node:
         return _numbers(node, "matrix", np.eye(4).ravel()).reshape(4, 4).T
@@ -38,7 +42,7 @@ def node_matrix(node: Json) -> npt.NDArray[np.float64]:
     return out
 
 
-def _numbers(node: Json, key: str, default: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def _numbers(node: Json, key: str, default: npt.ArrayLike) -> FloatArray:
     """The numbers of a property of a node; ValueError if it has more or fewer."""
     need = np.size(default)
     out = np.array(node.get(key, default), np.float64).ravel()
@@ -47,8 +51,8 @@ def _numbers(node: Json, key: str, default: npt.ArrayLike) -> npt.NDArray[np.flo
     return out
 
 
-def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
-    """Every node with a mesh and its world transform, depth first, the default scene before the others.
+def walk(tree: Tree) -> list[Shown]:
+    """Every mesh that a node shows, depth first, the default scene before the others.
 
     Raises InputError if nodes form a cycle or a node has two parents.
     """
@@ -80,19 +84,24 @@ def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
             node = tree.item("nodes", index)
             matrix = above @ node_matrix(node)
             if "mesh" in node:
-                found.append((index, matrix))
+                found.append((index, node["mesh"], matrix))
             stack += [(child, matrix) for child in reversed(node.get("children", []))]
     if not scenes and not nodes:
-        return [(-1 - k, np.eye(4)) for k in range(len(tree.entries("meshes")))]
+        return [(-1, k, np.eye(4)) for k in range(len(tree.entries("meshes")))]
     return found
 
 
-def mesh_matrices(tree: Tree) -> dict[int, npt.NDArray[np.float64]]:
+def mesh_matrices(tree: Tree) -> dict[int, FloatArray]:
     """Of every mesh that nodes show: the (4, 4) world transform of the first node that does."""
-    out: dict[int, npt.NDArray[np.float64]] = {}
-    for node, matrix in walk(tree):
-        out.setdefault(-1 - node if node < 0 else tree.item("nodes", node)["mesh"], matrix)
-    return out
+    return {mesh: matrix for _, mesh, matrix in reversed(walk(tree))}
+
+
+def pool_rows(tree: Tree, pool: Pool, accessor: int, width: int, what: str) -> FloatArray:
+    """(count, width) a vertex attribute of a pool. Raises InputError where it has another shape."""
+    value = tree.values(accessor)
+    if value.shape != (pool.count, width):
+        raise tree.error(f"{what} has {len(value)} entries for {pool.count} vertices")
+    return value
 
 
 def morph_targets(
@@ -112,25 +121,19 @@ def morph_targets(
         for k, target in enumerate(pool.targets):
             if "POSITION" not in target:
                 continue
-            delta = tree.values(target["POSITION"])
-            if delta.shape != (pool.count, 3):
-                raise tree.error(
-                    f"a morph target has {len(delta)} entries for {pool.count} vertices"
-                )
-            part = slice(pool.first, pool.first + pool.count)
-            moved[k][part] = points[part] + times(delta, matrix[p.mesh][:3, :3].T)
+            delta = pool_rows(tree, pool, target["POSITION"], 3, "a morph target")
+            moved[k][pool.part] = points[pool.part] + times(delta, matrix[p.mesh][:3, :3].T)
     return list(zip(names, moved, strict=True))
 
 
-def read_meshes(tree: Tree, shown: list[tuple[int, npt.NDArray[np.float64]]]) -> Parts:
+def read_meshes(tree: Tree, shown: list[Shown]) -> Parts:
     """Every mesh that the nodes (from ``walk``) show, once each, where the first of its nodes puts it.
 
     Raises InputError if a mesh is compressed, names vertices that are not there, or none has triangles.
     """
     parts: dict[int, Parts] = {}
     first = pool = 0
-    for node, matrix in shown:
-        mesh = -1 - node if node < 0 else tree.item("nodes", node)["mesh"]
+    for _, mesh, matrix in shown:
         if mesh not in parts:
             parts[mesh] = found = _read_mesh(tree, mesh, matrix, first, pool)
             first, pool = first + len(found.points), pool + len(found.pools)
@@ -181,7 +184,6 @@ def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, first: int, first_pool
 
 
 def _indices(tree: Tree, primitive: Json, n: int, what: str) -> IntArray:
-    """The vertices of a primitive in order: as its indices say, else all n of them."""
     if "indices" not in primitive:
         return np.arange(n)
     index = tree.integers(primitive["indices"])
@@ -232,12 +234,11 @@ class Again:
     matrix: FloatArray
 
 
-def shown_again(tree: Tree, shown: list[tuple[int, FloatArray]]) -> list[Again]:
+def shown_again(shown: list[Shown]) -> list[Again]:
     """Further instances by nodes (from ``walk``); a mesh that its first node flattens stays in place."""
     first: dict[int, FloatArray] = {}
     out = []
-    for node, matrix in shown:
-        mesh = -1 - node if node < 0 else int(tree.item("nodes", node)["mesh"])
+    for _, mesh, matrix in shown:
         if mesh not in first:
             first[mesh] = matrix
             continue
@@ -248,14 +249,37 @@ def shown_again(tree: Tree, shown: list[tuple[int, FloatArray]]) -> list[Again]:
     return out
 
 
-def unshare_meshes(tree: Tree, shown: list[tuple[int, FloatArray]]) -> None:
+def unshare_meshes(tree: Tree, shown: list[Shown]) -> None:
     """Give every further node of a shared mesh a copy of the mesh's entry (the accessors stay shared)."""
     taken: set[int] = set()
-    for node, _ in shown:
-        if node < 0:
-            continue
-        entry = tree.item("nodes", node)
-        if entry["mesh"] in taken:
-            tree.json["meshes"].append(copy.deepcopy(tree.item("meshes", entry["mesh"])))
-            entry["mesh"] = len(tree.json["meshes"]) - 1
-        taken.add(entry["mesh"])
+    for node, mesh, _ in shown:
+        if mesh in taken:
+            tree.json["meshes"].append(copy.deepcopy(tree.item("meshes", mesh)))
+            mesh = tree.item("nodes", node)["mesh"] = len(tree.json["meshes"]) - 1
+        taken.add(mesh)
+
+
+def material_of(tree: Tree, primitive: Primitive) -> int:
+    """The number of the material of a primitive, −1 if it has none."""
+    entry = tree.json["meshes"][primitive.mesh]["primitives"][primitive.number]
+    return int(entry.get("material", -1))
+
+
+def entry_names(tree: Tree, kind: str, used: Sequence[int]) -> tuple[tuple[str, int], ...]:
+    """The names of entries of a top-level list with their numbers; entries without a name have none."""
+    found = ((tree.item(kind, k).get("name"), k) for k in sorted(set(used)) if k >= 0)
+    return tuple((str(name), k) for name, k in found if name)
+
+
+def node_names(tree: Tree) -> tuple[tuple[str, int], ...]:
+    """The name of every node with the number of each mesh that the node or one below it shows."""
+    nodes = tree.entries("nodes")
+    above = {child: k for k, node in enumerate(nodes) for child in node.get("children", [])}
+    pairs: dict[tuple[str, int], None] = {}
+    for k, node in enumerate(nodes):
+        at: int | None = k if "mesh" in node else None
+        while at is not None:
+            if name := nodes[at].get("name"):
+                pairs[str(name), int(node["mesh"])] = None
+            at = above.get(at)
+    return tuple(pairs)
