@@ -5,7 +5,7 @@ their own positions. A layout of the whole is cut into one for each file again, 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 
@@ -82,9 +82,7 @@ class JoinedDocument(Document):
             return None
         rows, faces, count = [np.zeros((0, 2))], [], 0
         for part, layout in zip(self.parts, found, strict=True):
-            if layout is None:
-                faces.append(np.full(part.mesh.faces.shape, -1))
-                continue
+            layout = layout or UVMap(np.zeros((0, 2)), np.full(part.mesh.faces.shape, -1))
             faces.append(np.where(layout.uv_faces < 0, -1, layout.uv_faces + count))
             rows.append(layout.uv)
             count += len(layout.uv)
@@ -92,27 +90,23 @@ class JoinedDocument(Document):
 
     def colours(self) -> FloatArray | None:
         """The colours of all corners, white in files without any."""
-        found = [part.colours() for part in self.parts]
-        if all(one is None for one in found):
-            return None
-        white = [np.ones((len(part.mesh.faces), 3, 3)) for part in self.parts]
-        return np.concatenate([w if c is None else c for w, c in zip(white, found, strict=True)])
+        return self._of_corners("colours", lambda mesh: np.ones((len(mesh.faces), 3, 3)))
 
     def normals(self) -> FloatArray | None:
         """The normals of all corners, smooth ones in files without any."""
-        found = [part.normals() for part in self.parts]
-        if all(one is None for one in found):
-            return None
-        pairs = zip(self.parts, found, strict=True)
-        return np.concatenate([_smooth(p.mesh) if n is None else n for p, n in pairs])
+        return self._of_corners("normals", _smooth)
 
     def tangents(self) -> FloatArray | None:
         """The tangents of all corners, NaN in files without any."""
-        found = [part.tangents() for part in self.parts]
+        return self._of_corners("tangents", lambda mesh: np.full((len(mesh.faces), 3, 4), np.nan))
+
+    def _of_corners(self, asked: str, instead: Callable[[Mesh], FloatArray]) -> FloatArray | None:
+        """A property of the corners of all files; of a file that lacks it, that of its bare mesh."""
+        found = [getattr(part, asked)() for part in self.parts]
         if all(one is None for one in found):
             return None
-        none = [np.full((len(part.mesh.faces), 3, 4), np.nan) for part in self.parts]
-        return np.concatenate([n if t is None else t for n, t in zip(none, found, strict=True)])
+        pairs = zip(self.parts, found, strict=True)
+        return np.concatenate([instead(part.mesh) if one is None else one for part, one in pairs])
 
     def looks(self) -> JoinedLooks:
         """The materials of all files."""
@@ -161,16 +155,12 @@ class JoinedDocument(Document):
         """
         part, (start, end) = self.parts[k], self._looks.first[k : k + 2]
         own = {new: old for old, new in SHARED_PAGES.get(part.format, {}).items()}
-
-        def given(slot: Slot) -> Slot:
-            return replace(slot, page=own.get(slot.page, slot.page))
-
         groups = tuple(
             replace(
                 group,
                 members=tuple(member - start for member in group.members),
-                factors={given(slot): value for slot, value in group.factors.items()},
-                shown=tuple(map(given, group.shown)),
+                factors={_on_page(slot, own): value for slot, value in group.factors.items()},
+                shown=tuple(_on_page(slot, own) for slot in group.shown),
             )
             for group in carried.groups
             if start <= group.members[0] < end
@@ -179,16 +169,16 @@ class JoinedDocument(Document):
         pages = {slot.page for group in groups for slot in group.shown}
         if not pages and not kept:
             return part
-        images = {own.get(page, page): data for page, data in carried.pages.items()}
-        files = {own.get(page, page): image_name(stem, page) for page in carried.pages}
+        there = [(page, own.get(page, page)) for page in carried.pages]
+        images = {mine: carried.pages[page] for page, mine in there if mine in pages}
+        files = {mine: image_name(stem, page) for page, mine in there if mine in pages}
         tangents = None if carried.tangents is None else carried.tangents[self.faces_of(k)]
-        return part.dressed(
-            Carried(
-                {page: images[page] for page in images if page in pages},
-                groups, carried.uv_set, tangents, kept,
-                {page: files[page] for page in files if page in pages},
-            )
-        )  # fmt: skip
+        return part.dressed(Carried(images, groups, carried.uv_set, tangents, kept, files))
+
+
+def _on_page(slot: Slot, names: dict[str, str]) -> Slot:
+    """A slot whose page has the name that another format gives it."""
+    return replace(slot, page=names.get(slot.page, slot.page))
 
 
 def image_name(stem: str, page: str) -> str:
@@ -203,16 +193,11 @@ def _moved(material: Material, k: int, images: int, format: str) -> Material:
     Materials of two files cannot become one.
     """
     names = SHARED_PAGES.get(format, {})
-
-    def shared(slot: Slot) -> Slot:
-        return replace(slot, page=names.get(slot.page, slot.page))
-
+    uses = {slot: replace(use, image=use.image + images) for slot, use in material.uses.items()}
     return replace(
         material,
-        uses={
-            shared(s): replace(use, image=use.image + images) for s, use in material.uses.items()
-        },
-        factors={shared(slot): value for slot, value in material.factors.items()},
+        uses={_on_page(slot, names): use for slot, use in uses.items()},
+        factors={_on_page(slot, names): value for slot, value in material.factors.items()},
         alike=f"{k} {material.alike}",
     )
 

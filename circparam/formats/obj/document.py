@@ -14,7 +14,7 @@ from circparam.core.records import dataclass
 from circparam.formats.document import Document, Encoded, Named, Replaced, WriteOptions
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
-from circparam.formats.obj import looks, materials
+from circparam.formats.obj import materials
 from circparam.formats.obj.editing import compact, element_edits, groupings, with_uv
 from circparam.formats.obj.reading import Scan
 from circparam.formats.polygons import Polygons, triangulate
@@ -96,7 +96,7 @@ class ObjDocument(Document):
 
     def looks(self) -> Looks | None:
         """The materials of the libraries that ``mtllib`` names."""
-        return looks.read_looks(self.scan, self.polys.owner, self.source)
+        return materials.read_looks(self.scan, self.polys.owner, self.source)
 
     def dressed(self, carried: Carried) -> "ObjDocument":
         """The same file with a library and images of its own."""
@@ -119,7 +119,7 @@ class ObjDocument(Document):
                 data, "obj", np.arange(n), np.arange(m), assets=self.scan.libraries(), notes=notes,
                 warnings=replaced.warnings,
             )  # fmt: skip
-        data, extra = looks.redressed(data, self.scan, self.source, found, self.carried, stem)
+        data, extra = materials.redressed(data, self.scan, self.source, found, self.carried, stem)
         return Encoded(data, "obj", np.arange(n), np.arange(m), extra, notes=notes)
 
 

@@ -1,15 +1,40 @@
-"""Colours and textures of an OBJ file: six numbers behind ``v``, and ``map_Kd`` of its material files."""
+"""Colours, textures and materials of an OBJ file, and a library and text that show other images.
 
+Colours stand behind the coordinates of ``v``, materials in the MTL libraries that ``mtllib`` names. An image
+stands behind a keyword such as ``map_Kd``, with options before its name. ``-s`` and ``-o`` scale and move uv,
+``-clamp on`` ends the image at its edges. ``bump`` holds heights, or normals where its colours are such.
+"""
+
+import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.formats.materials import ImageFiles, Textures, tint
-from circparam.formats.obj.mtl import read_mtl
+from circparam.errors import InputError
+from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, Wrap, pixels
+from circparam.formats.materials import ImageFiles, Textures, linear, srgb, tint
+from circparam.formats.obj.mtl import Statements, alpha_of, colour_of, read_mtl, split_options
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source, found_beside, regular_bytes
+
+RGB = (0, 1, 2)
+BUMP = ("map_bump", "bump", "norm")
+# keyword → its slot; colours are multiplied by the statement of the same name without map_
+SLOTS = {
+    word: Slot(word, RGB, word, word in ("map_kd", "map_ka", "map_ks", "map_ke"))
+    for word in (
+        *("map_kd", "map_ka", "map_ks", "map_ke", "map_ns", "map_d", "map_tr", "disp", "map_disp"),
+        *("map_pr", "map_pm", "map_ps", "decal", "map_rma", "map_orm"),
+    )
+} | {word: Slot(word, RGB, word) for word in ("bump", "map_bump")}
+NORMAL = {word: Slot(f"{word} (normals)", RGB, word, kind="normal") for word in BUMP}
+TINTS = {"map_kd": "kd", "map_ka": "ka", "map_ks": "ks", "map_ke": "ke"}
+# options that give the meaning of values; the others give their place
+KEPT_OPTIONS = ("-bm", "-mm", "-imfchan")
+_BLUE = 0.25  # largest distance of the mean of an image of normals from (½, ½, 1), or above
 
 
 def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
@@ -24,43 +49,216 @@ def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
     return np.clip(values / (255.0 if values.max(initial=0) > 1.0 else 1.0), 0, 1)[faces]
 
 
-def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
-    """The images and colours of the materials. owner: (m,) polygon of each face. None if there are none."""
-    files, folder = ImageFiles(source), source.folder
-    materials: dict[str, tuple[int, FloatArray, float]] = {}
-    for library in (one for line in scan.libraries() for one in named(line, folder)):
-        path = found_beside(folder, library)
-        try:
-            text = None if path is None else regular_bytes(path).decode("utf-8", "replace")
-            text = "" if folder is None else text  # a file from a pipe has no folder
-        except OSError:
-            text = None
-        if text is None:
-            files.notes.append(f"material file {library} is missing: put it beside the mesh")
-            continue
-        for m in read_mtl(text):
-            number = -1 if m.image is None else files.read(m.image)
-            materials[m.name] = (number, m.colour, m.alpha)
-    lines, used = scan.lines(b"usemtl")
-    if not materials and not files.notes:
-        return None
-    names = ["", *(name.decode("utf-8", "replace") for name in used)]
-    none = (-1, np.ones(3), 1.0)
-    of_name = [materials.get(name, none) for name in names]
-    if not used and len(materials) == 1:  # a file that forgets usemtl, but has one material only
-        of_name[0] = next(iter(materials.values()))
-    at = np.searchsorted(lines, scan.face_lines)[owner]
-    image, plain, alpha = (np.array(column) for column in zip(*of_name, strict=True))
-    found = files.textures(image[at], plain[at])
-    factors = (
-        (name, np.array([1, 1, 1, held[2]])) for name, held in zip(names, of_name, strict=True)
-    )
-    tints = dict.fromkeys(filter(None, (tint(name, factor, False) for name, factor in factors)))
-    return replace(found, alpha=alpha[at] if (alpha < 1).any() else None, tints=tuple(tints))
-
-
 def named(line: str, folder: Path | None) -> list[str]:
     """The files of one mtllib line: a name with blanks, perhaps in quotes, where it is there, else several."""
     line = line.strip().strip('"')
     several = " " in line and found_beside(folder, line) is None
     return line.split() if several else [line]
+
+
+def libraries(scan: Scan, source: Source, notes: list[str] | None = None) -> list[Statements]:
+    """Every material of the libraries that a file names. One that is missing is noted; InputError without
+    ``notes``."""
+    out: list[Statements] = []
+    for library in (one for line in scan.libraries() for one in named(line, source.folder)):
+        path = found_beside(source.folder, library)
+        if source.folder is None:  # a file from a pipe
+            continue
+        try:
+            if path is None:
+                raise FileNotFoundError(library)
+            text = regular_bytes(path).decode(
+                "utf-8", "replace" if notes is not None else "surrogateescape"
+            )
+        except OSError:
+            missing = f"material file {library} is missing: put it beside the mesh"
+            if notes is None:
+                raise source.error(missing) from None
+            notes.append(missing)
+        else:
+            out += read_mtl(text)
+    return out
+
+
+def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
+    """The images and colours of the materials. owner: (m,) polygon of each face. None if there are none."""
+    files = ImageFiles(source)
+    known: dict[str, tuple[int, FloatArray, float]] = {}
+    for m in libraries(scan, source, files.notes):
+        values = m.values
+        image = split_options(values.get("map_kd", ""))[1]
+        colour, alpha = colour_of(values.get("kd", "1 1 1")), alpha_of(values.get("d", "1"))
+        known[m.name] = files.read(image) if image else -1, colour, alpha
+    if not known and not files.notes:
+        return None
+    names, at = _materials_of_faces(scan, owner, list(known), "replace")
+    held = [known.get(name, (-1, np.ones(3), 1.0)) for name in names]
+    image, plain, alpha = (np.array(column) for column in zip(*held, strict=True))
+    tints = [
+        tint(name, np.array([1, 1, 1, a]), False) for name, a in zip(names, alpha, strict=True)
+    ]
+    return replace(
+        files.textures(image[at], plain[at]),
+        alpha=alpha[at] if (alpha < 1).any() else None,
+        tints=tuple(dict.fromkeys(filter(None, tints))),
+    )
+
+
+def _materials_of_faces(
+    scan: Scan, owner: IntArray, known: list[str], errors: str
+) -> tuple[list[str], IntArray]:
+    """(names of materials, (m,) the one of each face): those of ``usemtl``, first the one before any.
+
+    A file that forgets usemtl, but has one material only, shows that one.
+    """
+    lines, used = scan.lines(b"usemtl")
+    names = ["", *(name.decode("utf-8", errors) for name in used)]
+    if not used and len(known) == 1:
+        names[0] = known[0]
+    return names, np.searchsorted(lines, scan.face_lines)[owner]
+
+
+def read_looks(scan: Scan, owner: IntArray, source: Source) -> Looks | None:
+    """The materials of a file's faces; owner: (m,) polygon of each. None if it names no library.
+
+    Raises InputError if a library or an image is missing.
+    """
+    if source.folder is None or not scan.libraries():
+        return None
+    given = {m.name: m for m in libraries(scan, source)}
+    files = ImageFiles(source, strict=True)
+    names, at = _materials_of_faces(scan, owner, list(given), "surrogateescape")
+    shown = dict.fromkeys(names[k] for k in np.unique(at).tolist())
+    known = [_material(given.get(name, Statements(name)), files) for name in shown]
+    number = {name: k for k, name in enumerate(shown)}
+    face = np.array([number.get(name, -1) for name in names], np.int64)[at]
+    return Looks(tuple(files.images), tuple(files.names), tuple(known), face)
+
+
+def _material(m: Statements, files: ImageFiles) -> Material:
+    """One material with its images."""
+    uses: dict[Slot, Use] = {}
+    values = m.values
+    for word, rest, _ in m.lines:
+        key = word.lower()
+        if (key in SLOTS or key in NORMAL) and rest:
+            options, name = split_options(rest)
+            use = Use(files.read(name), 0, *_placed(options))
+            normals = key == "norm" or (
+                key in NORMAL and is_normal_map(files.images[use.image], name)
+            )
+            uses[(NORMAL if normals else SLOTS)[key]] = use
+    factors = {slot: np.ones(3) for slot in SLOTS.values()}
+    factors |= {slot: np.ones(1) for slot in NORMAL.values()}
+    factors |= {SLOTS[word]: linear(colour_of(values.get(t, ""))) for word, t in TINTS.items()}
+    mapped = {slot.name for slot in uses}
+    # properties that no texel holds: numbers, the kinds of maps beside colours, the stated colours
+    rest_of = sorted(
+        (key, "" if key in mapped or key in TINTS.values() else value)
+        for key, value in values.items()
+        if key not in TINTS
+    )
+    return Material(m.name, uses, factors, alike=repr(rest_of))
+
+
+def is_normal_map(data: bytes, name: str) -> bool:
+    """Whether an image is one of normals by its mean, which points up: (½, ½, 1), where heights are grey."""
+    try:
+        image = pixels(data, name)
+    except InputError:
+        return False
+    red, green, blue = image[..., :3].reshape(-1, 3).mean(0) / np.iinfo(image.dtype).max
+    return bool(abs(red - 0.5) < _BLUE and abs(green - 0.5) < _BLUE and blue > 0.5 + _BLUE)
+
+
+def _placed(options: dict[str, list[str]]) -> tuple[FloatArray, tuple[Wrap, Wrap]]:
+    """(map of uv with v down, wrap) of the options of a map: -s and -o with v up, -clamp."""
+
+    def pair(name: str, default: float) -> FloatArray:
+        given = [float(x) for x in options.get(name, [])[:2]]
+        return np.array([*given, *[default] * (2 - len(given))])
+
+    scale, offset = pair("-s", 1.0), pair("-o", 0.0)
+    move = np.array([[scale[0], 0, offset[0]], [0, scale[1], 1 - scale[1] - offset[1]]])
+    wrap: Wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
+    return move, (wrap, wrap)
+
+
+def library_text(
+    given: list[Statements], groups: dict[str, Group | None], names: dict[str, str]
+) -> str:
+    """A library in which groups show new images.
+
+    groups: by the name of a material: the group that it leads, None if it is part of another's. names:
+    image file of each page. Materials that no face has stay.
+    """
+    out: list[str] = []
+    for m in given:
+        if m.name in groups and groups[m.name] is None:
+            continue
+        out += ["", m.head] if out else [m.head]
+        group = groups.get(m.name)
+        pages = {} if group is None else {slot.page: slot for slot in group.shown}
+        tints = {
+            tint: " ".join(f"{x:.6f}" for x in srgb(group.factors[SLOTS[word]]))
+            for word, tint in TINTS.items()
+            if group is not None and SLOTS[word] in group.shown
+        }
+        for word, rest, line in m.lines:
+            key = word.lower()
+            if key in pages:
+                kept, _ = split_options(rest)
+                options = [" ".join([o, *v]) for o, v in kept.items() if o in KEPT_OPTIONS]
+                out.append(" ".join([word, *options, names[key]]))
+                pages.pop(key)
+            elif key in tints:
+                out.append(f"{word} {tints.pop(key)}")
+            else:
+                out.append(line)
+        out += [f"{key.capitalize()} {value}" for key, value in tints.items()]
+        out += [
+            f"map_{key[4:].capitalize()} {names[key]}" for key in pages if key.startswith("map_")
+        ]
+    return "\n".join(out) + "\n"
+
+
+def redressed(
+    data: bytes, scan: Scan, source: Source, looks: Looks, carried: Carried, stem: str
+) -> tuple[bytes, dict[str, bytes]]:
+    """An OBJ whose faces show carried images: (its text, further files: library and images)."""
+    stem = stem or "textures"
+    names = {page: carried.file_of(page, stem) for page in carried.pages}
+    leads: dict[str, Group | None] = {}
+    renamed: dict[str, str] = {}
+    for group in carried.groups:
+        first, *others = (looks.materials[k].name for k in group.members)
+        leads |= {first: group} | dict.fromkeys(others)
+        renamed |= dict.fromkeys(others, first)
+    text = library_text(libraries(scan, source), leads, names)
+    library = f"{stem}.mtl"
+    extra = {library: text.encode("utf-8", "surrogateescape")}
+    extra |= {names[page]: image for page, image in carried.pages.items()}
+    return b"".join(_with_names(data, library, renamed)), extra
+
+
+def _with_names(data: bytes, library: str, renamed: dict[str, str]) -> Iterator[bytes]:
+    """OBJ text that names one library, and materials by their present names."""
+    at, first = 0, True
+    line = re.compile(
+        rb"^[ \t]*(mtllib|usemtl)[ \t]+((?:\\\r?\n|[^\r\n])*)(\r\n|\r|\n|\Z)", re.MULTILINE
+    )
+    for found in line.finditer(data):
+        word, rest, newline = found.groups()
+        new = found[0]
+        if word == b"mtllib":
+            new = (
+                b"mtllib " + library.encode("utf-8", "surrogateescape") + newline if first else b""
+            )
+            first = False
+        else:
+            name = rest.strip().decode("utf-8", "surrogateescape")
+            if name in renamed:
+                new = b"usemtl " + renamed[name].encode("utf-8", "surrogateescape") + newline
+        yield data[at : found.start()] + new
+        at = found.end()
+    yield data[at:]

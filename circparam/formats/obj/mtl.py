@@ -11,9 +11,22 @@ from circparam.core.records import dataclass
 
 _IMAGE = re.compile(r"map_\w+|bump|disp|decal|refl|norm", re.I)
 # options like "-s 1 1 1" or "-clamp on" stand before the name of an image
-_OPTIONS = re.compile(
-    r"(?:-(?:imfchan|type)\s+\w+\s+|-[a-z]\w*(?:\s+(?:on|off|[-+]?[.\d][-+.\deE]*))*\s+)+", re.I
-)
+_OPTION = r"-(?:(?:imfchan|type)\s+\w+|[a-z]\w*(?:\s+(?:on|off|[-+]?[.\d][-+.\deE]*))*)\s+"
+_OPTIONS = re.compile(f"(?:{_OPTION})+", re.I)
+
+
+@dataclass
+class Statements:
+    """One material of a library: its name and its line, and the lines that follow: keyword, rest, the whole."""
+
+    name: str
+    head: str = ""
+    lines: list[tuple[str, str, str]] = field(default_factory=list)
+
+    @property
+    def values(self) -> dict[str, str]:
+        """The last value of each keyword, in lower case."""
+        return {word.lower(): rest for word, rest, _ in self.lines}
 
 
 def lines(text: str) -> Iterator[tuple[str, str, str]]:
@@ -25,50 +38,34 @@ def lines(text: str) -> Iterator[tuple[str, str, str]]:
             yield word, rest[0].strip() if rest else "", line
 
 
-def statements(text: str) -> Iterator[tuple[str, str]]:
-    """(keyword in lower case, the rest) of every line; ``map_kd`` and the like without their options."""
-    for word, value, _ in lines(text):
-        if _IMAGE.fullmatch(word):
-            found = _OPTIONS.match(value + " ")
-            value = value[found.end() :] if found else value
-            value = value.strip().strip('"').strip()
-        yield word.lower(), value
+def read_mtl(text: str) -> list[Statements]:
+    """Every material of an MTL file."""
+    out: list[Statements] = []
+    for word, value, line in lines(text):
+        if word.lower() == "newmtl":
+            out.append(Statements(value, line))
+        elif out:
+            out[-1].lines.append((word, value, line))
+    return out
+
+
+def split_options(text: str) -> tuple[dict[str, list[str]], str]:
+    """The options before the name of an image, and the name."""
+    found = _OPTIONS.match(text + " ")
+    end = found.end() if found else 0
+    words = (
+        re.split(r"\s+", one[0].strip()) for one in re.finditer(_OPTION, text[:end] + " ", re.I)
+    )
+    return {word.lower(): rest for word, *rest in words}, text[end:].strip().strip('"').strip()
 
 
 def image_names(text: str) -> list[str]:
     """The image files that a library names, in its order, each once."""
-    names = (value for word, value in statements(text) if _IMAGE.fullmatch(word))
+    names = (split_options(value)[1] for word, value, _ in lines(text) if _IMAGE.fullmatch(word))
     return list(dict.fromkeys(name for name in names if name))
 
 
-@dataclass
-class Material:
-    """One material: name, diffuse colour (3,), the name of its image or None, and alpha."""
-
-    name: str
-    colour: FloatArray = field(default_factory=lambda: np.ones(3))
-    image: str | None = None
-    alpha: float = 1.0
-
-
-def read_mtl(text: str) -> list[Material]:
-    """Every material of an MTL file."""
-    out: list[Material] = []
-    for word, rest in statements(text):
-        if word == "newmtl":
-            out.append(Material(rest))
-        elif not out:
-            continue
-        elif word == "kd":
-            out[-1].colour = _colour(rest)
-        elif word == "map_kd":
-            out[-1].image = rest or None
-        elif word == "d":
-            out[-1].alpha = _alpha(rest)
-    return out
-
-
-def _alpha(text: str) -> float:
+def alpha_of(text: str) -> float:
     """A number between 0 and 1; 1 if it is none, and for 0, which programs write that mean the reverse."""
     try:
         value = float(text)
@@ -77,7 +74,7 @@ def _alpha(text: str) -> float:
     return value if 0 < value < 1 else 1.0
 
 
-def _colour(text: str) -> FloatArray:
+def colour_of(text: str) -> FloatArray:
     """Three numbers within 0..1; white where they are no colour."""
     numbers = re.findall(r"[-+.\deE]+", text)[:3]
     try:
