@@ -11,7 +11,7 @@ from circparam.bake.look_source import Source
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.io import read
-from circparam.formats.obj.looks import split_options
+from circparam.formats.obj.mtl import split_options
 from circparam.mesh.mesh import UVMap
 from tests.bake.test_rebake import UPRIGHT, run
 from tests.support.baking import sheet, write_obj

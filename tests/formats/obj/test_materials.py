@@ -6,9 +6,21 @@ import numpy as np
 import pytest
 
 from circparam.formats.io import read, read_data
-from circparam.formats.obj.mtl import image_names, read_mtl
+from circparam.formats.obj.mtl import (
+    Statements,
+    colour_of,
+    image_names,
+    read_mtl,
+    split_options,
+)
 
 FACES = b"f 1 2 3\nf 3 2 1\n"
+
+
+def held(m: Statements) -> tuple[str, list[float], str | None]:
+    """Name, colour and image of a material."""
+    image = split_options(m.values.get("map_kd", ""))[1]
+    return m.name, colour_of(m.values.get("kd", "1 1 1")).tolist(), image or None
 
 
 def test_colours_of_some_vertices() -> None:
@@ -48,9 +60,8 @@ def test_bytes_become_fractions() -> None:
     ],
 )
 def test_images_of_materials(line: str, image: str | None) -> None:
-    (held,) = read_mtl(f"# head\nnewmtl my mat\nKd 0.25 .5 2\n{line}\n")
-    assert (held.name, held.image) == ("my mat", image)
-    assert held.colour.tolist() == [0.25, 0.5, 1]
+    (one,) = read_mtl(f"# head\nnewmtl my mat\nKd 0.25 .5 2\n{line}\n")
+    assert held(one) == ("my mat", [0.25, 0.5, 1], image)
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
@@ -59,8 +70,8 @@ def test_dialects_of_libraries(end: str) -> None:
     lines = ["\ufeff# head", "newmtl\tmy mat\t\t", "\tKd\t0.25 .5 2", "illum 2", "map_Kd fuze uv.jpg",
              "map_Bump -bm 0.5 n.png", "NORM n.png", "refl -type sphere r.png", "newmtl b"]  # fmt: skip
     first, second = read_mtl(end.join(lines))
-    assert (first.name, first.colour.tolist()) == ("my mat", [0.25, 0.5, 1])
-    assert (first.image, second.name) == ("fuze uv.jpg", "b")
+    assert held(first) == ("my mat", [0.25, 0.5, 1], "fuze uv.jpg")
+    assert second.name == "b"
     assert image_names(end.join(lines)) == ["fuze uv.jpg", "n.png", "r.png"]
 
 
@@ -104,7 +115,7 @@ def test_no_other_file_is_taken_for_a_name(folder: Path) -> None:
 
 def test_materials_do_not_leak_into_each_other() -> None:
     text = "Kd 0 0 0\nnewmtl a\nKd 0 0 0\nmap_Kd a.png\nnewmtl b\nnewmtl c\nKd 1 0\nnewmtl d\nKd e.e 1 1"
-    rows = [(m.name, m.colour.tolist(), m.image) for m in read_mtl(text)]
+    rows = list(map(held, read_mtl(text)))
     white = [1.0, 1.0, 1.0]
     assert rows == [
         ("a", [0, 0, 0], "a.png"), ("b", white, None), ("c", white, None), ("d", white, None),
