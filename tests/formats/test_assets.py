@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from circparam.errors import OptionError, OutputError
-from circparam.formats.assets import Assets, find_assets
+from circparam.formats.assets import find_assets
 from circparam.formats.document import Encoded, WriteOptions
-from circparam.formats.io import check_place, read, write
+from circparam.formats.io import read, write
 from circparam.formats.memory import from_arrays
 from circparam.formats.source import Source
 from tests.support.formats_tools import grid, smooth_layout
@@ -77,13 +77,6 @@ def test_a_name_with_blanks_is_one_file_or_several(tmp_path: Path) -> None:
     assert notes == ["'none' is named by the file and is not there"]
 
 
-def test_the_same_folder_needs_no_copy(tmp_path: Path) -> None:
-    assert found(tmp_path, "a", "none", copy=True, same=True) == (
-        {},
-        ["'none' is named by the file and is not there"],
-    )
-
-
 def test_copies_only_when_asked_and_only_what_differs(tmp_path: Path) -> None:
     assert found(tmp_path, "a") == (
         {},
@@ -118,19 +111,6 @@ def external(tmp_path: Path) -> Path:
     return folder / "t.gltf"
 
 
-def test_another_buffer_in_the_way_is_told_before_the_work(tmp_path: Path) -> None:
-    document = read(external(tmp_path))
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "t.bin").write_bytes(b"something else")
-    check_place(out / "new.glb", document, "glb", overwrite=False)
-    with pytest.raises(OptionError, match=r"t\.bin"):
-        check_place(out / "new.gltf", document, "gltf", overwrite=False)
-    check_place(out / "new.gltf", document, "gltf", overwrite=True)
-    (out / "t.bin").write_bytes((tmp_path / "in" / "t.bin").read_bytes())
-    check_place(out / "new.gltf", document, "gltf", overwrite=False)
-
-
 def test_a_glb_takes_the_images_in(tmp_path: Path) -> None:
     document = read(external(tmp_path))
     out = tmp_path / "out"
@@ -156,20 +136,3 @@ def test_a_folder_made_for_textures_goes_when_the_write_fails(
     with pytest.raises(OutputError):
         write(tmp_path / "out" / "x.obj", doc, smooth_layout(doc))
     assert list((tmp_path / "out").iterdir()) == []
-
-
-def test_what_came_from_memory_has_nothing_beside_it(tmp_path: Path) -> None:
-    encoded = Encoded(b"", "obj", np.arange(1), np.arange(1), assets=["a"])
-    assert find_assets(Source("x"), encoded, tmp_path / "y.obj", True) == Assets()
-
-
-def test_images_of_a_material_file_come_along_in_folders(tmp_path: Path) -> None:
-    (tmp_path / "in" / "tex").mkdir(parents=True)
-    (tmp_path / "in" / "tex" / "k.png").write_bytes(b"k")
-    (tmp_path / "in" / "m.mtl").write_bytes(
-        b"newmtl x\n\tmap_Kd -s 1 1 tex/k.png \r\nnorm a\nKd 1 1 1\nmap_Kd\n"
-    )
-    copies, notes = found(tmp_path, "m.mtl", copy=True)
-    out = (tmp_path / "out").resolve()
-    assert {p.relative_to(out).as_posix() for p in copies} == {"m.mtl", "tex/k.png", "a"}
-    assert notes == []

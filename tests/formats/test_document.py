@@ -102,33 +102,7 @@ def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> N
     assert check_uv_set(glb, lightmap, only_first=False).warnings == []
 
 
-def test_defaults() -> None:
-    doc = document()
-    assert doc.path == Path("m.x")
-    assert doc.instances == 0
-    assert doc.uv() is doc.colours() is doc.textures() is None
-    assert doc.rewrite(UVMap(UV, MESH.faces), WriteOptions(), "obj", "") is None
-    assert doc.labels("primitive").tolist() == doc.labels("scene").tolist() == [0]
-    with pytest.raises(OptionError, match="unknown grouping 'x'"):
-        doc.labels("x")
-    polys = doc.polygons()
-    assert (polys.start.tolist(), polys.triangles.tolist()) == ([0, 3], [[0, 1, 2]])
-
-
 def test_textures_need_the_uv_set_that_they_name() -> None:
     textures = Textures((b"",), ("x",), np.zeros(1, np.int64), np.ones((1, 3)), uv_set=2)
     with pytest.raises(InputError, match=r"m\.x.*uv set 2.*--source"):
         document().texture_layout(textures)
-
-
-def test_groups_are_the_primitives_and_nothing_else() -> None:
-    mesh = Mesh(np.eye(3), np.array([[0, 1, 2], [2, 1, 0]]), groups=np.array([3, 1]))
-    grouped = Document(Source("m.x", None), "obj", mesh)
-    assert grouped.labels("primitive").tolist() == [3, 1]
-    assert grouped.labels("mesh").tolist() == [0, 0]
-    assert grouped.labels("scene").tolist() == [0, 0]
-    plain = Document(Source("m.x", None), "obj", Mesh(mesh.points, mesh.faces))
-    assert plain.labels("primitive").tolist() == [0, 0]
-    assert plain.polygons().start.tolist() == [0, 3, 6]
-    assert plain.polygons().triangles.tolist() == [[0, 1, 2], [3, 4, 5]]
-    assert plain.polygons().owner.tolist() == [0, 1]

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 import circparam
 from circparam.cli import cli
-from circparam.errors import InputError, OptionError
+from circparam.errors import InputError
 from circparam.formats import foreign, second_reader
 from circparam.formats.io import read, read_data
 from tests.fuzz import hostile
@@ -178,18 +178,6 @@ def test_step_is_meshed(capfd: pytest.CaptureFixture[str]) -> None:
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("make", [three_mf, collada, step])
-def test_it_is_unwrapped_to_glb(make: object, tmp_path: Path) -> None:
-    suffix = {three_mf: ".3mf", collada: ".dae", step: ".stp"}[make]
-    path = tmp_path / f"ein Teil{suffix}"
-    path.write_bytes(make())
-    result = circparam.unwrap(path, tmp_path / "o.glb", **QUICK)
-    assert (result.status, result.measures["flips"], result.measures["overlap"]) == ("ok", 0, 0)
-    again = read(tmp_path / "o.glb")
-    assert again.uv() is not None
-    assert len(again.mesh.faces) == len(result.mesh.faces)
-
-
 def test_a_compressed_glb_names_what_decodes_all_of_it(tmp_path: Path) -> None:
     """Not trimesh, which drops skins and animations; where it is asked for, it says what it drops."""
     path = tmp_path / "ball.glb"
@@ -214,19 +202,6 @@ def test_draco_without_its_decoder_is_refused(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "DracoPy", None)
     with pytest.raises(InputError, match="DracoPy: pip install DracoPy"):
         read_data(data, reader="trimesh")
-
-
-def test_an_archive_without_a_mesh_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "a.zae"
-    path.write_bytes(plain_zip())
-    with pytest.raises(InputError, match=r"the archive holds no \.dae file: it is not a ZAE"):
-        read(path)
-
-
-def test_what_trimesh_does_not_take_either_names_no_reader() -> None:
-    with pytest.raises(InputError) as caught:
-        read_data(b"v 0 0 0\nv 1 0 0\nf 1 2\n", format="obj")
-    assert "--reader" not in str(caught.value)
 
 
 def plain_zip() -> bytes:
@@ -258,23 +233,10 @@ def test_broken_files_are_one_line(tmp_path: Path, name: str, data: bytes) -> No
     assert not (tmp_path / "o.glb").exists()
 
 
-def test_points_without_faces_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "cloud.xyz"
-    path.write_text("0 0 0\n1 0 0\n0 1 0\n", "utf-8")
-    result = CliRunner().invoke(cli, ["check", str(path)])
-    assert result.exit_code in (2, 3)
-    assert result.stderr.count("\n") == 1
-
-
 def test_a_missing_package_names_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(foreign.NEEDS, "dae", {"no_such_module": "no-such-module"})
     with pytest.raises(InputError, match=r"read with no-such-module: pip install"):
         read_data(b"<COLLADA></COLLADA>", format="dae")
-
-
-def test_shared_meshes_are_copied_anyway() -> None:
-    with pytest.raises(OptionError, match="leave out"):
-        circparam.Options(reader="trimesh", unshare=True)
 
 
 # one of each format: with a texture, with colours, with nodes, odd, of millimetres
@@ -311,23 +273,10 @@ def test_every_command_that_reads_takes_the_reader(tmp_path: Path) -> None:
     made = run("unwrap", mesh, "-o", out, "--reader", "trimesh", "--effort", "0.01")
     assert made.exit_code == 0, made.stderr
     assert "read through trimesh" in made.stderr
-    assert run("check", mesh).exit_code == 3
     assert run("check", mesh, "--reader", "trimesh").exit_code == 0
-    assert run("pack", out, "-o", tmp_path / "p.obj", "--reader", "trimesh").exit_code == 0
-    assert run("view", out, "-o", tmp_path / "v.svg", "--reader", "trimesh").exit_code == 0
-    assert run("unwrap", mesh, "--reader", "trimes").exit_code == 2
-    compared = ("compare", mesh, "-m", "circle", "--report", tmp_path / "r.html", "-q")
-    done = run(*compared, "--reader", "trimesh")
-    assert done.exit_code == 0, done.stderr
-    assert (tmp_path / "r.html").stat().st_size > 1000
-
-
-def test_a_bad_step_names_no_file_of_the_reader() -> None:
-    """What went wrong was told by the path of a file in a temporary folder."""
-    pytest.importorskip("cascadio")
-    empty = b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"
-    with pytest.raises(InputError, match="as STEP: it is damaged, or holds no shape"):
-        read_data(empty)
+    for command in ("unwrap", "check", "pack", "view", "compare"):
+        refused = run(command, mesh, "--reader", "trimes")
+        assert (refused.exit_code, "'trimesh'" in refused.stderr) == (2, True), refused.stderr
 
 
 def test_trimesh_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -362,13 +311,3 @@ def test_trimesh_opens_regular_files_of_the_folder_alone(name: str, tmp_path: Pa
     assert resolver.get("good.bin") == (folder / "good.bin").read_bytes()
     with pytest.raises(OSError, match=r"outside|not a regular file"):
         resolver.get(hostile.OUTSIDE[name])
-
-
-def test_the_second_reader_takes_buffers_from_the_folder(tmp_path: Path) -> None:
-    folder = hostile.lay_out(tmp_path)
-    for name, uri in (("good", "good.bin"), ("bad", hostile.OUTSIDE["parent"])):
-        buffers = [{"uri": uri, "byteLength": 48}]
-        (folder / f"{name}.gltf").write_bytes(hostile.gltf(buffers=buffers))
-    assert len(read(folder / "good.gltf", reader="trimesh").mesh.faces) == 1
-    with pytest.raises(InputError, match="lies outside the file's folder"):
-        read(folder / "bad.gltf", reader="trimesh")

@@ -8,75 +8,15 @@ import numpy as np
 import pytest
 
 from circparam.core import files
-from circparam.errors import InputError, NoResultError, OptionError, OutputError
-from circparam.formats import FORMATS
-from circparam.formats.io import encode, format_of, read, stored, write
+from circparam.errors import InputError, OptionError, OutputError
+from circparam.formats.io import format_of, read, stored, write
 from circparam.formats.memory import from_arrays
-from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import corners, grid, layout_with_seams, smooth_layout
 
 
 def document():
     points, faces = grid(4)
     return from_arrays(points, faces)
-
-
-@pytest.mark.parametrize("format", ["obj", "ply", "glb"])
-def test_layouts_that_do_not_fit(format: str) -> None:
-    doc = document()
-    good = smooth_layout(doc)
-    broken = good.uv.copy()
-    broken[3, 1] = np.nan
-    for bad in (
-        UVMap(broken, good.uv_faces),
-        UVMap(good.uv, good.uv_faces[1:]),
-        UVMap(good.uv[:5], good.uv_faces),
-    ):
-        with pytest.raises(NoResultError):
-            encode(doc, bad, format)
-
-
-def test_a_name_that_denies_the_content_is_refused(tmp_path: Path) -> None:
-    doc = document()
-    for format in ("obj", "ply", "glb", "gltf"):
-        data = encode(doc, smooth_layout(doc), format).data
-        for row in FORMATS:
-            path = tmp_path / f"{format}.{row.name}"
-            path.write_bytes(data)
-            if row.name == format:
-                assert read(path).format == format
-                continue
-            with pytest.raises(InputError, match="rename it"):
-                read(path)
-            assert read(path, format=format).format == format
-        path = tmp_path / f"{format}.mesh"
-        path.write_bytes(data)
-        assert read(path).format == format
-    (tmp_path / "x.txt").write_text("hello")
-    with pytest.raises(InputError, match=r"x\.txt.*--format"):
-        read(tmp_path / "x.txt")
-    with pytest.raises(OptionError, match="did you mean"):
-        read(tmp_path / "x.txt", format="objj")
-    with pytest.raises(OptionError, match=r"\.xyz"):
-        write(tmp_path / "x.xyz", doc, smooth_layout(doc))
-
-
-def test_nothing_is_overwritten_unasked(tmp_path: Path) -> None:
-    doc = document()
-    target = tmp_path / "x.obj"
-    write(target, doc, smooth_layout(doc))
-    before = target.read_bytes()
-    with pytest.raises(OptionError, match="--overwrite"):
-        write(target, doc, smooth_layout(doc, 1))
-    assert target.read_bytes() == before
-    target.chmod(0o640)
-    inode = target.stat().st_ino
-    written = write(target, doc, smooth_layout(doc, 1), overwrite=True)
-    assert target.stat().st_ino != inode  # renamed into place, not written over
-    assert written.files == [target]
-    assert target.read_bytes() != before
-    assert target.stat().st_mode & 0o777 == 0o640
-    assert [p.name for p in tmp_path.iterdir()] == ["x.obj"]
 
 
 def test_places_that_cannot_be_written(tmp_path: Path) -> None:
@@ -135,14 +75,6 @@ def test_standard_streams(monkeypatch: pytest.MonkeyPatch) -> None:
         got = again.uv()
         np.testing.assert_array_equal(corners(got), corners(stored(uvmap, format)))
         assert again.path is None
-
-
-def test_the_file_itself_is_named_first_and_written_last(tmp_path: Path) -> None:
-    """A glTF and its buffer: what it refers to is there before it."""
-    doc = document()
-    written = write(tmp_path / "x.gltf", doc, smooth_layout(doc))
-    assert [p.name for p in written.files] == ["x.gltf", "x.bin"]
-    assert written.path == tmp_path / "x.gltf"
 
 
 @pytest.mark.parametrize(

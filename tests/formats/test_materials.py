@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from circparam.errors import InputError
-from circparam.formats.materials import ImageFiles, decode, media_type, srgb
+from circparam.formats.materials import ImageFiles, decode, srgb
 from circparam.formats.source import Source
 
 
@@ -39,12 +39,6 @@ def test_images_are_rgb_with_alpha_where_they_have_it(mode: str, becomes: str) -
     assert decoded.size == (2, 3)
 
 
-def test_a_transparent_colour_is_alpha() -> None:
-    out = io.BytesIO()
-    Image.new("P", (1, 1)).save(out, "PNG", transparency=0)
-    assert decode(out.getvalue(), "x").mode == "RGBA"
-
-
 def test_bad_images_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for data in (b"", b"text", image("PNG")[:30]):
         with pytest.raises(InputError, match=r"skin\.png: the texture cannot be read"):
@@ -52,14 +46,6 @@ def test_bad_images_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 2)
     with pytest.raises(InputError, match=r"skin\.png: the texture is too large"):
         decode(image("PNG"), "skin.png")
-
-
-def test_media_types() -> None:
-    assert media_type(image("PNG")) == "image/png"
-    assert media_type(image("JPEG")) == "image/jpeg"
-    assert media_type(image("GIF")) == "image/gif"
-    assert media_type(image("BMP")) is None
-    assert media_type(b"text") is None
 
 
 def test_srgb_at_its_seam() -> None:

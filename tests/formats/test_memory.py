@@ -26,23 +26,6 @@ def test_arrays_are_copied_and_checked() -> None:
         from_arrays(points, faces + 100)
 
 
-def test_trimesh_objects() -> None:
-    import trimesh
-
-    points, faces = grid(3)
-    uv = np.random.default_rng(0).random((9, 2))
-    mesh = trimesh.Trimesh(
-        points, faces, process=False, visual=trimesh.visual.TextureVisuals(uv=uv)
-    )
-    doc = from_trimesh(mesh)
-    np.testing.assert_array_equal(doc.mesh.points, points)
-    np.testing.assert_array_equal(doc.mesh.faces, faces)
-    given = doc.uv()
-    np.testing.assert_array_equal(given.uv, uv)
-    with pytest.raises(InputError, match="no faces"):
-        from_trimesh(trimesh.PointCloud(points))
-
-
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "P", "CMYK", "L"])
 @pytest.mark.parametrize("kind", ["simple", "pbr"])
 def test_a_texture_of_a_trimesh_object_is_there_to_bake(mode: str, kind: str) -> None:
@@ -103,23 +86,3 @@ def test_uv_with_faces_of_their_own() -> None:
             from_arrays(points, faces, uv, wrong)
     with pytest.raises(InputError, match="row 3 of 3"):
         from_arrays(points, faces, uv[:3])  # one row for each vertex is needed
-
-
-def test_labels_of_the_mesh_and_the_name_in_errors() -> None:
-    points, faces = grid(2)
-    doc = from_arrays(points, faces, polygons=np.array([0, 0]), groups=np.array([1, 0]), name="it")
-    assert doc.mesh.polygons is not None
-    assert doc.labels("primitive").tolist() == [1, 0]
-    assert doc.source.error("x").args == ("it: x",)
-    assert (doc.format, doc.path) == ("arrays", None)
-
-
-def test_trimesh_without_uv_for_each_vertex() -> None:
-    import trimesh
-
-    points, faces = grid(2)
-    plain = from_trimesh(trimesh.Trimesh(points, faces, process=False))
-    assert plain.uv_sets == ()
-    mesh = trimesh.Trimesh(points, faces, process=False)
-    mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((3, 2)))
-    assert from_trimesh(mesh).uv_sets == ()

@@ -64,30 +64,8 @@ def test_bad_off(old: bytes, new: bytes) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_features_and_indices_at_their_ends() -> None:
-    plain = read_data(b"OFF 3 1\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", format="off")
-    assert plain.features == ()
-    assert plain.mesh.polygons is None
-    coloured = read_data(b"OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n", format="off")
-    assert coloured.features == ("colours or normals",)
-    assert read_data(OFF).features == ("polygons", "colours or normals")
-    for body, says in (
-        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "names vertex 3: there are 3"),
-        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 -1 2\n", "names vertex -1"),
-        (b"3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "3 vertices and 2 faces, the file has 4 rows"),
-        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "no faces"),
-        (b"3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "promises"),
-    ):
-        with pytest.raises(InputError, match=says):
-            read_data(b"OFF\n" + body, format="off")
-
-
 @pytest.mark.parametrize("header", [b"nOFF", b"4OFF", b"4nOFF", b"ST4OFF", b"OFF\0", b"OOF", b""])
 def test_other_dimensions_and_binary_files_are_no_text_off(header: bytes) -> None:
     data = header + b"\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
     with pytest.raises(InputError, match="not a text OFF file of three-dimensional points"):
         read_data(data, format="off")
-
-
-def test_a_byte_order_mark_is_no_part_of_the_header() -> None:
-    assert read_data(b"\xef\xbb\xbf" + OFF).mesh.faces.shape == read_data(OFF).mesh.faces.shape

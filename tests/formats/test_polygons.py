@@ -7,7 +7,7 @@ from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import polygons
 from circparam.formats.ears import Ears
 from circparam.formats.io import read_data
-from circparam.formats.polygons import clip_ears, list_start, polygon_of_corner, strips, triangulate
+from circparam.formats.polygons import triangulate
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import repair
 
@@ -31,11 +31,6 @@ def test_the_fan_starts_at_the_first_corner_that_fits() -> None:
             area = np.cross(p[polys.triangles[:, 1]] - p[polys.triangles[:, 0]],
                             p[polys.triangles[:, 2]] - p[polys.triangles[:, 0]])  # fmt: skip
             np.testing.assert_allclose(area.sum(0), normal)
-
-
-def areas(p: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    q = p[triangles]
-    return np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])[:, 2] / 2
 
 
 def test_sizes_are_mixed_and_order_is_kept() -> None:
@@ -68,18 +63,6 @@ def test_concave_polygons_in_every_plane(axis: int, reverse: bool) -> None:
     assert (cross @ normal > 0).all()
     size = np.linalg.norm(cross, axis=1).sum() / 2
     assert size == pytest.approx(10 * 0.5 * 0.2 * np.sin(np.pi / 5))
-
-
-def test_ears_hold_no_other_corner() -> None:
-    """A notch whose tip lies on a diagonal: the ear that would cover it is not cut."""
-    p = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4], [-1, 2], [0.5, 2]], float)
-    p = np.insert(p, 2, 0.0, axis=1)
-    t = clip_ears(p - p[0])
-    assert (areas(p, t) > 0).all()
-    assert areas(p, t).sum() == pytest.approx(np.cross(p, np.roll(p, -1, 0)).sum(0)[2] / 2)
-    counts = np.bincount(np.sort(t.ravel()), minlength=7)
-    assert len(t) == 5
-    assert (counts >= 1).all()
 
 
 @pytest.mark.parametrize("holes", [1, 2, 3])
@@ -128,14 +111,6 @@ def test_a_polygon_that_closes_round_nothing_is_refused() -> None:
     assert len(once.faces) == 2
 
 
-def test_a_polygon_without_a_normal_is_a_fan_from_its_first_corner() -> None:
-    p = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 0, 0]], float)
-    assert triangulate(p, np.arange(4), np.array([0, 4])).triangles.tolist() == [
-        [0, 1, 2],
-        [0, 2, 3],
-    ]
-
-
 def test_large_concave_polygons_are_refused() -> None:
     n = polygons.MAX_CONCAVE + 2
     a = np.arange(n) * 2 * np.pi / n
@@ -144,21 +119,6 @@ def test_large_concave_polygons_are_refused() -> None:
     with pytest.raises(InputError, match=f"polygon 0 is concave and has {n} corners"):
         triangulate(p, np.arange(n), np.array([0, n]))
     assert len(triangulate(p[:10], np.arange(10), np.array([0, 10])).triangles) == 8
-
-
-def test_strips_restart_and_alternate() -> None:
-    corners = np.array([0, 1, 2, 3, -1, 4, 5, 6, 6, 7, 8, 9, 10, 11])
-    tri, row = strips(corners, np.array([0, 11, 14]))
-    expected = [[0, 1, 2], [2, 1, 3], [4, 5, 6], [7, 6, 8], [9, 10, 11]]
-    assert corners[tri].tolist() == expected
-    assert row.tolist() == [0, 0, 0, 0, 1]
-    for short in ([], [0], [0, 1], [0, 1, -1]):
-        assert strips(np.array(short, np.int64), np.array([0, len(short)]))[0].shape == (0, 3)
-
-
-def test_offsets() -> None:
-    assert list_start(np.array([2, 0, 3])).tolist() == [0, 2, 2, 5]
-    assert polygon_of_corner(np.array([0, 2, 2, 5])).tolist() == [0, 0, 2, 2, 2]
 
 
 def quad(uv: np.ndarray, faces: list[list[int]]) -> np.ndarray:

@@ -27,11 +27,6 @@ def test_a_byte_order_mark_is_no_number(tmp_path: Path) -> None:
     np.testing.assert_array_equal(sidecars.read_seams(file(tmp_path, text)), [[0, 4], [4, 9]])
 
 
-def test_polygon(tmp_path: Path) -> None:
-    path = file(tmp_path, "0 0\n1 0\n0 1\n")
-    np.testing.assert_array_equal(sidecars.read_polygon(path), [[0, 0], [1, 0], [0, 1]])
-
-
 def test_seams_as_pairs_and_as_lines(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         sidecars.read_seams(file(tmp_path, "0 4\n4 9\n")), [[0, 4], [4, 9]]
@@ -72,12 +67,6 @@ def test_numbers_beyond_any_vertex_are_named(tmp_path: Path, number: str) -> Non
     for read in (sidecars.read_landmarks, sidecars.read_seams):
         with pytest.raises(InputError, match=r"1e\+.* is not a vertex number"):
             read(file(tmp_path, f"0 1\n2 {number}\n"))
-
-
-def test_line_elements_beyond_any_vertex_are_named(tmp_path: Path) -> None:
-    path = file(tmp_path, "v 0 0 0\nl 1 99999999999999999999\n", "seams.obj")
-    with pytest.raises(InputError, match="not a line element"):
-        sidecars.read_seams(path)
 
 
 def test_missing_file(tmp_path: Path) -> None:

@@ -8,16 +8,7 @@ from pathlib import Path
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats.source import Source, bytes_beside, read_bytes, safe_path
-
-
-def test_an_error_is_one_line_with_the_name() -> None:
-    assert str(Source("m.obj").error("a\n b\t c")) == "m.obj: a b c"
-
-
-def test_the_folder_is_that_of_the_file(tmp_path: Path) -> None:
-    assert Source("x").folder is None
-    assert Source("x", tmp_path / "a.obj").folder == tmp_path.resolve()
+from circparam.formats.source import bytes_beside, read_bytes, safe_path
 
 
 @pytest.mark.parametrize("name", ["a.png", "b/c.png", "two words.png", "a%20b.png", "./x", "a..b"])
@@ -65,14 +56,6 @@ def test_names_of_a_file_are_found_in_a_locale_of_ascii(tmp_path: Path) -> None:
     words = [sys.executable, "-c", code, str(tmp_path / "m.obj")]
     done = subprocess.run(words, env=os.environ | locale, capture_output=True, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
-
-
-def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
-    inner = tmp_path / "in"
-    inner.mkdir()
-    (tmp_path / "secret").write_bytes(b"s")
-    (inner / "link").symlink_to(tmp_path / "secret")
-    assert safe_path(inner, "link") is None
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

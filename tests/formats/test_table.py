@@ -46,19 +46,3 @@ def stl(n: int, extra: int = 0, head: bytes = b"") -> bytes:
 )
 def test_content(data: bytes, format: str | None) -> None:
     assert sniff(data) == format
-
-
-@pytest.mark.parametrize(
-    ("data", "format"),
-    [
-        (b"ply\ncomment v 1 2 3\nv 1 2 3\n", "ply"),
-        (b"OFF\nv 1 2 3\n", "off"),
-        (b'{"x":\nv 1}', "gltf"),
-        (b"solid a\nv 1 2 3\nfacet normal 0 0 1", "stl"),
-        (stl(1, head=b'{"'), "gltf"),
-        (stl(1, head=b"ply\n"), "ply"),
-    ],
-)
-def test_what_tells_more_is_asked_first(data: bytes, format: str) -> None:
-    """A line with a vertex may stand in any text, and any text before the triangles of an STL."""
-    assert sniff(data) == format

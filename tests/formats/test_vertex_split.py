@@ -7,15 +7,6 @@ from hypothesis import strategies as st
 from circparam.formats.vertex_split import split_vertices
 
 
-def test_the_first_corner_of_a_vertex_keeps_it() -> None:
-    vertex = np.array([0, 1, 2, 2, 1, 3])
-    split = split_vertices(4, vertex, np.arange(10.0).reshape(5, 2), np.array([0, 1, 2, 4, 1, 3]))
-    assert split.corner.tolist() == [0, 1, 2, 4, 1, 3]
-    assert split.source.tolist() == [0, 1, 2, 3, 2]
-    assert split.uv.tolist() == [[0, 1], [2, 3], [4, 5], [6, 7], [8, 9]]
-    assert split.added == 1
-
-
 @st.composite
 def meshes(draw: st.DrawFn):
     n, k = draw(st.integers(1, 6)), draw(st.integers(1, 5))

@@ -49,17 +49,6 @@ def test_one_primitive_for_each_group() -> None:
     assert [m["name"] for m in tree_of(one.data)["materials"]] == ["group_3"]
 
 
-@pytest.mark.parametrize(("vertices", "code"), [(65535, 5123), (65536, 5125)])
-def test_index_types(vertices: int, code: int) -> None:
-    """65535 restarts primitives (glTF 2.0, 3.7.2.1), so 65536 vertices need four bytes."""
-    points = np.zeros((vertices, 3))
-    points[-3:] = np.eye(3)
-    doc = from_arrays(points, np.array([[vertices - 3, vertices - 2, vertices - 1]]))
-    data = encode(doc, UVMap(np.eye(3)[:, :2], np.array([[0, 1, 2]])), "glb").data
-    assert tree_of(data)["accessors"][2]["componentType"] == code
-    assert read_data(data).mesh.faces.max() == vertices - 1
-
-
 def test_what_float32_cannot_hold() -> None:
     faces = np.array([[0, 1, 2]])
     uvmap = UVMap(np.eye(3)[:, :2], faces)
@@ -129,16 +118,6 @@ def test_materials_images_and_normals_of_an_obj_go_along(painted: Document) -> N
     found = again.textures()
     assert decode(found.images[0], "t").getpixel((0, 0)) == (200, 30, 0)
     assert_round_trip(painted, layout_with_seams(painted), "glb")
-
-
-def test_images_stay_with_uv_that_stay(painted: Document) -> None:
-    uvmap = painted.uv()
-    assert uvmap is not None
-    out = encode(painted, uvmap, "glb")
-    assert "TEXCOORD_1" not in tree_of(out.data)["meshes"][0]["primitives"][0]["attributes"]
-    assert out.warnings == []
-    found = read_data(out.data).textures()
-    assert found.uv_set == 0
 
 
 def test_colours_of_vertices_go_along() -> None:

@@ -47,15 +47,6 @@ def test_colours_are_linear_light_and_white_where_a_mesh_has_none() -> None:
     np.testing.assert_allclose(colours[8:], srgb(linear[:, :3] / 255)[faces])
 
 
-def test_broken_colours_are_an_error_of_the_file() -> None:
-    g = two_primitives()
-    short = g.accessor(np.zeros((4, 3), "f4"))
-    for p in g.tree["meshes"][0]["primitives"]:
-        p["attributes"]["COLOR_0"] = short
-    with pytest.raises(InputError, match="malformed"):
-        read_data(g.glb()).colours()
-
-
 def test_factors_and_images_of_primitives() -> None:
     g = two_primitives(material=1)
     texture = {"index": 1, "texCoord": 1}
@@ -112,14 +103,6 @@ def test_white_materials_are_none_and_wrong_ones_an_error() -> None:
     g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {}}}]
     with pytest.raises(InputError, match="a material is malformed"):
         read_data(g.glb()).textures()
-
-
-def test_colours_without_an_image_go_with_the_first_uv_set() -> None:
-    g = two_primitives(material=0)
-    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.0, 0.25, 0.5]}}]
-    textures = read_data(g.glb()).textures()
-    assert textures.uv_set == 0
-    assert textures.images == ()
 
 
 def test_specular_glossiness_of_older_exports() -> None:

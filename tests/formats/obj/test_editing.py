@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from circparam.formats.io import encode, read, read_data
-from circparam.formats.obj.editing import compact
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
@@ -29,13 +28,6 @@ def test_every_other_byte_is_kept(newline: bytes, tail: bytes) -> None:
     assert out.data.count(newline + b"vt ") == 8
     assert any("l elements" in note for note in out.notes)
     assert_round_trip(document, uvmap, "obj")
-
-
-def test_old_mac_line_ends() -> None:
-    data = CUBE.replace(b"\\\n", b" ").replace(b"\n", b"\r")
-    document = read_data(data, format="obj")
-    out = encode(document, smooth_layout(document), "obj")
-    assert without_uv(out.data) == without_uv(data)
 
 
 def test_new_vt_lines_stand_where_the_old_ones_stood() -> None:
@@ -71,14 +63,6 @@ def test_corners_without_uv_get_none() -> None:
     assert_round_trip(document, uvmap, "obj")
 
 
-def test_short_faces_are_kept_and_give_no_triangle() -> None:
-    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1/1 2/1 3/1\nf 3\nvt 0 0\n"
-    document = read_data(data, format="obj")
-    assert document.mesh.faces.tolist() == [[0, 1, 2]]
-    out = encode(document, smooth_layout(document), "obj").data
-    assert without_uv(out) == without_uv(data)
-
-
 @pytest.mark.parametrize("path", corpus_files(".obj"))
 def test_real_files_keep_every_other_byte(path) -> None:
     data = path.read_bytes()
@@ -103,15 +87,6 @@ def test_real_files_keep_every_other_byte(path) -> None:
     if own is not None:
         back = read_data(encode(document, own, "obj").data, format="obj").uv()
         np.testing.assert_array_equal(corners(back), corners(own))
-
-
-def test_only_the_uv_in_use_are_kept_in_order() -> None:
-    used, corner = compact(np.array([4, 1, -1, 4, 2]), 6)
-    assert used.tolist() == [1, 2, 4]
-    assert corner.tolist() == [2, 0, -1, 2, 1]
-    none, corner = compact(np.array([-1, -1]), 3)
-    assert (none.tolist(), corner.tolist()) == ([], [-1, -1])
-    assert compact(np.array([0, 2]), 3)[0].tolist() == [0, 2]
 
 
 @pytest.mark.parametrize(

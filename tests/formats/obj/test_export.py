@@ -1,11 +1,8 @@
 """A new OBJ file from any mesh: points, polygons, uv and groups as lines of text."""
 
 import numpy as np
-import pytest
 
-from circparam.errors import NoResultError, OptionError
 from circparam.formats import Polygons
-from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode
 from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
@@ -58,12 +55,3 @@ def test_groups_are_materials() -> None:
     assert out.notes == ["not carried into OBJ: normals"]
     one = document(np.array([2, 2, 2]), ("a",))
     assert encode(one, UVMap(UV, FACES), "obj").data.count(b"usemtl group_2\n") == 1
-
-
-def test_refused() -> None:
-    split = FACES.copy()
-    split[1, 1] = 4
-    with pytest.raises(NoResultError, match="x: polygon 0 got two uv"):
-        encode(document(), UVMap(UV, split), "obj")
-    with pytest.raises(OptionError, match="a new OBJ file"):
-        encode(document(), UVMap(UV, FACES), "obj", options=WriteOptions(uv_set=2))

@@ -113,16 +113,6 @@ def test_no_other_file_is_taken_for_a_name(folder: Path) -> None:
     assert (found.images, len(found.notes)) == ((), 1)
 
 
-def test_materials_do_not_leak_into_each_other() -> None:
-    text = "Kd 0 0 0\nnewmtl a\nKd 0 0 0\nmap_Kd a.png\nnewmtl b\nnewmtl c\nKd 1 0\nnewmtl d\nKd e.e 1 1"
-    rows = list(map(held, read_mtl(text)))
-    white = [1.0, 1.0, 1.0]
-    assert rows == [
-        ("a", [0, 0, 0], "a.png"), ("b", white, None), ("c", white, None), ("d", white, None),
-    ]  # fmt: skip
-    assert read_mtl("Kd 1 1 1\n") == []
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl skin\nmap_Kd s.png\n")

@@ -154,20 +154,6 @@ def test_features(lines: list[str], feature: str | None) -> None:
     assert read_data(build("ascii", elements)).features == (*expected, "tristrips")
 
 
-def test_strips_stand_behind_the_faces() -> None:
-    points: list[list[object]] = [[k % 3, k // 3, k * k % 5] for k in range(9)]
-    data = build("ascii", {
-        "vertex": (["float x", "float y", "float z"], points),
-        "face": (["list uchar int vertex_indices"], [[[0, 1, 4, 3]], [[1, 2, 5]]]),
-        "tristrips": (["list int int vertex_indices"], [[[3, 4, 6, 7]], [[5, 4, 8]]]),
-    })  # fmt: skip
-    polys = read_data(data).polygons()
-    assert polys.start.tolist() == [0, 4, 7, 10, 13, 16]
-    assert polys.corners[7:].tolist() == [3, 4, 6, 6, 4, 7, 5, 4, 8]
-    assert polys.owner.tolist() == [0, 0, 1, 2, 3, 4]
-    assert polys.triangles[3:].tolist() == [[7, 8, 9], [10, 11, 12], [13, 14, 15]]
-
-
 def test_a_face_whose_list_does_not_fit_has_no_uv() -> None:
     """Lists too short, too long, empty and of odd length; those behind them still stand where they do."""
     lists = [[0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.5, 0.5], [], [0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3]]
@@ -187,9 +173,3 @@ def test_a_face_whose_list_does_not_fit_has_no_uv() -> None:
     assert (uvmap.uv_faces[1:4] == -1).all()
     assert uvmap.uv[uvmap.uv_faces[0]].tolist() == [[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]]
     assert uvmap.uv[uvmap.uv_faces[4]].tolist() == [[1, 0], [0, 1], [0.25, 0.75]]
-
-
-def test_a_note_says_when_uv_of_the_file_were_replaced() -> None:
-    for uv, notes in (("", []), ("vertex", ["uv set 0 of the file was replaced"])):
-        document = read_data(sample("ascii", uv=uv))
-        assert encode(document, smooth_layout(document), "ply").notes == notes

@@ -8,9 +8,6 @@ from hypothesis import strategies as st
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
-from circparam.formats.ply.editing import break_strips, index_types
-from circparam.formats.ply.model import Property
-from circparam.formats.polygons import strips
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import assert_round_trip, layout_with_seams, smooth_layout
 from tests.support.ply_files import ORDERS, build, naive, plain, sample, strip_file, triangles_of
@@ -88,25 +85,6 @@ def test_any_strips_come_back(rows: list[list[int]], seed: int) -> None:
     assert_round_trip(document, layout_with_seams(document, seed), "ply")
 
 
-@pytest.mark.parametrize(
-    ("count", "kind", "longest", "n", "expected"),
-    [
-        ("u1", "u1", 255, 256, ("u1", "u1")),
-        ("u1", "u1", 256, 256, ("i4", "u1")),
-        ("u1", "u1", 3, 257, ("u1", "i4")),
-        ("i1", "i2", 127, 32768, ("i1", "i2")),
-        ("i1", "i2", 128, 32769, ("i4", "i4")),
-        ("u2", "f4", 3, 70000, ("u2", "f4")),
-        ("i4", "u4", 3, 70000, ("i4", "u4")),
-    ],
-)
-def test_index_types(
-    count: str, kind: str, longest: int, n: int, expected: tuple[str, str]
-) -> None:
-    sizes = np.array([1, longest, 2])
-    assert index_types(Property("vertex_indices", kind, count), sizes, n) == expected
-
-
 @pytest.mark.parametrize("n", [254, 255, 256])
 def test_the_last_index_of_a_type_is_used(n: int) -> None:
     """n + 1 vertices after the split: index 255 fits a uchar, 256 does not."""
@@ -155,21 +133,3 @@ def test_line_ends_are_kept(newline: bytes) -> None:
         back = naive(out.replace(newline, b"\n"))
         old = plain(naive(sample("ascii"))["vertex"])
         assert plain(back["vertex"])[: len(old)] == old
-
-
-def test_strips_break_only_where_neighbours_differ() -> None:
-    """Triangles of the strips 0 1 2 3 4 and 5 6 7: as they were, with one break, and apart."""
-    place = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4], [5, 6, 7]])
-    start = np.array([0, 5, 8])
-    lengths, values = break_strips(place + 10, place, start)
-    assert (lengths.tolist(), values.tolist()) == ([5, 3], [10, 11, 12, 13, 14, 15, 16, 17])
-    split = place.copy()
-    split[2, 0] = 99  # a new vertex for 2 in the third triangle
-    lengths, values = break_strips(split, place, start)
-    assert (lengths.tolist(), values.tolist()) == ([8, 3], [0, 1, 2, 3, -1, 99, 3, 4, 5, 6, 7])
-    split = place.copy()
-    split[1] = [92, 91, 3]  # the second, an odd one: behind an empty run
-    lengths, values = break_strips(split, place, start)
-    back, row = strips(values, np.concatenate([[0], np.cumsum(lengths)]))
-    assert values[back].tolist() == split.tolist()
-    assert row.tolist() == [0, 0, 0, 1]

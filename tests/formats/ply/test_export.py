@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from circparam.errors import OptionError
 from circparam.formats import Polygons
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
@@ -61,15 +60,6 @@ def test_where_the_option_says(place: str, seams: bool) -> None:
     said = f"{added} vertices duplicated along seams, behind the input's"
     assert out.notes == ([said] if added else [])
     assert_round_trip(doc, uvmap, "ply", options)
-
-
-def test_another_place_is_refused() -> None:
-    doc = from_arrays(*grid(3))
-    with pytest.raises(OptionError, match="place for uv 'edge': choose vertex or face"):
-        encode(doc, smooth_layout(doc), "ply", options=WriteOptions(ply_uv="edge"))
-    again = read_data(encode(doc, smooth_layout(doc), "ply").data)
-    with pytest.raises(OptionError, match="place for uv 'edge': choose vertex or face"):
-        encode(again, smooth_layout(doc), "ply", options=WriteOptions(ply_uv="edge"))
 
 
 @pytest.mark.parametrize(("place", "last"), [("vertex", 255), ("face", 127)])
