@@ -86,9 +86,9 @@ def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
     known: dict[str, tuple[int, FloatArray, float]] = {}
     for m in libraries(scan, source, files.notes):
         values = m.values
-        image = split_options(values.get("map_kd", ""))[1]
-        colour, alpha = colour_of(values.get("kd", "1 1 1")), alpha_of(values.get("d", "1"))
-        known[m.name] = files.read(image) if image else -1, colour, alpha
+        shown = split_options(values.get("map_kd", ""))[1]
+        colour, opacity = colour_of(values.get("kd", "1 1 1")), alpha_of(values.get("d", "1"))
+        known[m.name] = files.read(shown) if shown else -1, colour, opacity
     if not known and not files.notes:
         return None
     names, at = _materials_of_faces(scan, owner, list(known), "replace")
