@@ -1,8 +1,6 @@
 """Formats that come through trimesh: geometry as trimesh has it, a clear line where something is missing."""
 
 import io
-import json
-import struct
 import sys
 import zipfile
 from pathlib import Path
@@ -19,7 +17,7 @@ from circparam.formats import foreign, second_reader
 from circparam.formats.io import read, read_data
 from tests.fuzz import hostile
 from tests.support import shapes
-from tests.support.formats_tools import some_corpus_files
+from tests.support.formats_tools import GltfMaker, some_corpus_files
 
 QUICK = {"effort": 0.01}
 
@@ -118,37 +116,22 @@ def draco_glb() -> bytes:
     draco = pytest.importorskip("DracoPy")
     p, f = shapes.icosphere(1)
     data = draco.encode(p.astype(np.float32), f.astype(np.uint32), quantization_bits=16)
-    data += bytes(-len(data) % 4)
-    tree = {
-        "asset": {"version": "2.0"},
-        "extensionsUsed": ["KHR_draco_mesh_compression"],
-        "extensionsRequired": ["KHR_draco_mesh_compression"],
-        "scenes": [{"nodes": [0]}],
-        "scene": 0,
-        "nodes": [{"mesh": 0}],
-        "skins": [{"joints": [0]}],
-        "animations": [{"channels": [], "samplers": []}],
-        "meshes": [{"primitives": [{
-            "attributes": {"POSITION": 0}, "indices": 1,
-            "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}},
-        }]}],
+    g = GltfMaker()
+    packed = {
+        "KHR_draco_mesh_compression": {"bufferView": g.view(data), "attributes": {"POSITION": 0}}
+    }
+    bounds = {"min": p.min(0).tolist(), "max": p.max(0).tolist()}
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, "extensions": packed}
+    g.tree |= {
+        "extensionsUsed": list(packed), "extensionsRequired": list(packed),
+        "skins": [{"joints": [0]}], "animations": [{"channels": [], "samplers": []}],
+        "meshes": [{"primitives": [primitive]}],
         "accessors": [
-            {"componentType": 5126, "count": len(p), "type": "VEC3",
-             "min": p.min(0).tolist(), "max": p.max(0).tolist()},
+            {"componentType": 5126, "count": len(p), "type": "VEC3", **bounds},
             {"componentType": 5125, "count": f.size, "type": "SCALAR"},
         ],
-        "bufferViews": [{"buffer": 0, "byteLength": len(data)}],
-        "buffers": [{"byteLength": len(data)}],
     }  # fmt: skip
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    body = (
-        struct.pack("<I4s", len(text), b"JSON")
-        + text
-        + struct.pack("<I4s", len(data), b"BIN\0")
-        + data
-    )
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+    return g.scene({"mesh": 0}).glb()
 
 
 def test_a_3mf_has_the_geometry_of_its_scene() -> None:

@@ -47,35 +47,55 @@ def test_colours_are_linear_light_and_white_where_a_mesh_has_none() -> None:
     np.testing.assert_allclose(colours[8:], srgb(linear[:, :3] / 255)[faces])
 
 
-def test_factors_and_images_of_primitives() -> None:
+def painted(info: dict, texture: object = None, factor: list[float] | None = None) -> GltfMaker:
+    """Two primitives, the second with a base colour from the last of two images."""
     g = two_primitives(material=1)
-    texture = {"index": 1, "texCoord": 1}
-    g.tree["materials"] = [{}, {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0, 1, 1],
-                                                         "baseColorTexture": texture}}]  # fmt: skip
-    g.tree["textures"] = [{"source": 0}, {"extensions": {"EXT_texture_webp": {"source": 1}}}]
+    pbr = {"baseColorTexture": {"index": 0, **info}, "baseColorFactor": factor or [1, 1, 1, 1]}
+    g.tree["materials"] = [{}, {"pbrMetallicRoughness": pbr}]
+    g.tree["textures"] = [{"source": 1} if texture is None else texture]
     g.tree["images"] = [
         {"bufferView": g.view(b"zero")},
         {"bufferView": g.view(b"one"), "name": "n"},
     ]
-    found = read_data(g.glb()).textures()
-    assert found.face.tolist() == [-1] * 3 + [0] * 5
+    return g
+
+
+BASIS = {"KHR_texture_basisu": {"source": 0}}
+TRANSFORM = "KHR_texture_transform"
+
+
+@pytest.mark.parametrize(
+    ("texture", "info", "uv_set", "said"),
+    [
+        ({"source": 1}, {}, 0, None),
+        ({"extensions": {"EXT_texture_webp": {"source": 1}}}, {"texCoord": 1}, 1, None),
+        ({"source": 1}, {"extensions": {TRANSFORM: {"scale": [2, 2]}}}, 0, None),
+        ({"source": 1}, {"texCoord": 2, "extensions": {TRANSFORM: {"texCoord": 1}}}, 1, None),
+        ({"extensions": BASIS, "source": 1}, {}, 0, None),
+        ({"extensions": BASIS}, {}, 0, "a texture is compressed (KHR_texture_basisu)"),
+        ({}, {}, 0, ""),
+    ],
+)
+def test_textures_of_primitives(texture: dict, info: dict, uv_set: int, said: str | None) -> None:
+    """Some programs leave nothing but a compressed image, which is told."""
+    found = read_data(painted(info, texture, [0.5, 0, 1, 1]).glb()).textures()
     np.testing.assert_allclose(found.plain[0], [1, 1, 1])
     np.testing.assert_allclose(found.plain[3], srgb(np.array([0.5, 0, 1])))
-    assert (found.images, found.names, found.uv_set, found.notes) == ((b"one",), ("n",), 1, [])
+    assert found.uv_set == uv_set
+    if said is None:
+        assert (found.images, found.names, found.notes) == ((b"one",), ("n",), [])
+        assert found.face.tolist() == [-1] * 3 + [0] * 5
+    else:
+        assert [note[: len(said)] for note in found.notes] == [said] * bool(said)
 
 
 def test_one_image_for_two_materials_and_uv_sets_that_differ() -> None:
-    g = two_primitives(material=1)
+    g = painted({"texCoord": 2})
     g.tree["meshes"][0]["primitives"][0]["material"] = 0
-    g.tree["materials"] = [
-        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": k}}} for k in (2, 0)
-    ]
-    g.tree["textures"] = [{"source": 0}]
-    g.tree["images"] = [{"bufferView": g.view(b"zero")}]
+    g.tree["materials"][0] = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
     found = read_data(g.glb()).textures()
-    assert found.face.tolist() == [0] * 8
-    assert (found.images, found.names, found.uv_set) == ((b"zero",), ("image 0",), 2)
-    assert found.notes == ["textures refer to several uv sets: all are read with set 2"]
+    assert (found.face.tolist(), found.images, found.uv_set) == ([0] * 8, (b"one",), 0)
+    assert found.notes == ["textures refer to several uv sets: all are read with set 0"]
 
 
 def test_images_beside_the_file_and_in_the_json(tmp_path: Path) -> None:
@@ -124,40 +144,3 @@ def test_specular_glossiness_of_older_exports() -> None:
     (material,) = tree["materials"]
     assert not material.get("extensions")
     assert "baseColorTexture" in material["pbrMetallicRoughness"]
-
-
-@pytest.mark.parametrize(
-    ("texture", "info", "words"),
-    [
-        ({"source": 0}, {}, None),
-        ({"source": 0}, {"texCoord": 0}, None),
-        ({"source": 0}, {"scale": [2, 2]}, None),
-        ({"extensions": {"KHR_texture_basisu": {"source": 0}}}, {}, "KHR_texture_basisu"),
-        ({"extensions": {"KHR_texture_basisu": {"source": 0}}, "source": 0}, {}, None),
-        ({}, {}, None),
-    ],
-)
-def test_textures_that_are_not_shown_as_they_are_meant_are_told(
-    texture: dict[str, object], info: dict[str, object], words: str | None
-) -> None:
-    """Some programs leave nothing but a compressed image; what a transform moves is read."""
-    g = full_mesh()
-    g.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(b"picture").decode()}]
-    g.tree["textures"] = [texture]
-    extensions = {"extensions": {"KHR_texture_transform": info}} if info else {}
-    pbr = {"baseColorTexture": {"index": 0, **extensions}}
-    g.tree["materials"] = [{"pbrMetallicRoughness": pbr}, {"pbrMetallicRoughness": pbr}]
-    found = read_data(g.glb()).textures()
-    notes = [] if found is None else found.notes
-    assert len(notes) == (words is not None)
-    assert words is None or words in notes[0]
-
-
-def test_a_transform_may_name_another_uv_set() -> None:
-    g = full_mesh()
-    g.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(b"picture").decode()}]
-    g.tree["textures"] = [{"source": 0}]
-    info = {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}
-    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": info}}]
-    found = read_data(g.glb()).textures()
-    assert (found.uv_set, found.notes) == (1, [])
