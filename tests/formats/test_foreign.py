@@ -17,7 +17,7 @@ from circparam.formats import foreign, second_reader
 from circparam.formats.io import read, read_data
 from tests.fuzz import hostile
 from tests.support import shapes
-from tests.support.formats_tools import GltfMaker, some_corpus_files
+from tests.support.formats_tools import GltfMaker
 
 QUICK = {"effort": 0.01}
 
@@ -223,24 +223,6 @@ def test_a_missing_package_names_its_cure(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 # one of each format: with a texture, with colours, with nodes, odd, of millimetres
-ONE_OF_EACH = (
-    "chair_model.obj", "reference_vcolor.ply", "CesiumMilkTruck.glb", "abominevole.off",
-    "counter.unitsmm.STL",
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("path", some_corpus_files(*ONE_OF_EACH))
-def test_both_readers_find_the_same_triangles(path: Path) -> None:
-    own = read(path, unshare=True)
-    if path.name == "igea.ply":
-        pytest.skip("trimesh reads no strips")
-    other = read(path, reader="trimesh")
-    if own.mesh.polygons is not None:
-        pytest.skip("trimesh cuts polygons by another rule")
-    centres = [d.mesh.points[d.mesh.faces].mean(1) for d in (own, other)]
-    along = np.random.default_rng(0).normal(size=(3, 5))
-    a, b = (np.sort(c @ along, 0) for c in centres)
-    np.testing.assert_allclose(a, b, atol=1e-5 * np.abs(a).max())
 
 
 def test_every_command_that_reads_takes_the_reader(tmp_path: Path) -> None:

@@ -254,6 +254,12 @@ def test_all_but_uv_is_kept(name: str, layout: Callable[..., UVMap], format: str
             assert body.count(kept) == INPUTS[name].count(kept)
 
 
+def test_rows_that_are_written_hold_sparse_values() -> None:
+    document = read_data(INPUTS["sparse"])
+    split = tree_of(encode(document, layout_with_seams(document), "glb").data)["accessors"]
+    assert not any("sparse" in accessor for accessor in split)
+
+
 @pytest.mark.parametrize("path", corpus_files(".glb", ".gltf"))
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_real_files_keep_all_but_uv(path: Path, layout: Callable[..., UVMap]) -> None:

@@ -15,9 +15,8 @@ from circparam.formats.io import read, read_data
 from circparam.formats.source import Source
 from tests.support.formats_tools import (
     GltfMaker,
-    corpus_files,
 )
-from tests.support.gltf_files import full_mesh, refused, small
+from tests.support.gltf_files import refused, small
 
 
 @pytest.mark.parametrize(
@@ -229,41 +228,3 @@ def test_whole_numbers_may_be_written_as_decimals() -> None:
     for wrong in (9.5, True, -0.5, None):
         g.tree["accessors"][0]["count"] = wrong
         refused(g.glb(), "whole number")
-
-
-@pytest.mark.parametrize("path", corpus_files(".glb"))
-def test_real_files_read_as_trimesh_reads_them(path: Path) -> None:
-    """trimesh is the independent reader: every geometry at its first node's place."""
-    import trimesh
-
-    document = read(path)
-    scene = trimesh.load(path, process=False)
-    seen, ours = {}, document.mesh.points[document.mesh.faces]
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        seen.setdefault(name, (matrix, scene.geometry[name]))
-    theirs = np.concatenate(
-        [trimesh.transform_points(g.vertices, m)[g.faces] for m, g in seen.values()]
-    )
-    assert theirs.shape == ours.shape
-    size = np.abs(ours).max()
-
-    def key(t: np.ndarray) -> np.ndarray:
-        rows = t.reshape(-1, 9)
-        return rows[np.lexsort(np.round(rows / size, 4).T)]
-
-    # a set of triangles: the nodes may come in another order, and one of several instances may differ
-    if document.instances == 0:
-        np.testing.assert_allclose(key(theirs), key(ours), atol=1e-6 * size)
-
-
-def test_features() -> None:
-    expected = ("materials", "normals", "tangents", "vertex colours", "custom attributes", "morph targets",
-                "extensions")  # fmt: skip
-    g = full_mesh()
-    assert read_data(g.scene({"mesh": 0}).glb()).features == expected
-    g.scene({"mesh": 0}, {})
-    g.tree |= {"cameras": [{}], "skins": [{}], "textures": [{}], "animations": []}
-    features = read_data(g.glb()).features
-    assert set(features) - set(expected) == {"nodes", "skins", "cameras", "textures"}
-    assert read_data(small().scene({"mesh": 0}).glb()).features == ()

@@ -200,3 +200,19 @@ def test_copies_lie_where_their_nodes_put_them() -> None:
     ]
     assert len(found) == 1
     assert document.instances == 1
+
+
+def test_normals_stay_upright_on_a_mesh_that_a_node_stretches() -> None:
+    """They turn by the inverse transpose, not by the matrix of the points."""
+    points = np.array([[0, 0, 0], [1, 0, 1], [0, 1, 0]], "f4")
+    normals = np.tile(np.float32([-(0.5**0.5), 0, 0.5**0.5]), (3, 1))
+    g = GltfMaker()
+    attributes = {"POSITION": g.accessor(points), "NORMAL": g.accessor(normals)}
+    g.tree["meshes"] = [{"primitives": [{"attributes": attributes}]}]
+    node = {"mesh": 0, "scale": [4, 1, 1], "rotation": [0.6, 0, 0, 0.8]}
+    document = read_data(g.scene(node).glb())
+    a, b, c = document.mesh.points
+    flat = np.cross(b - a, c - a)
+    found = document.normals()
+    assert found is not None
+    np.testing.assert_allclose(found[0], [flat / np.linalg.norm(flat)] * 3, atol=1e-7)

@@ -105,25 +105,3 @@ def test_generated_files_come_back(data: bytes, seed: int) -> None:
         assert twice.data == out.data  # writing the same uv again changes nothing
     for format in ("ply", "glb"):
         assert_round_trip(document, layout_with_seams(document, seed), format)
-
-
-@pytest.mark.parametrize(
-    ("line", "feature"),
-    [
-        (b"", None),
-        (b"vn 0 0 1", "normals"),
-        (b"v 1 1 1 1", None),
-        (b"v 1 1 1 0.5 0.5 0.5", "vertex colours"),
-        (b"usemtl x", "materials"),
-        (b"g x", "groups"),
-        (b"o x", "groups"),
-        (b"s 1", "smoothing groups"),
-        (b"l 1 2", "line and point elements"),
-        (b"p 1", "line and point elements"),
-    ],
-)
-def test_features(line: bytes, feature: str | None) -> None:
-    data = line + b"\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-    assert read_data(data, format="obj").features == (() if feature is None else (feature,))
-    quad = data + b"v 1 1 0\nf 1 2 4 3\n"
-    assert read_data(quad, format="obj").features[:1] == ("polygons",)

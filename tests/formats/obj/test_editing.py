@@ -14,20 +14,7 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.obj_files import CUBE, without_uv
-
-
-@pytest.mark.parametrize("newline", [b"\n", b"\r\n"])
-@pytest.mark.parametrize("tail", [b"", b"# no line end"])
-def test_every_other_byte_is_kept(newline: bytes, tail: bytes) -> None:
-    data = CUBE.replace(b"\n", newline) + tail + b" caf\xe9 \xff\xfe"[: 8 * bool(tail)]
-    document = read_data(data, format="obj")
-    uvmap = smooth_layout(document)
-    out = encode(document, uvmap, "obj")
-    assert without_uv(out.data) == without_uv(data)
-    assert out.data.count(newline + b"vt ") == 8
-    assert any("l elements" in note for note in out.notes)
-    assert_round_trip(document, uvmap, "obj")
+from tests.support.obj_files import CUBE
 
 
 def test_new_vt_lines_stand_where_the_old_ones_stood() -> None:

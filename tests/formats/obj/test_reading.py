@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats.io import encode, read, read_data
+from circparam.formats.io import encode, read_data
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source
 from circparam.mesh.mesh import UVMap
-from tests.support.formats_tools import assert_round_trip, corpus_files, layout_with_seams
+from tests.support.formats_tools import assert_round_trip, layout_with_seams
 
 
 def test_negative_indices_count_back_from_where_they_stand() -> None:
@@ -45,24 +45,6 @@ def test_bad_files_are_named_with_their_line(text: bytes, says: str) -> None:
     with pytest.raises(InputError, match=says) as caught:
         read_data(text, format="obj")
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("path", corpus_files(".obj"))
-def test_real_files_read_as_trimesh_reads_them(path) -> None:
-    """trimesh is the independent reader: the same triangles at the same places (n-gons may differ)."""
-    import trimesh
-
-    document = read(path)
-    if document.mesh.polygons is not None:
-        pytest.skip("trimesh cuts polygons by another rule")
-    theirs = trimesh.load(
-        path, process=False, maintain_order=True, force="mesh", skip_materials=True
-    )
-    ours = document.mesh.points[document.mesh.faces].reshape(-1, 9)
-    other = np.asarray(theirs.vertices)[theirs.faces].reshape(-1, 9)
-    assert ours.shape == other.shape
-    order, there = np.lexsort(ours.T), np.lexsort(other.T)  # trimesh groups faces by material
-    np.testing.assert_array_equal(ours[order], other[there])
 
 
 def scan(text: bytes) -> Scan:

@@ -89,6 +89,12 @@ def ply_files(draw: st.DrawFn) -> bytes:
         ]
         for size in sizes
     ]  # fmt: skip
+    uv = draw(st.sampled_from(["", "vertex", "face"]))
+    if uv == "vertex":
+        vertex, rows = [*vertex, "float s", "float t"], [[*row, 0.5, 0.25] for row in rows]
+    if uv == "face":
+        face.append("list uchar float texcoord")
+        cells = [[*row, [0.5] * 2 * size] for row, size in zip(cells, sizes, strict=True)]
     elements: dict = {"vertex": (vertex, rows), "face": (face, cells)}
     if draw(st.booleans()):
         elements["other"] = (["list uchar double w", "char c"], [[[0.5] * k, k] for k in range(3)])
@@ -97,14 +103,21 @@ def ply_files(draw: st.DrawFn) -> bytes:
     return build(draw(st.sampled_from(list(ORDERS))), elements)
 
 
-@settings(max_examples=40)
+@settings(max_examples=60)
 @given(ply_files(), st.integers(0, 9), st.sampled_from(["vertex", "face", None]))
 def test_generated_files_come_back(data: bytes, seed: int, mode: str | None) -> None:
     document = read_data(data)
     for uvmap in (smooth_layout(document, seed), layout_with_seams(document, seed)):
         out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv=mode))
         old, new = naive(data), naive(out.data)
-        assert plain(new["vertex"])[: len(old["vertex"])] == plain(old["vertex"])
+        n, rows = len(old["vertex"]), plain(old["vertex"])
+        assert plain(new["vertex"]) == [rows[k] for k in out.vertex_map]
+        assert ("texcoord" in new["face"][0], "s" in new["vertex"][0]) == (
+            mode == "face",
+            mode != "face",
+        )
+        assert (len(out.vertex_map) > n) <= (mode != "face")
+        assert b"comment made by a test\nobj_info kept\n" in out.data
         assert new.get("other") == old.get("other")
         for a, b in zip(plain(old["face"]), plain(new["face"]), strict=True):
             assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")
@@ -131,27 +144,6 @@ def test_real_files_keep_every_property(path, seams: bool) -> None:
                 continue
             assert other.find(p.name).type == p.type
             np.testing.assert_array_equal(new.scalar(other, p.name), old.scalar(e, p.name)[rows])
-
-
-@pytest.mark.parametrize(
-    ("lines", "feature"),
-    [
-        ([], None),
-        (["float nx"], "normals"),
-        (["uchar alpha"], "colours"),
-        (["float quality"], "custom properties"),
-        (["float s", "float t"], None),
-    ],
-)
-def test_features(lines: list[str], feature: str | None) -> None:
-    xyz = ["float x", "float y", "float z"]
-    rows: list[list[object]] = [[k, k * k, 0] + [0] * len(lines) for k in range(3)]
-    elements: dict = {"vertex": (xyz + lines, rows)}
-    elements["face"] = (["list uchar int vertex_index"], [[[0, 1, 2]]])
-    expected = () if feature is None else (feature,)
-    assert read_data(build("ascii", elements)).features == expected
-    elements["tristrips"] = (["list int int vertex_indices"], [[[0, 1, 2]]])
-    assert read_data(build("ascii", elements)).features == (*expected, "tristrips")
 
 
 def test_a_face_whose_list_does_not_fit_has_no_uv() -> None:

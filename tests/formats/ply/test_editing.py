@@ -13,35 +13,6 @@ from tests.support.formats_tools import assert_round_trip, layout_with_seams, sm
 from tests.support.ply_files import ORDERS, build, naive, plain, sample, strip_file, triangles_of
 
 
-@pytest.mark.parametrize("encoding", ORDERS)
-@pytest.mark.parametrize("uv", ["", "vertex", "face"])
-@pytest.mark.parametrize("mode", ["vertex", "face", None])
-@pytest.mark.parametrize("seams", [False, True])
-def test_everything_but_uv_is_kept(encoding: str, uv: str, mode: str | None, seams: bool) -> None:
-    data = sample(encoding, uv=uv)
-    document = read_data(data)
-    assert document.uv_sets == ((0,) if uv else ())
-    uvmap = layout_with_seams(document) if seams else smooth_layout(document)
-    out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv=mode))
-    old, new = naive(data), naive(out.data)
-    at_faces = mode == "face"
-    assert ("texcoord" in new["face"][0]) == at_faces
-    assert ("s" in new["vertex"][0]) != at_faces
-    n = len(old["vertex"])
-    assert plain(new["vertex"])[:n] == plain(old["vertex"])
-    duplicates = plain(new["vertex"])[n:]
-    assert duplicates == [plain(old["vertex"])[k] for k in out.vertex_map[n:]]
-    assert bool(duplicates) == (seams and not at_faces)
-    for a, b in zip(plain(old["face"]), plain(new["face"]), strict=True):
-        assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")
-        assert a == b
-    assert {k: v for k, v in new.items() if k not in ("vertex", "face")} == {
-        k: v for k, v in old.items() if k not in ("vertex", "face")
-    }
-    assert b"comment made by a test\nobj_info kept\n" in out.data
-    assert_round_trip(document, uvmap, "ply", WriteOptions(ply_uv=mode))
-
-
 def test_names_of_the_uv_are_kept() -> None:
     data = (
         sample("ascii", uv="vertex")

@@ -10,7 +10,7 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.ply.reading import Layout
 from circparam.formats.source import Source
-from tests.support.formats_tools import corpus_files, layout_with_seams
+from tests.support.formats_tools import layout_with_seams
 from tests.support.ply_files import ORDERS, build, naive, plain, sample
 
 
@@ -107,19 +107,6 @@ def test_rows_shorter_than_the_first_are_all_read(sides: tuple[int, ...]) -> Non
         "face": (["list uchar int vertex_indices"], rows),
     })  # fmt: skip
     assert len(read_data(data).mesh.faces) == sum(sides) - 2 * len(sides)
-
-
-@pytest.mark.parametrize("path", corpus_files(".ply"))
-def test_real_files_read_as_trimesh_reads_them(path) -> None:
-    import trimesh
-
-    document = read(path)
-    if "tristrips" in document.features:
-        pytest.skip("trimesh reads no strips")
-    theirs = trimesh.load(path, process=False)
-    # trimesh splits vertices at wedge uv, and rounds the digits of an ascii file to the declared float
-    ours = document.mesh.points[document.mesh.faces].astype(np.float32)
-    np.testing.assert_array_equal(ours, theirs.vertices[theirs.faces].astype(np.float32))
 
 
 @pytest.mark.parametrize("encoding", ORDERS)
