@@ -14,19 +14,19 @@ from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import stored_uv
 from circparam.formats.gltf.export import to_glb, to_gltf
 from circparam.formats.obj.document import read_obj
-from circparam.formats.obj.export import to_obj
+from circparam.formats.obj.writing import to_obj
 from circparam.formats.off import read_off
 from circparam.formats.ply.document import read_ply, round_ply
-from circparam.formats.ply.export import to_ply
 from circparam.formats.ply.reading import is_ascii
 from circparam.formats.ply.reading import look_ahead as look_ahead_ply
+from circparam.formats.ply.writing import to_ply
 from circparam.formats.source import Source
 from circparam.formats.stl import is_text_stl, read_stl
 from circparam.formats.stl import look_ahead as look_ahead_stl
 from circparam.formats.tokens import BYTE_ORDER_MARK
 from circparam.formats.usd.document import read_usd
-from circparam.formats.usd.export import to_usda, to_usdc, to_usdz
 from circparam.formats.usd.stage import is_crate, is_package, is_text, require_usd
+from circparam.formats.usd.writing import to_usda, to_usdc, to_usdz
 from circparam.mesh.mesh import UVMap
 
 HEAD = 2048  # bytes at the beginning that most formats are recognised by

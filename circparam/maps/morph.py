@@ -10,8 +10,7 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.gltf.document import GltfDocument
-from circparam.formats.gltf.dressing import dressed
-from circparam.formats.gltf.morphing import Target, with_morph
+from circparam.formats.gltf.morphing import Target, dressed, with_morph
 from circparam.formats.shaded import apart_by_normal
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned

@@ -12,7 +12,6 @@ from circparam.formats.document import Document, Encoded, Named, Replaced, Write
 from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, store_pages, stored_grouping
-from circparam.formats.gltf.looks import read_looks
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
 from circparam.formats.gltf.scene import (
@@ -158,7 +157,7 @@ class GltfDocument(Document):
     def looks(self) -> Looks:
         """The materials with all their images."""
         with sound_tree(self.source, "a material"):
-            return read_looks(self.tree, self.primitives)
+            return materials.read_looks(self.tree, self.primitives)
 
     def dressed(self, carried: Carried) -> "GltfDocument":
         """The same tree with other images."""

@@ -13,8 +13,8 @@ from circparam.core.plural import counted
 from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.joining import join_primitives
-from circparam.formats.gltf.looks import redressed
 from circparam.formats.gltf.model import TRIANGLES, Json, Pool, Primitive
+from circparam.formats.gltf.redressing import redressed
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
 from circparam.formats.looks import Carried
 from circparam.formats.vertex_split import Split, duplicated, split_vertices

@@ -1,17 +1,24 @@
-"""Colours and textures of a glTF tree: COLOR_0, and base colour of its materials."""
+"""The materials of a glTF tree: COLOR_0, base colours as ``Textures``, all images as ``Looks``."""
 
 import base64
 import binascii
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.formats.gltf.looks import TRANSFORM, texture_infos, uv_transform
-from circparam.formats.gltf.model import Pool, Primitive
+from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import Tree
+from circparam.formats.gltf.slots import factors_of, places_of, texture_info, unlike
+from circparam.formats.looks import Looks, Material, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint
+from circparam.formats.source import found_beside, regular_bytes
+
+TRANSFORM, WEBP, VARIANTS = "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_variants"
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
+_NEAREST = 9728
 
 
 def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None:
@@ -59,7 +66,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
                         known[key] = files.add(files.names[image], files.images[image])
                     moves[known[key]] = move
                 image = known[key]
-                sets.append(int(moved.get("texCoord", texture.get("texCoord", 0))))
+                sets.append(_uv_set(texture))
         factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
         faces.append(np.full(len(p.triangles), image))
@@ -77,7 +84,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     return replace(found, moves=tuple(moves[k] for k in range(len(found.images))))
 
 
-def affine(moved: dict[str, Any]) -> FloatArray:
+def affine(moved: Json) -> FloatArray:
     """(2, 3) the effect of KHR_texture_transform on uv with v upwards: scaled, turned, then shifted.
 
     The example of the extension, the lower left quadrant turned by 90°, tells the direction.
@@ -87,7 +94,7 @@ def affine(moved: dict[str, Any]) -> FloatArray:
     return np.column_stack([down[:, :2] * [[1, -1], [-1, 1]], shift]) + 0.0
 
 
-def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
+def _base_colour(material: Json) -> Json:
     """Texture and factor of a material's base colour, by today's names.
 
     Older exports, Sketchfab's among them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first
@@ -95,7 +102,7 @@ def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
     """
     gloss = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
     if gloss is None:
-        found: dict[str, Any] = material.get("pbrMetallicRoughness", {})
+        found: Json = material.get("pbrMetallicRoughness", {})
         return found
     names = {"diffuseTexture": "baseColorTexture", "diffuseFactor": "baseColorFactor"}
     return {names[key]: value for key, value in gloss.items() if key in names}
@@ -103,11 +110,10 @@ def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
 
 def texture_sets(entries: Any) -> set[int]:
     """The uv sets that texture infos anywhere in a tree refer to."""
-    infos = (info for key, info in texture_infos(entries) if key.endswith("Texture"))
-    return {int((info | _moved(info)).get("texCoord", 0)) for info in infos}
+    return {_uv_set(info) for key, info in texture_infos(entries) if key.endswith("Texture")}
 
 
-def _texture_source(texture: dict[str, Any]) -> int | None:
+def _texture_source(texture: Json) -> int | None:
     """The image of a texture, WebP extension included."""
     for holder in (texture, texture.get("extensions", {}).get("EXT_texture_webp", {})):
         if "source" in holder:
@@ -115,7 +121,7 @@ def _texture_source(texture: dict[str, Any]) -> int | None:
     return None
 
 
-def _unread(texture: dict[str, Any]) -> str:
+def _unread(texture: Json) -> str:
     """A note on a texture whose image only an extension knows; empty for other textures."""
     named = texture.get("extensions", {})
     known = [str(n) for n, held in named.items() if isinstance(held, dict) and "source" in held]
@@ -124,24 +130,164 @@ def _unread(texture: dict[str, Any]) -> str:
     )
 
 
-def _moved(info: dict[str, Any]) -> dict[str, Any]:
+def _moved(info: Json) -> Json:
     """How a texture info moves the uv."""
-    found: dict[str, Any] = info.get("extensions", {}).get(TRANSFORM, {})
+    found: Json = info.get("extensions", {}).get(TRANSFORM, {})
     return found
+
+
+def _uv_set(info: Json) -> int:
+    """The uv set of a texture info, by its transform where that names one."""
+    return int((info | _moved(info)).get("texCoord", 0))
 
 
 def _image(tree: Tree, files: ImageFiles, number: int) -> int:
     """The number in ``files`` of an image of the tree: from a buffer view, a data URI or a file."""
     image = tree.item("images", number)
     name = str(image.get("name") or f"image {number}")
-    if "bufferView" in image:
-        data, _ = tree.view(image["bufferView"], name)
-        return files.add(name, bytes(data))
-    uri = str(image.get("uri", ""))
-    if uri.startswith("data:"):
+    try:
+        inside = _inside(tree, image, name)
+    except binascii.Error:
+        files.notes.append(f"texture {name} is malformed")
+        return -1
+    return files.read(str(image.get("uri", ""))) if inside is None else files.add(name, inside)
+
+
+def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
+    """The materials that triangles show.
+
+    Raises InputError for a missing or empty image and for textures without a slot. Raises the errors of Python
+    for a tree of the wrong shape.
+    """
+    entries = materials_of(tree.json)
+    files = _Images(tree)
+    used = [material_number(tree.json, p, len(entries) - 1) for p in primitives]
+    shown = set(used)
+    materials = tuple(
+        _material(tree, entry, files) if k in shown else Material("")
+        for k, entry in enumerate(entries)
+    )
+    for p in primitives:
+        entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
+        if VARIANTS in entry.get("extensions", {}):
+            raise tree.error(
+                f"its faces show other materials by {VARIANTS}, whose textures would stay behind: keep the uv "
+                "set with --lightmap, or export one variant"
+            )
+    face = np.repeat(np.array(used, np.int64), [len(p.triangles) for p in primitives])
+    return Looks(tuple(files.images), tuple(files.names), materials, face)
+
+
+def materials_of(tree: Json) -> list[Json]:
+    """The materials of a tree, and behind them the one of faces without any (glTF 2.0, 3.9.6)."""
+    return [*tree.get("materials", []), {}]
+
+
+def material_number(tree: Json, p: Primitive, default: int) -> int:
+    """The material of a primitive, ``default`` if it names none. ValueError if it is not there."""
+    number = tree["meshes"][p.mesh]["primitives"][p.number].get("material", default)
+    if not isinstance(number, int) or not 0 <= number <= default:
+        raise ValueError(f"a primitive names material {str(number)[:20]}")
+    return number
+
+
+def _material(tree: Tree, entry: Json, files: "_Images") -> Material:
+    """One material with its images."""
+    name = str(entry.get("name", ""))
+    uses, factors, infos = {}, {}, []
+    for place, holder in places_of(entry):
+        info = texture_info(holder, place)
+        if info is not None:
+            uses[place.slot] = _use(tree, info, files)
+            infos.append(info)
+        factors[place.slot] = factors_of(holder, place)
+    other = [key for key, info in texture_infos(entry) if not any(info is i for i in infos)]
+    if other:
+        raise tree.error(
+            f"material {name!r}: {other[0]} is a texture that is not known here and cannot be carried: "
+            "remove it, or keep the uv set with --lightmap"
+        )
+    alpha, cutoff = str(entry.get("alphaMode", "OPAQUE")), float(entry.get("alphaCutoff", 0.5))
+    return Material(name, uses, factors, alpha, cutoff, unlike(entry))
+
+
+def _use(tree: Tree, info: Json, files: "_Images") -> Use:
+    """How a texture info shows its image."""
+    texture = tree.item("textures", info["index"])
+    sampler = tree.item("samplers", texture["sampler"]) if "sampler" in texture else {}
+    wrap = tuple(_WRAPS[sampler.get(key, 10497)] for key in ("wrapS", "wrapT"))
+    nearest = sampler.get("magFilter") == _NEAREST
+    move = uv_transform(_moved(info))
+    return Use(files.image(texture), _uv_set(info), move, (wrap[0], wrap[1]), nearest)
+
+
+class _Images(ImageFiles):
+    """The images of a tree, each read once; one that cannot be had is an InputError."""
+
+    def __init__(self, tree: Tree) -> None:
+        super().__init__(tree.source)
+        self.tree = tree
+        self.numbers: dict[int, int] = {}
+
+    def image(self, texture: Json) -> int:
+        """The number of the image of a texture, in a format that can be decoded."""
+        webp = texture.get("extensions", {}).get(WEBP, {})
+        number = webp.get("source", texture.get("source"))
+        if number is None:
+            held = [k for k, v in texture.get("extensions", {}).items() if "source" in v]
+            how = f"is there by {held[0]} alone" if held else "has no image"
+            raise self.tree.error(f"a texture {how}: export its image as PNG or JPEG")
+        if number not in self.numbers:
+            self.numbers[number] = self.add(*self.content(number))
+        return self.numbers[number]
+
+    def content(self, number: int) -> tuple[str, bytes]:
+        """(name, bytes) of an image: from a buffer view, a data URI or a file beside the tree."""
+        image = self.tree.item("images", number)
+        uri = str(image.get("uri", ""))
+        name = str(image.get("name") or uri[:80] or f"image {number}")
         try:
-            return files.add(name, base64.b64decode(uri.partition(",")[2]))
+            inside = _inside(self.tree, image, name)
         except binascii.Error:
-            files.notes.append(f"texture {name} is malformed")
-            return -1
-    return files.read(uri)
+            raise self.tree.error(f"image {number} holds malformed base64") from None
+        if inside is not None:
+            return name if "bufferView" in image else f"image {number}", inside
+        path = found_beside(self.tree.source.folder, uri)
+        try:
+            if path is None:
+                raise FileNotFoundError(2, "No such file or directory")
+            return uri, regular_bytes(path)
+        except OSError as error:
+            raise self.tree.error(
+                f"the texture {uri} cannot be read ({error.strerror}): put it beside the file"
+            ) from None
+
+
+def _inside(tree: Tree, image: Json, name: str) -> bytes | None:
+    """The bytes of an image in a buffer view or a data URI; None for one in a file of its own."""
+    if "bufferView" in image:
+        return bytes(tree.view(image["bufferView"], name)[0])
+    uri = str(image.get("uri", ""))
+    return base64.b64decode(uri.partition(",")[2]) if uri.startswith("data:") else None
+
+
+def uv_transform(moved: Json) -> FloatArray:
+    """(2, 3) the map of KHR_texture_transform: scale, then a turn that is counter-clockwise to the eye, then
+    the offset; v points down."""
+    turn = float(moved.get("rotation", 0.0))
+    (sx, sy), (ox, oy) = moved.get("scale", (1.0, 1.0)), moved.get("offset", (0.0, 0.0))
+    c, s = np.cos(turn), np.sin(turn)
+    return np.array([[c * sx, s * sy, ox], [-s * sx, c * sy, oy]], np.float64)
+
+
+def texture_infos(value: Any) -> Iterator[tuple[str, Json]]:
+    """Every texture info in a material, with its key, those of extensions too."""
+    if isinstance(value, dict):
+        for key, entry in value.items():
+            if isinstance(entry, dict) and "index" in entry and key != "extras":
+                yield key, entry
+            elif key != "extras":
+                yield from texture_infos(entry)
+    elif isinstance(value, list):
+        for entry in value:
+            yield from texture_infos(entry)

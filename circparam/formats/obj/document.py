@@ -15,8 +15,8 @@ from circparam.formats.document import Document, Encoded, Named, Replaced, Write
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.obj import materials
-from circparam.formats.obj.editing import compact, element_edits, groupings, with_uv
 from circparam.formats.obj.reading import Scan
+from circparam.formats.obj.writing import compact, element_edits, groupings, with_uv
 from circparam.formats.polygons import Polygons, triangulate
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap

@@ -13,9 +13,8 @@ from circparam.formats.document import Document, Encoded, Replaced, WriteOptions
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.page_names import in_ply_header
-from circparam.formats.ply import editing, materials
-from circparam.formats.ply.model import INDICES, UV_NAMES, FaceLists, vertex_uv
-from circparam.formats.ply.reading import Layout
+from circparam.formats.ply import materials, writing
+from circparam.formats.ply.reading import INDICES, UV_NAMES, FaceLists, Layout, vertex_uv
 from circparam.formats.polygons import Polygons, list_start, strips, triangulate
 from circparam.formats.source import Source
 from circparam.formats.vertex_split import duplicated, split_vertices
@@ -92,7 +91,7 @@ class PlyDocument(Document):
 
     def check_edit(self, options: WriteOptions, format: str) -> None:
         """Raise OptionError for uv of faces in a file with tristrips."""
-        if editing.at_faces(options.ply_uv) and len(self.lists.strips):
+        if writing.uv_at_faces(options.ply_uv) and len(self.lists.strips):
             raise OptionError(
                 f"{self.source.name}: tristrips have no place for uv of faces; use --ply-uv vertex"
             )
@@ -111,7 +110,7 @@ class PlyDocument(Document):
     def _with_uv(self, uvmap: UVMap, replaced: Replaced, options: WriteOptions) -> Encoded:
         notes = list(replaced.notes)
         warnings, assets = replaced.warnings, self._images()
-        at_faces = editing.at_faces(options.ply_uv)
+        at_faces = writing.uv_at_faces(options.ply_uv)
         kind, polys = "f8" if options.uv_double else self.uv_type, self.lists.polys
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
@@ -119,12 +118,12 @@ class PlyDocument(Document):
         vertices = np.arange(n)
         if at_faces:
             own = corner_uv[: self.lists.n_corners]
-            data = editing.with_face_uv(self.layout, self.lists, uv, own, kind)
+            data = writing.with_face_uv(self.layout, self.lists, uv, own, kind)
         else:
             split = split_vertices(n, polys.corners, uv, corner_uv)
             notes += [duplicated(split.added)] if split.added else []
             data, vertices = (
-                editing.with_vertex_uv(self.layout, self.lists, split, kind),
+                writing.with_vertex_uv(self.layout, self.lists, split, kind),
                 split.source,
             )
         return Encoded(data, "ply", vertices, np.arange(len(self.mesh.faces)), assets=assets,

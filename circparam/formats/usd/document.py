@@ -13,9 +13,8 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, Replaced, WriteOptions
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
-from circparam.formats.usd.layers import referred
 from circparam.formats.usd.reading import Arrays, read_stage
-from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, silent
+from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, referred, silent
 from circparam.formats.usd.writing import Parts, embedded, packaged, stronger
 from circparam.mesh.mesh import Mesh, UVMap
 

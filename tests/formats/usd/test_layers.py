@@ -11,8 +11,7 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.io import read, read_data
-from circparam.formats.usd.layers import CLIPS
-from circparam.formats.usd.stage import package_bytes
+from circparam.formats.usd.stage import CLIPS, package_bytes
 
 pytest.importorskip("pxr", reason="usd-core is not installed (the extra usd)")
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes are of POSIX")
