@@ -56,7 +56,7 @@ def stronger(parts: Parts, kind: str, below: str = "") -> bytes:
     layer = Sdf.Layer.CreateAnonymous(f".{kind}")
     with opened(parts.data, parts.source) as stage:
         root = stage.GetRootLayer().pseudoRoot
-        for key in root.ListInfoKeys():
+        for key in sorted(root.ListInfoKeys()):  # USD lists them in another order in each process
             if key not in NOT_COPIED:
                 layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
         del stage, root

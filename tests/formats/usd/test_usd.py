@@ -274,6 +274,22 @@ def test_nothing_is_printed_by_usd(tmp_path: Path) -> None:
     assert (run.stdout, run.stderr) == ("", "")
 
 
+def test_each_process_writes_the_same_bytes(tmp_path: Path) -> None:
+    """The order of metadata inside USD depends on addresses, which are others in each process."""
+    code = (
+        "import circparam, hashlib, sys; circparam.unwrap('scene.usda', sys.argv[1], effort=0);"
+        "print(hashlib.sha256(open(sys.argv[1], 'rb').read()).hexdigest())"
+    )
+    scene(tmp_path)
+    pipes = []
+    for name in ("a", "b", "c", "d", "e", "f"):
+        (tmp_path / name).mkdir()
+        line = [sys.executable, "-c", code, f"{name}/o.usdz"]
+        pipes.append(subprocess.Popen(line, stdout=subprocess.PIPE, cwd=tmp_path))
+    assert len({pipe.communicate()[0] for pipe in pipes}) == 1
+    assert all(pipe.returncode == 0 for pipe in pipes)
+
+
 def test_parts_of_materials_are_groups(tmp_path: Path) -> None:
     stage = Usd.Stage.CreateNew(str(tmp_path / "g.usda"))
     mesh = box(stage, "/m")
