@@ -24,7 +24,6 @@ LOCKED = 1e6  # a locked edge is this many times longer: taken only where there 
 SLIT = 1e-9  # a boundary whose vector area is below this share of its length² encloses nothing
 SLIT_EDGES = 6  # and only if it has at most so many edges: the opening of a pocket is flat as well
 SHORTEST_CUT = 3  # edges of the path that opens a closed surface
-CREEP = 0.005  # a seam that got shorter by less than this share is as good as done
 WORK = 1_500_000  # faces looked at while loops are shortened
 
 
@@ -214,8 +213,8 @@ def _shorten(part: _Part, seam: BoolArray, monitor: Monitor) -> BoolArray:
         before = np.bincount(chart[seam], part.weight[seam], cut_mesh.n_charts)
         seam = _prune(np.where(gained[chart], (seam & ~arc) | path, seam), a, b, n)
         after = np.bincount(chart[seam], part.weight[seam], cut_mesh.n_charts)
-        # a chart that changed has new arcs to try; creeping progress is not worth the time
-        tried &= seam & ~(after < (1 - CREEP) * before)[chart]
+        # a chart that changed has new arcs to try
+        tried &= seam & ~(after < before)[chart]
     return seam
 
 

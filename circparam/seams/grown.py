@@ -23,9 +23,9 @@ from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
 from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
-from circparam.seams.prices import with_visibility
+from circparam.seams.prices import LATER_REPAIRS, with_visibility
 from circparam.seams.reached import in_time
-from circparam.seams.segmentation.decide import decide, merge_on, merged_on, nearly_flat_components
+from circparam.seams.segmentation.decide import decide, merge_on, merged_on, whole_components
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.merge import MergeOptions
 from circparam.seams.segmentation.move import move_seams
@@ -35,12 +35,9 @@ from circparam.seams.tiny_components import tiny_atlas, tiny_components
 from circparam.solvers.newton import RelaxOptions
 
 LOOPS = 300  # handles and holes above which small holes are closed while charts are decided
-PROXY_MOST_SHARE = 0.7  # of the faces: a proxy that keeps more (many small components) is no use
+PROXY_MOST_SHARE = 0.5  # of the faces: a proxy that keeps more (many small components) is no use
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
-TRANSFER_REPAIRS = (
-    30.0  # seconds after the proxy, in those of the repair: 22 to 38 from 40,000 faces on
-)
-DECIDING_SHARE = 0.4  # of the time that is left, at least, for charts on the proxy
+DECIDING_SHARE = 0.5  # of the time that is left, at least, for charts on the proxy
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 LEVEL_SLACK_EXCESS = (
     0.08  # the same for the mesh after a level: splitting large charts gives less back
@@ -63,7 +60,7 @@ def grown_atlas(
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy and lay its charts out.
 
-    Components that need hardly a seam get theirs on the surface itself.
+    Components that need none, and thousands of tiny ones, are laid out on the surface itself.
     """
     worker = Worker(monitor.jobs)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
@@ -77,16 +74,14 @@ def grown_atlas(
     if rest.sum() > DIRECT_FACES:
         part = atlas.part(rest)
         with monitor.stage("charts"):
-            flat = nearly_flat_components(part, bound)
-        if flat.any():
-            monitor.keep(part.part(flat), sound=False)
-            if not flat.all():  # what is nearly flat needs no seam that could be hidden
-                atlas.surface = surface = with_visibility(surface, options, monitor, LEVEL_FACES)
-            few = part.part(flat)
+            whole = whole_components(part, bound)
+        if whole.any():
+            few = part.part(whole)
             finish(Decided(few, dual_graph(few.surface)), bound, options, worker, monitor, notes)
-            part.put(flat, few)
+            part.put(whole, few)
             atlas.put(rest, part)
-            rest[rest] = ~flat
+            monitor.keep(few)
+            rest[rest] = ~whole
     if rest.any():
         own = surface.part(rest)
         if own is not surface and len(surface.faces) > LEVEL_FACES:
@@ -116,7 +111,7 @@ def _decided(
     with monitor.stage("charts"):
         found = _on_proxies(surface, bound, options, worker, monitor)
         if found is None:
-            merging = MergeOptions(bound, margin=MARGIN, search=options.search)
+            merging = MergeOptions(bound, search=options.search)
             starts = starts_of(options.search, surface)
             if len(surface.faces) > DIRECT_FACES:
                 starts = starts[:1]
@@ -213,7 +208,7 @@ def _relaxing(bound: float, options: SeamOptions) -> RelaxOptions:
 @contextmanager
 def _before_transfer(monitor: Monitor) -> Iterator[None]:
     """Inside, time is kept for carrying over what a smaller surface has reached by then."""
-    later = TRANSFER_REPAIRS * monitor.seconds.get("repair", 0.0)
+    later = LATER_REPAIRS * monitor.seconds.get("repair", 0.0)
     with monitor.holding(later, least=DECIDING_SHARE), clock.bounded(monitor.last):
         yield
 

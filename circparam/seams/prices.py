@@ -15,20 +15,18 @@ from circparam.core.workers import Worker
 from circparam.geometry.visibility import PARTS, edge_shares
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
+from circparam.seams.cost import COST
 from circparam.seams.hard.regions import CREASE, FLAT, SHARP, flats, turns
 from circparam.seams.options import SeamOptions
 
-FLAT_PRICE = 4.0  # lengths: a seam inside a flat, so that any way round the flat is cheaper
+FLAT_PRICE = COST.flat  # lengths: a seam inside a flat, so that any way round the flat is cheaper
 DIRECTIONS = 64  # of parallel light in which an edge may be seen
-# faces: of larger surfaces fewer directions are drawn
-LARGE_FACES, FEWER_DIRECTIONS = 20_000, 24
 PIXELS = 128  # side of the image of one direction
 TYPICAL_SHARE = 0.5  # of the directions see an edge of a convex shape
 LEAST_SHARE = 0.2  # of TYPICAL_SHARE: an edge seen from fewer directions counts as hidden
 VISIBILITY_POWER = 4.0  # of the share in the price, at full strength
-VISIBILITY_COST = (
-    30.0  # times the seconds of the repair: with less time left there is no visibility
-)
+# seconds of visibility, and of what follows a proxy, in those of the repair: time is kept for both
+LATER_REPAIRS = 30.0
 LEAST_WEIGHT = 1e-3  # least weight of the user: seams that cost nothing would take any detour
 
 
@@ -79,9 +77,8 @@ def visibility_prices(
     that half as many directions see costs a quarter of it at a strength of ½. monitor: its processes share
     the directions (None: this one takes all).
     """
-    count = DIRECTIONS if len(surface.faces) <= LARGE_FACES else FEWER_DIRECTIONS
     parts = 1 if monitor is None else PARTS
-    tasks = [(surface, count, part, parts) for part in range(parts)]
+    tasks = [(surface, DIRECTIONS, part, parts) for part in range(parts)]
     worker = Worker(1 if monitor is None else monitor.jobs)
     share = sum(worker.map(shares_of_part, tasks, monitor or Monitor()))
     relative = np.maximum(share / TYPICAL_SHARE, LEAST_SHARE)
@@ -97,7 +94,7 @@ def with_visibility(
     most: faces; a larger surface gets none, since those of its level are used.
     """
     large = most is not None and len(surface.faces) > most
-    late = monitor.short(VISIBILITY_COST * monitor.seconds.get("repair", 0.0))
+    late = monitor.short(LATER_REPAIRS * monitor.seconds.get("repair", 0.0))
     if large or late or not options.hide_seams or surface.price is not None:
         return surface
     with monitor.stage("visibility"):

@@ -8,12 +8,12 @@ from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import ROUGH
+from circparam.seams.multires.decimate import SMALL_COMPONENT
 from circparam.seams.segmentation.decide import whole_components
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.merge import MergeOptions, Merger
 
-TINY_FACES = 300  # faces: components up to this size are laid out directly
 # components: so many tiny ones skip the search; fewer are searched with all others
 MANY_COMPONENTS = 200
 # of the area of the surface: a tiny component below this share is searched neither as hard nor as doubtful
@@ -23,7 +23,7 @@ DEBRIS_AREA_SHARE = 2e-4
 def tiny_components(surface: Surface) -> BoolArray:
     """(m,) bool: faces of components with few faces, where the surface has many such components."""
     _, component = surface.components
-    tiny = np.bincount(component) <= TINY_FACES
+    tiny = np.bincount(component) <= SMALL_COMPONENT
     if tiny.sum() < MANY_COMPONENTS:
         return np.zeros(len(component), bool)
     result: BoolArray = tiny[component]

@@ -14,11 +14,9 @@ from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.decide import nearly_flat_components
-from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import assert_promises, relaxed, surface_of, uncut
+from tests.support.atlases import assert_promises, relaxed, surface_of
 from tests.support.formats_tools import corpus_files
 
 
@@ -129,17 +127,6 @@ def test_a_disk_that_needs_no_seam_gets_none_however_its_faces_are_made() -> Non
     surface, atlas = atlas_of(needles(60, 0.2))
     assert len(surface.faces) > grown.DIRECT_FACES
     assert not atlas.cut.any()
-
-
-@pytest.mark.parametrize(("times", "may"), [(0.9, True), (1.2, True), (1.5, False)])
-def test_a_disk_that_hardly_misses_the_bound_is_left_to_a_slit(times: float, may: bool) -> None:
-    """times: its excess of distortion over that of the bound."""
-    p, f = shapes.grid(20, 20)
-    atlas = uncut(np.c_[p[:, :2], 0.3 * np.sin(4 * p[:, 0]) * np.cos(5 * p[:, 1])], f)
-    relaxed_mesh = lay_out_fresh(atlas, None, FINE)
-    excess = float(relaxed_mesh.energy[0]) - 1
-    assert excess > 0.01
-    assert nearly_flat_components(atlas, 1 + excess / times).all() == may
 
 
 def test_every_component_gets_charts_of_its_own() -> None:

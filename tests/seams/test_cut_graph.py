@@ -6,7 +6,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import next_half_edge
-from circparam.core.graph import Graph, spanning_forest
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.cut_mesh import close_holes
@@ -224,25 +223,3 @@ def test_any_soup_opens_into_disks(case, paired):
     closed, _ = close_holes(cut_mesh)
     assert (closed.euler() == 1).all()
     assert cut_mesh.n_charts == surface.charts(np.zeros(len(surface.edges), bool))[0]
-
-
-def test_shortest_paths_take_the_lightest_of_parallel_edges():
-    a = np.array([0, 1, 1, 2, 0, 3])
-    b = np.array([1, 0, 2, 3, 3, 3])
-    graph = Graph(4, a, b, np.array([5.0, 1.0, 1.0, 1.0, 9.0, 0.1]))
-    distance, parent = graph.paths(np.array([0]))
-    assert distance.tolist() == [0, 1, 2, 3]
-    assert sorted(graph.trace(parent, np.array([3])).tolist()) == [1, 2, 3]
-
-
-def test_spanning_forest_takes_edges_in_order():
-    rng = np.random.default_rng(2)
-    a, b, order = rng.integers(0, 30, 200), rng.integers(0, 30, 200), rng.integers(0, 5, 200) * 1.0
-    chosen = spanning_forest(30, a, b, order)
-    label, expected = list(range(30)), []
-    for e in np.lexsort((np.arange(200), order)):  # Kruskal, by hand
-        x, y = label[a[e]], label[b[e]]
-        if x != y:
-            expected.append(int(e))
-            label = [x if v == y else v for v in label]
-    assert chosen.tolist() == sorted(expected)

@@ -4,7 +4,7 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.seams.constraints import constrain
-from circparam.seams.options import SeamOptions, Seams
+from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.merge import MergeOptions
 from circparam.seams.segmentation.small import absorb
 from tests.support import shapes
@@ -28,10 +28,3 @@ def test_groups_alone_are_no_seams() -> None:
     surface = surface_of(*shapes.grid(3, 3))
     groups = (middles(surface)[:, 0] > 0.5).astype(np.int64)
     assert not constrain(surface, SeamOptions(groups=groups))[1].any()
-
-
-def test_notes_of_seams_are_their_own() -> None:
-    one, other = Seams(np.zeros(2, bool)), Seams(np.zeros(2, bool))
-    one.notes.append("only here")
-    assert other.notes == []
-    assert other.uv is None

@@ -10,13 +10,12 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams.accuracy import FINAL, ROUGH, TRIAL, UNROLLED
+from circparam.seams.accuracy import FINAL, ROUGH, UNROLLED
 from circparam.seams.cost import COST
-from circparam.seams.evaluate import ENOUGH
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
 from circparam.seams.hard.regions import CURVED, SHARP, curvature, flats, turns
-from circparam.seams.hard.unroll import layers, slits, straight, unroll
+from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import edge_prices
 from circparam.seams.segmentation.enforce import enforce
@@ -81,7 +80,7 @@ def _decided(
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
         start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-        work = DRAFT_WORK if options.search.draft else WORK
+        work = (DRAFT_WORK if options.search.draft else WORK) * len(atlas.surface.faces)
         merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
         Merger(atlas, merging, worker=worker).run(monitor)
     with monitor.stage("enforce"):
@@ -158,10 +157,7 @@ def first_regions(
         if not bad.any():
             break
         todo = bad[layouts.cut_mesh.chart]
-        sub, vid, _ = layouts.cut_mesh.subset(bad & np.isfinite(layouts.energy))
-        turns = layers(sub, layouts.uv[vid]) if len(vid) else np.ones(1, np.int64)
-        pieces = max(2, int(np.ceil(turns.mean())))
-        new = split_charts(atlas, graph, layouts.cut_mesh.chart, bad, pieces)
+        new = split_charts(atlas, graph, layouts.cut_mesh.chart, bad)
         if not new.any():
             break
         layouts = _laid_out(atlas, graph, todo, bound)
@@ -186,37 +182,13 @@ def _laid_out(atlas: Atlas, graph: DualGraph, todo: BoolArray, bound: float) -> 
         rest, rvid, _ = sub.subset(high)
         part[rvid] = embed_and_relax(rest, dataclasses.replace(ROUGH, give_up=bound), None)
     uv[vid] = part
-    layouts = uncoiled(judge(cut_mesh, uv), which, bound)
-    atlas.corners[fid] = layouts.uv[cut_mesh.faces[fid]]
-    return layouts
-
-
-def uncoiled(layouts: ChartLayouts, which: BoolArray, bound: float) -> ChartLayouts:
-    """Charts that only lie on themselves as straight strips, where that is within the bound."""
-    coils = which & layouts.overlapping & (layouts.energy <= bound)
-    if not coils.any():
-        return layouts
-    sub, vid, _ = layouts.cut_mesh.subset(coils)
-    # no further than needed: a strip that is relaxed to the end coils up again
-    near = dataclasses.replace(TRIAL, bound=1 + ENOUGH * (bound - 1))
-    trial = judge(sub, relax(sub, straight(sub), near).uv)
-    good = ~trial.bad(bound)
-    uv = layouts.uv.copy()
-    kept = good[sub.vertex_chart]
-    uv[vid[kept]] = trial.uv[kept]
-    energy, overlapping = layouts.energy.copy(), layouts.overlapping.copy()
-    number = np.flatnonzero(coils)[good]
-    energy[number], overlapping[number] = trial.energy[good], False
-    return ChartLayouts(layouts.cut_mesh, uv, energy, overlapping)
+    atlas.corners[fid] = uv[cut_mesh.faces[fid]]
+    return judge(cut_mesh, uv)
 
 
 def settled(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
     """Relax what is not isometric yet."""
-    cut_mesh = atlas.cut_mesh()
-    start = judge(cut_mesh, atlas.gather(cut_mesh))
-    layouts = judge(cut_mesh, relax(cut_mesh, start.uv, SETTLED, monitor).uv)
-    # an uncoiled strip coils up again
-    worse = (layouts.overlapping & ~start.overlapping)[cut_mesh.vertex_chart]
-    uv = np.where(worse[:, None], start.uv, layouts.uv)
-    atlas.scatter(cut_mesh, uv)
-    return judge(cut_mesh, uv)
+    cut_mesh, uv = atlas.open()
+    layouts = judge(cut_mesh, relax(cut_mesh, uv, SETTLED, monitor).uv)
+    atlas.scatter(cut_mesh, layouts.uv)
+    return layouts

@@ -8,20 +8,17 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     edge_keys,
-    first_of_runs,
     group_count,
     group_sum,
     next_half_edge,
 )
-from circparam.core.graph import Graph, distances, nearest, spanning_forest, undirected
+from circparam.core.graph import Graph, nearest, spanning_forest, undirected
 from circparam.core.linalg import Factor
-from circparam.geometry.boundary import boundary_of
-from circparam.geometry.intersect import windings
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.regions import curvature
 from circparam.seams.prices import edge_costs
-from circparam.solvers.poisson import first_vertices, from_jacobians, laplacian
+from circparam.solvers.poisson import from_jacobians
 
 CHARGED = 0.5  # radians that a boundary turns other than round a hole in a plane; curvature of a cone's tip
 
@@ -154,55 +151,3 @@ def _sites(cut_mesh: CutMesh, which: BoolArray | None) -> tuple[IntArray, IntArr
     charged &= several[chart_of]
     used, node = np.unique(node, return_inverse=True)
     return node.reshape(-1), np.flatnonzero(charged[used])
-
-
-def straight(cut_mesh: CutMesh) -> FloatArray:
-    """(nv, 2) every chart as a straight strip: a coil that would lie on itself when unrolled, uncoiled.
-
-    The strip runs along the gradient of a harmonic function between its two far ends; every face keeps its
-    shape and turns to that direction, as far as one Poisson solve allows.
-    """
-    first, last = _far_ends(cut_mesh)
-    n = cut_mesh.n_vertices
-    held = np.zeros(n, bool)
-    held[first] = held[last] = True
-    value = np.zeros(n)
-    value[last] = 1.0
-    matrix = laplacian(cut_mesh)
-    free = np.flatnonzero(~held)
-    right = -(matrix[free] @ value)
-    value[free] = Factor(matrix[free][:, free].tocsc()).solve(right)
-    g = np.einsum("fdk,fk->df", cut_mesh.gradients, value[cut_mesh.faces])
-    size = np.hypot(g[0], g[1])
-    c, s = np.where(size > 0, g / np.maximum(size, 1e-300), np.array([[1.0], [0.0]]))
-    uv, _ = from_jacobians(cut_mesh, np.stack([np.stack([c, s]), np.stack([-s, c])]), 8)
-    return uv
-
-
-def _far_ends(cut_mesh: CutMesh) -> tuple[IntArray, IntArray]:
-    """Two vertices of every chart that lie far apart along edges: (first, last), (n_charts,) each."""
-    flat = cut_mesh.faces.ravel()
-    h = np.arange(len(flat))
-    links = undirected(
-        cut_mesh.n_vertices, flat, flat[next_half_edge(h)], cut_mesh.edge_lengths.ravel()
-    )
-    ends = first_vertices(cut_mesh)
-    first = ends
-    for _ in range(2):
-        first, ends = ends, _farthest(distances(links, ends), cut_mesh.vertex_chart)
-    return first, ends
-
-
-def _farthest(distance: FloatArray, chart: IntArray) -> IntArray:
-    """The vertex of every chart with the largest distance, the first of equals."""
-    order = np.lexsort((np.arange(len(chart)), -distance, chart))
-    return order[first_of_runs(chart[order])]
-
-
-def layers(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
-    """(n_charts,) how many times a chart lies on itself at most, as the middles of its faces tell."""
-    boundary = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
-    k, _, times = windings(boundary, uv[cut_mesh.faces].mean(1), cut_mesh.chart, own=True)
-    out = np.ones(cut_mesh.n_charts, np.int64)
-    np.maximum.at(out, cut_mesh.chart[k], times)
-    return out

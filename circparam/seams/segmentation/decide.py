@@ -16,16 +16,10 @@ from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.starts import searched
 from circparam.solvers.newton import relax
-from circparam.solvers.objective import chart_energies
-from circparam.solvers.tutte.embed import tutte_embedding
 
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts of a finished atlas merge
 CROWD = 300  # charts: an atlas with more is not merged on
-LAST_WORK = 8.0  # times the faces of the surface that trials may have together
-LAST_FACES = 100_000  # larger unions are not tried for it
-NEARLY_FLAT = 6.0  # energy of the map onto a circle, up to which a component may need no seam
-NEAR_MISS = 1.3  # times the bound's excess over 1, up to which it may need no more than a slit
-FEW_STEPS = 15  # that maps onto a circle need which are nearly flat: of ten meshes 11 at most
+LAST_WORK = 200_000  # faces that its trials may have together
 ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
 
 
@@ -63,23 +57,6 @@ def whole_components(atlas: Atlas, bound: float) -> BoolArray:
     return able[cut_mesh.chart]
 
 
-def nearly_flat_components(atlas: Atlas, bound: float) -> BoolArray:
-    """(m,) bool: faces of components whose map onto a circle says that they need hardly a seam; laid out.
-
-    They are below the bound, or so little above it that a slit from the boundary may do.
-    """
-    cut_mesh = atlas.cut_mesh()
-    able = ~not_disks(cut_mesh)
-    if able.any():
-        sub, _, _ = cut_mesh.subset(able)
-        able[able] = chart_energies(sub, tutte_embedding(sub, "mean-value")[0]) <= NEARLY_FLAT
-    if able.any():
-        # where half of the faces are needles, Newton's model gives up what converges in some more steps
-        layouts = lay_out_fresh(atlas, able, replace(ROUGH, max_iterations=FEW_STEPS))
-        able &= ~layouts.bad(1 + NEAR_MISS * (bound - 1))
-    return able[cut_mesh.chart]
-
-
 def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:
     """Merge charts of a finished atlas wherever that lowers its cost, distortion included.
 
@@ -90,9 +67,7 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
     pieces, _ = atlas.surface.components
     if not pieces < n <= CROWD or monitor.expired:
         return
-    options = MergeOptions(
-        bound, margin, cone=SHORT_ARCS, zip=False, cheaper=True, work=LAST_WORK, faces=LAST_FACES
-    )
+    options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, cheaper=True, work=LAST_WORK)
     Merger(atlas, options, worker=Worker(monitor.jobs)).run(monitor)
 
 

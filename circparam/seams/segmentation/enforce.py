@@ -12,7 +12,6 @@ from circparam.core.arrays import (
 )
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.prices import edge_costs
@@ -53,33 +52,11 @@ def enforce(
     the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
+    # how often the chart of each face was slit
     slits = np.zeros(len(atlas.surface.faces), np.int64)
-    _rounds(atlas, graph, layouts, _Held(bound, options, 0, slits), monitor)
-
-
-@dataclass(frozen=True, eq=False)
-class _Held:
-    """What charts are held to, and how far that is. turn: rounds that were before. slits: (m,) how often the
-    chart of each face was slit in them."""
-
-    bound: float
-    options: RelaxOptions
-    turn: int
-    slits: IntArray
-
-
-def _rounds(
-    atlas: Atlas,
-    graph: DualGraph,
-    layouts: ChartLayouts,
-    held: _Held,
-    monitor: Monitor,
-) -> None:
-    """The rounds that are left. layouts: what the atlas has in its corners."""
-    bound, slits = held.bound, held.slits
     whole, faces = atlas, np.ones(len(slits), bool)
     clear, last = np.zeros(len(slits), bool), atlas.corners
-    for turn in range(held.turn, ROUNDS):
+    for turn in range(ROUNDS):
         pushed = (np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES) | (turn == 0)
         layouts = unstick(atlas, layouts, bound, monitor, pushed)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
@@ -103,39 +80,9 @@ def _rounds(
         cut, slits = _cut_open(atlas, found, slits, monitor)
         if np.array_equal(before, atlas.cut) and not cut.any():
             break
-        layouts = _map_again(atlas, layouts, bad, cut, bound, held.options, monitor)
-        inside = (layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1))[
-            layouts.cut_mesh.chart
-        ]
-        left = replace(held, turn=turn + 1, slits=slits)
-        if _shared_out(atlas, layouts.cut_mesh.chart, inside, left, monitor):
-            break
+        layouts = _map_again(atlas, layouts, bad, cut, bound, options, monitor)
     if atlas is not whole:
         whole.put(faces, atlas)
-
-
-def _shared_out(
-    atlas: Atlas, chart: IntArray, bad: BoolArray, held: _Held, monitor: Monitor
-) -> bool:
-    """Whether the charts that are left (bad: (m,) bool, their faces) were gone on with in parts, to the end."""
-    parts = in_parts(np.unique(chart[bad], return_inverse=True)[1].reshape(-1))
-    if len(parts) == 1:
-        return False
-    masks = np.zeros((len(parts), len(chart)), bool)
-    masks[:, bad] = parts
-    tasks = [(atlas.part(m), replace(held, slits=held.slits[m])) for m in masks]
-    done = Worker(monitor.jobs).map(hold_part, tasks, monitor)
-    for mask, part in zip(masks, done, strict=True):
-        atlas.put(mask, part)
-    return True
-
-
-def hold_part(atlas: Atlas, held: _Held, monitor: Monitor) -> Atlas:
-    """The atlas of a part of the charts with the rounds that are left."""
-    cut_mesh, uv = atlas.open()
-    graph = dual_graph(atlas.surface, atlas.flat)
-    _rounds(atlas, graph, judge(cut_mesh, uv), held, monitor)
-    return atlas
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,6 @@ from circparam.seams.segmentation.state import CONE, arcs_of
 from circparam.solvers.pattern import eliminate_as, elimination_ranks
 
 RING = np.uint64(0x5851F42D4C957F2D)
-ROUNDS = 80  # at most; the last ones find hardly a union
 SHARE = 0.5  # of the search for charts that merging is
 DRAFT_ROUNDS = 8  # of a draft: most charts that merge at all have done so by then
 TIE = 0.2  # candidates whose scores differ by less are tried in another order by another draw
@@ -41,7 +40,7 @@ class MergeOptions:
 
     bound, margin: see ``Demands``. cone: curvature of a vertex above which arcs end there. zip: whether the two
     sides of one chart are glued too. cheaper: a union has to lower ``AtlasCost``, its distortion included; else
-    any union below the bound will do. work: how many faces all trials may have, in those of the surface. faces:
+    any union below the bound will do. work: how many faces all trials may have together. faces:
     no union has more (None: any may). rounds: at most so many. search: how much is tried, and in which order
     near ties are, see ``Search``.
     """
@@ -53,7 +52,7 @@ class MergeOptions:
     cheaper: bool = False
     work: float = np.inf
     faces: int | None = None
-    rounds: int = ROUNDS
+    rounds: int = 1 << 32
     search: Search = USUAL
 
     @property
@@ -80,7 +79,7 @@ class Merger:
         self.lower_bound = np.zeros(
             len(atlas.cut)
         )  # (e,) energy times area of what failed along it
-        self.work = options.work * len(atlas.surface.faces)  # faces that trials may still have
+        self.work = options.work  # faces that trials may still have
 
     def run(self, monitor: Monitor) -> None:
         """Merge until no pair is left to try."""
@@ -91,7 +90,7 @@ class Merger:
             if monitor.expired or self.work < 0 or not self.round(monitor):
                 break
             monitor.keep(self.atlas)
-            monitor.update(SHARE * turn / rounds)
+            monitor.update(SHARE * turn / (turn + DRAFT_ROUNDS))
 
     def round(self, monitor: Monitor) -> bool:
         """One round; False when there was nothing to try."""

@@ -18,6 +18,7 @@ from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.layout import ChartLayouts
 from circparam.solvers import dirichlet
 
+RINGS = 4  # over which the distortion of areas is smoothed, so that single faces are no peaks
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 
 
@@ -96,8 +97,8 @@ def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> IntArray:
     return vertices[order[first]]
 
 
-def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray, rings: int = 4) -> FloatArray:
-    """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over rings."""
+def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over RINGS."""
     n = cut_mesh.n_vertices
     jacobian = dirichlet.jacobians(
         np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0)),
@@ -108,7 +109,7 @@ def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray, rings: int = 4) 
     flat = cut_mesh.faces.ravel()
     total = np.maximum(group_sum(np.repeat(weight, 3), flat, n), 1e-300)
     field = group_sum(np.repeat(weight * value, 3), flat, n) / total
-    for _ in range(rings):
+    for _ in range(RINGS):
         face = field[cut_mesh.faces].mean(1)
         field = group_sum(np.repeat(weight * face, 3), flat, n) / total
     return field

@@ -29,7 +29,6 @@ STARTS = ((1.0, 60), (0.7, 30), (0.5, 100))
 DRAFT_START = (1.0, 12)
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
 DIRECT_FACES = 1_500
-SPLITTING_ROUNDS = 12  # of a start: each halves the charts that are bad
 
 
 def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:
@@ -90,14 +89,13 @@ def _grown(
     atlas.cut = proposal.cut(np.ones(proposal.n, bool))
     make_disks(atlas, graph)
     layouts = lay_out_fresh(atlas, None, ROUGH, worker, monitor)
-    for _ in range(SPLITTING_ROUNDS):
-        monitor.keep(atlas, sound=False)
-        bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
-        if not bad.any():
-            break
+    monitor.keep(atlas, sound=False)
+    while (bad := layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)).any():
         was = bad[layouts.cut_mesh.chart]
-        split_charts(atlas, graph, layouts.cut_mesh.chart, bad)
+        if not split_charts(atlas, graph, layouts.cut_mesh.chart, bad).any():
+            break
         make_disks(atlas, graph)
+        monitor.keep(atlas, sound=False)
         n, chart = atlas.charts()
         again = np.zeros(n, bool)
         again[chart[was]] = True

@@ -17,12 +17,15 @@ from circparam.seams.accuracy import FINAL
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
-from circparam.seams.segmentation.slits import boundary_vertices, slit_to, smoothed_area_distortion
+from circparam.seams.segmentation.slits import (
+    RINGS,
+    boundary_vertices,
+    slit_to,
+    smoothed_area_distortion,
+)
 from circparam.seams.segmentation.weigh import Limits, relax_weighted, share_over
 from circparam.solvers.newton import relax
 
-# the root of the faces of a chart over this: rings a peak is the highest of, beyond four
-FACES_A_RING = 40
 TURNS = 8  # of slits and splits
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
@@ -37,9 +40,8 @@ def limit_stretch(
     """
     cut_mesh, uv = atlas.open()
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
-    failed = np.zeros(
-        len(atlas.surface.faces), np.int64
-    )  # how often slits have not helped the chart
+    # how often slits have not helped the chart of each face
+    failed = np.zeros(len(atlas.surface.faces), np.int64)
     for _ in range(TURNS if slits else 0):
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
@@ -82,12 +84,11 @@ def _peaks(cut_mesh: CutMesh, uv: FloatArray, over: BoolArray, allowed: float) -
     n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
     inside = np.zeros(cut_mesh.n_charts, bool)
     inside[cut_mesh.chart[over]] = True
-    rings = 4 + int(np.sqrt(np.bincount(cut_mesh.chart).max()) / FACES_A_RING)
-    field = smoothed_area_distortion(cut_mesh, uv, rings)
+    field = smoothed_area_distortion(cut_mesh, uv)
     a, b = flat, cut_mesh.faces[:, [1, 2, 0]].ravel()
     field[boundary_vertices(cut_mesh)] = 0.0
     highest = field
-    for _ in range(rings):
+    for _ in range(RINGS):
         highest = np.maximum(highest, group_max(highest[b], a, n))
         highest = np.maximum(highest, group_max(highest[a], b, n))
     top = (field >= highest) & (field > 0) & inside[cut_mesh.vertex_chart]

@@ -12,18 +12,20 @@ from circparam.geometry.distortion import face_stretch, stretch_and_distortion
 from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.accuracy import FINAL
 from circparam.seams.segmentation.layout import GAP, chart_parts, pushed_apart
-from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.newton import relax
 from circparam.solvers.region import cut_out
 
 TAIL = 1e-3  # share of the surface on which the stretch may be larger
-AIMED = 0.8  # of that share: what is aimed for, since a file stores rounded numbers
-AIM = 0.9  # of the excess of the largest stretch over 1: from there on a face weighs more
+# of that share: what is aimed for, since a file stores rounded numbers; and of the excess of the largest
+# stretch over 1: from there on a face weighs more
+AIMED = 0.8
 POWER = 3  # of the stretch over that: by how much its weight grows a round
 HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
 ROUNDS = 8  # of weighing; most charts need three
 PATIENCE = 3  # rounds without headway after which a chart is left
-STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
+STEP = replace(FINAL, max_iterations=2)
 NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
 
 
@@ -80,7 +82,7 @@ def relax_weighted(
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
         if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
-        heavier = weight * np.maximum(stretch / (1 + AIM * (most - 1)), 1.0) ** POWER
+        heavier = weight * np.maximum(stretch / (1 + AIMED * (most - 1)), 1.0) ** POWER
         weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
         reach = np.where(
             whole, np.inf, limits.near * (1 + turn / 2) * np.sqrt(cut_mesh.chart_areas)

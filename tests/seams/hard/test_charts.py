@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
-from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, kinds
 from circparam.seams import charts as module
 from circparam.seams.accuracy import ROUGH
-from circparam.seams.hard.charts import take_better, uncoiled, unrolls_whole
+from circparam.seams.hard.charts import take_better, unrolls_whole
 from circparam.seams.hard.regions import (
     DOUBTFUL,
     HARD,
@@ -24,13 +23,13 @@ from circparam.seams.hard.regions import (
     hardness,
     turns,
 )
-from circparam.seams.hard.unroll import layers, straight, unroll
+from circparam.seams.hard.unroll import unroll
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import edge_prices
-from circparam.seams.segmentation.layout import judge, lay_out_fresh
+from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
-from tests.support.atlases import assert_promises, coil, energies, surface_of
+from tests.support.atlases import assert_promises, surface_of
 from tests.support.machined import MACHINED
 from tests.support.parts import PARTS, Part, circle, extrude, lathe, rectangle, rounded_box, shaken
 
@@ -107,22 +106,6 @@ def test_plates_with_any_holes_stay_whole(holes, around, radius, height, sunk) -
     loops = [circle(around, radius, x) for x in (-1.2, 0.0, 1.2)[:holes]]
     pockets = [(loops.pop(), height / 3)] if sunk and loops else []
     check_whole(extrude(rectangle(4.0, 1.5), loops, height, pockets))
-
-
-def test_a_coil_is_laid_straight() -> None:
-    surface = surface_of(*coil())
-    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    uv = unroll(cut_mesh)
-    assert self_overlapping(cut_mesh, uv).all()
-    assert layers(cut_mesh, uv).tolist() == [3]
-    assert not self_overlapping(cut_mesh, straight(cut_mesh)).any()
-    laid = uncoiled(judge(cut_mesh, uv), np.ones(1, bool), 1.05)
-    assert not laid.bad(1.05).any()
-    assert laid.energy == pytest.approx(energies(cut_mesh, laid.uv))
-    # and where the bound does not allow it, what was there stays
-    again = uncoiled(judge(cut_mesh, uv), np.ones(1, bool), 1.0 + 1e-5)
-    assert np.array_equal(again.uv, uv)
-    assert again.overlapping.all()
 
 
 def test_organic_components_are_laid_out_as_without_the_hard_ones() -> None:

@@ -7,12 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
-from circparam.seams.hard.unroll import layers, slits, straight, transported, unroll
+from circparam.seams.hard.unroll import slits, transported, unroll
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
-from tests.support.atlases import coil, energies, surface_of
+from tests.support.atlases import energies, surface_of
 
 
 def test_a_tube_is_unrolled_along_a_straight_line() -> None:
@@ -50,34 +49,6 @@ def test_bent_sheets_are_rolled_out_exactly() -> None:
     first = uv[cut_mesh.vertex_chart == 0]
     diagonal = np.linalg.norm(first[:, None] - first, axis=2).max()
     assert diagonal == pytest.approx(np.hypot(1.0, 24 * np.sin(1 / 12)), rel=1e-9)
-
-
-def test_strips_are_laid_straight() -> None:
-    """A coil uncoils: as long as it is in its middle, no wider than a little more than it is."""
-    surface = surface_of(*coil())
-    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    uv = unroll(cut_mesh)
-    assert self_overlapping(cut_mesh, uv).all()
-    assert layers(cut_mesh, uv).tolist() == [3]
-    flat = straight(cut_mesh)
-    assert not self_overlapping(cut_mesh, flat).any()
-    assert layers(cut_mesh, flat).tolist() == [1]
-    size = np.sort(np.ptp(flat, axis=0))
-    assert size[1] == pytest.approx(2.5 * 2 * np.pi * 1.05, rel=0.03)
-    assert size[0] < 0.2
-    # a straight one stays as it is
-    sheet = surface_of(*shapes.grid(21, 3, 10.0, 0.5))
-    cut_mesh = sheet.cut_mesh(np.zeros(len(sheet.edges), bool))
-    flat = straight(cut_mesh)
-    assert energies(cut_mesh, flat) == pytest.approx([1.0], abs=0.02)
-    far = np.linalg.norm(flat[:, None] - flat, axis=2).max()
-    assert far == pytest.approx(np.hypot(10.0, 0.5), rel=0.02)
-
-
-def test_layers_are_counted_chart_by_chart() -> None:
-    both = shapes.join(coil(1.5), (shapes.grid(4, 4)[0] + [5.0, 0, 0], shapes.grid(4, 4)[1]))
-    cut_mesh = surface_of(*both).cut_mesh(np.zeros(len(surface_of(*both).edges), bool))
-    assert layers(cut_mesh, unroll(cut_mesh)).tolist() == [2, 1]
 
 
 def uncut_hard(shape) -> Atlas:

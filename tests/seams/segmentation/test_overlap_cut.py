@@ -4,19 +4,15 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams.accuracy import FINAL
 from circparam.seams.prices import edge_costs
-from circparam.seams.segmentation import enforce as module
-from circparam.seams.segmentation.enforce import enforce, unstick
+from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.overlap_cut import split_layers
-from circparam.solvers.objective import chart_energies
-from circparam.solvers.separate import push_apart
 
 
 def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int = 6) -> Atlas:
@@ -38,34 +34,6 @@ def band(p: np.ndarray, around: int, along: int) -> Atlas:
     upright = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]).sum() > 0
     atlas.corners = flat if upright else flat * [-1, 1]
     return atlas
-
-
-@pytest.mark.parametrize("beyond", [0.005, 0.012])
-def test_ends_that_overlap_a_little_are_pushed_apart(beyond: float) -> None:
-    atlas = winding_ring(2 * np.pi + beyond)
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
-    margin = 0.002
-    assert self_overlapping(cut_mesh, uv).all()
-    pushed, fine = push_apart(cut_mesh, uv, margin, 1.05)
-    assert fine.all()
-    assert not self_overlapping(cut_mesh, pushed, margin=margin).any()
-    energy = chart_energies(cut_mesh, pushed)
-    assert energy.max() <= 1.05
-    # what there is no room for under the bound is told, and what lies deep is left alone
-    assert not push_apart(cut_mesh, uv, margin, 1 + 1e-9)[1].any()
-    deep = winding_ring(2 * np.pi + 1.5)
-    deep_patches = deep.cut_mesh()
-    assert not push_apart(deep_patches, deep.gather(deep_patches), margin, 1.05)[1].any()
-
-
-def test_charts_that_are_sound_keep_their_layout() -> None:
-    atlas = winding_ring(5.0)
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
-    pushed, fine = push_apart(cut_mesh, uv, 0.002, 1.05)
-    assert fine.all()
-    assert np.allclose(pushed, uv, atol=1e-12)
 
 
 @pytest.mark.parametrize(("turn", "inner"), [(7.5, 0.7), (10.0, 0.7), (11.0, 0.3)])
@@ -96,16 +64,3 @@ def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
     assert not laid.bad(1.01).any()
     # 16 radians need at least three charts of a turn each
     assert 3 <= laid.cut_mesh.n_charts <= 6
-
-
-def test_what_pushing_does_not_separate_stays_as_it_was() -> None:
-    """The bound has no room for what pushing would cost."""
-    atlas = winding_ring(2 * np.pi + 0.012)
-    cut_mesh = atlas.cut_mesh()
-    laid, before = judge(cut_mesh, atlas.gather(cut_mesh)), atlas.corners.copy()
-    bound = float(laid.energy.max()) + 1e-7
-    assert not push_apart(cut_mesh, laid.uv, module.GAP, bound)[1].any()
-    assert np.abs(push_apart(cut_mesh, laid.uv, module.GAP, bound)[0] - laid.uv).max() > 1e-5
-    after = unstick(atlas, laid, bound, Monitor(), np.ones(1, bool))
-    np.testing.assert_array_equal(after.uv, laid.uv)
-    np.testing.assert_array_equal(atlas.corners, before)

@@ -53,11 +53,3 @@ def test_a_chart_comes_mainly_from_where_most_of_its_area_was() -> None:
     # 3 against 2.5; 1 against 1.1; of equals the first
     assert main.tolist() == [True, False, False, False, True, True, False]
     assert main_parts(chart, chart, area).all()
-
-
-def test_a_seam_of_one_edge_inside_a_chart_has_a_tip() -> None:
-    atlas = uncut(*shapes.grid(5, 5))
-    x, y = atlas.surface.points[:, 0], atlas.surface.points[:, 1]
-    atlas.cut = cut_where(atlas.surface, (y == 0.5) & ((x == 0.5) | (x == 0.25)))
-    assert atlas.cut.sum() == 1
-    assert arcs_of(atlas, atlas.charts()[1]).tip.tolist() == [True]

@@ -23,14 +23,6 @@ def tail(cut_mesh, uv, most):
     return share_over(cut_mesh, face_stretch(cut_mesh, uv), most)
 
 
-def test_the_share_is_of_the_whole_surface_chart_by_chart():
-    cut_mesh, _ = patches_of(shapes.row_of(shapes.grid(5, 5), 4))
-    stretch = np.ones(len(cut_mesh.faces))
-    stretch[cut_mesh.chart == 2] = 2.0
-    np.testing.assert_allclose(share_over(cut_mesh, stretch, 1.9), [0, 0, 0.25, 0])
-    assert not share_over(cut_mesh, stretch, 2.0).any()
-
-
 @pytest.mark.parametrize("local", [None, 8])
 @pytest.mark.parametrize("shape", [shapes.spiked_disk(400, 2.0), shapes.spiked_disk(4000, 2.0)])
 def test_weights_shorten_the_tail_and_keep_to_the_bound(shape, local):
