@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from circparam.core import workers
 from tests.support.corpus import CORPUS
 
 # One profile for all tests. No deadline and no complaint about slow examples: how long one takes says how busy
@@ -28,6 +29,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for item in items:
             if item.get_closest_marker("slow"):
                 item.add_marker(skip)
+
+
+def pytest_sessionfinish() -> None:
+    """End the worker processes while the modules are there that loky needs for it."""
+    workers.stop()
 
 
 @pytest.fixture(scope="session")
