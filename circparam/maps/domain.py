@@ -21,11 +21,6 @@ from circparam.maps.straighten import straighten
 from circparam.maps.tracing import Tracer
 
 PATCH_DISTANCE = 10.0  # distance between patches in the search for faces near a place
-HELPER_DISTANCE = 0.35  # roots of the area from all landmarks, from which on a patch gets a helper
-SAME_PLACE = 0.15  # barycentric coordinates that differ by less are about the same place of a patch
-HELPER_ROUNDS = 3  # of layouts with more and more helpers
-# Landmarks and helpers: the convex polyhedron of many is uneven, which costs more than large patches do.
-MOST_NODES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +54,8 @@ def common_domain(
     """
     with monitor.stage("layout"):
         layout = laid_out(a, b, marks)
-        for _ in range(0 if a.genus else HELPER_ROUNDS):
-            if not add_helpers(layout, marks, a, b, method):
-                break
+        if layout.k == 3 and not a.genus:
+            _add_helpers(layout, marks, a, b, method)
             layout = laid_out(a, b, marks)
         for u, v in zip(*(t.marks[len(marks.a) :] for t in layout.tracers), strict=True):
             marks.add(int(u), int(v), False)
@@ -119,60 +113,31 @@ def composed(
     return found.put(*along_boundaries(a, b, marks, two.cover.mesh))
 
 
-def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, method: str) -> bool:
-    """Add a helper to every large patch (to all patches of three landmarks only); whether one was added.
+def _add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, method: str) -> None:
+    """A helper inside each of the two patches of three landmarks: a polyhedron has four corners or more.
 
-    A convex map crushes parts far from every arc. The vertex of a patch farthest from all landmarks gets a
-    partner on the other surface. The partner is the farthest of the vertices at about the same place of the
-    patch. Helpers shape the layout only: relaxation moves them like any other vertex.
+    It is the vertex of A farthest from the landmarks, and the vertex of B at about the same place of the patch.
+    Helpers shape the layout only: relaxation moves them like any other vertex.
     """
-    if layout.k >= MOST_NODES:
-        return False
-    sides, regions = (a, b), layout.regions()
-    far = [t.from_landmarks() / np.sqrt(s.area) for t, s in zip(layout.tracers, sides, strict=True)]
-    own = [t.regions(regions) for t in layout.tracers]
-    places: list[FloatArray] = []
-    pairs = []
+    regions = layout.regions()
+    patches = [t.regions(regions) for t in layout.tracers]
+    on_a, on_b = (
+        laid_in_polygons(t, patch, regions, np.eye(3), method).reshape(-1, 3)[t.mesh.first_out]
+        for t, patch in zip(layout.tracers, patches, strict=True)
+    )
+    far = layout.tracers[0].from_landmarks()
     for n in range(len(regions)):
-        inside = [
+        one, two = (
             _inside(t, patch == n, side.n)
-            for t, patch, side in zip(layout.tracers, own, sides, strict=True)
-        ]
-        if not len(inside[0]) or not len(inside[1]):
-            continue
-        if max(far[k][inside[k]].max() for k in (0, 1)) < HELPER_DISTANCE and layout.k > 3:
-            continue
-        if not places:
-            places = [
-                laid_in_polygons(t, patch, regions, np.eye(3), method).reshape(-1, 3)[
-                    t.mesh.first_out
-                ]
-                for t, patch in zip(layout.tracers, own, strict=True)
-            ]
-        pairs.append(_pair(inside, places, far))
-    for u, v in pairs[: MOST_NODES - layout.k]:
-        marks.add(u, v, False)
-    return bool(pairs)
+            for t, patch, side in zip(layout.tracers, patches, (a, b), strict=True)
+        )
+        if len(one) and len(two):
+            u = one[far[one].argmax()]
+            marks.add(int(u), int(two[np.abs(on_b[two] - on_a[u]).max(1).argmin()]), False)
 
 
 def _inside(tracer: Tracer, faces: IntArray, n: int) -> IntArray:
     """Vertices of the surface inside a patch, without the tips that close boundaries."""
-    mesh = tracer.mesh
-    if (mesh.parent[faces] < 0).any():
-        return np.zeros(0, np.int64)
-    vertices = np.unique(mesh.faces[faces])
+    vertices = np.unique(tracer.mesh.faces[faces])
     out: IntArray = vertices[~tracer.on[vertices] & (vertices < n)]
     return out
-
-
-def _pair(
-    inside: list[IntArray], places: list[FloatArray], far: list[FloatArray]
-) -> tuple[int, int]:
-    """Which vertices inside a patch of both meshes go together; far: their distances from all landmarks."""
-    one, two = inside
-    u = int(one[far[0][one].argmax()])
-    near = np.abs(places[1][two] - places[0][u]).max(1) < SAME_PLACE
-    if near.any():
-        return u, int(two[np.where(near, far[1][two], -1).argmax()])
-    u, v = (int(i[places[k][i].min(1).argmax()]) for k, i in enumerate(inside))
-    return u, v

@@ -16,14 +16,12 @@ from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.source import Source
 from circparam.geometry.shading import corner_normals, unit
-from circparam.maps.map_surfaces import Given, map_meshes
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.texture import bilinear
 from tests.support.baking import sample_back, sheet, some_places, write_obj
 from tests.support.bumps import belt, traced
 from tests.support.maps import known_map, same_map
-from tests.support.pairs import blob, marks
 
 NEAREST = Across("nearest", 0.06)
 
@@ -141,23 +139,6 @@ def test_a_texture_on_a_remeshing_of_its_mesh(tmp_path: Path, by: str):
     # uv are the surface's own parameters on both meshes, so the two pictures are one
     error = sample_back(baked, a[1], face[inner], bary[inner]) - bilinear(image, uv[inner])
     assert psnr(error) >= 30
-
-
-def test_a_map_carries_a_texture_onto_another_shape(tmp_path: Path):
-    """The target is the same connectivity bent elsewhere: nothing near it in space belongs to it."""
-    a, b = belt(20, 40), belt(20, 40)
-    image = noise(tmp_path / "skin.png")
-    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    source = stored(tmp_path, "b", *b, mtl="m.mtl")
-    bent = a[0].points[:, [2, 0, 1]] * [1.0, 3.0, 0.5] + [7.0, 0, 0]
-    bent[:, 0] += bent[:, 1] ** 2
-    target = stored(tmp_path, "a", Mesh(bent, a[0].faces), a[1])
-    across = Across(same_map(target.mesh))
-    baked = bake_document(target, "texture", source=source, across=across, size=256)
-    face, bary = some_places(len(a[0].faces), 5000)
-    uv = np.einsum("pk,pkc->pc", bary, a[1].uv[a[1].uv_faces[face]])
-    assert psnr(sample_back(baked, a[1], face, bary) - bilinear(image, uv)) >= 30
-    assert baked.report["empty"] == 0
 
 
 def test_normals_through_a_map_turn_with_the_surface(tmp_path: Path):
@@ -300,54 +281,6 @@ def test_normals_of_a_file_are_those_that_it_is_shaded_with(tmp_path: Path):
     face, bary = some_places(len(faces), 200)
     assert angle(decoded(baked, target, face, bary), np.tile([0, 0, 1.0], (200, 1))).max() < 1
     assert np.abs(baked.tiles[0, 0][..., :2].astype(int) - 128).min() > 10
-
-
-def cube_layout(mesh: Mesh) -> UVMap:
-    """Six charts in a grid of 3 × 2: every face seen from the origin through one side of a cube."""
-    d = mesh.points[mesh.faces]
-    middle = d.mean(1)
-    axis = np.abs(middle).argmax(1)
-    rows = np.arange(len(d))
-    side = 2 * axis + (middle[rows, axis] < 0)
-    across = d / np.abs(np.take_along_axis(d, axis[:, None, None], 2))
-    st = np.stack([across[rows[:, None], np.arange(3), (axis[:, None] + k) % 3] for k in (1, 2)], 2)
-    st[..., 0] *= np.where(middle[rows, axis] < 0, -1, 1)[:, None]  # none mirrored
-    uv = (np.stack([side % 3, side // 3], 1)[:, None] + 0.5 + 0.35 * st) / [3, 2]
-    return UVMap(uv.reshape(-1, 2), np.arange(3 * len(d)).reshape(-1, 3))
-
-
-def waves(direction: FloatArray) -> FloatArray:
-    """(n, 3) colours of directions, five waves round the ball."""
-    d = unit(direction)
-    return 0.5 + 0.2 * (np.sin(5 * d) + np.sin(5 * d[:, [1, 2, 0]] + 2 * d[:, [2, 0, 1]]))
-
-
-def test_a_texture_through_a_map_that_was_computed(tmp_path: Path):
-    """A blob on its own remeshing with eight landmarks: 30 dB and more (asked for)."""
-    a, b = blob(4), blob(3, turned=1)
-    size = 384
-    y, x = (np.mgrid[:size, : size * 3 // 2] + 0.5) / size
-    u, v = x.ravel() * 2, (1 - y.ravel()) * 2
-    side = u.astype(int) + 3 * v.astype(int)
-    st = (np.stack([u % 1, v % 1], 1) - 0.5) / 0.35
-    st[:, 0] *= np.where(side % 2, -1, 1)
-    direction = np.zeros((len(u), 3))
-    rows, axis = np.arange(len(u)), side // 2
-    direction[rows, axis] = np.where(side % 2, -1, 1)
-    direction[rows, (axis + 1) % 3], direction[rows, (axis + 2) % 3] = st.T
-    image = np.round(255 * waves(direction)).astype(np.uint8).reshape(size, size * 3 // 2, 3)
-    Image.fromarray(image).save(tmp_path / "skin.png")
-    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    source = stored(tmp_path, "b", b, cube_layout(b), mtl="m.mtl")
-    layout = cube_layout(a)
-    target = stored(tmp_path, "a", a, layout)
-    found = map_meshes(a, b, Given(marks(a, b)))
-    across = Across(found.map)
-    baked = bake_document(target, "texture", source=source, across=across, size=512)
-    face, bary = some_places(len(a.faces), 20000)
-    truth = waves(np.einsum("pk,pkc->pc", bary, a.points[a.faces[face]]))
-    assert psnr(sample_back(baked, layout, face, bary) - truth) >= 30
-    assert baked.report["empty"] == 0
 
 
 def test_sources_without_area_or_beyond_any_double_are_named(tmp_path: Path):

@@ -28,16 +28,6 @@ def test_vertex_colours_come_back():
     assert error.max() < 8 / 255  # at the borders too: the colours reach into the padding
 
 
-def test_texel_is_the_colour_at_its_centre():
-    uv = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    layout = UVMap(uv, np.array([[0, 1, 2], [0, 2, 3]]))
-    corners = np.stack([uv[:, 0], uv[:, 1], np.zeros(4)], 1)[layout.uv_faces]
-    image = bake(layout, corner_paint(corners), 4).tiles[0, 0]
-    at = (np.arange(4) + 0.5) / 4
-    assert np.allclose(image[:, :, 0], np.round(at * 255)[None, :], atol=1)
-    assert np.allclose(image[:, :, 1], np.round(at[::-1] * 255)[:, None], atol=1)  # v points up
-
-
 def test_dilation_takes_the_nearest_colour():
     image = np.zeros((5, 5, 3), np.uint8)
     mask = np.zeros((5, 5), bool)
@@ -90,14 +80,6 @@ def test_overlapping_faces_are_told():
     layout = UVMap(uv, np.array([[0, 1, 2], [0, 1, 2]]))
     baked = bake(layout, corner_paint(np.ones((2, 3, 3))), 32)
     assert any("several faces" in note for note in baked.notes)
-
-
-def test_old_texture_of_the_same_mesh(files: Path):
-    baked = bake_document(
-        read(files / "new.obj"), "texture", source=read(files / "old.obj"), size=512
-    )
-    assert back(baked, files) < 2 / 255
-    assert not any("closest" in note for note in baked.notes)
 
 
 def test_texture_of_another_mesh(files: Path):
@@ -197,49 +179,6 @@ def test_what_is_refused(files: Path):
         bake_document(new, "vertex-colors", uv_set=3, size=32)
     with pytest.raises(OptionError, match="vertex-colors"):
         bake_document(new, "smell", size=32)
-
-
-def test_obj_vertex_colours_and_huge_textures(files: Path, monkeypatch: pytest.MonkeyPatch):
-    points, faces = sheet(4)
-    layout = charts(points, faces)
-    write_obj(files / "colours.obj", points, layout, faces, colours=smooth(points))
-    baked = bake_document(read(files / "colours.obj"), "vertex-colors", size=64)
-    face, bary = some_places(len(faces))
-    truth = np.einsum("pk,pkc->pc", bary, smooth(points)[faces[face]])
-    assert np.abs(sample_back(baked, layout, face, bary) - truth).mean() < 2 / 255
-    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
-    with pytest.raises(InputError, match="too large"):
-        bake_document(read(files / "new.obj"), "texture", source=read(files / "old.obj"), size=32)
-
-
-def test_ply_colours_of_vertices_and_of_faces(tmp_path: Path):
-    points, faces = sheet(3)
-    codes = np.round(smooth(points) * 255).astype(int)
-    head = (
-        "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float z\n"
-        "property float s\nproperty float t\n{v}element face {m}\n"
-        "property list uchar int vertex_indices\n{f}end_header\n"
-    )
-    rgb = "".join(f"property uchar {c}\n" for c in ("red", "green", "blue"))
-    rows = [f"{x} {y} {z} {x} {y}" for x, y, z in points.tolist()]
-    lines = [f"{r} {a} {b} {c}" for r, (a, b, c) in zip(rows, codes.tolist(), strict=True)]
-    triangles = ["3 " + " ".join(map(str, f)) for f in faces.tolist()]
-    (tmp_path / "v.ply").write_text(
-        head.format(n=len(points), m=len(faces), v=rgb, f="") + "\n".join(lines + triangles) + "\n"
-    )
-    (tmp_path / "f.ply").write_text(
-        head.format(n=len(points), m=len(faces), v="", f=rgb)
-        + "\n".join(rows + [f"{t} 255 0 51" for t in triangles]) + "\n"
-    )  # fmt: skip
-    document = read(tmp_path / "v.ply")
-    baked = bake_document(document, "vertex-colors", size=32)
-    layout = document.uv()
-    assert layout is not None
-    face, bary = some_places(len(faces), 500)
-    truth = np.einsum("pk,pkc->pc", bary, codes[faces[face]] / 255)
-    assert np.abs(sample_back(baked, layout, face, bary) - truth).mean() < 3 / 255
-    of_faces = bake_document(read(tmp_path / "f.ply"), "vertex-colors", size=8)
-    assert (of_faces.tiles[0, 0] == [255, 0, 51]).all()
 
 
 def test_a_bake_at_equal_density_keeps_the_picture(tmp_path: Path):

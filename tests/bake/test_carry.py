@@ -9,7 +9,6 @@ from PIL import Image
 
 from circparam.bake.carry import CarryOptions, carry
 from circparam.bake.look_source import Source
-from circparam.bake.merging import with_cutoff
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
@@ -280,16 +279,6 @@ def test_faces_without_uv_take_the_factor() -> None:
     np.testing.assert_allclose(base, np.tile(factor, (len(base), 1)), atol=0.005)
 
 
-@pytest.mark.parametrize("kind", ["PNG", "WEBP", "JPEG"])
-def test_kinds_of_images(kind: str) -> None:
-    g = Painted()
-    colour = {"index": g.texture(image_bytes(waves(1), kind))}
-    before = read_model([{"pbrMetallicRoughness": {"baseColorTexture": colour}}], g)
-    face, bary = surface_points(before)
-    old, new = (seen(d, face, bary)["base"] for d in (before, carried(before)))
-    assert psnr(old, new) >= 40
-
-
 def test_sixteen_bits_of_grey() -> None:
     """Pillow clips 16 bits to 8 where it is not told better."""
     g = Painted()
@@ -344,10 +333,3 @@ def test_a_texture_that_is_not_known_is_named() -> None:
     odd = {"VENDOR_paint": {"sparkleTexture": {"index": g.texture(waves(1))}}}
     with pytest.raises(InputError, match="sparkleTexture"):
         Source.of(read_model([{"extensions": odd}], g))
-
-
-def test_cut_offs_meet_at_one_value() -> None:
-    """0 and 1 stay, the old edge lies at the new one, and nothing jumps there."""
-    alpha = np.array([0.0, 0.35, 0.7 - 1e-9, 0.7, 0.85, 1.0])
-    wanted = [0.0, 0.15, 0.3, 0.3, 0.65, 1.0]
-    np.testing.assert_allclose(with_cutoff(alpha, 0.7, 0.3), wanted, atol=1e-6)

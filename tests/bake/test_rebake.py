@@ -1,6 +1,5 @@
 """``unwrap --rebake`` and ``bake --all``: files whose textures go along, and what is refused."""
 
-import io
 import json
 import shutil
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from PIL import Image
 
 import circparam
 from circparam.cli import cli
@@ -196,31 +194,6 @@ def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> Non
     assert "bake --all" in result.stderr
 
 
-def test_what_images_can_be_wrong(painted: Path) -> None:
-    """Each is one line, code 3, before any work, and no file is made."""
-    huge = io.BytesIO()
-    Image.new("1", (20_000, 20_000)).save(huge, "PNG")
-    wrong = {
-        "is too large: scale it down": huge.getvalue(),
-        "KTX2": b"\xabKTX 20\xbb\r\n",
-        "a video": b"\0\0\0 ftypmp42",
-    }
-    for says, data in wrong.items():
-        g = Painted()
-        broken = model([{"emissiveTexture": {"index": g.texture(data)}}], g)
-        (painted / "broken.glb").write_bytes(broken.glb())
-        result = run("unwrap", painted / "broken.glb", "--rebake", "-o", painted / "new.glb")
-        assert (result.exit_code, says in result.stderr) == (3, True), result.stderr
-        assert result.stderr.count("\n") == 1
-        assert not (painted / "new.glb").exists()
-    g = Painted()
-    beside = model([{"emissiveTexture": {"index": g.texture(waves(1))}}], g)
-    beside.tree["images"] = [{"uri": "gone.png"}]
-    (painted / "broken.gltf").write_bytes(beside.gltf())
-    result = run("unwrap", painted / "broken.gltf", "--rebake")
-    assert (result.exit_code, "gone.png" in result.stderr) == (3, True)
-
-
 @pytest.mark.parametrize("wrong", ["factor", "scale"])
 def test_numbers_that_no_texel_holds_are_refused_before_the_work(
     wrong: str, tmp_path: Path
@@ -296,20 +269,6 @@ def test_what_cannot_be_is_refused(
     assert (result.exit_code, says in result.stderr) == (code, True), result.stderr
     assert result.stderr.count("\n") == 1 or code == 2
     assert sorted(painted.iterdir()) == there
-
-
-def test_a_pattern_that_repeats_is_named_with_what_it_loses(tmp_path: Path) -> None:
-    g = Painted()
-    moved = {"KHR_texture_transform": {"scale": [30.0, 30.0]}}
-    info = {"index": g.texture(waves(1)), "extensions": moved}
-    made = model([{"pbrMetallicRoughness": {"baseColorTexture": info}}], g)
-    (tmp_path / "m.glb").write_bytes(made.glb())
-    result = run("unwrap", tmp_path / "m.glb", "--rebake", "--size", 256, *FAST)
-    assert result.exit_code == 0, result.stderr
-    (texture,) = json.loads(result.stdout)["look"]["textures"]
-    assert texture["tiled"]
-    assert texture["density_kept"] < 0.5
-    assert "repeats" in result.stderr
 
 
 def test_patterns_that_repeat_can_stay_as_they_are(tmp_path: Path) -> None:

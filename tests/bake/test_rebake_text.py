@@ -11,7 +11,7 @@ from circparam.bake.look_source import Source
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.io import read
-from circparam.formats.obj.mtl import split_options
+from circparam.formats.materials import srgb
 from circparam.mesh.mesh import UVMap
 from tests.bake.test_rebake import UPRIGHT, run
 from tests.support.baking import sheet, write_obj
@@ -43,73 +43,43 @@ def points_of(m: int) -> tuple[IntArray, FloatArray]:
     return rng.integers(0, m, 5000), rng.dirichlet([1, 1, 1], 5000)
 
 
-def shown(path: Path, word: str, face: IntArray, bary: FloatArray) -> FloatArray:
-    """What the images of a keyword show at points, sampled pixel by pixel."""
-    document = read(path)
-    layout = document.uv()
-    library = (path.parent / next(
-        line.split()[1] for line in path.read_text().splitlines() if line.startswith("mtllib")
-    )).read_text()  # fmt: skip
-    blocks = {b.split("\n")[0].strip(): b for b in library.split("newmtl ")[1:]}
-    name, of = "", []
-    for line in path.read_text().splitlines():
-        if line.startswith("usemtl"):
-            name = line.split()[1]
-        if line.startswith("f "):
-            of.append(name)
+def shown(path: Path, page: str, m: int) -> FloatArray:
+    """What the images of a slot, named by its page, show at points of the m faces of a file."""
+    source = Source.of(read(path))
+    face, bary = points_of(m)
     out = np.zeros((len(face), 3))
-    for name in set(of):
-        at = np.array([of[f] == name for f in face])
-        words = {
-            line.split()[0]: line.split()[1:] for line in blocks[name].splitlines()[1:] if line
-        }
-        options, image = split_options(" ".join(words[word]))
-        picture = np.asarray(Image.open(path.parent / image).convert("RGB"), float) / 255
-        scale = np.array([float(x) for x in options.get("-s", ["1", "1"])[:2]])
-        offset = np.array([float(x) for x in options.get("-o", ["0", "0"])[:2]])
-        uv = (layout.uv[layout.uv_faces[face[at]]] * bary[at][..., None]).sum(1) * scale + offset
-        h, w = picture.shape[:2]
-        x, y = uv[:, 0] * w - 0.5, (1 - uv[:, 1]) * h - 0.5
-        mixed = np.zeros((at.sum(), 3))
-        for i in (0, 1):
-            for j in (0, 1):
-                share = np.abs(1 - i - x % 1) * np.abs(1 - j - y % 1)
-                texel = picture[
-                    (np.floor(y).astype(int) + j) % h, (np.floor(x).astype(int) + i) % w
-                ]
-                mixed += share[:, None] * texel
-        out[at] = mixed
+    for k, material in enumerate(source.looks.materials):
+        at = np.flatnonzero(source.looks.face[face] == k)
+        for slot, use in material.uses.items():
+            if slot.page == page:
+                place = (source.places(use)[0][face[at]] * bary[at][..., None]).sum(1)
+                out[at] = srgb(source.sampled(use, True).sample(*place.T, use, 0)[:, :3])
     return out
 
 
-def test_an_obj_keeps_its_images(folder: Path) -> None:
-    """Both materials become one, beside a library of its own; each keeps what it showed."""
+@pytest.mark.parametrize(
+    ("words", "materials", "page"),
+    [((), 1, "map_ks"), (("--merge-materials", "none"), 2, "map_kd")],  # merged ones share one Kd
+    ids=["merged", "apart"],
+)
+def test_an_obj_keeps_its_images(
+    folder: Path, words: tuple[str, ...], materials: int, page: str
+) -> None:
+    """Beside a library of its own; each material shows what it showed."""
     out = folder / "out" / "new.obj"
     out.parent.mkdir()
-    result = run("unwrap", folder / "m.obj", "--rebake", "--size", 256, "-o", out, *UPRIGHT)
+    size = ("--rebake", "--size", 256, "-o", out)
+    result = run("unwrap", folder / "m.obj", *size, *words, *UPRIGHT)
     assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["look"]["materials"] == 1
-    assert sorted(p.name for p in out.parent.iterdir()) == [
-        "new.mtl", "new.obj", "new_map_bump.png", "new_map_kd.png", "new_map_ks.png",
-    ]  # fmt: skip
-    assert out.read_text().count("usemtl m\n") == 2
+    assert json.loads(result.stdout)["look"]["materials"] == materials
+    assert ("usemtl second" in out.read_text()) == (materials == 2)
     library = (out.parent / "new.mtl").read_text()
     assert "map_Kd old.png" in library  # of a material that no face has
     assert "map_Bump -bm 0.5 new_map_bump.png" in library
-    face, bary = points_of(len(read(out).mesh.faces))
-    old, new = (shown(path, "map_Ks", face, bary) for path in (folder / "m.obj", out))
-    assert psnr(old, new) >= 40
-
-
-def test_materials_of_an_obj_stay_apart_where_they_are_asked_to(folder: Path) -> None:
-    out = folder / "new.obj"
-    words = ("--rebake", "--size", 256, "--merge-materials", "none", "-o", out, *UPRIGHT)
-    result = run("unwrap", folder / "m.obj", *words)
-    assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["look"]["materials"] == 2
-    assert "usemtl second" in out.read_text()
-    face, bary = points_of(len(read(out).mesh.faces))
-    old, new = (shown(path, "map_Kd", face, bary) for path in (folder / "m.obj", out))
+    assert sorted(p.stem for p in out.parent.iterdir() if p.suffix == ".png") == [
+        "new_map_bump", "new_map_kd", "new_map_ks",
+    ]  # fmt: skip
+    old, new = (shown(p, page, len(read(out).mesh.faces)) for p in (folder / "m.obj", out))
     assert psnr(old, new) >= 40
 
 
@@ -134,17 +104,7 @@ def test_a_ply_keeps_its_image(tmp_path: Path) -> None:
     result = run("unwrap", tmp_path / "m.ply", "--rebake", "--size", 256, "-o", out, *UPRIGHT)
     assert result.exit_code == 0, result.stderr
     assert b"comment TextureFile new_texture.png" in out.read_bytes()
-    face, bary = points_of(len(faces))
-
-    def shown(path: Path) -> FloatArray:
-        source = Source.of(read(path))
-        (use,) = source.looks.materials[0].uses.values()
-        place = (source.places(use)[0][face] * bary[..., None]).sum(1)
-        from circparam.formats.materials import srgb
-
-        return srgb(source.sampled(use, True).sample(*place.T, use, 0)[:, :3].astype(float))
-
-    assert psnr(shown(tmp_path / "m.ply"), shown(out)) >= 40
+    assert psnr(*(shown(path, "texture", len(faces)) for path in (tmp_path / "m.ply", out))) >= 40
 
 
 def test_missing_files_are_named_before_the_work(folder: Path) -> None:

@@ -9,7 +9,6 @@ from PIL import Image
 
 from circparam.bake.bake import bake_document
 from circparam.formats.document import Document
-from circparam.formats.gltf.materials import affine
 from circparam.formats.io import read_data
 from circparam.render.show import page_images
 from circparam.render.texture import bilinear
@@ -57,17 +56,6 @@ def by_the_extension(transform: dict[str, Any], uv: np.ndarray) -> np.ndarray:
     t = transform.get("rotation", 0.0)
     turned = np.stack([np.cos(t) * x + np.sin(t) * y, np.cos(t) * y - np.sin(t) * x], 1)
     return turned + transform.get("offset", [0, 0])
-
-
-def test_the_example_of_the_extension() -> None:
-    """The lower left quadrant of the image, turned clockwise by 90°."""
-    move = affine(TRANSFORMS[2])
-    corner = {"low left": (0, 0), "low right": (1, 0), "top right": (1, 1), "top left": (0, 1)}
-    to = {name: move[:, :2] @ uv + move[:, 2] for name, uv in corner.items()}
-    np.testing.assert_allclose(to["top left"], [0, 0], atol=1e-12)
-    np.testing.assert_allclose(to["top right"], [0, 0.5], atol=1e-12)
-    np.testing.assert_allclose(to["low right"], [0.5, 0.5], atol=1e-12)
-    np.testing.assert_allclose(to["low left"], [0.5, 0], atol=1e-12)
 
 
 def test_every_material_shows_its_own_part_of_one_image() -> None:

@@ -19,7 +19,7 @@ from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.scene import mesh_matrices
-from circparam.formats.io import encode, read, read_data, write
+from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit
 from circparam.mesh.mesh import UVMap
@@ -64,26 +64,6 @@ def test_glb_with_its_image(files: Path):
     assert len(again.mesh.faces) == len(new.mesh.faces)
     third = bake_document(new, "texture", source=again, size=64)
     assert back(third, files) < 4 / 255
-
-
-def test_second_uv_set_of_a_glb(files: Path):
-    """The old texture through set 0, baked into set 1 of the same file."""
-    old, new = read(files / "old.obj"), read(files / "new.obj")
-    layout = new.uv()
-    before = old.uv()
-    assert before is not None
-    first = bake_document(new, "texture", source=old, size=64)
-    write_baked(files / "one.glb", first, new, 0, "texture")
-    one = read(files / "one.glb")
-    swapped = UVMap(layout.uv[:, ::-1].copy(), layout.uv_faces[:, :])
-    write(files / "two.glb", one, swapped, options=WriteOptions(uv_set=1))
-    two = read(files / "two.glb")
-    second = bake_document(two, "texture", uv_set=1, size=64)
-    given = two.uv(1)
-    assert given is not None
-    face, bary = some_places(len(two.mesh.faces))
-    error = sample_back(second, given, face, bary) - sample_back(first, layout, face, bary)
-    assert np.abs(error).mean() < 4 / 255
 
 
 def test_png_of_several_tiles(tmp_path: Path, files: Path):
@@ -205,11 +185,6 @@ def test_a_source_in_other_axes_is_turned(tmp_path: Path):
     )
     normals = bake_document(turned, "normals", source=scan, size=16)
     assert normals.report["missed"] == 0
-
-
-def test_only_a_glb_takes_an_image():
-    with pytest.raises(InputError, match=r"x\.glb"):
-        embed(b"no", Source("x.glb"), b"png")
 
 
 def test_the_ending_says_what_is_written(files: Path):

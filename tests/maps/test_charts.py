@@ -9,8 +9,7 @@ import circparam
 from circparam.errors import InputError, TopologyError
 from circparam.formats.document import Document
 from circparam.formats.io import read
-from circparam.maps.charts import add_charts, chart_graph
-from circparam.maps.landmarks import Landmarks
+from circparam.maps.charts import chart_graph
 from circparam.maps.map_input import map_input_of
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support import pairs, shapes, tori
@@ -77,17 +76,6 @@ def net(level: int, directions: np.ndarray, seed: int) -> tuple[Mesh, UVMap]:
 PRISM = np.array([[1.0, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0.1], [0, 0.1, 1], [0, 0, -1.1]])
 
 
-def test_spheres_have_charts_as_well(tmp_path: Path) -> None:
-    a = document(tmp_path, "a", *net(2, PRISM, 1))
-    b = document(tmp_path, "b", *net(3, PRISM, 1))
-    marks = pairs.marks(a.mesh, b.mesh)[[0, 4]]
-    found = circparam.map_surfaces(a, b, charts=True, landmarks=marks)
-    assert found.inversions == (0, 0)
-    image = found.map.to_b.of(b.mesh.points, b.mesh.faces)
-    size = np.linalg.norm(np.ptp(a.mesh.points, axis=0))
-    assert np.linalg.norm(image - a.mesh.points, axis=1).mean() < 0.02 * size
-
-
 def test_a_disk_in_two_charts(tmp_path: Path) -> None:
     both = []
     for name, n in (("a", 12), ("b", 17)):
@@ -147,19 +135,3 @@ def test_a_layout_without_seams_is_refused(tmp_path: Path) -> None:
     a = document(tmp_path, "a", mesh, UVMap(mesh.points[:, :2].copy(), mesh.faces))
     with pytest.raises(TopologyError, match="no seam"):
         circparam.map_surfaces(a, a, charts=True)
-
-
-def test_the_charts_are_those_of_the_uv() -> None:
-    """Every face lies in the chart of its uv, every arc between two, and the arcs are all the seams."""
-    mesh, layout = tori.patchwork(24, 12, 4, 3)
-    side = map_input_of(mesh, "A")
-    graph = chart_graph(side, layout, [])
-    own = (layout.uv[layout.uv_faces][:, 0, 0] // 10).astype(int)[side.surface.source]
-    pairs_of = np.unique(np.stack([own, graph.of_face], 1), axis=0)
-    assert len(pairs_of) == 12
-    left, right = graph.chart[::2], graph.chart[1::2]
-    assert (left != right).all()
-    assert sum(len(p) - 1 for p in graph.paths[::2]) == 4 * 12 + 3 * 24
-    marks = Landmarks(a=[5 * 12 + 2, 13 * 12 + 6], b=[5 * 12 + 2, 13 * 12 + 6], exact=[True, True])
-    add_charts(marks, (layout, layout), side, side)
-    assert all(np.array_equal(p, q) for *_, p, q in marks.known)

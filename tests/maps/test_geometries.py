@@ -68,11 +68,6 @@ def test_triangles_meet_along_their_arcs(name: str) -> None:
     assert (determinants(a, b, c) > 0).all()
 
 
-@pytest.mark.parametrize(("name", "genus"), [("genus 2", 2), ("genus 3", 3)])
-def test_the_area_is_that_of_gauss_and_bonnet(name: str, genus: int) -> None:
-    assert case(name)[0].area == pytest.approx(4 * np.pi * (genus - 1), rel=1e-9)
-
-
 @pytest.mark.parametrize("curvature", [-1, 0, 1])
 def test_tangents_are_orthonormal_and_touch_the_surface(curvature: int) -> None:
     geometry = Geometry(curvature)

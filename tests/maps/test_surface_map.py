@@ -26,12 +26,6 @@ def some_map() -> SurfaceMap:
     return SurfaceMap(to_b, to_a, fingerprint(A), fingerprint(B))
 
 
-def test_values_are_interpolated_at_places() -> None:
-    places = Places(np.array([1]), np.array([[0.2, 0.5, 0.3]]))
-    found = places.of(POINTS, B.faces)
-    assert np.allclose(found, 0.2 * POINTS[1] + 0.5 * POINTS[3] + 0.3 * POINTS[2])
-
-
 def test_the_file_keeps_the_map(tmp_path) -> None:
     path = tmp_path / "a ü.npz"
     made = some_map()
@@ -64,13 +58,6 @@ def test_another_file_is_named(tmp_path, content: bytes) -> None:
     with pytest.raises(InputError, match=r"map\.npz") as caught:
         load_map(path)
     assert "pickle" not in str(caught.value)  # which NumPy would have people trust
-
-
-def test_another_npz_is_named(tmp_path) -> None:
-    path = tmp_path / "map.npz"
-    np.savez(path, format=np.array("something"), x=np.zeros(3))
-    with pytest.raises(InputError, match="circparam map"):
-        load_map(path)
 
 
 def document(mesh: Mesh) -> Document:

@@ -36,9 +36,3 @@ def test_up_is_where_the_feet_are_not():
     lying = points[:, [2, 0, 1]]
     assert np.array_equal(up_vector(make_scene(lying, faces, uv, uv_faces)), [0, 0, 1])
     assert np.array_equal(up_vector(flat_quad()), [0, 1, 0])
-
-
-def test_views_are_the_same_in_every_run():
-    points, faces, uv, uv_faces = cube()
-    a, b = (best_directions(make_scene(points, faces, uv, uv_faces)) for _ in range(2))
-    assert np.array_equal(a, b)

@@ -10,7 +10,7 @@ import pytest
 
 from circparam.render import colours as col
 from circparam.render.figures import PageImages, PictureOptions
-from circparam.render.html import PageLayout, fill_in, page
+from circparam.render.html import PageLayout, page
 from circparam.render.scene import make_scene, with_instances
 from tests.support.scenes import cube
 
@@ -49,29 +49,6 @@ def test_textures_become_runs_of_faces():
         {"image": 1, "first": 7, "count": 5},
     ]
     assert meta["images"][0].startswith("data:image/png;base64,")
-
-
-def test_fill_in_leaves_what_it_does_not_know():
-    assert fill_in("50 % of %A% and %B% 100%", {"A": "%B%"}) == "50 % of %B% and %B% 100%"
-
-
-def test_large_meshes_stay_small():
-    """Twenty bytes a face at most: 500k faces in 10 MB of page, whose limit is 15 MB."""
-    n = 150
-    rng = np.random.default_rng(0)
-    g = np.linspace(0, 1, n + 1)
-    x, y = np.meshgrid(g, g)
-    points = np.stack([x.ravel(), y.ravel(), rng.normal(0, 0.01, x.size)], 1)
-    points[:, :2] += rng.normal(0, 0.1 / n, (x.size, 2))
-    uv = points[:, :2] + rng.normal(0, 0.1 / n, (x.size, 2))
-    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
-    faces = np.concatenate(
-        [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
-    )
-    faces = faces[rng.permutation(len(faces))]  # as badly ordered as a file can be
-    text = page(make_scene(points, faces, uv, faces))
-    fixed = 60_000
-    assert len(text) < fixed + 20 * len(faces)
 
 
 def meta_of(text: str) -> dict:

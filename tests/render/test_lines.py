@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.render.lines import draw_lines, shrink
+from circparam.render.lines import draw_lines
 
 
 def test_lines_are_hidden_by_what_is_nearer():
@@ -13,8 +13,3 @@ def test_lines_are_hidden_by_what_is_nearer():
     assert mask[5, :5].all()
     assert not mask[:, 5:].any()
     assert draw_lines(start, stop, (10, 10), 0.5, z, bias=1.5)[5].all()
-
-
-def test_shrink_averages():
-    image = np.arange(16, dtype=float).reshape(4, 4, 1)
-    assert np.array_equal(shrink(image, 2)[..., 0], [[2.5, 4.5], [10.5, 12.5]])

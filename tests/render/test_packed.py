@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.render.packed import Packed, pack_geometry
-from circparam.render.scene import Scene, make_scene, with_instances
+from circparam.render.scene import Scene, make_scene
 from tests.support.node import NODE
 from tests.support.scenes import cube, flat_quad
 
@@ -221,14 +221,6 @@ def test_morph_targets_come_back_and_nothing_else_grows():
         there = points[scene.faces[packed.order]]
         assert np.abs(np.sort(place, 1) - np.sort(there, 1)).max() < 1e-3
     assert not unpack(pack_geometry(still))["move0"].any()
-
-
-def test_a_face_that_is_shown_again_is_marked():
-    """So that it does not count as one that covers the layout twice."""
-    scene = make_scene(*cube())
-    shown = with_instances(scene, [(np.arange(4), np.diag([2.0, 1, 1, 1]))])
-    packed = pack_geometry(shown)
-    assert packed.order[unpack(packed)["copied"] == 1].tolist() == [12, 13, 14, 15]
 
 
 def test_a_smooth_surface_takes_few_bytes():

@@ -10,7 +10,7 @@ import circparam
 from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.render.figures import as_figures, scene_figures
-from circparam.render.scene import make_scene, row_labels, with_instances
+from circparam.render.scene import make_scene, with_instances
 from circparam.render.show import judged_set, scene_of, view_document, view_figures
 from circparam.render.views import draw_plan
 from tests.support import shapes
@@ -75,20 +75,6 @@ def test_repeated_vertices_are_no_seams():
     scene = make_scene(points[index], faces, SQUARE[index], faces)
     assert scene.n_charts == 1
     assert len(scene.seams) == 4  # the sides of the square, not its diagonal
-
-
-def test_charts_are_numbered_by_area():
-    points, faces, uv, uv_faces = cube()
-    uv[8:12] *= 1.3
-    scene = make_scene(points, faces, uv, uv_faces)
-    assert (scene.chart[4:6] == 0).all()
-
-
-def test_row_labels_join_equal_rows_only():
-    rows = np.array([[0.0, 1], [1, 0], [-0.0, 1], [1, 1e-300]])
-    a = row_labels(rows)
-    assert a[0] == a[2]
-    assert len(set(a.tolist())) == 3
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,8 @@
 """Layouts of one mesh drawn alike, and their figures in words."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from circparam.mesh.mesh import UVMap
-from circparam.render.side_by_side import cell_text, draw_layouts, side_by_side
+from circparam.render.side_by_side import cell_text, draw_layouts
 from tests.support.side_by_side import compared_sheet
 
 
@@ -25,33 +22,3 @@ def test_cells():
     assert cell_text("peak_bytes", 1_234_000_000) == "1,234"
     assert cell_text("charts", 12345) == "12,345"
     assert cell_text("stretch_linf", 7.7e146) == "over 1e9"
-
-
-def test_layouts_of_a_comparison():
-    @dataclass
-    class Row:
-        method: str
-        status: str
-        figures: dict
-        stages: dict
-        seconds: float | None
-        peak_bytes: int | None
-        error: str | None
-        uvmap: UVMap | None = None
-
-    @dataclass
-    class Comparison:
-        mesh: str
-        faces: int
-        cut: str
-        rows: list
-
-    sides = compared_sheet()
-    rows = [
-        Row("circle", "ok", {"distortion": 1.5}, {"solve": 1.0}, 1.0, 5, None, sides.rows[0].uvmap)
-    ]
-    out = side_by_side(Comparison("a.obj", 128, "disk", rows), sides.mesh)
-    assert out.title == "a.obj"
-    assert out.rows[0].figures == {"distortion": 1.5, "seconds": 1.0, "peak_bytes": 5}
-    assert out.rows[0].uvmap is sides.rows[0].uvmap
-    assert "disk" in out.note

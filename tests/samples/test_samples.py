@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from circparam import errors, formats, samples
+from circparam import errors, samples
 from circparam.mesh.repair import RepairOptions, repair
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,24 +58,6 @@ def test_topology_of_the_manifest(name: str) -> None:
     assert genus == int(row.genus)
 
 
-def test_messy_holds_what_it_promises() -> None:
-    mesh = samples.load("messy").mesh
-    surface, _ = repair(mesh, RepairOptions())
-    assert len(surface.faces) < len(mesh.faces)  # degenerate and duplicate faces are set aside
-    assert surface.reversed_faces.any()
-    assert len(np.unique(mesh.faces)) < len(mesh.points)
-    assert samples.info("messy").nonmanifold_edges > 0
-
-
-def test_vase_has_uv_of_its_own_that_repeat() -> None:
-    document = samples.load("vase")
-    uvmap = document.uv()
-    assert (uvmap.uv_faces >= 0).all()
-    corners = uvmap.uv[uvmap.uv_faces]
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    assert (e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0] > 0).all()  # none mirrored
-
-
 def test_bracket_has_two_materials_and_quads() -> None:
     mesh = samples.load("bracket").mesh
     assert mesh.groups is not None
@@ -87,11 +69,6 @@ def test_bracket_has_two_materials_and_quads() -> None:
 def test_unknown_name_names_the_nearest() -> None:
     with pytest.raises(errors.OptionError, match="did you mean bracket"):
         samples.path("braket")
-
-
-def test_names_and_file_names_both_work() -> None:
-    assert samples.path("knot") == samples.path("knot.stl")
-    assert formats.read(samples.path("ribbon")).mesh.points.shape == (600, 3)
 
 
 def test_files_that_belong_together() -> None:
