@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import os
 
 import numpy as np
@@ -18,9 +19,14 @@ from circparam.mesh.mesh import UVMap
 from tests.support.corpus import CORPUS, SUFFIXES
 
 
-def corpus_files(*suffixes: str) -> list[object]:
-    """The real meshes with those suffixes, or one skipped test where there are none."""
+def corpus_files(*suffixes: str, most: float = math.inf) -> list[object]:
+    """The real meshes with those suffixes, or one skipped test where there are none.
+
+    most: bytes of files that are always taken; larger ones where the whole corpus is asked for.
+    """
+    most = math.inf if os.environ.get("CIRCPARAM_WHOLE_CORPUS") else most
     found = sorted(p for p in CORPUS.glob("*") if p.suffix.lower() in (suffixes or SUFFIXES))
+    found = [p for p in found if p.stat().st_size <= most]
     if not found:
         skip = pytest.mark.skip(reason="the folder of real meshes is not here")
         return [pytest.param(None, marks=[skip, pytest.mark.corpus])]
