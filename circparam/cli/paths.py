@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from circparam.core.files import made_folders
 from circparam.errors import OptionError, OutputError
 
 
@@ -119,22 +120,14 @@ def made_folder(folder: str | None) -> Iterator[None]:
 
     Raises OutputError if it cannot be made.
     """
-    made: list[Path] = []
-    try:
-        if folder is not None:
-            missing = [p for p in (Path(folder), *Path(folder).parents) if not p.exists()]
-            try:
-                for path in reversed(missing):
-                    path.mkdir()
-                    made.append(path)
+    with contextlib.ExitStack() as stack:
+        try:
+            if folder is not None:
+                stack.enter_context(made_folders([Path(folder)]))
                 os.listdir(folder)
-            except OSError as error:
-                reason = error.strerror or error
-                raise OutputError(
-                    f"--out-dir {folder}: cannot be made ({reason}): name another folder"
-                ) from None
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(
+                f"--out-dir {folder}: cannot be made ({reason}): name another folder"
+            ) from None
         yield
-    finally:
-        for path in reversed(made):
-            with contextlib.suppress(OSError):  # a folder with files stays
-                path.rmdir()

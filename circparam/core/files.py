@@ -39,8 +39,10 @@ def write_files(
             raise OutputError(f"{path}: this is a directory; name a file")
         if path.exists() and not overwrite:
             raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+    folders = [path.parent for path in contents if inside in path.parent.parents]
     try:
-        with _folders(contents, inside), _staged(contents, durable) as staged:
+        below = folders if inside is not None and inside.is_dir() else []
+        with made_folders(below), _staged(contents, durable) as staged:
             for real, temporary in staged:
                 if real.exists() and not real.is_file():  # a pipe or a device: no renaming over it
                     real.write_bytes(temporary.read_bytes())
@@ -55,21 +57,19 @@ def write_files(
 
 
 @contextlib.contextmanager
-def _folders(paths: Iterable[Path], inside: Path | None) -> Iterator[None]:
-    """Make the missing folders of files below ``inside``; an error removes the new ones."""
+def made_folders(folders: Iterable[Path]) -> Iterator[None]:
+    """Make folders and their parents where they are missing; those that stay empty go again."""
     made: list[Path] = []
     try:
-        for path in paths if inside is not None else ():
-            missing = [p for p in path.parents if inside in p.parents and not p.exists()]
-            for folder in reversed(missing):
-                folder.mkdir()
-                made.append(folder)
+        for folder in folders:
+            for path in reversed([p for p in (folder, *folder.parents) if not p.exists()]):
+                path.mkdir()
+                made.append(path)
         yield
-    except BaseException:
-        for folder in reversed(made):
-            with contextlib.suppress(OSError):
-                folder.rmdir()
-        raise
+    finally:
+        for path in reversed(made):
+            with contextlib.suppress(OSError):  # a folder with files stays
+                path.rmdir()
 
 
 @contextlib.contextmanager
