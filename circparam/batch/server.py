@@ -7,7 +7,6 @@ asked ends the server instead. When who asked is gone, child and scratch folder 
 """
 
 import contextlib
-import functools
 import gc
 import os
 import pickle
@@ -20,19 +19,12 @@ import time
 from typing import IO, Any
 
 from circparam.batch.mesh import unwrap_one
-from circparam.batch.settings import Settings
+from circparam.batch.settings import Settings, unpickled
 from circparam.core.memory import resident
 from circparam.core.messages import message, send
 
 TICK = 0.1  # seconds between two looks at the memory of a child
 PARENT_DEATH = 1  # PR_SET_PDEATHSIG
-
-
-@functools.lru_cache(maxsize=4)
-def settings_of(data: bytes) -> Settings:
-    """The settings out of their pickled form, kept for the next mesh."""
-    settings: Settings = pickle.loads(data)
-    return settings
 
 
 def warm_up() -> None:
@@ -73,7 +65,7 @@ class Server:
 
     def answer(self, task: dict[str, Any]) -> dict[str, Any]:
         """The result of a task: {"end": done | timeout | memory | signal, "answer", "peak", "seconds" ...}."""
-        settings = settings_of(task["settings"])
+        settings = unpickled(task["settings"])
         start = time.monotonic()
         if self.forks:
             out = self._in_child(settings, task)

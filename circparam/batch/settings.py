@@ -1,8 +1,10 @@
 """Settings that all files of a batch share, as sent to the workers."""
 
 import dataclasses
+import functools
 import hashlib
 import json
+import pickle
 import sys
 from collections.abc import Callable
 from dataclasses import field
@@ -67,3 +69,10 @@ class Settings:
 
         text = json.dumps(values, sort_keys=True, default=plain)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@functools.lru_cache(maxsize=8)
+def unpickled(data: bytes) -> Settings:
+    """The settings out of their pickled form, kept for the next mesh."""
+    settings: Settings = pickle.loads(data)
+    return settings

@@ -21,7 +21,7 @@ from circparam.batch.companions import fetch
 from circparam.batch.index import Item, size_of
 from circparam.batch.manifest import SCHEMA
 from circparam.batch.process import GoneError, warm_server
-from circparam.batch.settings import Settings
+from circparam.batch.settings import Settings, unpickled
 from circparam.batch.store import Folder, digest, is_remote
 from circparam.errors import InputError, OutputError
 
@@ -89,11 +89,9 @@ def _unpacked(data: bytes) -> tuple[str, bytes]:
     return version, inner
 
 
-@functools.lru_cache(maxsize=8)
 def settings_of(data: bytes) -> Settings:
-    """The settings, kept for the next file."""
-    settings: Settings = pickle.loads(_unpacked(data)[1])
-    return settings
+    """The settings out of the form in which they travel."""
+    return unpickled(_unpacked(data)[1])
 
 
 def _scratch(settings: Settings, item: Item) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from circparam.cli import signals
-from circparam.cli.tables import console, facts, plain
+from circparam.cli.tables import console, facts
 
 if TYPE_CHECKING:
     from circparam.batch.batch import Summary
@@ -142,31 +142,28 @@ def escaped(name: str) -> str:
 
 def print_summary(summary: "Summary") -> None:
     """The end of a batch as a table."""
-    counts = [f"{n} {kind}" for kind, n in sorted(summary.counts.items())]
-    table = facts([("files", summary.total), ("status", ", ".join(counts) or "none done")])
-    table.add_row(
-        "this run", f"{summary.done} done, {summary.skipped} skipped in {summary.seconds:.1f} s"
-    )
-    if summary.missed:
-        table.add_row("gates", f"{summary.missed} missed")
-    if summary.report:
-        table.add_row("report", plain(escaped(summary.report)))
-    console().print(table)
+    done = f"{summary.done} done, {summary.skipped} skipped in {summary.seconds:.1f} s"
+    rows = [("files", str(summary.total)), ("status", _counts(summary.counts) or "none done")]
+    rows.append(("this run", done))
+    rows += [("gates", f"{summary.missed} missed")] if summary.missed else []
+    rows += [("report", escaped(summary.report))] if summary.report else []
+    console().print(facts(rows))
 
 
 def print_status(found: dict[str, Any]) -> None:
     """The table of ``--status``."""
-    counts = [f"{n} {kind}" for kind, n in sorted(found["counts"].items())]
-    table = facts([("results", escaped(found["out"])), ("done", ", ".join(counts) or "none yet")])
-    if found["missed"]:
-        table.add_row("gates", f"{found['missed']} missed")
     run = found["run"]
+    rows = [("results", escaped(found["out"])), ("done", _counts(found["counts"]) or "none yet")]
+    rows += [("gates", f"{found['missed']} missed")] if found["missed"] else []
     if run is None:
-        table.add_row("running", "no")
+        rows.append(("running", "no"))
     else:
         todo = run["total"] - run["skipped"]
         left = "" if run["left"] is None else f", {clock(run['left'])} left"
-        table.add_row("running", f"{run['done']} of {todo}, {run['rate']:.3g} files/s{left}")
-        for name, seconds in run["running"][:NAMED]:
-            table.add_row("", plain(f"{clock(seconds):>7}  {escaped(name)}"))
-    console().print(table)
+        rows.append(("running", f"{run['done']} of {todo}, {run['rate']:.3g} files/s{left}"))
+        rows += [("", f"{clock(age):>7}  {escaped(name)}") for name, age in run["running"][:NAMED]]
+    console().print(facts(rows))
+
+
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{n} {kind}" for kind, n in sorted(counts.items()))

@@ -71,15 +71,15 @@ def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterat
     """A listener that draws a bar for a visible stream and keeps the progress. place: number of all items."""
     if place[1] > 1:
         label = f"{label} ({place[0]} of {place[1]})"
-    bar = None if quiet or not sys.stderr.isatty() else _Bar(label)
-    as_lines = os.environ.get(AS_LINES) and not quiet
-    status = bar.status if bar else Lines(label) if as_lines else Status(label)
+    kind = Lines if os.environ.get(AS_LINES) and not quiet else Status
+    if sys.stderr.isatty() and not quiet:
+        kind = Bar
+    status = kind(label)
     with signals.answering(status.line):
         try:
-            yield status if bar is None else bar
+            yield status
         finally:
-            if bar is not None:
-                bar.close()
+            status.close()
 
 
 class Forward:
@@ -124,6 +124,9 @@ class Status:
         self.stage = stage or self.stage
         self.forward(stage, fraction)
 
+    def close(self) -> None:
+        """The end of the work."""
+
     def line(self) -> str:
         """Stage, share of the run, seconds so far, an estimate of the rest, memory."""
         gone, share = time.monotonic() - self.start, self.forward.fraction
@@ -146,23 +149,20 @@ class Lines(Status):
             click.echo(f"circparam: progress: {percent} % {self.stage}", err=True)
 
 
-class _Bar:
+class Bar(Status):
     """Stage, share of the run and elapsed time; rich is imported when the bar appears, not before."""
 
-    def __init__(self, label: str) -> None:
-        self.status = Status(label)
-        self.bar: Any = None
-        self.task: Any = None
+    bar: Any = None
+    task: Any = None
 
     def __call__(self, stage: str, fraction: float, note: str) -> None:
         """Show the progress of the run, and its stage."""
-        self.status(stage, fraction, note)
-        fraction = self.status.forward.fraction
-        if self.bar is None:
-            if time.monotonic() - self.status.start < DELAY:
-                return
+        super().__call__(stage, fraction, note)
+        if self.bar is None and time.monotonic() - self.start >= DELAY:
             self._open()
-        self.bar.update(self.task, completed=fraction, stage=stage, note=note)
+        if self.bar is not None:
+            share = self.forward.fraction
+            self.bar.update(self.task, completed=share, stage=stage, note=note)
 
     def _open(self) -> None:
         from rich.console import Console
@@ -177,7 +177,7 @@ class _Bar:
             console=Console(stderr=True),
             transient=True,
         )
-        self.task = self.bar.add_task(self.status.label, total=1.0, stage="", note="")
+        self.task = self.bar.add_task(self.label, total=1.0, stage="", note="")
         self.bar.start()
 
     def close(self) -> None:

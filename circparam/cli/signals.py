@@ -14,9 +14,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import TypeVar
 
 from circparam.cli.exits import INTERRUPTED, TERMINATED, Interrupted, Terminated
 
+T = TypeVar("T")
 GRACE = 0.7  # seconds that the main thread has to clean up by itself
 # the same for a command that has processes and folders to clear away
 _LONGER: list[float] = []
@@ -37,35 +39,31 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 @contextlib.contextmanager
+def _within(known: list[T], value: T) -> Iterator[None]:
+    """Within the block a list has one value more, unless somebody takes it out."""
+    known.append(value)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(ValueError):
+            known.remove(value)
+
+
+@contextlib.contextmanager
 def asked_first(ask: Callable[[], None]) -> Iterator[None]:
     """Within the block the first Ctrl-C calls ``ask`` and nothing else; a second one ends the work as ever."""
-    _SPARED.append(signal.SIGINT)
-    _ASKED.append(ask)
-    try:
+    with _within(_SPARED, int(signal.SIGINT)), _within(_ASKED, ask):
         yield
-    finally:
-        _ASKED.clear()
-        _SPARED.clear()
 
 
-@contextlib.contextmanager
-def clearing_away(seconds: float) -> Iterator[None]:
+def clearing_away(seconds: float) -> contextlib.AbstractContextManager[None]:
     """Within the block the main thread has so many seconds to clean up by itself."""
-    _LONGER.append(seconds)
-    try:
-        yield
-    finally:
-        _LONGER.remove(seconds)
+    return _within(_LONGER, seconds)
 
 
-@contextlib.contextmanager
-def answering(status: Callable[[], str]) -> Iterator[None]:
+def answering(status: Callable[[], str]) -> contextlib.AbstractContextManager[None]:
     """Within the block, SIGUSR1 prints ``status``."""
-    _STATUS.append(status)
-    try:
-        yield
-    finally:
-        _STATUS.remove(status)
+    return _within(_STATUS, status)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

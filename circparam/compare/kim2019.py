@@ -5,6 +5,7 @@ The source (Kim 2019) times its weights against Floater's shape preserving ones 
 The ratio found here is reported as it is.
 """
 
+import dataclasses
 import time
 from typing import Any
 
@@ -55,11 +56,7 @@ class Size:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
-        spreads = ("circle", "floater", "circle_weights", "floater_weights")
-        out: dict[str, Any] = {k: v for k, v in vars(self).items() if k not in spreads}
-        for name in spreads:
-            out[name] = dict(vars(getattr(self, name)))
-        return out
+        return dataclasses.asdict(self)
 
 
 def measure(
