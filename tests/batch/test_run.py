@@ -1,6 +1,7 @@
 """Whole batches on a real cluster: continued, poisoned, workers, clients and schedulers killed, disks full."""
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -20,6 +21,7 @@ import pytest
 pytest.importorskip("distributed")
 
 import circparam
+from circparam import samples
 from circparam.batch.batch import Hooks, Plan, Summary, run_batch, status
 from circparam.batch.cluster import Cluster
 from circparam.batch.manifest import encode
@@ -44,10 +46,10 @@ PROGRAM = [sys.executable, "-P", "-m", "circparam", "batch"]
 
 
 def batch(source: Path, out: Path, **keywords: Any) -> Summary:
-    """Run a batch of quick unwraps on two workers."""
+    """Run a batch of quick unwraps on a worker of its own, or as the keywords say."""
     hooks = keywords.pop("hooks", None)
     given = keywords.pop("settings", None) or settings(out)
-    plan = Plan([str(source)], given, **{"workers": 2, **keywords})
+    plan = Plan([str(source)], given, **{"workers": 1, **keywords})
     if {"scheduler", "scheduler_file"} & set(keywords):
         plan = replace(plan, workers=None)
     return run_batch(plan, hooks)
@@ -112,43 +114,42 @@ def write_poison(folder: Path, good: int, each: dict[str, int]) -> Path:
     return folder
 
 
-def test_a_poisoned_set(shared: str, tmp_path: Path) -> None:
-    each = {"crash": 1, "hang": 1, "hungry": 1}
-    source, out = write_poison(tmp_path / "src", 4, each), tmp_path / "out"
-    (source / "broken.obj").write_text("v 0 0 0\nf 1 2 3\n")
-    given = settings(out, Poison(), timeout=1.0, max_memory=3 << 30)
-    summary = batch(source, out, scheduler=shared, settings=given)
-    found = told(out)
-    assert summary.counts == {"ok": 4, "failed": 4}
-    causes = {name: line["error"] for name, line in found.items() if line["status"] == "failed"}
-    assert set(causes) == {"broken.obj", "crash/crash0.obj", "hang/hang0.obj", "hungry/hungry0.obj"}
-    assert "SIGSEGV" in causes["crash/crash0.obj"]
-    assert "--timeout" in causes["hang/hang0.obj"]
-    assert "memory" in causes["hungry/hungry0.obj"]
-    assert found["broken.obj"]["exit"] == 3
-    page = (out / "report.html").read_text()
-    assert all(name in page for name in causes)
-    assert files(out) == {n for n in found if n not in causes}
-
-
-@pytest.mark.slow
-def test_a_large_poisoned_set(tmp_path: Path, corpus: Path) -> None:
-    """100 good files, 20 broken ones, 3 that crash, 2 that hang, 2 that want too much memory."""
-    each = {"crash": 3, "hang": 2, "hungry": 2}
-    source, out = write_poison(tmp_path / "src", 100, each), tmp_path / "out"
-    (source / "broken").mkdir()
-    rng = random.Random(7)
-    kinds = sorted(p for p in corpus.iterdir() if p.suffix in (".obj", ".ply", ".off", ".glb"))[:20]
-    for k, path in enumerate(kinds):
+def write_broken(folder: Path, count: int) -> None:
+    """Files that begin as meshes of the samples do, and are none."""
+    folder.mkdir()
+    rng, paths = random.Random(7), [samples.path(name) for name in samples.names()]
+    for k, path in zip(range(count), itertools.cycle(paths)):
         data = path.read_bytes()[:3000]
         junk = (b"", data[:40], rng.randbytes(500), data.replace(b"1", b"x")[:200] + b"\0\xff")
-        (source / "broken" / f"{k}{path.suffix}").write_bytes(junk[k % 4])
+        (folder / f"{k}{path.suffix}").write_bytes(junk[k % 4])
+
+
+@pytest.mark.parametrize(
+    ("good", "each", "broken"),
+    [
+        (4, {"crash": 1, "hang": 1, "hungry": 1}, 1),
+        pytest.param(100, {"crash": 3, "hang": 2, "hungry": 2}, 20, marks=pytest.mark.slow),
+    ],
+)
+def test_a_poisoned_set(
+    good: int, each: dict[str, int], broken: int, shared: str, tmp_path: Path
+) -> None:
+    source, out = write_poison(tmp_path / "src", good, each), tmp_path / "out"
+    write_broken(source / "broken", broken)
     given = settings(out, Poison(), timeout=2.0, max_memory=3 << 30)
-    summary = batch(source, out, settings=given)
-    assert summary.counts == {"ok": 100, "failed": 27}
-    causes = {n: line["error"] for n, line in told(out).items() if line["status"] == "failed"}
-    assert len(causes) == 27
-    assert all(len(text) > 10 for text in causes.values())
+    summary = batch(source, out, scheduler=shared, settings=given)
+    found = told(out)
+    causes = {name: line["error"] for name, line in found.items() if line["status"] == "failed"}
+    assert summary.counts == {"ok": good, "failed": len(causes)}
+    assert len(causes) == broken + sum(each.values())
+    said = {"crash": "SIGSEGV", "hang": "--timeout", "hungry": "memory", "broken": ""}
+    for name, cause in causes.items():
+        assert said[name.split("/")[0]] in cause
+        assert len(cause) > 10
+        assert name.split("/")[0] != "broken" or found[name]["exit"] == 3
+    page = (out / "report.html").read_text()
+    assert all(name in page for name in list(causes)[:5])
+    assert files(out) == {n for n in found if n not in causes}
 
 
 def children(pid: int) -> list[int]:
@@ -211,7 +212,7 @@ class Killer:
 def test_workers_are_killed(count: int, after: set[int], tmp_path: Path) -> None:
     source, out = write_set(tmp_path / "src", count), tmp_path / "out"
     killer = Killer(after)
-    summary = batch(source, out, hooks=Hooks(on_line=killer))
+    summary = batch(source, out, workers=2, hooks=Hooks(on_line=killer))
     assert killer.killed == len(after)
     assert summary.counts == {"ok": count}
     expect_quiet(source, out, count)
@@ -533,7 +534,7 @@ def test_a_batch_leaves_nothing_in_temporary_folders(tmp_path: Path) -> None:
     os.utime(old, (0, 0))
     command = [*PROGRAM, str(source), "--out", str(out), "-q"]
     ended = subprocess.run(
-        [*private_semaphores(), *command, "--workers", "2", *ARGS],
+        [*private_semaphores(), *command, "--workers", "1", *ARGS],
         env={**environment(), "TMPDIR": str(scratch)}, capture_output=True, check=False, text=True,
     )  # fmt: skip
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")

@@ -89,6 +89,29 @@ def attempt(**options):
         return [str(error)]
 
 
+def played(ob, faces=None, **options):
+    """An object before and after, and the answer; faces: selected in Edit mode, else the object is."""
+    before = state(ob)
+    select(ob) if faces is None else pick([faces], ob)
+    answer = attempt(**options)
+    return {"before": before, "answer": answer, "after": edit_state(ob)}
+
+
+def grid():
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4)
+    return bpy.context.object
+
+
+def set_uv(ob, uv):
+    ob.data.uv_layers.active.uv.foreach_set("vector", np.asarray(uv, np.float32).ravel())
+
+
+def pin(ob, held):
+    layer = ob.data.uv_layers.active
+    layer.pin_ensure()
+    layer.pin.foreach_set("value", held)
+
+
 def everything_stays():
     """Quads and triangles, two materials, an existing uv map, an object that is scaled and mirrored."""
     box = cube(4)
@@ -122,10 +145,7 @@ def refused():
 def selected_faces():
     ob = cube(cuts=3)
     attempt()
-    before = state(ob)
-    pick([range(16)], ob)
-    answer = attempt(replace=True)
-    return {"before": before, "answer": answer, "after": edit_state(ob)}
+    return played(ob, range(16), replace=True)
 
 
 def part_of_an_island(**options):
@@ -133,9 +153,8 @@ def part_of_an_island(**options):
     bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=8, location=(4, 0, 0))
     ball, box = bpy.context.object, cube(cuts=2)
     for shift, ob in enumerate((ball, box)):
-        layer = ob.data.uv_layers.active
-        uv = corners(ob.data, layer) * np.float32(1 / 3) + np.float32([0.1 + shift / 2, 1 / 7])
-        layer.uv.foreach_set("vector", uv.ravel())
+        uv = corners(ob.data, ob.data.uv_layers.active) * np.float32(1 / 3)
+        set_uv(ob, uv + np.float32([0.1 + shift / 2, 1 / 7]))
         for edge in ob.data.edges:
             edge.use_seam = edge.index % 7 == 0
     before = [state(ob) for ob in (ball, box)]
@@ -161,12 +180,8 @@ def scarce(keep_page):
     ob = cube(cuts=1)
     u, v = np.divmod(np.arange(24), 5)
     low = np.stack([u, v], 1)[:, None] / 5
-    uv = (low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) / 5).astype(np.float32)
-    ob.data.uv_layers.active.uv.foreach_set("vector", uv.ravel())
-    before = state(ob)
-    pick([[0, 7]], ob)
-    answer = attempt(replace=True, keep_page=keep_page)
-    return {"before": before, "answer": answer, "after": edit_state(ob)}
+    set_uv(ob, low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) / 5)
+    return played(ob, [0, 7], replace=True, keep_page=keep_page)
 
 
 def shrunk():
@@ -181,45 +196,32 @@ def without_uv():
     """Selected faces of a mesh that has no uv get the whole page."""
     ob = cube(cuts=1)
     ob.data.uv_layers.remove(ob.data.uv_layers[0])
-    pick([range(12)], ob)
-    return {"answer": attempt(upright=True), "after": edit_state(ob)}
+    return played(ob, range(12), upright=True)
 
 
 def no_room():
     """The others cover the whole page."""
     ob = cube(cuts=1)
-    uv = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (24, 1))
-    ob.data.uv_layers.active.uv.foreach_set("vector", uv.ravel())
-    before = state(ob)
-    pick([[0, 1]], ob)
-    return {"before": before, "answer": attempt(replace=True), "after": edit_state(ob)}
+    set_uv(ob, np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]), (24, 1)))
+    return played(ob, [0, 1], replace=True)
 
 
 def nothing_selected():
-    ob = cube()
-    pick([[]], ob)
-    return {"answer": attempt(), "mode": ob.mode}
+    return played(cube(), [])
 
 
 def islands():
     """One face of an island stands for the whole of it."""
-    ob = cube(cuts=1)
-    before = state(ob)
-    pick([[0]], ob)
-    answer = attempt(action="ISLANDS", replace=True)
-    return {"before": before, "answer": answer, "after": edit_state(ob)}
+    return played(cube(cuts=1), [0], action="ISLANDS", replace=True)
 
 
 def marked(seams):
     """A flat grid with one marked edge path across it, which no layout needs."""
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4)
-    ob = bpy.context.object
+    ob = grid()
     for edge in ob.data.edges:
         a, b = (ob.data.vertices[v].co for v in edge.vertices)
         edge.use_seam = abs(a.x) < 1e-6 and abs(b.x) < 1e-6
-    select(ob)
-    answer = attempt(seams=seams)
-    return {"answer": answer, "after": state(ob)}
+    return played(ob, seams=seams)
 
 
 def painted():
@@ -230,9 +232,7 @@ def painted():
         ob = bpy.context.object
         others = [v.index for v in ob.data.vertices if v.index not in (free, free + 1)]
         ob.vertex_groups.new(name="face").add(others, 0.9, "REPLACE")
-        select(ob)
-        answer = attempt(seam_group="face")
-        cuts.append({"answer": answer, "free": [free, free + 1], "after": state(ob)})
+        cuts.append({**played(ob, seam_group="face"), "free": [free, free + 1]})
     return {"cuts": cuts, "unknown": attempt(seam_group="fase")}
 
 
@@ -240,56 +240,36 @@ def pinned():
     """Islands with a pin stay, to the bit; the others go round them."""
     ob = cube(cuts=2)
     attempt(sharp=np.radians(80), mark_seams=False)
-    layer = ob.data.uv_layers.active
-    layer.pin_ensure()
-    layer.pin[0].value = True
-    before = state(ob)
-    select(ob)
-    answer = attempt(replace=True)
-    return {"before": before, "answer": answer, "after": state(ob), "kept": layer.pin[0].value}
+    pin(ob, np.arange(len(ob.data.loops)) == 0)
+    case = played(ob, replace=True)
+    return {**case, "kept": ob.data.uv_layers.active.pin[0].value}
 
 
 def points():
     """Four pinned corners of a grid hold."""
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4)
-    ob = bpy.context.object
-    layer = ob.data.uv_layers.active
-    uv = corners(ob.data, layer) * 0.25 + 0.5
-    layer.uv.foreach_set("vector", uv.ravel())
+    ob = grid()
+    set_uv(ob, corners(ob.data, ob.data.uv_layers.active) * 0.25 + 0.5)
     vertex = np.array([loop.vertex_index for loop in ob.data.loops])
     held = np.isin(
         vertex, np.flatnonzero([abs(v.co.x) + abs(v.co.y) > 1.9 for v in ob.data.vertices])
     )
-    layer.pin_ensure()
-    layer.pin.foreach_set("value", held)
-    before = state(ob)
-    select(ob)
-    answer = attempt(pins="POINTS", replace=True)
-    return {"before": before, "answer": answer, "after": state(ob), "held": held.tolist()}
+    pin(ob, held)
+    return {**played(ob, pins="POINTS", replace=True), "held": held.tolist()}
 
 
 def points_beside():
     """A grid with two pinned corners, a box without pins, and another box that is not selected: one mesh."""
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4)
-    grid, boxes = bpy.context.object, (cube(4, cuts=1), cube(8, cuts=1))
-    for k, ob in enumerate((grid, *boxes)):
-        layer = ob.data.uv_layers.active
-        uv = corners(ob.data, layer) * np.float32(0.3) + np.float32([0.02 + 0.33 * k, 0.05])
-        layer.uv.foreach_set("vector", uv.ravel())
-    select(grid, *boxes)
+    sheet, boxes = grid(), (cube(4, cuts=1), cube(8, cuts=1))
+    for k, ob in enumerate((sheet, *boxes)):
+        uv = corners(ob.data, ob.data.uv_layers.active) * np.float32(0.3)
+        set_uv(ob, uv + np.float32([0.02 + 0.33 * k, 0.05]))
+    select(sheet, *boxes)
     bpy.ops.object.join()
-    layer = grid.data.uv_layers.active
-    held = np.zeros(len(grid.data.loops), bool)
+    held = np.zeros(len(sheet.data.loops), bool)
     held[[0, 61]] = True  # of two opposite corners of the grid
-    layer.pin_ensure()
-    layer.pin.foreach_set("value", held)
-    before = state(grid)
-    pick([range(16 + 24)], grid)
-    answer = attempt(pins="POINTS", replace=True)
-    return {
-        "before": before, "answer": answer, "after": edit_state(grid), "held": held.tolist(),
-        "straight": attempt(pins="POINTS", straighten="OFF"),
-    }  # fmt: skip
+    pin(sheet, held)
+    case = played(sheet, range(16 + 24), pins="POINTS", replace=True)
+    return {**case, "held": held.tolist(), "straight": attempt(pins="POINTS", straighten="OFF")}
 
 
 def together():
@@ -307,17 +287,12 @@ def together():
 def pack():
     ob = cube(cuts=1)
     attempt()
-    layer = ob.data.uv_layers.active
-    layer.uv.foreach_set("vector", (corners(ob.data, layer) * 0.3).ravel())
-    before = state(ob)
-    select(ob)
-    return {"before": before, "answer": attempt(action="PACK", replace=True), "after": state(ob)}
+    set_uv(ob, corners(ob.data, ob.data.uv_layers.active) * 0.3)
+    return played(ob, action="PACK", replace=True)
 
 
 def density():
-    ob = cube(scale=(2, 2, 2))
-    select(ob)
-    return {"answer": attempt(density=50.0, resolution=1024), "after": state(ob)}
+    return played(cube(scale=(2, 2, 2)), density=50.0, resolution=1024)
 
 
 def by_name():
@@ -326,9 +301,8 @@ def by_name():
     for name in ("pa int", "metal"):
         box.data.materials.append(bpy.data.materials.new(name))
     box.data.polygons.foreach_set("material_index", [int(k >= 12) for k in range(24)])
-    select(box)
-    dense = {"answer": attempt(densities="metal=2"), "after": state(box)}
-    pages = {"answer": attempt(group_by="MATERIAL", group_pages=True), "after": state(box)}
+    dense = played(box, densities="metal=2")
+    pages = played(box, group_by="MATERIAL", group_pages=True)
     unknown = attempt(densities="metall=2")
     pick([[0]], box)
     part = [attempt(upright=True), attempt(densities="metal=2"), attempt(group_by="MATERIAL")]
@@ -350,9 +324,7 @@ def stacked():
 def upright_tube():
     """A tube that lies along z, upright."""
     bpy.ops.mesh.primitive_cylinder_add(vertices=16, end_fill_type="NOTHING")
-    ob = bpy.context.object
-    select(ob)
-    return {"answer": attempt(upright=True, straighten="OFF"), "after": state(ob)}
+    return played(bpy.context.object, upright=True, straighten="OFF")
 
 
 def bad_objects():

@@ -194,7 +194,7 @@ def test_what_is_wrong_is_said_in_one_line(answer: dict[str, Any]) -> None:
     assert "no such program" in answer["missing"][0]
     assert "--padding 4000" in answer["refused"][0]
     assert "no face is selected" in answer["nothing_selected"]["answer"][0]
-    assert answer["nothing_selected"]["mode"] == "EDIT"
+    assert answer["nothing_selected"]["after"]["mode"] == "EDIT"
 
 
 def test_only_selected_faces_get_new_uv_beside_the_others(answer: dict[str, Any]) -> None:
