@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from .failure import Failure
-
 NEW_MAP = "circparam"
+
+
+class Failure(Exception):  # noqa: N818
+    """What went wrong, in one line."""
 
 
 def numbers(collection, name, width=1, kind=np.int32):

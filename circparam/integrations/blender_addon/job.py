@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from .exchange import numbers, read_uv, write_obj
-from .failure import Failure
+from .exchange import Failure, numbers, read_uv, write_obj
 
 
 class Job:

@@ -9,8 +9,7 @@ import time
 import bpy
 import numpy as np
 
-from .exchange import Part, write_obj
-from .failure import Failure
+from .exchange import Failure, Part, write_obj
 from .job import Job
 from .program import Run, command_line
 

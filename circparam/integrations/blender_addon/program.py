@@ -10,7 +10,7 @@ import sys
 
 import bpy
 
-from .failure import Failure
+from .exchange import Failure
 
 PROGRESS = re.compile(r"circparam: progress: (\d+) % (.*)")
 
