@@ -2,7 +2,6 @@
 
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from circparam.mesh.mesh import UVMap
 from tests.bake.test_rebake import UPRIGHT, looks_alike
 from tests.bake.test_rebake_text import shown
 from tests.support.baking import sheet, write_obj
-from tests.support.command_line import one_line_error, run
+from tests.support.command_line import one_line_error, report, run
 from tests.support.looks import Painted, model, psnr, waves
 from tests.support.validator import validate
 
@@ -85,19 +84,17 @@ def most_on_a_texel(paths: list[Path]) -> int:
 def test_files_share_a_page_at_one_density(folder: Path, tmp_path: Path) -> None:
     """Two of them lie in the same place in space."""
     out = tmp_path / "out"
-    result = run("unwrap", *files(folder), "--one-atlas", "--out-dir", out, *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
-    report = json.loads(result.stdout)
+    got = report("unwrap", *files(folder), "--one-atlas", "--out-dir", out, *UPRIGHT)
     paths = files(out)
     assert most_on_a_texel(paths) == 1
     share = [flat_area(corners(path)) for path in paths]
     density = np.array(share) / [area(path) for path in paths]
     np.testing.assert_allclose(density, density.mean(), rtol=0.01)
-    assert report["schema"] == "circparam/atlas/1"
-    assert (report["status"], report["overlap"], report["pages"]) == ("ok", 0, 1)
-    assert report["charts"] == sum(part["charts"] for part in report["parts"])
-    assert [part["output"] for part in report["parts"]] == list(map(str, paths))
-    np.testing.assert_allclose([part["packed"] for part in report["parts"]], share, rtol=1e-6)
+    assert got["schema"] == "circparam/atlas/1"
+    assert (got["status"], got["overlap"], got["pages"]) == ("ok", 0, 1)
+    assert got["charts"] == sum(part["charts"] for part in got["parts"])
+    assert [part["output"] for part in got["parts"]] == list(map(str, paths))
+    np.testing.assert_allclose([part["packed"] for part in got["parts"]], share, rtol=1e-6)
 
 
 def test_nothing_of_a_file_is_lost(folder: Path, tmp_path: Path) -> None:
@@ -111,23 +108,15 @@ def test_nothing_of_a_file_is_lost(folder: Path, tmp_path: Path) -> None:
         np.testing.assert_array_equal(
             new.mesh.points[new.mesh.faces], old.mesh.points[old.mesh.faces]
         )
-    kept = [
-        [
-            line
-            for line in (place / "three.obj").read_text().splitlines()
-            if line[:2] in ("v ", "us", "mt")
-        ]
-        for place in (folder, tmp_path)
-    ]
-    assert kept[0] == kept[1]
+    old, new = ((place / "three.obj").read_text().splitlines() for place in (folder, tmp_path))
+    kept = ("v ", "us", "mt")
+    assert [x for x in old if x[:2] in kept] == [x for x in new if x[:2] in kept]
     assert (tmp_path / "three.png").read_bytes() == (folder / "three.png").read_bytes()
 
 
 def test_pages_are_filled_with_charts_of_all_files(folder: Path, tmp_path: Path) -> None:
     words = ("--pages", 2, "--one-atlas", "--out-dir", tmp_path)
-    result = run("unwrap", *files(folder), *words, *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["pages"] == 2
+    assert report("unwrap", *files(folder), *words, *UPRIGHT)["pages"] == 2
     page = [np.floor(corners(path).mean(1)[:, 0]) for path in files(tmp_path)]
     assert set(np.concatenate(page).tolist()) == {0.0, 1.0}
 
@@ -140,9 +129,8 @@ def points_of(path: Path) -> tuple[IntArray, FloatArray]:
 def test_one_set_of_images_serves_all_outputs(folder: Path, tmp_path: Path) -> None:
     """A GLB holds it, an OBJ names it; each looks as it did; a file without images goes along."""
     words = ("--rebake", "--size", 256, "--one-atlas", "--out-dir", tmp_path)
-    result = run("unwrap", *files(folder), *words, *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["look"]["images"] == ["base_color"]
+    got = report("unwrap", *files(folder), *words, *UPRIGHT)
+    assert got["look"]["images"] == ["base_color"]
     assert {p.name for p in tmp_path.iterdir()} == {*ALL, "three.mtl", "atlas_base_color.png"}
     assert "map_Kd atlas_base_color.png" in (tmp_path / "three.mtl").read_text()
     old, new = validate(folder / "one.glb", tmp_path / "one.glb")
@@ -176,18 +164,15 @@ def test_one_atlas_in_python(folder: Path, tmp_path: Path) -> None:
     )
     assert (look.size, look.materials) == (128, (2, 2))
     assert shared.result.verification.valid
-    assert {p.name for p in tmp_path.iterdir()} == {
-        *names,
-        "a.bin",
-        "b.bin",
-        "atlas_base_color.png",
-    }
-    with pytest.raises(OptionError, match="no name"):
-        circparam.unwrap_together([read(folder / "one.glb").mesh], tmp_path)
-    with pytest.raises(OptionError, match="1 names for 2 meshes"):
-        circparam.unwrap_together(files(folder)[:2], tmp_path, names=["a.glb"])
-    with pytest.raises(OptionError, match="named twice"):
-        circparam.unwrap_together([folder / "one.glb"] * 2, tmp_path, names=["c.glb", "d.glb"])
+    written = {*names, "a.bin", "b.bin", "atlas_base_color.png"}
+    assert {p.name for p in tmp_path.iterdir()} == written
+    for meshes, named, said in (
+        ([read(folder / "one.glb").mesh], None, "no name"),
+        (files(folder)[:2], ["a.glb"], "1 names for 2 meshes"),
+        ([folder / "one.glb"] * 2, ["c.glb", "d.glb"], "named twice"),
+    ):
+        with pytest.raises(OptionError, match=said):
+            circparam.unwrap_together(meshes, tmp_path, names=named)
     with pytest.raises(InputError, match="nothing to carry"):
         circparam.rebake_together([folder / "four.ply"], tmp_path)
 
@@ -227,24 +212,18 @@ def test_what_makes_no_sense_for_one_atlas_is_refused(
     assert [p.name for p in (folder / "there").iterdir()] == ["atlas_base_color.png"]
 
 
-def broken_mesh(place: Path) -> None:
-    (place / "two.glb").write_bytes((place / "two.glb").read_bytes()[:300])
-
-
-def missing_image(place: Path) -> None:
-    os.remove(place / "three.png")
-
-
-@pytest.mark.parametrize("spoil", [broken_mesh, missing_image])
-def test_one_bad_file_leaves_no_output(
-    spoil: Callable[[Path], None], folder: Path, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("spoilt", ["two.glb", "three.png"])
+def test_one_bad_file_leaves_no_output(spoilt: str, folder: Path, tmp_path: Path) -> None:
+    """A mesh that is cut short, an image that is not there."""
     place, out = tmp_path / "in", tmp_path / "out"
     place.mkdir()
     for path in folder.iterdir():
         if path.is_file():
             (place / path.name).write_bytes(path.read_bytes())
-    spoil(place)
+    whole = (place / spoilt).read_bytes()
+    os.remove(place / spoilt)
+    if spoilt == "two.glb":
+        (place / spoilt).write_bytes(whole[:300])
     words = ("--rebake", "--one-atlas", "--out-dir", out)
     one_line_error(run("unwrap", *files(place, TEXTURED), *words), 3)
     assert not out.exists()
