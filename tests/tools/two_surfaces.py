@@ -18,34 +18,38 @@ from circparam.maps.pair import moved
 from circparam.maps.surface_map import SurfaceMap
 from circparam.pipeline.unwrap import unwrap
 from circparam.render import colours as col
-from circparam.render.camera import look_from
+from circparam.render.camera import Camera, look_from
 from circparam.render.picture import to_image
 from circparam.render.scene import Scene, make_scene
 from circparam.render.text import write
 from circparam.render.texture import bilinear
-from circparam.render.views import LIGHT, paint, see
+from circparam.render.views import LIGHT, View, paint, see
 
 WIDE, HIGH, TOP = 380, 360, 40
 CLAY = np.array([0.78, 0.76, 0.72])
 Colour = Callable[[IntArray, FloatArray], FloatArray]
 
 
-def drawn(scene: Scene, direction: FloatArray, up: str, colour: Colour) -> Image.Image:
-    """A surface in colours of its own, without seams."""
+def seen(scene: Scene, direction: FloatArray, up: str) -> tuple[Camera, View]:
+    """A surface from a direction, without seams."""
     camera = look_from(scene, direction, up, WIDE / HIGH)
     view = see(scene, camera, WIDE, HIGH, 3)
-    view = replace(view, seams=np.zeros_like(view.seams))
+    return camera, replace(view, seams=np.zeros_like(view.seams))
+
+
+def drawn(scene: Scene, direction: FloatArray, up: str, colour: Colour) -> Image.Image:
+    """A surface in colours of its own."""
+    _, view = seen(scene, direction, up)
     return to_image(paint(view, colour(view.face, view.bary), col.rgb(col.INK)))
 
 
 def lit(scene: Scene, direction: FloatArray, up: str, normal: Colour) -> Image.Image:
     """A surface of clay under one light, with normals of its own."""
-    camera = look_from(scene, direction, up, WIDE / HIGH)
-    view = see(scene, camera, WIDE, HIGH, 3)
+    camera, view = seen(scene, direction, up)
     n = normal(view.face, view.bary)
-    seen = np.stack([n @ camera.right, n @ camera.up, n @ camera.back], 1)
-    key = np.clip(0.35 + 0.65 * (seen @ (LIGHT / np.linalg.norm(LIGHT))), 0, 1) ** 1.4
-    view = replace(view, seams=np.zeros_like(view.seams), light=0.35 + 0.75 * key)
+    turned = np.stack([n @ camera.right, n @ camera.up, n @ camera.back], 1)
+    key = np.clip(0.35 + 0.65 * (turned @ (LIGHT / np.linalg.norm(LIGHT))), 0, 1) ** 1.4
+    view = replace(view, light=0.35 + 0.75 * key)
     return to_image(paint(view, np.broadcast_to(CLAY, n.shape), col.rgb(col.INK)))
 
 
@@ -111,9 +115,8 @@ def heads() -> Image.Image:
     end = moved(mapped, first.mesh, second.mesh)
     side = np.array([0.75, 0.25, 0.9])
     panels = morphed("head-1", start, end, lambda at: drawn(at, side, "y", skin))
-    colour = baked_colour(second, baked)
-    panels.append(("head-2, baked", drawn(scene_of(second), side, "y", colour)))
-    return row(panels)
+    last = drawn(scene_of(second), side, "y", baked_colour(second, baked))
+    return row([*panels, ("head-2, baked", last)])
 
 
 def creatures() -> Image.Image:
@@ -130,9 +133,8 @@ def creatures() -> Image.Image:
     start, end = scene_of(first), moved(mapped, first.mesh, second.mesh)
     side = np.array([0.5, 0.9, 0.4])
     panels = morphed("creature", start, end, lambda at: drawn(at, side, "z", skin))
-    colour = baked_colour(second, baked)
-    panels.append(("creature-pose, baked", drawn(scene_of(second), side, "z", colour)))
-    return row(panels)
+    last = drawn(scene_of(second), side, "z", baked_colour(second, baked))
+    return row([*panels, ("creature-pose, baked", last)])
 
 
 def covers() -> Image.Image:
@@ -162,14 +164,13 @@ def covers() -> Image.Image:
     def own(scene: Scene) -> Colour:
         return lambda face, bary: unit(np.einsum("pk,pkc->pc", bary, scene.corner_normals[face]))
 
-    return row(
-        [
-            (f"cover-coarse: {len(low.faces)} faces", lit(low, side, "z", own(low))),
-            ("its normals, baked", image),
-            ("cover-coarse with them", lit(low, side, "z", told)),
-            (f"cover-dense: {len(high.faces):,} faces", lit(high, side, "z", own(high))),
-        ]
-    )
+    panels = {
+        f"cover-coarse: {len(low.faces)} faces": lit(low, side, "z", own(low)),
+        "its normals, baked": image,
+        "cover-coarse with them": lit(low, side, "z", told),
+        f"cover-dense: {len(high.faces):,} faces": lit(high, side, "z", own(high)),
+    }
+    return row(list(panels.items()))
 
 
 def main(save: Callable[[str, Image.Image], None]) -> None:
