@@ -21,6 +21,7 @@ from circparam.maps.straighten import straighten
 from circparam.maps.tracing import Tracer
 
 PATCH_DISTANCE = 10.0  # distance between patches in the search for faces near a place
+SAME_PLACE = 0.15  # barycentric coordinates that differ by less are about the same place of a patch
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +117,8 @@ def composed(
 def _add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, method: str) -> None:
     """A helper inside each of the two patches of three landmarks: a polyhedron has four corners or more.
 
-    It is the vertex of A farthest from the landmarks, and the vertex of B at about the same place of the patch.
-    Helpers shape the layout only: relaxation moves them like any other vertex.
+    It is the vertex of A farthest from the landmarks. Its partner is the farthest of the vertices of B at about
+    the same place of the patch. Helpers shape the layout only: relaxation moves them like any other vertex.
     """
     regions = layout.regions()
     patches = [t.regions(regions) for t in layout.tracers]
@@ -125,15 +126,20 @@ def _add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, met
         laid_in_polygons(t, patch, regions, np.eye(3), method).reshape(-1, 3)[t.mesh.first_out]
         for t, patch in zip(layout.tracers, patches, strict=True)
     )
-    far = layout.tracers[0].from_landmarks()
+    far_a, far_b = (t.from_landmarks() for t in layout.tracers)
     for n in range(len(regions)):
         one, two = (
             _inside(t, patch == n, side.n)
             for t, patch, side in zip(layout.tracers, patches, (a, b), strict=True)
         )
         if len(one) and len(two):
-            u = one[far[one].argmax()]
-            marks.add(int(u), int(two[np.abs(on_b[two] - on_a[u]).max(1).argmin()]), False)
+            u = one[far_a[one].argmax()]
+            near = np.abs(on_b[two] - on_a[u]).max(1) < SAME_PLACE
+            if near.any():
+                v = two[np.where(near, far_b[two], -1).argmax()]
+            else:  # the innermost of both
+                u, v = one[on_a[one].min(1).argmax()], two[on_b[two].min(1).argmax()]
+            marks.add(int(u), int(v), False)
 
 
 def _inside(tracer: Tracer, faces: IntArray, n: int) -> IntArray:

@@ -20,7 +20,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, edge_
 from circparam.core.linalg import SparseMatrix
 from circparam.core.linear_program import CHOOSE, least
 from circparam.core.records import dataclass
-from circparam.geometry.boundary import BoundarySegments, boundary_in
+from circparam.geometry.boundary import BoundarySegments, boundary_in, turned_loops
 from circparam.geometry.intersect import meeting
 from circparam.geometry.overlap import overlaps
 from circparam.mesh.cut_mesh import CutMesh
@@ -112,6 +112,8 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
     smaller = np.where(size[chart[a]] <= size[chart[b]], a, b)
     same = chart[a] == chart[b]
     wrong[np.r_[smaller, a[same], b[same]]] = True
+    boundary = boundary_in(cut_mesh, _stored(x))
+    wrong[boundary.half_edge[turned_loops(boundary)] // 3] = True  # a flap folded out of a hole
     crossing = edge_keys(chart[a], chart[b], n)
     inside = found.pairs[~np.isin(edge_keys(found.pairs[:, 0], found.pairs[:, 1], n), crossing)]
     whole = np.zeros(n, bool)

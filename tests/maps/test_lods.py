@@ -129,7 +129,7 @@ def waved_ring() -> tuple[Document, np.ndarray, np.ndarray]:
     return from_arrays(points, faces, uv=first.uv, uv_faces=first.uv_faces), points, faces
 
 
-@pytest.mark.parametrize("share", [0.25])
+@pytest.mark.parametrize("share", [0.25, 0.1])
 def test_coarser_levels_neither_flip_nor_overlap(
     share: float, waved_ring: tuple[Document, np.ndarray, np.ndarray]
 ):

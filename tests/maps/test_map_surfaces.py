@@ -93,6 +93,7 @@ def test_few_landmarks(k: int) -> None:
     found = circparam.map_surfaces(a, b, landmarks=case.marks)
     covers_once(case, found, "sphere")
     meets_landmarks(case, found)
+    assert found.a_to_b.mean < 1.001  # of one shape: relaxation ends near an isometry
 
 
 @pytest.mark.parametrize("seed", [1, 4, 6])

@@ -7,7 +7,7 @@ from circparam.core.monitor import Monitor
 from circparam.methods import METHODS
 from circparam.methods.arap import arap, rigid_energy
 from circparam.methods.base import MethodOptions
-from circparam.methods.pins import Pins
+from circparam.methods.pins import Pins, fit_pins
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -64,6 +64,14 @@ def test_pins_hold_and_pull():
     layout = arap(cut_mesh, MethodOptions(pins=Pins(chosen, target)), Monitor())
     np.testing.assert_array_equal(layout.uv[chosen], target)
     assert energy(cut_mesh, layout.uv) >= energy(cut_mesh, free)
+
+
+def test_the_start_is_turned_and_scaled_to_its_pins():
+    cut_mesh, points = patches_of(shapes.bumped_disk(100))
+    turn, uv = np.array([[0.6, -0.8], [0.8, 0.6]]), points[:, :2]
+    pins = Pins(np.array([3, 30, 60]), (3 * uv @ turn.T + [1, -2])[[3, 30, 60]])
+    placed, size = fit_pins(cut_mesh, uv, pins)
+    np.testing.assert_allclose(placed * size, 3 * uv @ turn.T + [1, -2], atol=1e-12)
 
 
 def test_one_pin_only_moves_the_chart():

@@ -104,6 +104,9 @@ def test_every_chart_has_its_colour_in_the_layout():
     assert len(seen) == 6
     empty = image[120, 1]
     assert np.allclose(empty, col.rgb(col.PANEL), atol=0.01)
+    (u, v), (side_u, side_v) = uv[:4].mean(0), uv[:2].mean(0)
+    middle, side = (image[int((1 - y) * 240), int(x * 240)] for x, y in ((u, v), (side_u, side_v)))
+    assert side.mean() < middle.mean() - 0.2  # a dark line along all of a boundary
 
 
 def test_padding_band_has_its_width():
