@@ -10,7 +10,7 @@ class Budget:
     """
 
     def __init__(self, operations: float, expired: Callable[[], bool]) -> None:
-        self.left = operations
+        self.total = self.left = operations
         self._expired = expired
 
     def spend(self, amount: float) -> bool:

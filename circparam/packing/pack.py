@@ -1,19 +1,19 @@
 """The way through packing: shapes, a placement, uv, and the check on the raster at the end."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.registry import Row
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.packing import table
 from circparam.packing.check import PlacedCharts, faults
 from circparam.packing.options import Packed, PackOptions, pages_needed, too_dense
 from circparam.packing.outlines import Shapes, least_square_angles, shapes_of
-from circparam.packing.placement import Packer, PackTask, Placement
+from circparam.packing.placement import PackTask, Placement
 from circparam.packing.straight import along_axes
 
 
@@ -41,8 +41,10 @@ def pack(
     check_room(shapes, options)
     check_fixed_room(shapes, options)
     with monitor.stage("pack"):
-        checked = _Check(shapes, options)
-        candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound))
+        # a check fills a raster of the whole page
+        checked = cache(lambda placement: finish(shapes, placement, options))
+        task = PackTask(shapes, options, monitor, {}, lambda p: checked(p)[1] is None)
+        candidates = _candidates(task)
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
         # the largest scale, then the fewest pages; the next one follows if the check refuses
@@ -57,48 +59,23 @@ def pack(
     )
 
 
-class _Check:
-    """The result of ``finish``, once for each placement: it fills a raster of the whole page."""
-
-    def __init__(self, shapes: Shapes, options: PackOptions) -> None:
-        self._shapes, self._options = shapes, options
-        self._known: list[tuple[Placement, tuple[Packed, str | None]]] = []
-
-    def __call__(self, placement: Placement) -> tuple[Packed, str | None]:
-        for known, answer in self._known:
-            if known is placement:
-                return answer
-        answer = finish(self._shapes, placement, self._options)
-        self._known.append((placement, answer))
-        return answer
-
-    def sound(self, placement: Placement) -> bool:
-        """Whether nothing is wrong with a placement."""
-        return self(placement)[1] is None
-
-
 def _candidates(task: PackTask) -> list[Placement]:
     """Placements of all packers that apply, the last row first; tighter ones only while there is time."""
-    applies = {row.name: row.function.applies(task.shapes, task.options) for row in table.PACKERS}
     found: dict[str, Placement] = {}
     for row in table.PACKERS:
-        if row.function.instant or (applies[row.name] and not task.monitor.expired):
-            found = _with(found, row, task)
-    if all(table.PACKERS[name].function.instant for name in found):
-        for row in table.PACKERS:
-            if row.function.fallback and not applies[row.name] and not task.monitor.expired:
-                found = _with(found, row, task)
-    return [found[name] for name in reversed(table.PACKERS.names()) if name in found]
-
-
-def _with(found: dict[str, Placement], row: Row[Packer], task: PackTask) -> dict[str, Placement]:
-    """The placements found, and the placement of one more row, unless the row fails or ends early."""
-    try:
-        with clock.bounded(None if row.function.instant else task.monitor.last):
-            placement = row.function(replace(task, found=found))
-    except OutOfTimeError:
-        task.monitor.late, placement = True, None
-    return found if placement is None else {**found, row.name: placement}
+        packer, monitor = row.function, task.monitor
+        if not packer.instant and (
+            monitor.expired or not packer.applies(task.shapes, task.options)
+        ):
+            continue
+        try:
+            with clock.bounded(None if packer.instant else monitor.last):
+                placement = packer(replace(task, found=dict(found)))
+        except OutOfTimeError:
+            monitor.late, placement = True, None
+        if placement is not None:
+            found[row.name] = placement
+    return list(reversed(found.values()))
 
 
 def check_room(shapes: Shapes, options: PackOptions) -> None:
@@ -128,15 +105,11 @@ def check_fixed_room(shapes: Shapes, options: PackOptions) -> None:
     room = options.resolution - 2 * options.border
     # the least square is searched in steps: the packers decide on charts slightly too long
     if side.max() > 1.01 * room:
+        holds = int(np.ceil((side.max() + 2 * options.border) / 100)) * 100  # to a full hundred
         raise OptionError(
             f"the longest chart has {side.max():.0f} texels, and a page of {options.resolution} has room "
-            f"for {room:.0f}: lower the density, or raise --resolution to {_side(side.max(), options)}"
+            f"for {room:.0f}: lower the density, or raise --resolution to {holds}"
         )
-
-
-def _side(texels: float, options: PackOptions) -> int:
-    """The page that holds a chart so long, to a full hundred."""
-    return int(np.ceil((texels + 2 * options.border) / 100)) * 100
 
 
 def does_not_fit(shapes: Shapes, options: PackOptions) -> str:

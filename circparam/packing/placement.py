@@ -53,14 +53,12 @@ class Packer:
 
     place: PackTask → Placement, or None if it finds none; the caller checks it on the raster. applies:
     whether the packer is worth its time for these charts and options. instant: the packer takes no time, so it
-    runs after the deadline too, and its result is only a start. fallback: it is tried for any charts where no
-    other packer found more than a start.
+    runs after the deadline too, and its result is only a start.
     """
 
     place: Place
     applies: Callable[[Shapes, PackOptions], bool] = field(default=always)
     instant: bool = False
-    fallback: bool = False
 
     def __call__(self, task: PackTask) -> Placement | None:
         """The placement of a task, None if there is none."""

@@ -11,10 +11,8 @@ from circparam.core.monitor import Monitor
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Placement
+from circparam.packing.shelf import box_rows
 from circparam.packing.skyline import CHART_COLUMNS, Bounds, Profiles, largest_placement, profiles
-
-# Angles of a quarter turn that are tried for boxes: of 30,000 charts finer ones take longer than all the rest.
-ANGLE_STEPS = 12
 
 # Weight of the height at which a chart ends beside the room that it wastes.
 HEIGHT_WEIGHT = 0.5
@@ -29,7 +27,7 @@ def row_placement(
     between boxes are narrower, and count for more than the shapes of very small charts.
     """
     turns = 1 if options.rotate == "none" else 2
-    box = least_box_angles(shapes, options.rotate, steps=ANGLE_STEPS)
+    box = least_box_angles(shapes, options.rotate)
     angle = np.asarray(box[:, None] + np.arange(turns) * np.pi)
 
     def place(scale: float) -> tuple[Placement | None, float]:
@@ -51,7 +49,7 @@ def _dropped(
     if size[:, 0].max() > options.resolution - 2 * options.border:
         return None, 2.0
     order = np.argsort(-size[:, 1], kind="stable")
-    rows, left = _rows(size[order, 0], options)
+    rows, left = box_rows(size[order, 0], options)
     x = np.empty(n)
     x[order] = left
     centre = x[:, None] - box[:, :, 0]
@@ -76,19 +74,6 @@ def _dropped(
     k = np.arange(n)
     offset = np.stack([centre[k, pick], rest + margin], 1)
     return Placement(scale, angle[k, pick], offset, page), fill
-
-
-def _rows(width: FloatArray, options: PackOptions) -> tuple[IntArray, FloatArray]:
-    """(where rows of boxes (n,) begin, and n at the end; the left side of each box) in the order given."""
-    gap, room = options.box_gap, options.resolution - 2 * options.border
-    ends = np.cumsum(width + gap)
-    rows = [0]
-    while rows[-1] < len(width):
-        before = ends[rows[-1] - 1] if rows[-1] else 0.0
-        rows.append(max(int(np.searchsorted(ends, before + room + gap)), rows[-1] + 1))
-    start = np.array(rows)
-    before = np.repeat(np.r_[0.0, ends][start[:-1]], np.diff(start))
-    return start, options.border + ends - before - gap - width
 
 
 def _row(

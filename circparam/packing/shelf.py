@@ -8,15 +8,12 @@ from circparam.packing.outlines import Shapes, least_box_angles, least_square_an
 from circparam.packing.placement import Placement
 
 
-def shelf_placement(
-    shapes: Shapes, options: PackOptions, angle: FloatArray | None = None
-) -> Placement | None:
+def shelf_placement(shapes: Shapes, options: PackOptions) -> Placement | None:
     """Rows of boxes by falling height at the largest scale at which they fit; None if they never do.
 
     A fixed scale is the only one tried. A chart with a box longer than a page is turned to its least square.
     """
-    if angle is None:
-        angle = least_box_angles(shapes, options.rotate)
+    angle = least_box_angles(shapes, options.rotate)
     box, scale = shapes.boxes(angle), options.fixed_scale
     if scale is not None:
         room = options.resolution - 2 * options.border
@@ -57,25 +54,33 @@ def _largest_scale(size: FloatArray, options: PackOptions) -> float | None:
 
 def _rows(size: FloatArray, options: PackOptions) -> tuple[FloatArray, IntArray] | None:
     """Lower left corners and pages of boxes (n, 2) sorted by falling height; None if they do not fit."""
-    n, gap, border = len(size), options.box_gap, options.border
-    room = options.resolution - 2 * border
+    room = options.resolution - 2 * options.border
     if size.max(initial=0.0) > room * (1 + 1e-12):
         return None
-    ends = np.cumsum(size[:, 0] + gap)
-    corner, page = np.empty((n, 2)), np.zeros(n, np.int64)
-    first, y, tile = 0, 0.0, 0
-    while first < n:
-        before = ends[first - 1] if first else 0.0
-        last = int(np.searchsorted(ends, before + room + gap + 1e-9, side="right"))
-        last = max(last, first + 1)
-        if y + size[first, 1] > room + 1e-9:
+    start, left = box_rows(size[:, 0], options)
+    height = size[start[:-1], 1]
+    y, tile, rows = 0.0, 0, []
+    for high in height.tolist():
+        if y + high > room + 1e-9:
             y, tile = 0.0, tile + 1
-            if tile >= options.pages:
-                return None
-        row = slice(first, last)
-        corner[row, 0] = border + ends[row] - before - gap - size[row, 0]
-        corner[row, 1] = border + y
-        page[row] = tile
-        y += size[first, 1] + gap
-        first = last
-    return corner, page
+        rows.append((options.border + y, tile))
+        y += high + options.box_gap
+    if tile >= options.pages:
+        return None
+    row = np.repeat(np.arange(len(rows)), np.diff(start))
+    bottom, page = np.array(rows)[row].T
+    return np.stack([left, bottom], 1), page.astype(np.int64)
+
+
+def box_rows(width: FloatArray, options: PackOptions) -> tuple[IntArray, FloatArray]:
+    """(where rows of boxes (n,) begin, and n at the end; the left side of each box) in the order given."""
+    gap, room = options.box_gap, options.resolution - 2 * options.border
+    ends = np.cumsum(width + gap)
+    rows = [0]
+    while rows[-1] < len(width):
+        before = ends[rows[-1] - 1] if rows[-1] else 0.0
+        last = int(np.searchsorted(ends, before + room + gap + 1e-9, side="right"))
+        rows.append(max(last, rows[-1] + 1))
+    start = np.array(rows)
+    before = np.repeat(np.r_[0.0, ends][start[:-1]], np.diff(start))
+    return start, options.border + ends - before - gap - width

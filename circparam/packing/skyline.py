@@ -19,20 +19,15 @@ from circparam.packing.placement import Placement
 
 Bounds: TypeAlias = npt.NDArray[np.float32]
 
-CHART_COLUMNS = 24  # of a chart of average width: more are slower and hardly tighter
+# Columns of a chart of average width: 24 cover 3 % less (29 sets of 20 to 300 charts) in the same time.
+CHART_COLUMNS = 32
 
-# Directions in a turn at which each chart is tried if it may turn freely.
+# Directions in a turn at which a chart is tried if it may turn freely: 16 cover 1.8 % more in twice the time.
 CHART_TURNS = 8
 
-# Weight of the height at which a chart ends beside the room that it wastes, for charts by falling height.
-HEIGHT_WEIGHT = 0.5
-
-# Charts up to which both orders are tried: of more the second one takes seconds.
-TWO_ORDERS_CHARTS = 1000
-
-# Scales that are tried, and the ratio of a scale too large to one that fits at which the search ends.
-SCALES_MOST = 6
-CLOSE_RATIO = 1.005
+# Ratio of a scale too large to one that fits at which the search ends: 1.005 covers 0.3 % more in 1.3 times the
+# time.
+CLOSE_RATIO = 1.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,30 +143,19 @@ def _widened(lower: Bounds, upper: Bounds, grow: float, cell: float) -> tuple[Bo
 def skyline_placement(
     shapes: Shapes, options: PackOptions, monitor: Monitor, least: float = 0.0
 ) -> Placement | None:
-    """Charts on the skyline at the largest scale found, or at the fixed one; None if they do not fit.
+    """Charts by falling size on the skyline, at the largest scale found or at the fixed one; None if none fits.
 
-    Charts come by falling size, then by falling height. least: scale of a known layout, which is tried first.
+    least: scale of a known layout, which is tried first.
     """
-    n = shapes.n
     turns = {"free": CHART_TURNS, "90": 4, "none": 1}[options.rotate]
-    base = least_box_angles(shapes, options.rotate) if options.rotate == "free" else np.zeros(n)
+    base = least_box_angles(shapes, options.rotate) * (options.rotate == "free")
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
     if shapes.upright is not None and options.rotate == "free":
         quarters = base[:, None] + np.arange(turns) % 4 * (np.pi / 2)
         angle = np.where(shapes.upright[:, None], quarters, angle)
-    best: Placement | None = None
-    for by_height in (False, True):
-        first = max(least, 0.0 if best is None else best.scale)
-
-        def place(scale: float, by_height: bool = by_height) -> tuple[Placement | None, float]:
-            return _stacked(shapes, options, angle, scale, by_height)
-
-        found = largest_placement(shapes, options, place, monitor, first)
-        best = found or best
-        enough = options.fixed_scale is not None or n > TWO_ORDERS_CHARTS
-        if monitor.expired or (best is not None and enough):
-            break
-    return best
+    return largest_placement(
+        shapes, options, lambda scale: _stacked(shapes, options, angle, scale), monitor, least
+    )
 
 
 def largest_placement(
@@ -192,7 +176,7 @@ def largest_placement(
     best: Placement | None = None
     low, high = 0.0, np.inf
     scale = least or scale_for(shapes, options, 0.5)
-    for _ in range(SCALES_MOST):
+    while True:
         placement, fill = place(scale)
         if placement is None:
             high = scale
@@ -231,11 +215,11 @@ def _page_area(options: PackOptions) -> float:
 
 
 def _stacked(
-    shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float, by_height: bool
+    shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float
 ) -> tuple[Placement | None, float]:
-    """Put all charts on the skyline at a scale: (placement or None, height used over height there is).
+    """Put all charts on the skyline at a scale, the largest and longest first.
 
-    by_height: the tallest first, else the largest and longest.
+    Returns (placement or None, height used over height there is).
     """
     n, k = angle.shape
     wide = shapes.boxes(angle[:, 0])
@@ -247,10 +231,8 @@ def _stacked(
     room = options.resolution - 2 * margin
     columns = int(room / cell)
     size = (wide[:, 2:] - wide[:, :2]) * scale
-    # by height alone thin ones come early
     grown = shapes.area * scale**2 + size.max(1) * options.gap
-    order = np.argsort(-size[:, 1] if by_height else -grown * size.max(1), kind="stable")
-    steep = HEIGHT_WEIGHT if by_height else 1.0
+    order = np.argsort(-grown * size.max(1), kind="stable")
     sky = np.zeros((options.pages, columns), np.float32)
     pick, corner, rest = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
     page = np.zeros(n, np.int64)
@@ -262,7 +244,7 @@ def _stacked(
             for j in range(k):
                 e = c * k + j
                 part = slice(shape.start[e], shape.start[e + 1])
-                lowest = _rest(sky[tile], below, shape.lower[part], shape.upper[part], steep)
+                lowest = _rest(sky[tile], below, shape.lower[part], shape.upper[part])
                 if lowest is not None and lowest[0] < best[0]:
                     best = (lowest[0], j, lowest[1], lowest[2], tile)
             last = tile == options.pages - 1
@@ -288,11 +270,11 @@ def _top(shape: Profiles, e: int, y: float) -> float:
 
 
 def _rest(
-    sky: Bounds, below: Bounds, lower: Bounds, upper: Bounds, steep: float
+    sky: Bounds, below: Bounds, lower: Bounds, upper: Bounds
 ) -> tuple[float, int, float] | None:
     """Where a chart comes to rest with the least waste: (cost, first column, height of its centre).
 
-    steep: weight of how high it ends. below: (columns + 1,) area below the skyline left of each column.
+    below: (columns + 1,) area below the skyline left of each column.
     """
     w = len(lower)
     if w > len(sky):
@@ -302,6 +284,6 @@ def _rest(
     windows = np.ndarray((w, len(sky) - w + 1), sky.dtype, sky, 0, (step, step))
     height = (windows - lower[:, None]).max(0)
     waste = height * w + lower.sum() - (below[w:] - below[:-w])
-    cost = waste / w + steep * (height + upper.max())
+    cost = waste / w + height + upper.max()
     x = int(cost.argmin())
     return float(cost[x]), x, float(height[x])

@@ -7,9 +7,9 @@ import math
 
 from circparam.core.registry import Row, Table
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes, least_box_angles
+from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Packer, PackTask, Placement
-from circparam.packing.rows import ANGLE_STEPS, row_placement
+from circparam.packing.rows import row_placement
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
@@ -17,34 +17,27 @@ from circparam.packing.skyline import skyline_placement
 # NEST_CHARTS grows with the root of the effort.
 NEST_CHARTS = 200
 
-# Numbers of charts between which the skyline runs. Of more than 40 its layout is at times the better start of
-# the compaction. Of 10,000 triangles it holds 24 % more than rows, in 17 s for 0.5 s.
-SKYLINE_CHARTS = 40, 6000
+# Charts up to which the skyline runs. Of 10,000 triangles it holds 24 % more than rows, in 17 s for 0.5 s.
+SKYLINE_CHARTS = 6000
 
 
 def _few_enough_to_nest(shapes: Shapes, options: PackOptions) -> bool:
     return shapes.n <= NEST_CHARTS * math.sqrt(options.effort)
 
 
-def _many_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
-    return SKYLINE_CHARTS[0] < shapes.n <= SKYLINE_CHARTS[1]
+def _few_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
+    return shapes.n <= SKYLINE_CHARTS
 
 
 def _too_many_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
-    return shapes.n > SKYLINE_CHARTS[1]
+    return shapes.n > SKYLINE_CHARTS
 
 
 def _shelf(task: PackTask) -> Placement | None:
-    shapes, options = task.shapes, task.options
-    if not task.monitor.expired and shapes.n <= SKYLINE_CHARTS[1]:
-        return shelf_placement(shapes, options)
-    angle = least_box_angles(shapes, options.rotate, steps=ANGLE_STEPS)
-    return shelf_placement(shapes, options, angle)
+    return shelf_placement(task.shapes, task.options)
 
 
 def _skyline(task: PackTask) -> Placement | None:
-    if _too_many_for_skyline(task.shapes, task.options):
-        return None
     return skyline_placement(task.shapes, task.options, task.monitor, _best_scale(task))
 
 
@@ -78,7 +71,7 @@ PACKERS: Table[Packer] = Table(
     ),
     Row(
         "skyline",
-        Packer(_skyline, _many_enough_for_skyline, fallback=True),
+        Packer(_skyline, _few_enough_for_skyline),
         "charts on the skyline of those below, each where it wastes least",
         "Lévy, Petitjean, Ray and Maillot 2002, section 4.3",
     ),

@@ -133,7 +133,7 @@ class Search:
         fewer cells a side than ``below``."""
         sketches = [self._grid.sketch(*o.edges) for o in outlines]
         budget = Budget(np.inf, lambda: self.monitor.expired)
-        page = least_page(sketches, below, TRIES, budget, self._grid.cache)
+        page = least_page(sketches, below, TRIES, budget)
         return -np.inf if page is None else 2 * float(np.log(CELLS / page.side))
 
     def _estimate(
@@ -195,7 +195,6 @@ class Search:
 
     def _sketched(self, plan: Plan, trials: list[_Trial]) -> list[_Trial]:
         """The trials by their sketched pages, the best first; those that one before them beats are left out."""
-        self._grid.cache.keep([self._grid.sketch(*p.outline.edges) for p in plan.parts])
         found: list[_Trial] = []
         least = np.inf
         for trial in trials:

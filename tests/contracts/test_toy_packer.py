@@ -96,20 +96,6 @@ def test_a_packer_that_is_looser_or_overlaps_changes_nothing(
     assert found == [(["nest", "shelf"], factor < 1)]  # it may start from what others found
 
 
-def test_a_fallback_runs_where_only_a_start_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    empty = Row("empty", Packer(lambda task: None), "finds nothing")
-    fallback = Row("fallback", Packer(quincunx, never, fallback=True), "where nothing else is")
-    other = Row("other", Packer(quincunx, never), "no fallback")
-    assert not is_quincunx(packed_by(monkeypatch, PACKERS["shelf"], empty, other))
-    assert is_quincunx(packed_by(monkeypatch, PACKERS["shelf"], empty, fallback))
-
-    def unasked(task: PackTask) -> Placement:
-        raise AssertionError("a fallback ran beside a packer that found a place")
-
-    idle = Row("fallback", Packer(unasked, never, fallback=True), "not needed")
-    assert is_quincunx(packed_by(monkeypatch, TOY, idle))
-
-
 def test_only_instant_packers_run_after_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     class Over(Monitor):
         @property

@@ -14,7 +14,6 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
-from circparam.packing.skyline import skyline_placement
 from tests.support.packing import QUICK, blobs, promise, shelf, triangles, vertices_of
 
 
@@ -174,29 +173,6 @@ def test_the_same_input_gives_the_same_bytes():
         for seed in ("1", "2")
     ]
     assert runs[0] == runs[1]
-
-
-@pytest.mark.parametrize("late", [False, True])
-def test_the_skyline_steps_in_where_nothing_but_a_start_is_found(late, monkeypatch):
-    """Few charts go to the nest alone; where that finds none, the skyline is asked, time permitting."""
-    asked = []
-
-    def skyline(*task):
-        asked.append("skyline")
-        return skyline_placement(*task)
-
-    def none(*task, **found):
-        asked.append("nest")
-        if late:
-            monitor.deadline = -1.0
-
-    monkeypatch.setattr("circparam.packing.table.skyline_placement", skyline)
-    monkeypatch.setattr("circparam.packing.nest.strategy.nested", none)
-    monitor = Monitor()
-    faces, uv, chart = blobs(4, 1)
-    options = PackOptions(128, 2, effort=QUICK)
-    promise(faces, uv, chart, pack(faces, uv, chart, options, monitor), options)
-    assert asked == (["nest"] if late else ["nest", "skyline"])
 
 
 def test_what_cannot_fit_at_a_density_is_told_at_once_with_the_pages_it_needs():

@@ -76,7 +76,7 @@ def test_a_fixed_scale_is_kept_or_there_is_none() -> None:
 
 
 def test_more_than_a_skyline_takes_are_packed() -> None:
-    faces, uv, chart = triangles(SKYLINE_CHARTS[1] + 1, 5)
+    faces, uv, chart = triangles(SKYLINE_CHARTS + 1, 5)
     packed = pack(faces, uv, chart, PackOptions(2048, 1))
     assert packed.share[0] > 0.4
 

@@ -72,15 +72,6 @@ def test_charts_without_extent_have_places_of_their_own_or_none():
     assert shelf_placement(points, PackOptions(resolution=5, padding=2)) is None
 
 
-def test_angles_given_are_taken():
-    shapes = rectangles([[2.0, 1.0], [1.0, 1.0]])
-    upright = np.full(2, np.pi / 2)
-    placed = shelf_placement(shapes, PackOptions(resolution=64), upright)
-    box = boxes(shapes, placed)
-    assert (box[:, 3] - box[:, 1])[0] == pytest.approx(2 * placed.scale)
-    np.testing.assert_array_equal(placed.angle, upright)
-
-
 def test_at_a_fixed_scale_a_chart_is_turned_where_its_box_is_longer_than_the_page():
     """A bar of 11 x 1 fits a page of 10 askew alone: its least box is 11 long."""
     shapes = rectangles(np.array([[11.0, 1.0], [4.0, 1.0]]))

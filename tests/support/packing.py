@@ -37,6 +37,13 @@ def owner_raster(corners, owner, side):
     return painted(face_runs(corners, owner, side), side)
 
 
+def edges_of(faces, uv):
+    """Starts and ends (e, 2) of the edges of one face alone, of a chart whose faces are wound alike."""
+    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    alone = ~np.isin(a * len(uv) + b, b * len(uv) + a)
+    return uv[a[alone]], uv[b[alone]]
+
+
 def shelf(faces, uv, chart, options):
     """Rows of boxes only, as ``pack`` would return them."""
     shapes = shapes_of(faces, uv, chart)

@@ -6,21 +6,27 @@ linear program. It is the compaction of Li and Milenkovic 1995 ("Compaction and 
 non-convex polygons") with turns and growth. A few steps in a shrinking trust region reach the lock.
 """
 
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, dot2, norms2
+from circparam.core.arrays import FloatArray, cross2, dot2, norms2
 from circparam.core.linear_program import INTERIOR, SIMPLEX, least
 from circparam.core.records import dataclass
-from circparam.packing.nest.contacts import Contacts, to_world
-from circparam.packing.nest.growth import REACH_TRUSTS, SLACK_TEXELS, STEP_LEAST_TEXELS, Growth
-from circparam.packing.options import strip_gap
+from circparam.packing.budget import Budget
+from circparam.packing.coverage import outline_runs, painted
+from circparam.packing.nest.contacts import (
+    Contacts,
+    Outlines,
+    find_contacts,
+    sample_outlines,
+    to_world,
+)
+from circparam.packing.options import MARGIN_TEXELS, PackOptions, strip_gap
+from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
-
-# Rows of one linear program; real charts have some ten thousand, a bundle of needles touches itself everywhere.
-ROWS_MOST = 60_000
+from circparam.packing.straight import Straight
 
 # Pivots for each chart, after which the simplex counts as stalled: others take a tenth.
 PIVOTS_MOST = 60
@@ -32,68 +38,70 @@ TRUST_LEAST = 0.5
 # A step that gains less than this share of the scale is followed by one half as long.
 GAIN_LEAST = 2e-3
 
+# Trust regions beyond the gap within which contacts count: two charts may move towards each other.
+REACH_TRUSTS = 2.0
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+# Side in cells of the raster on which a step is checked: gaps are about a cell wide there, overlap shows.
+OVERLAP_CELLS = 256
 
-
-def _program(
-    growth: Growth, placement: Placement, found: Contacts, reach: float, strict: bool
-) -> tuple[sps.csr_matrix, FloatArray]:
-    """Rows A z <= b, b < reach, with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
-    n, options = growth.shapes.n, growth.options
-    d = found.p - found.q
-    distance = norms2(d)
-    normal = d / np.maximum(distance, 1e-12)[:, None]
-    rp, rq = found.p - placement.offset[found.i], found.q - placement.offset[found.j]
-    width = options.gap if strict else strip_gap(options.padding, normal)
-    i, j, k = found.i, found.j, len(distance)
-    grow = np.full(k, 3 * n)
-    columns = np.stack([i, j, n + i, n + j, 2 * n + i, 2 * n + j, grow], 1)
-    values = np.stack(
-        [
-            -normal[:, 0],
-            normal[:, 0],
-            -normal[:, 1],
-            normal[:, 1],
-            _cross(normal, rp),
-            -_cross(normal, rq),
-            -dot2(normal, rp - rq),
-        ],
-        1,
-    )
-    bound = distance - (width + SLACK_TEXELS)
-    inside = bound < reach
-    blocks = [(columns[inside], values[inside], bound[inside])]
-    blocks += _border_rows(growth, placement, reach)
-    entries = np.concatenate([np.full(len(c), c.shape[1]) for c, _, _ in blocks])
-    column = np.concatenate([c.ravel() for c, _, _ in blocks])
-    value = np.concatenate([v.ravel() for _, v, _ in blocks])
-    bounds = np.concatenate([b for _, _, b in blocks])
-    begin = np.r_[0, np.cumsum(entries)]
-    return sps.csr_matrix((value, column, begin), shape=(len(bounds), 3 * n + 1)), bounds
+# Room in texels for the error of the linear programs: curvature of the outlines and of the turns.
+SLACK_TEXELS = 2 * MARGIN_TEXELS
 
 
-def _border_rows(
-    growth: Growth, placement: Placement, reach: float
-) -> list[tuple[IntArray, FloatArray, FloatArray]]:
-    """Rows that keep charts from the four sides of their page: (columns, values, bounds) of each."""
-    n, options = growth.shapes.n, growth.options
-    border, side = options.border + SLACK_TEXELS, float(options.resolution)
-    corner, _ = growth.shapes.hull
-    own = growth.shapes.owner[corner]
-    here = to_world(placement, own, growth.shapes.points[corner])
-    r = here - placement.offset[own]
-    blocks = []
-    for axis, sign in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
-        bound = here[:, axis] - border if sign < 0 else side - border - here[:, axis]
-        near = np.flatnonzero(bound < reach)
-        lever = -r[near, 1] if axis == 0 else r[near, 0]
-        c = own[near]
-        columns = np.stack([axis * n + c, 2 * n + c, np.full(len(c), 3 * n)], 1)
-        ones = np.ones(len(c))
-        blocks.append((columns, sign * np.stack([ones, lever, r[near, axis]], 1), bound[near]))
-    return blocks
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Data of charts that growth does not change, for all layouts of the same charts.
+
+    straight: charts that stay along the axes where they lie so, None for none. sampled: outlines that were
+    sampled already, by their step.
+    """
+
+    shapes: Shapes
+    options: PackOptions
+    budget: Budget
+    straight: Straight | None = None
+    sampled: dict[float, Outlines] = field(default_factory=dict)
+
+    @property
+    def unit(self) -> float:
+        """Texels of the page in one texel of a page of 2048."""
+        return self.options.resolution / 2048
+
+    def turning(self, placement: Placement) -> FloatArray:
+        """(n,) 1 for charts that may be turned, 0 for fixed ones and for those that stay along the axes."""
+        free = np.full(self.shapes.n, float(self.options.rotate == "free"))
+        if self.straight is not None:
+            free[self.straight.lying(placement.angle)] = 0.0
+        return free
+
+    def contacts(self, placement: Placement, trust: float) -> Contacts:
+        """The contacts that matter to a step in a trust region (texels of a page of 2048).
+
+        Outlines are sampled a trust region apart, at least a texel. Steps are rounded down to powers of √2, so
+        that layouts of nearly one scale share their samples.
+        """
+        step = max(trust * self.unit, 1.0)
+        rung = float(2 ** (np.floor(2 * np.log2(step / placement.scale)) / 2))
+        if rung not in self.sampled:
+            self.sampled[rung] = sample_outlines(self.shapes, rung)
+        reach = self.options.gap + SLACK_TEXELS + REACH_TRUSTS * trust * self.unit
+        return find_contacts(placement, self.sampled[rung], reach, step)
+
+    def overlaps(self, placement: Placement) -> bool:
+        """Whether two charts overlap, up to a coarse raster; distances of outlines miss such cases."""
+        shapes, side = self.shapes, OVERLAP_CELLS
+        own = shapes.owner[shapes.start]
+        # outlines of charts that are not simple miss covered cells; the last check sees them
+        page = np.where(shapes.simple[own], placement.page[own], -1)
+        world = shapes.place(placement.angle, placement.offset, placement.scale)
+        world *= side / self.options.resolution
+        for tile in range(int(placement.page.max()) + 1):
+            on = page == tile
+            start, end = shapes.start[on], shapes.end[on]
+            runs = outline_runs(world[start], world[end], shapes.owner[start], side)
+            if painted(runs, side)[1]:
+                return True
+        return False
 
 
 def compaction_step(
@@ -102,14 +110,15 @@ def compaction_step(
     """One linear program: the largest growth within the trust region; None if it fails.
 
     found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. strict: keep the
-    full gap in all directions. The budget counts rows times charts.
+    full gap in all directions. The budget counts rows times charts; a larger program is not tried.
     """
     n = growth.shapes.n
     trust = trust * growth.unit
     matrix, bound = _program(growth, placement, found, REACH_TRUSTS * trust, strict)
-    if len(bound) > ROWS_MOST:
+    work = float(len(bound) * n)
+    if work > growth.budget.total:
         return None
-    growth.budget.spend(float(len(bound) * n))
+    growth.budget.spend(work)
     reach = np.maximum(growth.shapes.radius * placement.scale, 1e-9)
     turn = trust / reach * growth.turning(placement)
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
@@ -135,18 +144,43 @@ def compaction_step(
     )
 
 
-def compact(
-    growth: Growth, placement: Placement, trust: float = TRUST_FIRST, strict: bool = False
-) -> Placement:
-    """Grow a layout free of overlap until it locks, or until the budget of ``growth`` is used up.
+def _program(
+    growth: Growth, placement: Placement, found: Contacts, reach: float, strict: bool
+) -> tuple[sps.csr_matrix, FloatArray]:
+    """Rows A z <= b, b < reach, with z = (moves x, moves y, turns, growth): 3n + 1 unknowns.
 
-    trust: first trust region in texels of a page of 2048. strict: keep the full gap in all directions, for
-    layouts that the check refuses. The result keeps the distances up to the error of the last step: the caller
-    checks.
+    Rows keep two charts apart at each contact, and charts from the four sides of their page.
     """
-    ascent = Ascent(placement, trust, strict)
-    ascent.climb(growth)
-    return ascent.placement
+    shapes, options, n = growth.shapes, growth.options, growth.shapes.n
+    d = found.p - found.q
+    distance = norms2(d)
+    normal = d / np.maximum(distance, 1e-12)[:, None]
+    rp, rq = found.p - placement.offset[found.i], found.q - placement.offset[found.j]
+    x, y = normal.T
+    i, j, last = found.i, found.j, np.full(len(d), 3 * n)
+    columns = np.stack([i, j, n + i, n + j, 2 * n + i, 2 * n + j, last], 1)
+    levers = cross2(normal, rp), -cross2(normal, rq), -dot2(normal, rp - rq)
+    values = np.stack([-x, x, -y, y, *levers], 1)
+    width = options.gap if strict else strip_gap(options.padding, normal)
+    blocks = [(columns, values, distance - (width + SLACK_TEXELS))]
+    corner, _ = shapes.hull
+    own = shapes.owner[corner]
+    here = to_world(placement, own, shapes.points[corner])
+    r = here - placement.offset[own]
+    border = options.border + SLACK_TEXELS
+    last, ones = np.full(len(own), 3 * n), np.ones(len(own))
+    for axis, lever in ((0, -r[:, 1]), (1, r[:, 0])):
+        columns = np.stack([axis * n + own, 2 * n + own, last], 1)
+        values = np.stack([ones, lever, r[:, axis]], 1)
+        blocks.append((columns, -values, here[:, axis] - border))
+        blocks.append((columns, values, options.resolution - border - here[:, axis]))
+    near = [b < reach for _, _, b in blocks]
+    bounds = np.concatenate([b[k] for k, (_, _, b) in zip(near, blocks, strict=True)])
+    column = np.concatenate([c[k].ravel() for k, (c, _, _) in zip(near, blocks, strict=True)])
+    value = np.concatenate([v[k].ravel() for k, (_, v, _) in zip(near, blocks, strict=True)])
+    entries = [np.full(k.sum(), c.shape[1]) for k, (c, _, _) in zip(near, blocks, strict=True)]
+    begin = np.r_[0, np.cumsum(np.concatenate(entries))]
+    return sps.csr_matrix((value, column, begin), shape=(len(bounds), 3 * n + 1)), bounds
 
 
 @dataclass(eq=False)
@@ -154,7 +188,8 @@ class Ascent:
     """A layout that grows.
 
     placement: the layout now. trust: the trust region of the next step, in texels of a page of 2048. strict:
-    as in ``compact``. earlier: the layout one step before; None at first, and after a step was taken back.
+    keep the full gap in all directions, for layouts that the check refuses. earlier: the layout one step
+    before; None at first, and after a step was taken back.
     """
 
     placement: Placement
@@ -162,24 +197,23 @@ class Ascent:
     strict: bool = False
     earlier: Placement | None = None
 
-    def climb(self, growth: Growth, steps: float = np.inf, reached: float = 0.0) -> None:
+    def climb(self, growth: Growth, steps: float = np.inf, reached: float = 0.0) -> Placement:
         """Make steps until charts lock, at most ``steps``; stop where the scale ``reached`` is out of reach.
 
-        A step with next to no gain is followed by one half as long. A step that makes charts
-        overlap on a coarse raster is not made. A step is taken back if a tip may be through a neighbour, or if
-        no further step keeps all distances.
+        A step with next to no gain is followed by one half as long. A step that makes charts overlap on a
+        coarse raster is not made. A step is taken back if outlines cross afterwards, or if no further step
+        keeps all distances. The result keeps the distances up to the error of the last step: the caller checks.
         """
+        widest = max(float(growth.shapes.radius.max()) / growth.unit, 1e-9)
         while steps > 0 and self.trust >= TRUST_LEAST and not growth.budget.late:
-            if (
-                growth.budget.over
-            ):  # the last steps are short: they correct the error of the programs
+            if growth.budget.over:  # the last steps correct the error of the programs
                 self.trust = min(self.trust, 2 * TRUST_LEAST)
-            most = self._largest_gain(growth)
+            most = self.trust / (widest * self.placement.scale)
             if self.placement.scale * (1 + most) ** steps < reached:
                 break
             steps -= 1
-            contacts = self._contacts(growth)
-            if self.earlier is not None and growth.crossed(contacts):
+            contacts = growth.contacts(self.placement, self.trust)
+            if self.earlier is not None and contacts.crossing:
                 self._take_back()
                 continue
             after = compaction_step(growth, self.placement, contacts, self.trust, self.strict)
@@ -194,20 +228,11 @@ class Ascent:
                 self.earlier, self.placement = self.placement, after
                 if gain < GAIN_LEAST or growth.budget.over:
                     self.trust /= 2
-        if self.earlier is not None and growth.crossed(self._contacts(growth)):
+        if self.earlier is not None and growth.contacts(self.placement, self.trust).crossing:
             self._take_back()
+        return self.placement
 
     def _take_back(self) -> None:
         """Undo the last step; the next one is half as long."""
         self.placement, self.earlier = self.earlier or self.placement, None
         self.trust /= 2
-
-    def _largest_gain(self, growth: Growth) -> float:
-        """Largest relative gain of scale in the trust region."""
-        widest = growth.shapes.radius.max() * self.placement.scale
-        return float(self.trust * growth.unit / max(widest, 1e-9))
-
-    def _contacts(self, growth: Growth) -> Contacts:
-        """The contacts that matter to a step in the trust region."""
-        step = max(self.trust * growth.unit, STEP_LEAST_TEXELS) / self.placement.scale
-        return growth.near(self.placement, growth.outlines(step), self.trust)

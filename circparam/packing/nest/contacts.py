@@ -9,9 +9,6 @@ from circparam.geometry.intersect import properly_cross
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
-# Squares along a page, at most, of the grid that tells which samples may have another chart near.
-FILTER_CELLS_MOST = 128
-
 # Share of a step: one sample in such a square is enough for edges shorter than a step. Narrow tips keep
 # samples, straight edges need few.
 THINNED_SHARE = 0.5
@@ -140,7 +137,8 @@ def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
     another chart. Most points of large charts need no look-up in the tree.
     """
     axes = points[:, 0], points[:, 1]
-    side = max(reach, *(float(np.ptp(axis)) / FILTER_CELLS_MOST for axis in axes))
+    area = float(np.ptp(axes[0])) * float(np.ptp(axes[1]))
+    side = max(reach, np.sqrt(area / len(points)))  # no more squares than points
     x, y = (np.floor((axis - axis.min()) / side).astype(np.int64) for axis in axes)
     first = np.full((int(y.max()) + 1, int(x.max()) + 1), int(chart[-1]) + 1)
     last = np.full(first.shape, -1)
@@ -189,10 +187,3 @@ def _on_edge(
     d = to_world(placement, chart, outlines.end[sample]) - a
     t = dot2(point - a, d) / np.maximum(dot2(d, d), 1e-300)
     return np.asarray(a + np.clip(t, 0.0, 1.0)[:, None] * d)
-
-
-def least_distance(found: Contacts) -> float:
-    """Smallest distance among contacts; infinity where there are none."""
-    if len(found.i) == 0:
-        return float("inf")
-    return float(np.sqrt(_squared(found.p, found.q).min()))

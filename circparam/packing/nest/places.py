@@ -20,9 +20,6 @@ Single = npt.NDArray[np.float32]
 # Threads of the transforms: a second thread costs 70 µs a call, about the time of one chart.
 FFT_THREADS = 1
 
-# Error of contacts beside taken cells, as a share of the weight of a taken cell.
-CONTACT_ERROR_SHARE = 2e-6
-
 
 @lru_cache(maxsize=64)
 def blur_transfer(side: int, sigma: float) -> FloatArray:
@@ -57,7 +54,9 @@ def best_place(
     highest = float(score.max())
     if highest < 0:
         return None
-    near = np.flatnonzero(score >= highest - CONTACT_ERROR_SHARE * used)
+    # rounding of a transform, as a share of the weight of a taken cell
+    error = np.finfo(np.float32).eps * np.log2(contact[0].size)
+    near = np.flatnonzero(score >= highest - error * used)
     if len(near) > 1:
         some = np.unique(near // (tall * wide))
         score = _at_places(kernel[some] * (page * blur), tall, wide)

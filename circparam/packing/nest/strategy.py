@@ -1,30 +1,38 @@
 """Nesting from end to end: a search on a coarse grid, then the best layouts compacted until they lock."""
 
-from dataclasses import field
-
 import numpy as np
 
-from circparam.core.arrays import IntArray
-from circparam.core.records import dataclass
+from circparam.core import clock
+from circparam.core.arrays import FloatArray
 from circparam.packing.budget import Budget
-from circparam.packing.nest.compaction import Ascent, compact
-from circparam.packing.nest.growth import Growth
-from circparam.packing.nest.schedule import SCHEDULE
-from circparam.packing.nest.search import (
-    GRID_SLACK,
-    Board,
-    GridLayout,
-    cell_size,
-    chart_angles,
-    first_layout,
-    make_board,
-    search,
-    to_placement,
-)
+from circparam.packing.nest.compaction import Ascent, Growth
+from circparam.packing.nest.masks import chart_masks
+from circparam.packing.nest.places import sf, spectra_of
+from circparam.packing.nest.search import QUARTERS, Board, GridLayout, search, tried_angles
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes, least_square_angles
+from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import PackTask, Placement
 from circparam.packing.straight import Straight, straight_charts
+
+# Side of the largest page on the grid, for one chart. It grows with the fourth root of the number of charts.
+# Compaction mends the error of the grid, so finer ones only take longer.
+GRID_CELLS = 40
+
+# Share of the largest page that the charts cover, so of the smallest that is worth a search.
+LOOSE_SHARE = 0.5
+
+# Cells that a search transforms, over the cube root of the number of charts; the linear programs of all
+# ascents together spend a third as many rows times charts.
+GRID_OPERATIONS = 1.5e7
+
+# Layouts of the search that are compacted; the third one never won.
+CANDIDATES = 2
+
+# Linear programs by which candidates are compared; the best of them then grows until it locks.
+ROUGH_STEPS = 2
+
+# Share of the covered area that straight charts along the axes may cost.
+STRAIGHT_LOSS = 0.02
 
 # First trust region of a layout that the check refuses, in texels of a page of 2048: it is all but locked.
 STRICT_TRUST = 1.0
@@ -43,29 +51,61 @@ def nested(task: PackTask) -> Placement | None:
     if shapes.n == 1:
         return _alone(shapes, options)
     layouts, straight = _layouts(task)
-    candidates = layouts + list(task.found.values())
-    budget = Budget(SCHEDULE.program_work * options.effort, lambda: task.monitor.expired)
-    grown = _compacted(task, candidates, Growth(shapes, options, budget, straight))
-    return grown or (layouts[0] if layouts else None)
+    budget = Budget(GRID_OPERATIONS / 3 * options.effort, lambda: task.monitor.expired)
+    growth = Growth(shapes, options, budget, straight)
+    grown = _compacted(task, layouts + list(task.found.values()), growth)
+    for layout in layouts:
+        if grown is None or (layout.scale > grown.scale and task.sound(layout)):
+            return layout
+    return grown
 
 
 def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
     """Layouts of the search, best first, and the charts that lie along the axes in them.
 
     Straight charts lie along the axes if that costs little: a layout with these charts at any angle must be so
-    much better.
+    much better. Pages grow until there is a layout.
     """
     shapes, options = task.shapes, task.options
     straight = _straight(shapes, options)
-    boards = _Boards(shapes, options, straight)
-    if straight is None:
-        return _searched(task, boards), None
-    along = _searched(task, boards, along=True)
-    if shapes.upright is not None:
-        return along, straight
-    beaten = along[0].scale / np.sqrt(1 - SCHEDULE.straight_loss) if along else 0.0
-    free = _searched(task, boards, beaten)
-    return (free, None) if free or not along else (along, straight)
+    density = min(LOOSE_SHARE, shapes.area.sum() / _widest(shapes, options) ** 2 / options.pages)
+    searches = 1 if straight is None or shapes.upright is not None else 2
+    work = _work(shapes, options) / searches
+    budgets = [Budget(work, lambda: task.monitor.expired) for _ in range(searches)]
+    while not budgets[-1].over and density * options.resolution**2 > 1:
+        board, cell = _board(shapes, options, density, straight)
+        found, along = [], None
+        side = board.side
+        if straight is not None:
+            count = np.where(straight.counts, 4, [len(m.angle) for m in board.masks])
+            allowed = [np.arange(k) for k in count.tolist()]
+            found, along = search(board, side, options.pages, budgets[0], allowed=allowed), straight
+        if searches == 2 or straight is None:
+            if found:
+                side = int(np.ceil(found[0].side * np.sqrt(1 - STRAIGHT_LOSS))) - 1
+            free = search(board, side, options.pages, budgets[-1])
+            found, along = (free, None) if free else (found, along)
+        if found:
+            return [to_placement(board, f, cell, options) for f in _different(found)], along
+        density /= 2
+    return [], None
+
+
+def _work(shapes: Shapes, options: PackOptions) -> float:
+    """Cells that a search may transform."""
+    return float(GRID_OPERATIONS * np.cbrt(shapes.n) * options.effort)
+
+
+def _cells(shapes: Shapes, options: PackOptions) -> int:
+    """Side of a page in cells. Several pages share the cells of one, so that the work stays the same."""
+    side = GRID_CELLS * (shapes.n * np.sqrt(options.effort)) ** 0.25
+    return max(int(side / np.sqrt(min(options.pages, 6))), 1)
+
+
+def _widest(shapes: Shapes, options: PackOptions) -> float:
+    """Side of the least square that holds the longest chart."""
+    box = shapes.boxes(least_square_angles(shapes, options.rotate))
+    return float((box[:, 2:] - box[:, :2]).max())
 
 
 def _straight(shapes: Shapes, options: PackOptions) -> Straight | None:
@@ -74,74 +114,61 @@ def _straight(shapes: Shapes, options: PackOptions) -> Straight | None:
         return Straight(np.zeros(shapes.n), shapes.upright)
     if options.rotate != "free" or options.straighten == "off":
         return None
-    side = float(np.sqrt(shapes.area.sum() / SCHEDULE.covered_share / options.pages))
+    side = float(np.sqrt(shapes.area.sum() / LOOSE_SHARE / options.pages))
     straight = straight_charts(shapes, side / 2)
     return straight if straight.counts.any() else None
 
 
-@dataclass(eq=False)
-class _Boards:
-    """Boards for all searches of the same charts, each made once. straight: charts that are tried along the
-    axes too, at the first four of their angles."""
+def _board(
+    shapes: Shapes,
+    options: PackOptions,
+    density: float,
+    straight: Straight | None = None,
+    cells: int | None = None,
+) -> tuple[Board, float]:
+    """(masks of all charts, side of a cell in uv units) on pages of which charts cover ``density``.
 
-    shapes: Shapes
-    options: PackOptions
-    straight: Straight | None
-    known: dict[float, Board] = field(default_factory=dict)
-
-    @property
-    def cells(self) -> int:
-        """Side of a page in cells. Several pages share the cells of one, so that the work stays the same."""
-        side = SCHEDULE.cells(self.shapes.n, self.options.effort)
-        return max(int(side / np.sqrt(min(self.options.pages, 6))), 1)
-
-    def of(self, density: float) -> Board:
-        """The board of a page of which charts are hoped to cover ``density``."""
-        if density not in self.known:
-            cell = cell_size(self.shapes, self.options, self.cells, density)
-            angles = chart_angles(self.shapes, self.options, cell)
-            if self.straight is not None and self.shapes.upright is None:
-                for c in np.flatnonzero(self.straight.counts).tolist():
-                    along = self.straight.angle[c] + np.arange(4) * (np.pi / 2)
-                    angles[c] = np.r_[along, angles[c]]
-            self.known[density] = make_board(self.shapes, self.options, angles, self.cells, density)
-        return self.known[density]
-
-    def along(self, board: Board) -> list[IntArray]:
-        """The masks of each chart with which straight charts lie along the axes."""
-        counts = np.zeros(self.shapes.n, bool) if self.straight is None else self.straight.counts
-        return [
-            np.arange(4 if straight else len(m.angle))
-            for straight, m in zip(counts.tolist(), board.masks, strict=True)
-        ]
-
-
-def _searched(
-    task: PackTask, boards: _Boards, beaten: float = 0.0, along: bool = False
-) -> list[Placement]:
-    """Layouts of the search on the grid, best first; empty if it found none.
-
-    beaten: scale that layouts must exceed, in texels per unit. along: straight charts lie along the axes. Both
-    halve the budget, as there is another layout.
+    straight: charts that are tried along the axes too, at the first four of their angles. cells: side of a
+    page, None for that of the search.
     """
-    shapes, options = task.shapes, task.options
-    box = shapes.boxes(least_square_angles(shapes, options.rotate))
-    widest = float((box[:, 2:] - box[:, :2]).max())
-    longest_alone = float(shapes.area.sum() / widest**2 / options.pages)
-    density = min(SCHEDULE.covered_share, longest_alone)
-    work = SCHEDULE.operations(shapes.n, options.effort) / (2 if along or beaten else 1)
-    budget = Budget(work, lambda: task.monitor.expired)
-    inner = options.resolution - 2 * options.border + options.gap
-    found: list[GridLayout] = []
-    while not budget.over:
-        board = boards.of(density)
-        largest = np.ceil(inner / (beaten * board.cell)) - 1 if beaten else np.inf
-        allowed = boards.along(board) if along else None
-        found = search(board, shapes, options, budget, largest, allowed)
-        if found or beaten:
-            break
-        density /= GRID_SLACK**2  # pages of the next board begin where those of this one end
-    return [to_placement(board, f, options) for f in _different(found)]
+    side = int(sf.good_size(cells or _cells(shapes, options), True))
+    cell = float(np.sqrt(shapes.area.sum() / (density * options.pages))) / side
+    # on the largest page, whose texels are the most cells
+    grow = options.gap / 2 * side / options.resolution
+    masks, spectra = [], []
+    for c, angles in enumerate(chart_angles(shapes, options)):
+        clock.tick()
+        if straight is not None and straight.counts[c] and shapes.upright is None:
+            angles = np.r_[straight.angle[c] + QUARTERS, angles]
+        a, b = shapes.outline(c)
+        masks.append(chart_masks(a / cell, b / cell, angles, grow))
+        spectra.append(spectra_of(masks[-1], side))
+    return Board(masks, spectra, side), cell
+
+
+def chart_angles(shapes: Shapes, options: PackOptions) -> list[FloatArray]:
+    """Angles (k,) in radians at which each chart is tried."""
+    if options.rotate != "free":
+        return [QUARTERS if options.rotate == "90" else QUARTERS[:1]] * shapes.n
+    box = least_box_angles(shapes, options.rotate)
+    square = least_square_angles(shapes, options.rotate)
+    upright = np.zeros(shapes.n, bool) if shapes.upright is None else shapes.upright
+    return [
+        QUARTERS if up else tried_angles(a, b)
+        for a, b, up in zip(box.tolist(), square.tolist(), upright.tolist(), strict=True)
+    ]
+
+
+def to_placement(board: Board, found: GridLayout, cell: float, options: PackOptions) -> Placement:
+    """A layout on the grid in texels. The free side of the page lies between the borders."""
+    chosen = list(zip(board.masks, found.mask.tolist(), strict=True))
+    angle = np.array([m.angle[k] for m, k in chosen])
+    low = np.array([m.low[k] for m, k in chosen])
+    # masks are grown by half the gap, which at the border is not needed: the free square is that much larger
+    texels = (_inner(options) + options.gap) / found.side
+    corner = np.stack([found.column, found.row], 1) - low
+    offset = corner * texels + options.border - options.gap / 2
+    return Placement(texels / cell, angle, offset, found.page)
 
 
 def _different(found: list[GridLayout]) -> list[GridLayout]:
@@ -150,9 +177,7 @@ def _different(found: list[GridLayout]) -> list[GridLayout]:
     for f in found:
         if all(not np.array_equal(f.mask, k.mask) for k in kept):
             kept.append(f)
-        if len(kept) == SCHEDULE.candidates:
-            break
-    return kept
+    return kept[:CANDIDATES]
 
 
 def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> Placement | None:
@@ -161,19 +186,20 @@ def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> P
     All candidates grow by a few steps while half of the budget is left. The best of them grows on.
     """
     ascents: list[Ascent] = []
+    half = growth.budget.left / 2
     for start in sorted(candidates, key=lambda p: -p.scale):
-        if ascents and growth.budget.left < SCHEDULE.program_work * task.options.effort / 2:
+        if ascents and growth.budget.left < half:
             break
         ascent = Ascent(start)
         reached = max((a.placement.scale for a in ascents), default=0.0)
-        ascent.climb(growth, SCHEDULE.rough_steps, reached)
+        ascent.climb(growth, ROUGH_STEPS, reached)
         ascents.append(ascent)
     for ascent in sorted(ascents, key=lambda a: -a.placement.scale):
         ascent.climb(growth)
         if task.sound(ascent.placement):
             return ascent.placement
         # the straight strips were too narrow somewhere: the full gap everywhere may do
-        safe = compact(growth, ascent.placement, STRICT_TRUST, strict=True)
+        safe = Ascent(ascent.placement, STRICT_TRUST, strict=True).climb(growth)
         if task.sound(safe):
             return safe
     return None
@@ -193,7 +219,7 @@ def _alone(shapes: Shapes, options: PackOptions) -> Placement:
     if options.rotate == "free" and options.straighten != "off" and straight.counts.all():
         along = shapes.boxes(straight.angle)
         longer = float((along[:, 2:] - along[:, :2]).max())
-        if (side / longer) ** 2 >= 1 - SCHEDULE.straight_loss:
+        if (side / longer) ** 2 >= 1 - STRAIGHT_LOSS:
             angle, box, side = straight.angle, along, longer
     scale = _inner(options) / side
     offset = options.resolution / 2 - (box[:, 2:] + box[:, :2]) / 2 * scale
@@ -203,14 +229,16 @@ def _alone(shapes: Shapes, options: PackOptions) -> Placement:
 def _at_fixed_scale(task: PackTask, scale: float) -> Placement | None:
     """A layout at the scale the user fixed, on as few pages as the search finds."""
     shapes, options = task.shapes, task.options
-    inner = options.resolution - 2 * options.border + options.gap
-    # no compaction mends the error of this grid, so it is twice as fine
-    cells = 2 * SCHEDULE.cells(shapes.n, options.effort)
-    density = float(shapes.area.sum() * scale**2 / inner**2 / options.pages)
-    if not 0 < density <= 1:
+    area = float(shapes.area.sum()) * scale**2
+    page = (_inner(options) + options.gap) ** 2
+    if not 0 < area <= page * options.pages:
         return None
-    angles = chart_angles(shapes, options, cell_size(shapes, options, cells, density))
-    board = make_board(shapes, options, angles, cells, density)
-    budget = Budget(SCHEDULE.operations(shapes.n, options.effort), lambda: task.monitor.expired)
-    found = first_layout(board, shapes, options, cells, budget)
-    return None if found is None else to_placement(board, found, options)
+    # no compaction mends the error of this grid, so it is twice as fine
+    cells = 2 * _cells(shapes, options)
+    board, cell = _board(shapes, options, area / page / options.pages, cells=cells)
+    budget = Budget(_work(shapes, options), lambda: task.monitor.expired)
+    for pages in range(1, options.pages + 1):
+        found = search(board, board.side, pages, budget, least=board.side)
+        if found:
+            return to_placement(board, found[0], cell, options)
+    return None

@@ -9,9 +9,8 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.packing.budget import Budget
-from circparam.packing.nest import compaction
-from circparam.packing.nest.contacts import least_distance
-from circparam.packing.nest.growth import Growth
+from circparam.packing.nest.compaction import Ascent, Growth, compaction_step
+from circparam.packing.nest.contacts import find_contacts, sample_outlines
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
@@ -34,7 +33,7 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
     options = PackOptions(resolution=1024, padding=4)
     start = skyline_placement(shapes, options, Monitor())
     assert start is not None
-    after = compaction.compact(growth_of(shapes, options), start, 256.0)
+    after = Ascent(start, 256.0).climb(growth_of(shapes, options))
     assert finish(shapes, after, options)[1] is None
     assert after.scale > 1.02 * start.scale
 
@@ -44,9 +43,8 @@ def growth_of(shapes, options, budget=None):
 
 
 def step(growth, placement, trust, strict=False):
-    outlines = growth.outlines(0.5 / placement.scale)
-    found = growth.near(placement, outlines, trust)
-    return compaction.compaction_step(growth, placement, found, trust, strict)
+    found = growth.contacts(placement, trust)
+    return compaction_step(growth, placement, found, trust, strict)
 
 
 def lone_square(options, scale=20.0):
@@ -74,7 +72,7 @@ def test_a_chart_grows_until_it_fills_the_page(corner):
     shapes, start = lone_square(options, 40.0)
     offset = np.where(np.array([corner]) == 1, 256 - 27.0, 27.0)
     start = replace(start, offset=offset)
-    after = compaction.compact(growth_of(shapes, options), start, 256.0)
+    after = Ascent(start, 256.0).climb(growth_of(shapes, options))
     room = options.resolution - 2 * options.border
     assert after.scale == pytest.approx(room, abs=0.1)
     assert after.scale <= room
@@ -89,7 +87,7 @@ def test_two_squares_end_a_strip_apart(strict, axis):
     offset = np.full((2, 2), 256.0)
     offset[:, axis] = [130.0, 380.0]
     start = Placement(200.0, np.zeros(2), offset, np.zeros(2, int))
-    after = compaction.compact(growth_of(shapes, options), start, strict=strict)
+    after = Ascent(start, strict=strict).climb(growth_of(shapes, options))
     gap = options.gap if strict else options.box_gap
     room = (options.resolution - 2 * options.border - gap) / 2
     assert after.scale == pytest.approx(room, abs=0.1)
@@ -104,7 +102,7 @@ def test_a_rod_turns_to_the_diagonal_only_where_it_may():
     for rotate in ("free", "90", "none"):
         options = PackOptions(resolution=512, padding=1, rotate=rotate)
         start = Placement(30.0, np.full(1, 0.3), np.full((1, 2), 256.0), np.zeros(1, int))
-        found[rotate] = compaction.compact(growth_of(shapes, options), start)
+        found[rotate] = Ascent(start).climb(growth_of(shapes, options))
     room = 512 - 2 * options.border
     assert found["free"].scale == pytest.approx(room * np.sqrt(2) / 10.1, rel=2e-3)
     for rotate in ("90", "none"):
@@ -117,12 +115,12 @@ def test_a_rod_turns_to_the_diagonal_only_where_it_may():
 def test_the_budget_counts_rows_and_ends_the_steps():
     options = PackOptions(resolution=512, padding=2)
     shapes, start = lone_square(options, 100.0)
-    budget = Budget(1.0, lambda: False)
-    after = compaction.compact(growth_of(shapes, options, budget), start)
-    assert budget.left < 1.0
-    many = compaction.compact(growth_of(shapes, options), start)
+    budget = Budget(10.0, lambda: False)
+    after = Ascent(start).climb(growth_of(shapes, options, budget))
+    assert budget.left < 10.0
+    many = Ascent(start).climb(growth_of(shapes, options))
     assert start.scale < after.scale < many.scale
-    late = compaction.compact(growth_of(shapes, options, Budget(1e9, lambda: True)), start)
+    late = Ascent(start).climb(growth_of(shapes, options, Budget(1e9, lambda: True)))
     assert late.scale == start.scale
 
 
@@ -135,13 +133,12 @@ def test_a_short_step_keeps_all_distances_while_charts_turn(seed: int) -> None:
     assert start is not None
     growth = growth_of(shapes, options)
     placement, turned = start, 0.0
-    for _ in range(6):
-        after = step(growth, placement, 4.0, strict=True)
+    for _ in range(12):
+        after = step(growth, placement, 1.0, strict=True)
         assert after is not None
         turned = max(turned, float(np.abs(after.angle - placement.angle).max()))
-        outlines = growth.outlines(0.5 / after.scale)
-        gap = least_distance(growth.near(after, outlines, 4.0))
-        assert gap > options.gap - 0.05
+        found = find_contacts(after, sample_outlines(shapes, 0.5 / after.scale), 8.0)
+        assert np.linalg.norm(found.p - found.q, axis=1).min() > options.gap - 0.2
         placement = after
     assert turned > 1e-3
     assert placement.scale > start.scale
@@ -170,7 +167,7 @@ def test_three_faces_at_an_edge_are_no_overlap() -> None:
     growth = growth_of(shapes, options)
     assert finish(shapes, apart, options)[1] is None
     assert not growth.overlaps(apart)
-    assert compaction.compact(growth, apart).scale > 1.2 * apart.scale
+    assert Ascent(apart).climb(growth).scale > 1.2 * apart.scale
 
 
 def test_charts_on_each_other_overlap() -> None:

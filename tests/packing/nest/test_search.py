@@ -1,4 +1,4 @@
-"""The search on the grid: nothing overlaps, each layout beats the one before, and grids become texels."""
+"""The search on the grid: nothing overlaps, each layout beats the one before, and sketches need the same."""
 
 from __future__ import annotations
 
@@ -6,149 +6,153 @@ import numpy as np
 import pytest
 
 from circparam.packing.budget import Budget
-from circparam.packing.nest.search import (
-    cell_size,
-    chart_angles,
-    first_layout,
-    lay_out,
-    make_board,
-    search,
-    to_placement,
-)
-from circparam.packing.options import PackOptions
-from circparam.packing.outlines import shapes_of
-from circparam.packing.pack import finish
-from tests.support.packing import blobs, rectangles
+from circparam.packing.nest.masks import chart_masks
+from circparam.packing.nest.places import spectra_of
+from circparam.packing.nest.search import ANGLES, Board, GridLayout, lay_out, search
+from circparam.packing.nest.sketch import Sketch, SketchGrid, least_page
+from tests.support.packing import blobs, edges_of
+
+GRID = SketchGrid(0.1, 0.0)
 
 
-def board_of(shapes, options, cells=48, density=0.6, most=16):
-    cell = cell_size(shapes, options, cells, density)
-    return make_board(shapes, options, chart_angles(shapes, options, cell, most), cells, density)
+def endless() -> Budget:
+    return Budget(1e12, lambda: False)
 
 
-def grid_of(board, found, pages):
-    """How many charts are on each cell: (pages, side, side)."""
+def box(width: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of a rectangle."""
+    corner = np.array([[0, 0], [width, 0], [width, height], [0, height]], float) + 0.25
+    return corner, np.roll(corner, -1, axis=0)
+
+
+def boxes(*sizes: tuple[float, float], angles: tuple[float, ...] = (0.0,), side: int = 60) -> Board:
+    """Rectangles of cells, less than their cells so that they touch no others."""
+    masks = [chart_masks(*box(w - 0.5, h - 0.5), np.array(angles), 0.0) for w, h in sizes]
+    return Board(masks, [spectra_of(m, side) for m in masks], side)
+
+
+def stars(n: int, seed: int, side: int = 64) -> Board:
+    faces, uv, chart = blobs(n, seed, 0.4)
+    angles = np.arange(8) * np.pi / 4
+    masks = [
+        chart_masks(*(4 * e for e in edges_of(faces[chart == c], uv)), angles, 0.5)
+        for c in range(n)
+    ]
+    return Board(masks, [spectra_of(m, side) for m in masks], side)
+
+
+def sound(board: Board, found: GridLayout, pages: int = 1) -> None:
+    """Every chart lies on its page, and no cell has two."""
     grid = np.zeros((pages, found.side, found.side), int)
     for c, masks in enumerate(board.masks):
         k, y, x = found.mask[c], found.row[c], found.column[c]
         h, w = masks.size[k]
-        assert min(y, x) >= 0
-        assert y + h <= found.side
-        assert x + w <= found.side
+        assert 0 <= y <= found.side - h
+        assert 0 <= x <= found.side - w
         grid[found.page[c], y : y + h, x : x + w] += masks.cells[k, :h, :w]
-    return grid
-
-
-def endless():
-    return Budget(1e12, lambda: False)
+    assert grid.max() == 1
 
 
 @pytest.mark.parametrize("pages", [1, 2])
-def test_layouts_do_not_overlap_and_become_sound_placements(pages):
-    shapes = shapes_of(*blobs(8, 4, 0.4))
-    options = PackOptions(resolution=512, padding=3, pages=pages)
-    board = board_of(shapes, options)
-    found = search(board, shapes, options, Budget(2e6, lambda: False))
+def test_layouts_do_not_overlap_and_pages_get_smaller(pages: int) -> None:
+    board = stars(8, 4)
+    budgets = [Budget(3e6, lambda: False) for _ in range(2)]
+    found, again = (search(board, board.side, pages, budget) for budget in budgets)
     assert len(found) >= 2
     assert (np.diff([f.side for f in found]) > 0).all()  # best first
-    for f in found[:3]:
-        assert grid_of(board, f, pages).max() == 1
-    placement = to_placement(board, found[0], options)
-    assert finish(shapes, placement, options)[1] is None
-    # a page of fewer cells is a larger scale
-    assert to_placement(board, found[-1], options).scale < placement.scale
+    for f, same in zip(found, again, strict=True):
+        sound(board, f, pages)
+        np.testing.assert_array_equal([f.mask, f.row, f.column], [same.mask, same.row, same.column])
 
 
-def test_the_same_search_finds_the_same():
-    shapes = shapes_of(*blobs(6, 1, 0.4))
-    options = PackOptions(resolution=256)
-    board = board_of(shapes, options)
-    runs = [search(board, shapes, options, Budget(2e6, lambda: False)) for _ in range(2)]
-    for a, b in zip(*runs, strict=True):
-        assert a.side == b.side
-        for name in ("mask", "row", "column", "page"):
-            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+def test_layouts_are_as_large_and_use_such_masks_as_asked() -> None:
+    board = stars(8, 4)
+    free = search(board, board.side, 1, Budget(4e6, lambda: False))
+    largest = free[-1].side - 1
+    found = search(board, largest, 1, Budget(4e6, lambda: False))
+    assert found
+    assert max(f.side for f in found) <= largest
+    assert not search(board, free[0].side // 2, 1, Budget(4e6, lambda: False))
+    only = search(board, largest, 1, endless(), least=largest)
+    assert [f.side for f in only] == [largest]
+    allowed = [np.array([1, 3])] * 8
+    found = search(board, board.side, 1, Budget(2e6, lambda: False), allowed=allowed)
+    assert found
+    assert all(np.isin(f.mask, [1, 3]).all() for f in found)
 
 
-def test_squares_of_whole_cells_fill_a_page_to_the_last_cell():
+def test_squares_of_whole_cells_fill_a_page_to_the_last_cell() -> None:
     """Four masks of k cells a side fit a page of 2k cells and none of 2k - 1."""
-    shapes = rectangles(np.ones((4, 2)))
-    options = PackOptions(resolution=512, padding=1, rotate="none")
-    board = board_of(shapes, options)
+    board = boxes(*[(8, 8)] * 4)
     k = int(board.masks[0].size.max())
     order, choice = np.arange(4), [np.arange(1)] * 4
     full = lay_out(board, order, 2 * k, 2.0, 1, choice, endless())
     assert full is not None
-    assert grid_of(board, full, 1).max() == 1
-    assert sorted(zip(full.row, full.column, strict=True)) == [(0, 0), (0, k), (k, 0), (k, k)]
+    sound(board, full)
     assert lay_out(board, order, 2 * k - 1, 2.0, 1, choice, endless()) is None
-    two = lay_out(board, order, 2 * k - 1, 2.0, 4, choice, endless())
-    assert sorted(two.page) == [0, 1, 2, 3]
+    apart = lay_out(board, order, 2 * k - 1, 2.0, 4, choice, endless())
+    assert apart is not None
+    assert sorted(apart.page) == [0, 1, 2, 3]
     assert lay_out(board, order, k - 1, 2.0, 9, choice, endless()) is None
     cost = board.side**2
-    assert lay_out(board, order, 2 * k, 2.0, 1, choice, Budget(4 * cost + 1, lambda: False))
-    assert lay_out(board, order, 2 * k, 2.0, 1, choice, Budget(4 * cost, lambda: False)) is None
+    for budget, fits in ((4 * cost + 1, True), (4 * cost, False)):
+        found = lay_out(board, order, 2 * k, 2.0, 1, choice, Budget(budget, lambda: False))
+        assert (found is not None) == fits
 
 
-def test_the_fewest_pages_come_first():
-    shapes = rectangles(np.ones((8, 2)))
-    options = PackOptions(resolution=512, padding=1, rotate="none", pages=4)
-    board = board_of(shapes, options, density=0.12)
-    k = int(board.masks[0].size.max())
-    for side, pages in ((3 * k, 1), (2 * k, 2), (2 * k - 1, None)):
-        found = first_layout(board, shapes, options, side, endless())
-        assert (None if found is None else len(set(found.page))) == pages
-    assert first_layout(board, shapes, options, 3 * k, Budget(0.0, lambda: False)) is None
+def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
+    return [GRID.sketch(*box(w, h)) for w, h in sizes]
 
 
-def test_cells_and_angles():
-    shapes = rectangles([[4.0, 1.0], [1.0, 1.0], [0.1, 0.1]])
-    options = PackOptions(resolution=256, pages=2)
-    cell = cell_size(shapes, options, 64, 0.5)
-    assert shapes.area.sum() == pytest.approx(0.5 * 2 * (64 * cell) ** 2)
-    counts = [len(a) for a in chart_angles(shapes, options, cell, 64)]
-    assert counts[0] > counts[1] >= counts[2] == 8  # more for what reaches further
-    assert max(counts) <= 64 + 4
-    assert all(n % 4 == 0 for n in counts)
-    for rotate, n in (("90", 4), ("none", 1)):
-        plain = PackOptions(resolution=256, rotate=rotate)
-        for angles in chart_angles(shapes, plain, cell, 64):
-            np.testing.assert_allclose(angles, np.arange(n) * np.pi / 2)
+def side_of(some: list[Sketch], below: int = 60, budget: Budget | None = None) -> int | None:
+    """Side of the page that is found for some sketches, which is sound."""
+    page = least_page(some, below, 4, budget or endless())
+    if page is None:
+        return None
+    sound(Board([s.masks for s in some], [], page.side), page)
+    return page.side
 
 
-def test_a_placement_uses_the_page_up_to_its_border():
-    shapes = rectangles([[1.0, 1.0]])
-    options = PackOptions(resolution=512, padding=8, rotate="none")
-    board = board_of(shapes, options, 64, 0.9)
-    side = int(board.masks[0].size.max())
-    found = lay_out(board, np.zeros(1, int), side, 2.0, 1, [np.arange(1)], endless())
-    placement = to_placement(board, found, options)
-    box = shapes.boxes(placement.angle) * placement.scale + np.tile(placement.offset, 2)
-    cell = placement.scale * board.cell
-    assert box.min() >= options.border - 1e-9
-    assert box.max() <= options.resolution - options.border + 1e-9
-    assert box.min() <= options.border + cell * 2
-    assert box.max() >= options.resolution - options.border - cell * 2
+def test_a_sketch_has_the_cells_of_its_outline() -> None:
+    """A rectangle of 8 by 4 cells: at least these, at most those that its outline touches."""
+    (one,) = sketches((0.8, 0.4))
+    assert len(one.masks.angle) == ANGLES + 4
+    assert one.masks.area.min() >= 32
+    assert one.masks.area.max() <= (8 + 2 * np.sqrt(2)) * (4 + 2 * np.sqrt(2)) + 1
+    assert 8 * np.sqrt(0.5) < one.least <= 10
+    grown = SketchGrid(0.1, 1.5).sketch(*box(0.8, 0.4))
+    assert (grown.masks.size >= one.masks.size + 2).all()
 
 
-def test_no_layout_is_larger_than_asked_for():
-    """Pages too large to be of use are not laid out, nor given: the best found without that is still found."""
-    shapes = shapes_of(*blobs(8, 4, 0.4))
-    options = PackOptions(resolution=512, padding=3)
-    board = board_of(shapes, options)
-    free = search(board, shapes, options, Budget(4e6, lambda: False))
-    largest = free[-1].side - 1
-    found = search(board, shapes, options, Budget(4e6, lambda: False), largest)
-    assert found
-    assert max(f.side for f in found) <= largest
-    assert not search(board, shapes, options, Budget(4e6, lambda: False), free[0].side // 2)
+@pytest.mark.parametrize(("count", "across"), [(1, 1), (4, 2), (9, 3)])
+def test_squares_lie_side_by_side(count: int, across: int) -> None:
+    some = sketches(*[(0.8, 0.8)] * count)
+    side = side_of(some)
+    assert side is not None
+    assert 8 * across <= side <= across * some[0].least
 
 
-def test_only_the_masks_allowed_are_used() -> None:
-    shapes = shapes_of(*blobs(6, 4, 0.4))
-    options = PackOptions(resolution=512, padding=3)
-    board = board_of(shapes, options)
-    allowed = [np.array([1, 3])] * 6
-    found = search(board, shapes, options, Budget(2e6, lambda: False), allowed=allowed)
-    assert found
-    assert all(np.isin(f.mask, [1, 3]).all() for f in found)
+def test_two_squares_need_a_page_as_wide_as_both() -> None:
+    """Whatever their angles (Erdos' squares: two in a unit square have sides of 1 together)."""
+    some = sketches((1.6, 1.6), (1.6, 1.6))
+    side = side_of(some)
+    assert side is not None
+    assert 2 * 16 <= side < 2 * some[0].least
+
+
+def test_small_ones_lie_in_the_room_beside_large_ones() -> None:
+    """Two strips of 24 by 8 cells leave a third of their square: smaller ones need no larger page."""
+    strips = sketches((2.4, 0.8), (2.4, 0.8))
+    assert side_of([*strips, *sketches((0.5, 0.5), (0.5, 0.5))]) == side_of(strips)
+
+
+def test_pages_are_looked_for_below_a_side_and_within_a_budget() -> None:
+    some = sketches(*[(0.8, 0.8)] * 4)
+    side = side_of(some)
+    assert side is not None
+    assert side_of(some, side) is None
+    assert side_of(some, side + 1) == side
+    assert side_of(some, 60, Budget(1e12, lambda: True)) is None
+    budget = Budget(3e5, lambda: False)
+    assert side_of(some, 60, budget) is not None
+    assert -1e6 < budget.left <= 0
