@@ -85,12 +85,7 @@ def overlaps(
     edges = shared_edges(faces) if edges is None else edges
     n = int(chart.max(initial=-1)) + 1
     boundary = boundary_of(faces, uv, chart, edges, n)
-    i, j, undecided = meeting(boundary, between=False)
-    found = _wound_twice(faces, uv, chart, boundary.half_edge, n)
-    found[boundary.chart[i]] = True
-    found[undecided] = True
-    found |= turned_out(boundary, len(found))
-    crossed = np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1)
+    found, crossed = _on_itself(boundary, faces, uv, chart)
     return Overlaps(found, crossed, boundary, faces, uv, chart)
 
 
@@ -120,13 +115,8 @@ class SelfContacts:
     @staticmethod
     def of(cut_mesh: CutMesh, uv: FloatArray) -> "SelfContacts":
         """Those of a layout (n_vertices, 2)."""
-        mesh, n = cut_mesh, cut_mesh.n_charts
-        boundary = boundary_in(mesh, uv)
-        i, _, undecided = meeting(boundary, between=False)
-        meets = _wound_twice(mesh.faces, uv, mesh.chart, boundary.half_edge, n)
-        meets[boundary.chart[i]] = True
-        meets[undecided] = True
-        meets |= turned_out(boundary, n)
+        boundary = boundary_in(cut_mesh, uv)
+        meets, _ = _on_itself(boundary, cut_mesh.faces, uv, cut_mesh.chart)
         return SelfContacts(meets, boundary)
 
     def near(self, margin: float, which: BoolArray, chamfers: bool = False) -> IntArray:
@@ -151,6 +141,18 @@ def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArra
     a, b = boundary.half_edge[i], boundary.half_edge[j]
     pairs = np.stack([np.minimum(a, b), np.maximum(a, b)], 1)
     return np.unique(pairs, axis=0) if len(pairs) else pairs
+
+
+def _on_itself(
+    boundary: BoundarySegments, faces: IntArray, uv: FloatArray, chart: IntArray
+) -> tuple[BoolArray, IntArray]:
+    """((n,) charts that overlap themselves, (p, 2) half-edges of one chart's boundary that meet)."""
+    i, j, undecided = meeting(boundary, between=False)
+    found = turned_out(boundary, len(boundary.size))
+    found |= _wound_twice(faces, uv, chart, boundary.half_edge, len(found))
+    found[boundary.chart[i]] = True
+    found[undecided] = True
+    return found, np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1)
 
 
 def _wound_twice(

@@ -70,7 +70,7 @@ def outline_runs(start: FloatArray, end: FloatArray, owner: IntArray, side: int)
 def painted(runs: Runs, side: int) -> tuple[LabelGrid, int]:
     """Owner of each texel of a page of ``side`` squared, −1 if empty; and how many texels have two owners.
 
-    Where there are two owners the grid holds neither of them.
+    Texels with two owners are empty on the grid.
     """
     first, last = np.maximum(runs.first, 0), np.minimum(runs.last, side - 1)
     on = np.flatnonzero(last >= first)
@@ -93,6 +93,7 @@ def painted(runs: Runs, side: int) -> tuple[LabelGrid, int]:
     if (begin[first_come][1:] < np.maximum.accumulate(stop[first_come])[:-1]).any():
         layers = _steps(begin, stop, np.ones_like(owner), side, 0)
         clashes = int(np.count_nonzero(layers > 1))
+        label[layers > 1] = -1
     return label, clashes
 
 

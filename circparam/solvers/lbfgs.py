@@ -1,18 +1,18 @@
 """L-BFGS on many independent problems at once: step lengths, memory and stopping are those of each group."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, dot2, group_sum
+from circparam.core.arrays import FloatArray, IntArray, dot2, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.solvers.line_search import backtrack
 
 Energy: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Precondition: TypeAlias = Callable[[FloatArray], FloatArray]
-ARMIJO = 1e-4  # least decrease, as a share of the decrease that the slope predicts
-HALVINGS = 40  # of a step, down to 1e-12 of its length
 MEMORY = 8  # pairs in memory; Nocedal and Wright (2006, section 7.2) advise 3 to 20
 CURVED = 1e-12  # sᵀy / ‖s‖‖y‖ from which the curvature of a pair exceeds rounding
 IDLE = 2  # consecutive steps below the tolerance after which a group stops
@@ -74,9 +74,13 @@ class _Point:
     gradient: FloatArray
 
 
-def _evaluated(energy: Energy, x: FloatArray) -> _Point:
+def _along(
+    energy: Energy, at: _Point, direction: FloatArray, groups: Groups, step: FloatArray
+) -> tuple[FloatArray, _Point]:
+    """The point that steps (count,) along a direction lead to, its energies first."""
+    x = at.x + groups.spread(step) * direction
     value, gradient = energy(x)
-    return _Point(x, value, gradient)
+    return value, _Point(x, value, gradient)
 
 
 def descend(
@@ -92,7 +96,7 @@ def descend(
     energy: x (v, 2) → (energies (count,), gradient (v, 2), zero at fixed vertices). precondition: an
     approximate inverse Hessian, block diagonal over the groups.
     """
-    at = _evaluated(energy, x)
+    at = _Point(x, *energy(x))
     n = groups.count
     going = np.ones(n, bool)
     steps, idle = np.zeros(n, np.int64), np.zeros(n, np.int64)
@@ -100,7 +104,14 @@ def descend(
     pairs: list[_Pair] = []
     for iteration in range(options.limit):
         direction, slope = _direction(at.gradient, pairs, groups, precondition)
-        new, moved = _line_search(energy, at, direction, np.where(going, slope, 0.0), groups)
+        step, (_, new) = backtrack(
+            partial(_along, energy, at, direction, groups),
+            np.where(going & (slope < 0), 1.0, 0.0),
+            at.value,
+            slope,
+        )
+        moved = step > 0
+        new = _Point(new.x, np.where(moved, new.value, at.value), new.gradient)
         pairs = [*pairs, _pair(at, new, groups, precondition)][-MEMORY:]
         steps += going & moved
         gain = at.value - new.value
@@ -162,23 +173,3 @@ def _two_loop(
         beta = pair.inverse * groups.dot(pair.y, r)
         r += groups.spread(alpha - beta) * pair.s
     return r
-
-
-def _line_search(
-    energy: Energy, at: _Point, direction: FloatArray, slope: FloatArray, groups: Groups
-) -> tuple[_Point, BoolArray]:
-    """Armijo backtracking for each group with a negative slope; (where it led, which groups have moved)."""
-    step = np.where(slope < 0, 1.0, 0.0)
-    for _ in range(HALVINGS):
-        trial = _evaluated(energy, at.x + groups.spread(step) * direction)
-        with np.errstate(invalid="ignore"):
-            enough = trial.value <= at.value + ARMIJO * step * slope
-        enough |= step == 0
-        if enough.all():
-            break
-        step = np.where(enough, step, step / 2)
-    else:
-        step = np.where(enough, step, 0.0)
-        trial = _evaluated(energy, at.x + groups.spread(step) * direction)
-    still = step == 0
-    return _Point(trial.x, np.where(still, at.value, trial.value), trial.gradient), ~still

@@ -12,12 +12,9 @@ from circparam.core.clock import tick
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.line_search import backtrack
 from circparam.solvers.objective import Objective, in_units_of_faces
 
-# least decrease, as a share of the decrease that the slope predicts (Nocedal, Wright 2006, 3.4)
-ARMIJO = 1e-4
-HALVINGS = 40  # of a step, down to 1e-12 of its length
-SHORTEST_STEP = 1e-10  # share of the Newton step below which a chart has no descent
 SAFETY = 0.9  # share of the way to the first collapse that a step may go
 BAD_START = 20.0  # energy above which the SLIM proxy converges better than the Hessian
 PROXY_STEPS = 4
@@ -217,16 +214,15 @@ def newton_step(
         slope = group_sum(dot2(g, d), part.vertex_chart, n)
     collapse = objective.first_collapse(u, d)
     reach = SAFETY * group_min(collapse, part.chart, n)
-    t = np.where(active & sound, np.minimum(1.0, reach), 0.0)
-    for _ in range(HALVINGS):
+
+    def after(t: FloatArray) -> tuple[FloatArray, Iterate]:
         trial = u + t[part.vertex_chart][:, None] * d
         energy, jacobian = objective.energies(trial)
-        with np.errstate(invalid="ignore"):
-            bad = (t > 0) & ~(energy <= before.energy + ARMIJO * t * slope)
-        if not bad.any():
-            break
-        t[bad] = np.where(t[bad] < SHORTEST_STEP, 0.0, t[bad] / 2)
-    step = NewtonStep(Iterate(trial, energy, jacobian), -slope / 2, t)
+        return energy, Iterate(trial, energy, jacobian)
+
+    t = np.where(active & sound, np.minimum(1.0, reach), 0.0)
+    t, (_, to) = backtrack(after, t, before.energy, slope)
+    step = NewtonStep(to, -slope / 2, t)
     return step if proxy else _stride(objective, before, d, step, reach)
 
 

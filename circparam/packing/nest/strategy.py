@@ -19,7 +19,7 @@ from circparam.packing.straight import Straight, straight_charts
 GRID_CELLS = 40
 
 # Share of the largest page that the charts cover, so of the smallest that is worth a search.
-LOOSE_SHARE = 0.5
+SPARSE_SHARE = 0.5
 
 # Cells that a search transforms, over the cube root of the number of charts; the linear programs of all
 # ascents together spend a third as many rows times charts.
@@ -68,7 +68,7 @@ def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
     """
     shapes, options = task.shapes, task.options
     straight = _straight(shapes, options)
-    density = min(LOOSE_SHARE, shapes.area.sum() / _widest(shapes, options) ** 2 / options.pages)
+    density = min(SPARSE_SHARE, shapes.area.sum() / _widest(shapes, options) ** 2 / options.pages)
     searches = 1 if straight is None or shapes.upright is not None else 2
     work = _work(shapes, options) / searches
     budgets = [Budget(work, lambda: task.monitor.expired) for _ in range(searches)]
@@ -114,7 +114,7 @@ def _straight(shapes: Shapes, options: PackOptions) -> Straight | None:
         return Straight(np.zeros(shapes.n), shapes.upright)
     if options.rotate != "free" or options.straighten == "off":
         return None
-    side = float(np.sqrt(shapes.area.sum() / LOOSE_SHARE / options.pages))
+    side = float(np.sqrt(shapes.area.sum() / SPARSE_SHARE / options.pages))
     straight = straight_charts(shapes, side / 2)
     return straight if straight.counts.any() else None
 
