@@ -266,17 +266,6 @@ def test_an_outline_is_followed_from_end_to_end_and_inside_the_page() -> None:
     assert shared_texels(page, start, end, np.array([0, 0])) == 2
 
 
-def test_gaps_are_looked_for_between_labels_and_at_the_rim_of_the_grid() -> None:
-    grid = np.full((6, 9), -1, np.int32)
-    grid[:, :2], grid[:, 7:] = 0, 4
-    assert smallest_gap(grid, 9) == (6.0, (0, 4))
-    grid[0, 4] = 2
-    assert smallest_gap(grid, 9) == (3.0, (0, 2))
-    grid[:, 2] = 1
-    assert smallest_gap(grid, 9) == (1.0, (0, 1))
-    assert smallest_gap(grid, 0) == (np.inf, None)
-
-
 @pytest.mark.parametrize("slope", [-1e-7, 1e-7])
 def test_a_nearly_level_edge_just_below_a_row_covers_no_more_than_its_nearer_end(
     slope: float,
@@ -312,17 +301,3 @@ def test_outlines_share_what_they_share_whichever_way_they_run() -> None:
     for a, b in (([0.5, 3.5], [6.5, 3.5]), ([3.5, 0.5], [3.5, 6.5])):
         for s, e in ((a, b), (b, a)):
             assert shared_texels(full, np.array([s]), np.array([e]), np.array([1])) == 7
-
-
-@pytest.mark.parametrize("turn", range(4))
-def test_a_speck_before_the_middle_of_a_side_is_found(turn: int) -> None:
-    grid = np.full((11, 11), -1, np.int32)
-    grid[2:7, 2:6] = 0
-    grid[4, 6] = 1
-    assert smallest_gap(np.rot90(grid, turn), 4) == (1.0, (0, 1))
-    grid[4, 6], grid[4, 7] = -1, 1
-    assert smallest_gap(np.rot90(grid, turn), 4) == (2.0, (0, 1))
-    # a block in another, with no gap at all
-    grid[:] = 0
-    grid[4:7, 4:7] = 3
-    assert smallest_gap(np.rot90(grid, turn), 4) == (1.0, (0, 3))

@@ -103,5 +103,6 @@ def test_texels_of_two_owners_are_counted():
     square = np.array([[0.0, 0], [8, 0], [8, 8], [0, 8]]) + 0.3
     uv = np.concatenate([square, square + np.array([4, 2])])
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
-    (_, clashes), _ = by_outline(faces, uv, np.array([0, 0, 1, 1]))
+    (grid, clashes), _ = by_outline(faces, uv, np.array([0, 0, 1, 1]))
     assert clashes == 4 * 6
+    assert np.bincount(grid.ravel() + 1)[1:].tolist() == [8 * 8 - 24] * 2  # shared texels have none

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import PackTask
-from circparam.packing.shelf import shelf_placement
 from tests.support.packing import blobs, rectangles, shelf
 
 
@@ -47,12 +44,6 @@ def test_a_fixed_scale_takes_the_fewest_pages(density, pages):
     assert finish(shapes, placement, options)[1] is None
 
 
-def test_a_scale_at_which_charts_have_more_area_than_the_pages_finds_nothing():
-    shapes = rectangles(np.ones((5, 2)))
-    options = PackOptions(resolution=256, rotate="none", texel_density=130.0)
-    assert nested(PackTask(shapes, options, Monitor(), {}, lambda p: True)) is None
-
-
 def test_what_the_check_refuses_is_not_taken():
     """Where no compacted layout is sound, the layout of the grid is returned as it is; the caller checks it."""
     shapes = shapes_of(*blobs(6, 3))
@@ -70,15 +61,3 @@ def test_what_the_check_refuses_is_not_taken():
     assert loose.scale < min(asked)
     assert tight.scale == asked[0]
     assert finish(shapes, loose, options)[1] is None
-
-
-def test_rows_of_boxes_are_a_start_too():
-    """Equal squares in rows are locked already, better than the search finds them with hardly any effort."""
-    shapes = rectangles(np.ones((9, 2)))
-    options = PackOptions(resolution=256, padding=2, rotate="none", effort=1e-9)
-    rows = shelf_placement(shapes, options)
-    task = PackTask(shapes, options, Monitor(), {}, lambda p: finish(shapes, p, options)[1] is None)
-    assert nested(task) is None
-    found = nested(replace(task, found={"shelf": rows}))
-    assert found is not None
-    assert found.scale == pytest.approx(rows.scale, rel=0.01)

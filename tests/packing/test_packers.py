@@ -1,0 +1,160 @@
+"""Each packer by itself: what is promised holds for its layouts, and they are as full as they should be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.packing import pack
+from circparam.packing.nest.strategy import nested
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes, shapes_of
+from circparam.packing.pack import finish
+from circparam.packing.placement import PackTask, Placement
+from circparam.packing.rows import row_placement
+from circparam.packing.shelf import shelf_placement
+from circparam.packing.skyline import profiles, skyline_placement
+from circparam.packing.table import SKYLINE_CHARTS
+from tests.support.packing import QUICK, blobs, rectangles, triangles
+
+
+def nest(shapes: Shapes, options: PackOptions) -> Placement | None:
+    options = replace(options, effort=QUICK)
+    sound = lambda placed: finish(shapes, placed, options)[1] is None  # noqa: E731
+    return nested(PackTask(shapes, options, Monitor(), {}, sound))
+
+
+PACKERS: dict[str, Callable[[Shapes, PackOptions], Placement | None]] = {
+    "shelf": shelf_placement,
+    "rows": lambda shapes, options: row_placement(shapes, options, Monitor()),
+    "skyline": lambda shapes, options: skyline_placement(shapes, options, Monitor()),
+    "nest": nest,
+}
+# of the largest scale at which equal squares fit side by side with the gap of the packer
+FILLED = {"shelf": 0.9999, "rows": 0.98, "skyline": 0.65, "nest": 0.9}
+
+
+def placed(packer: str, shapes: Shapes, options: PackOptions) -> Placement:
+    """A layout, which is sound."""
+    found = PACKERS[packer](shapes, options)
+    assert found is not None
+    assert finish(shapes, found, options)[1] is None
+    return found
+
+
+@pytest.mark.parametrize("packer", PACKERS)
+@pytest.mark.parametrize(("rotate", "padding"), [("free", 0), ("free", 9), ("90", 4), ("none", 1)])
+def test_a_layout_is_sound_and_turned_as_allowed(packer: str, rotate: str, padding: int) -> None:
+    shapes = shapes_of(*blobs(10 if packer == "nest" else 40, padding, 0.5))
+    quarters = placed(packer, shapes, PackOptions(512, padding, rotate)).angle / (np.pi / 2)
+    if rotate != "free":
+        np.testing.assert_allclose(quarters, np.round(quarters), atol=1e-12)
+    if rotate == "none":
+        assert not quarters.any()
+
+
+@pytest.mark.parametrize("packer", PACKERS)
+@pytest.mark.parametrize(("n", "pages", "side"), [(9, 1, 3), (8, 2, 2)])
+def test_equal_squares_fill_the_pages(packer: str, n: int, pages: int, side: int) -> None:
+    options = PackOptions(resolution=512, padding=3, pages=pages, rotate="none")
+    found = placed(packer, rectangles(np.ones((n, 2))), options)
+    room = 512 - 2 * options.border
+    gap = options.box_gap if packer in ("shelf", "nest") else options.gap
+    most = (room - (side - 1) * gap) / side
+    assert FILLED[packer] * most < found.scale <= most * (1 + 1e-3)
+    assert np.bincount(found.page).tolist() == [side**2] * pages
+
+
+@pytest.mark.parametrize("packer", PACKERS)
+def test_a_fixed_scale_is_kept_or_there_is_none(packer: str) -> None:
+    """Five squares: four lie on a page of 200 up to a scale of 93, two pages hold all of them."""
+    shapes = rectangles(np.ones((5, 2)))
+    asked = PackOptions(resolution=200, padding=3, rotate="none", texel_density=75.0)
+    assert PACKERS[packer](shapes, asked) is None
+    found = placed(packer, shapes, replace(asked, pages=3))
+    assert found.scale == pytest.approx(75.0)
+    assert set(found.page.tolist()) == {0, 1}
+    assert PACKERS[packer](shapes, replace(asked, pages=3, texel_density=250.0)) is None
+
+
+@pytest.mark.parametrize(("packer", "gain"), [("rows", 1.08), ("skyline", 1.3)])
+def test_ragged_charts_sink_into_each_other(packer: str, gain: float) -> None:
+    """Triangles lie on each other where boxes may not."""
+    shapes = shapes_of(*triangles(400, 3))
+    options = PackOptions(1024, 1)
+    tight, boxes = placed(packer, shapes, options), placed("shelf", shapes, options)
+    assert tight.scale**2 > gain * boxes.scale**2
+
+
+def test_a_page_of_rows_is_full_before_the_next_begins() -> None:
+    """Of 16 squares to a page 40 need two full pages and half of the third."""
+    options = PackOptions(256, 2, "none", pages=4, texel_density=58.0)
+    for packer in ("rows", "shelf"):
+        found = placed(packer, rectangles(np.ones((40, 2))), options)
+        assert np.bincount(found.page).tolist() == [16, 16, 8]
+
+
+def test_boxes_without_extent_have_places_of_their_own_or_none() -> None:
+    points = rectangles(np.full((9, 2), 1e-200))
+    assert shelf_placement(points, PackOptions(resolution=9, padding=2)) is not None
+    assert shelf_placement(points, PackOptions(resolution=5, padding=2)) is None
+
+
+def test_at_a_fixed_scale_a_chart_is_turned_where_its_box_is_longer_than_the_page() -> None:
+    """A bar of 11 x 1 fits a page of 10 askew alone: its least box is 11 long."""
+    shapes = rectangles(np.array([[11.0, 1.0], [4.0, 1.0]]))
+    options = PackOptions(resolution=100, padding=1, texel_density=9.0, pages=2)
+    assert placed("shelf", shapes, options).scale == 9.0
+    assert shelf_placement(shapes, replace(options, rotate="90")) is None
+
+
+def test_more_charts_than_a_skyline_takes_go_into_rows_where_these_are_fuller() -> None:
+    """On a small page gaps between boxes are narrower, and count for more than shapes."""
+    shapes = shapes_of(*triangles(3000, 3))
+    for options, fuller in ((PackOptions(256, 3), False), (PackOptions(2048, 1), True)):
+        boxes = shelf_placement(shapes, options)
+        assert boxes is not None
+        found = row_placement(shapes, options, Monitor(), boxes.scale)
+        assert (found is not None) == fuller
+    assert pack(*triangles(SKYLINE_CHARTS + 1, 5), PackOptions(1024, 1)).share[0] > 0.25
+
+
+@pytest.mark.parametrize("grow", [0.0, 3.7])
+@pytest.mark.parametrize("cell", [0.5, 2.0])
+def test_column_bounds_hold_the_grown_chart_and_hardly_more(grow: float, cell: float) -> None:
+    """Points of the outline grown by a disc lie between the bounds of their column, close to them somewhere."""
+    shapes = shapes_of(*blobs(4, 7, 0.3))
+    angle, scale = np.random.default_rng(1).uniform(0, 6, (4, 2)), 12.0
+    found = profiles(shapes, angle, scale, grow, cell)
+    circle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    disc = grow * np.stack([np.cos(circle), np.sin(circle)], 1)
+    t = np.linspace(0, 1, 60)[:, None, None]
+    for e in range(8):
+        a, b = shapes.outline(e // 2)
+        k, s = np.cos(angle.flat[e]), np.sin(angle.flat[e])
+        p = (a * (1 - t) + b * t).reshape(-1, 2) @ np.array([[k, s], [-s, k]]) * scale
+        p = (p[:, None] + disc).reshape(-1, 2)
+        part = slice(found.start[e], found.start[e + 1])
+        lower, upper = found.lower[part], found.upper[part]
+        assert [lower.min(), upper.max()] == pytest.approx([p[:, 1].min(), p[:, 1].max()], abs=0.05)
+        x = (p[:, 0] - found.left[e]) / cell
+        assert -1e-6 < x.min() < x.max() < len(lower) + 1e-6
+        assert len(lower) <= np.ptp(x) + 4
+        inside = np.abs(x - np.round(x)) > 1e-6  # on a line between columns either may hold it
+        y, column = p[inside, 1], np.floor(x[inside]).astype(int)
+        assert (lower[column] - 1e-3 <= y).all()
+        assert (y <= upper[column] + 1e-3).all()
+
+
+def test_a_chart_in_parts_is_bounded_where_it_is() -> None:
+    """Nothing lies between two far parts of one chart, so that their columns rest on nothing."""
+    p = np.array([[0.0, 0], [1, 0], [0, 1], [8, 4], [9, 4], [8, 5]])
+    shapes = shapes_of(np.array([[0, 1, 2], [3, 4, 5]]), p, np.zeros(2, int))
+    found = profiles(shapes, np.zeros((1, 1)), 1.0, 0.0, 0.25)
+    assert (found.lower[6:30] > found.upper[6:30]).all()
+    assert found.lower[0] == pytest.approx(-2.5)
+    assert found.upper[-1] == pytest.approx(1.5, abs=0.3)
