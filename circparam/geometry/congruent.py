@@ -32,13 +32,12 @@ ALIKE = 2e-5  # of the radius of a component: how far points of copies may lie a
 NOISE = 1.2e-6
 BENT = 0.1  # radians by which the sums of the angles at two vertices may differ
 BASES = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
-# rounds in which components unlike every leader of their class get a leader of their own
+# Rounds in which components unlike every leader of their class get a leader of their own: 30 meshes of several
+# components take three at most.
 LEADER_ROUNDS = 16
-FAR, WIDE = (
-    0.3,
-    0.1,
-)  # of the radius: least distance of the first vertex from the centroid, and of the second
-# from the line through both
+# Of the radius: least distance of the first vertex from the centroid, and of the second from the line
+# through both.
+FAR, WIDE = 0.3, 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
 from circparam.mesh.cut_mesh import CutMesh
 
-WIDTH_ROUNDING_SHARE = 1e-10  # relative: rounding of the solve that adds up widths
+# Of the extent of a chart: rounding of the solve that adds up widths, a million times that of float64.
+WIDTH_ROUNDING_SHARE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,10 +42,6 @@ def five_squares(shapes: object, options: PackOptions) -> bool:
 TOY = Row("quincunx", Packer(quincunx, five_squares), "five squares like the five of a die")
 
 
-def never(shapes: object, options: object) -> bool:
-    return False
-
-
 def is_quincunx(packed: Packed) -> bool:
     centre = packed.uv.reshape(N, 4, 2).mean(1)
     return bool(np.abs(centre[1:] - 0.5).min() > 0.25) and np.allclose(centre[0], 0.5)
