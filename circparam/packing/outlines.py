@@ -149,22 +149,6 @@ class Shapes:
         part = slice(self.edge_start[c], self.edge_start[c + 1])
         return self.points[self.start[part]], self.points[self.end[part]]
 
-    def part(self, charts: IntArray) -> "Shapes":
-        """Some of the charts, in the order they have here; their points stay where they are."""
-        new = np.full(self.n, -1)
-        kept = np.sort(charts)
-        new[kept] = np.arange(len(kept))
-        face = np.flatnonzero(new[self.chart] >= 0)
-        owner = np.where(self.owner >= 0, new[self.owner], -1)
-        edge = np.flatnonzero(owner[self.start] >= 0)
-        start = self.start[edge]
-        first = np.searchsorted(owner[start], np.arange(len(kept) + 1)).astype(np.int64)
-        faces, chart = self.faces[face], new[self.chart[face]]
-        upright = None if self.upright is None else self.upright[kept]
-        return Shapes(
-            faces, self.points, chart, owner, self.area[kept], start, self.end[edge], first, upright
-        )
-
     def turned(self, angle: FloatArray, upright: BoolArray) -> "Shapes":
         """The same charts turned by angles (n,) about their centres, some of them upright from now on."""
         points = self.place(angle, np.zeros((self.n, 2)), 1.0)

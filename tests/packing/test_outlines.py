@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from circparam.errors import OptionError
 from circparam.packing.outlines import least_box_angles, least_square_angles, shapes_of
-from tests.support.packing import blobs, triangles, vertices_of
+from tests.support.packing import blobs, vertices_of
 
 
 def test_charts_that_share_a_vertex_are_refused():
@@ -77,31 +77,6 @@ def test_boxes_hold_what_is_placed(seed):
         np.testing.assert_allclose(box[c, 2:], placed[v].max(0), atol=1e-9)
         turned = (shapes.points[v] @ [1, 1j]) * scale * np.exp(1j * angle[c]) + offset[c] @ [1, 1j]
         np.testing.assert_allclose(placed[v] @ [1, 1j], turned, atol=1e-9)
-
-
-@settings(max_examples=25)
-@given(
-    seed=st.integers(0, 99),
-    kept=st.lists(st.integers(0, 6), min_size=1, max_size=7, unique=True),
-    large=st.booleans(),
-)
-def test_a_part_holds_its_charts_and_no_others(seed: int, kept: list[int], large: bool) -> None:
-    """Boxes, areas and outlines are those of the charts chosen, in their order; also where some have few
-    corners and one has many."""
-    rng = np.random.default_rng(seed)
-    faces, uv, chart = triangles(7, seed)
-    if large:
-        more = blobs(1, seed, 0.3)
-        faces, uv = np.r_[faces, more[0] + len(uv)], np.r_[uv, more[1]]
-        chart = np.r_[chart, more[2] + 7]
-    shapes = shapes_of(faces, uv, chart)
-    part = shapes.part(np.array(kept))
-    order = np.sort(kept)
-    angle = rng.uniform(-3, 3, shapes.n)
-    np.testing.assert_allclose(part.boxes(angle[order]), shapes.boxes(angle)[order], atol=1e-12)
-    np.testing.assert_array_equal(part.area, shapes.area[order])
-    for new, old in enumerate(order):
-        np.testing.assert_array_equal(part.outline(new), shapes.outline(int(old)))
 
 
 def test_quarter_turns_are_exact():

@@ -34,18 +34,6 @@ class Masks:
         """(k,) number of cells of each mask."""
         return np.asarray(self.cells.sum((1, 2)), np.float32)
 
-    @cached_property
-    def longest(self) -> int:
-        """Rows or columns of the longest mask."""
-        return int(self.size.max())
-
-    @cached_property
-    def within(self) -> IntArray:
-        """(k,) number of cells of each mask within its size: one that was grown may have a few beyond."""
-        rows, columns = (np.arange(n) for n in self.cells.shape[1:])
-        inner = (rows < self.size[:, :1])[:, :, None] & (columns < self.size[:, 1:])[:, None]
-        return np.asarray((self.cells & inner).sum((1, 2)))
-
 
 def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: float) -> Masks:
     """Cells touched by a chart grown by ``grow``: outline edges (e, 2) in cells, angles (k,).

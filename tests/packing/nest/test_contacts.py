@@ -125,6 +125,15 @@ def test_of_each_square_only_the_nearest_pair_counts():
         assert distance[1][same][close].min() <= distance[0][k] + 0.1
 
 
+def test_the_nearest_point_of_an_edge_counts_not_its_sample():
+    """A tip over a long edge, between two of its samples: the tip is a sample, the point below it is not."""
+    wall = np.array([[-5.0, -1], [5, -1], [5, 0], [-5, 0]])
+    tip = np.array([[0.0, 0.0], [1, 2], [-1, 2]])
+    samples = outlines(wall, tip, step=0.9)
+    found = find_contacts(at([0, 0], [0.137, 1.8]), samples, 2.5, 1.0)
+    assert np.linalg.norm(found.p - found.q, axis=1).min() == pytest.approx(0.3, abs=1e-9)
+
+
 def test_far_charts_have_no_contacts():
     samples = outlines(SQUARE, SQUARE)
     found = find_contacts(at([0, 0], [9, 0]), samples, 6.9)
