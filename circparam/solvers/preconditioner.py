@@ -126,7 +126,7 @@ class BlockJacobi:
         return result
 
 
-class TwoLevel:
+class TwoLevel(BlockJacobi):
     """Block Jacobi with a Galerkin coarse space of affine motions of each aggregate: a preconditioner.
 
     The six modes of an aggregate (constants and linear functions for both coordinates) span the errors that
@@ -134,6 +134,7 @@ class TwoLevel:
     """
 
     def __init__(self, matrix: SparseMatrix, agg: IntArray, uv: FloatArray) -> None:
+        super().__init__(matrix)
         n = len(agg)
         na = int(agg.max()) + 1
         size = group_count(agg, na).astype(np.float64)
@@ -161,17 +162,10 @@ class TwoLevel:
         coarse = coarse + sps.diags(np.where(d > 0, 1e-7 * d, 1.0))
         self.prolong, self.restrict = prolong, prolong.T.tocsr()
         self.coarse = Factor(sps.csc_matrix(coarse))
-        self.inverse = np.linalg.inv(_diagonal_blocks(matrix))
-
-    def jacobi(self, r: FloatArray) -> FloatArray:
-        """Damped block Jacobi."""
-        r2 = r.reshape(-1, 2)
-        result: FloatArray = 0.6 * np.einsum("nij,nj->ni", self.inverse, r2).ravel()
-        return result
 
     def __call__(self, r: FloatArray) -> FloatArray:
         """One symmetric V-cycle: smooth, correct on the coarse space, smooth."""
-        x = self.jacobi(r)
+        x = 0.6 * super().__call__(r)
         x = x + self.prolong @ self.coarse.solve(self.restrict @ (r - self.matrix @ x))
-        result: FloatArray = x + self.jacobi(r - self.matrix @ x)
+        result: FloatArray = x + 0.6 * super().__call__(r - self.matrix @ x)
         return result
