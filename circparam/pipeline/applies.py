@@ -1,9 +1,12 @@
 """Where options have an effect: why an option has none beside the others, or None if it has one.
 
-Every rule takes the ``Options`` (as ``Any``: they are made of these rules) and the name of the option.
+A rule reads all ``Options`` (as ``Any``: they are made of these rules) and answers the reason, or nothing.
 """
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+Rule: TypeAlias = Callable[[Any], object]
 
 _NO_USE = {  # purpose of an option of methods, for a method that does not take the option
     "start": "only --method isometric relaxes a start",
@@ -17,15 +20,7 @@ _NO_USE = {  # purpose of an option of methods, for a method that does not take 
     "linear": "it is a form of --method abf",
     "bff_boundary": "only --method bff has a target boundary",
 }
-
-
 KEEPS_SIZES = "--no-scale keeps the sizes that the charts have"
-Reason = tuple[object, str]  # a condition, and why the option has no effect where it holds
-
-
-def _first(*reasons: Reason) -> str | None:
-    """The first reason whose condition holds."""
-    return next((why for holds, why in reasons if holds), None)
 
 
 def accepted(o: Any, name: str) -> str | None:
@@ -35,53 +30,9 @@ def accepted(o: Any, name: str) -> str | None:
     return None if name in METHODS[o.method].accepts else _NO_USE[name].format(method=o.method)
 
 
-def with_polygon(o: Any, name: str) -> str | None:
-    """Only beside the boundary that it describes."""
-    return _first((o.boundary != "polygon", "it needs --boundary polygon"))
-
-
-def with_charts(o: Any, name: str) -> str | None:
-    """Only where charts are decided."""
-    return _first((o.cut != "charts", f"it shapes --cut charts, not --cut {o.cut}"))
-
-
 def searches(o: Any) -> bool:
     """Whether charts are decided and relaxed freely, so that searches compare by the costs of their layouts."""
     return bool(o.cut == "charts" and o.method == "isometric" and not o.blend and o.pins is None)
-
-
-def with_isometric_charts(o: Any, name: str) -> str | None:
-    """Only where charts are decided and relaxed freely."""
-    why = "it shapes isometric layouts of --cut charts without --blend or --pin"
-    return _first((not searches(o), why))
-
-
-def with_seams(o: Any, name: str) -> str | None:
-    """Only where seams are made."""
-    return _first((o.cut == "none", "--cut none makes no seams"))
-
-
-def with_packing(o: Any, name: str) -> str | None:
-    """Only where charts are packed."""
-    return _first(
-        (o.pins is not None, "--pin says where charts lie, and packing would move them"),
-        (not o.packed, "--no-normalize keeps the coordinates of the solver"),
-    )
-
-
-def with_search(o: Any, name: str) -> str | None:
-    """Only where charts or a page are searched."""
-    return None if o.cut == "charts" else with_packing(o, name)
-
-
-def with_free_scale(o: Any, name: str) -> str | None:
-    """Only where packing chooses the size of the charts."""
-    return _first((o.scale is False, KEEPS_SIZES)) or with_packing(o, name)
-
-
-def with_room(o: Any, name: str) -> str | None:
-    """Only where charts may be cut for a fuller page."""
-    return _first((not fills_page(o), "it fills pages of --cut charts that may be cut and turned"))
 
 
 def fills_page(o: Any) -> bool:
@@ -94,103 +45,118 @@ def fills_page(o: Any) -> bool:
     return bool(one and free and o.only is None and not convex)
 
 
-def with_free_turns(o: Any, name: str) -> str | None:
-    """Only where packing chooses the angles of charts."""
-    fixed = o.rotate in ("90", "none"), f"--rotate {o.rotate} chooses no angles"
-    return _first(fixed) or with_packing(o, name)
+def _unless(*rules: Rule) -> Callable[..., str | None]:
+    """The reason of the first rule that has one."""
+
+    def reason(o: Any, name: str = "") -> str | None:
+        return next((str(why) for rule in rules if (why := rule(o))), None)
+
+    return reason
 
 
-def with_blocks(o: Any, name: str) -> str | None:
-    """Only where borders lie along the axes, on pages of whole blocks that are packed anew."""
-    size, side = o.align_texels, o.resolution_texels
-    kept = o.only is not None or o.lock is not None
-    return _first(
-        (o.straighten == "off", "--straighten off leaves borders at any angle"),
-        (o.scale is False, KEEPS_SIZES),
-        (kept, "charts that stay on a page that is in use are not moved"),
-        (side % size, f"a page of {side} texels is not a multiple of {size}"),
-    ) or with_packing(o, name)
+def _kept(o: Any) -> bool:
+    return o.only is not None or o.lock is not None
 
 
-def with_stacks(o: Any, name: str) -> str | None:
-    """Only where parts are laid out by packing, and one of each kind says where all are cut."""
-    if o.stack == "off":
-        return None
-    given = o.keep_uv_seams, "--keep-uv-seams gives every part the seams that it has"
-    return _first(given) or with_packing(o, name)
+def _stacked(o: Any) -> bool:
+    return o.stack in ("identical", "mirrored")
 
 
-def with_stack(o: Any, name: str) -> str | None:
-    """Only beside stacks."""
-    there = o.stack in ("identical", "mirrored")
-    return _first((not there, "it needs --stack identical or mirrored"))
-
-
-def with_page_in_use(o: Any, name: str) -> str | None:
-    """Only where some charts go onto a page that is in use."""
-    sorting = f"--{'pages' if o.pages_by else 'group'}-by sorts all charts anew"
-    sizes = "--no-scale keeps the sizes of the solver, new charts get the density of the others"
-    stacked = o.stack in ("identical", "mirrored")
-    return _first(
-        (o.grouped or o.lightmap, "it works on the one atlas that the file has"),
-        (o.pages is not None, "the pages are those in use, not those of --pages"),
-        (o.scale is False, sizes),
-        (o.drop_floaters is not None, "--drop-floaters lays out the whole mesh anew"),
-        (stacked, "--stack lays out the whole mesh anew"),
-        (o.sorted_by is not None, sorting),
-        (o.density is not None, "--density sizes all charts anew, and the page has its density"),
-        (o.orient == "up", "--orient turns all charts anew"),
-    ) or with_packing(o, name)
-
-
-def with_given_charts(o: Any, name: str) -> str | None:
-    """Only where the charts of the file are packed again."""
-    return with_page_in_use(o, name) if o.cut == "none" else "it is an option of circparam pack"
-
-
-def with_kept(o: Any, name: str) -> str | None:
-    """Only beside charts that stay."""
-    there = o.only is not None or o.lock is not None
-    return _first((not there, "it needs --only, or --lock of circparam pack"))
-
-
-def with_own_pages(o: Any, name: str) -> str | None:
-    """Only where each group may have a page of its own."""
-    grouped = o.group_by not in (None, "scene")
-    return _first(
-        (o.pages is not None, "there are as many pages as groups, not as --pages says"),
-        (grouped, "--group-by says already where charts lie"),
-    ) or with_packing(o, name)
-
-
-def with_orient(o: Any, name: str) -> str | None:
-    """Only where packing does not turn charts by any angle."""
-    up = o.orient == "up"
-    return _first(
-        (up and o.rotate == "free", "--rotate free turns charts by any angle"),
-        (up and o.straighten == "all", "--straighten all turns charts by their borders"),
-    ) or with_packing(o, name)
-
-
-def with_target(o: Any, name: str) -> str | None:
-    """Only beside the set that it speaks of."""
-    return _first((o.target_set is None, "it allows to replace the set of --uv-set"))
-
-
-def with_atlases(o: Any, name: str) -> str | None:
-    """Only where there can be an atlas for each group."""
-    if not o.grouped:
-        return with_packing(o, name)
-    bare = not o.packed or o.cut == "none"
-    return _first((bare, "an atlas for each group needs seams and packing"))
-
-
-def with_one_atlas(o: Any, name: str) -> str | None:
-    """Only where there is one packed atlas."""
-    return _first((not o.packed or o.grouped, "it makes one packed atlas of the scene"))
-
-
-def with_shared_meshes(o: Any, name: str) -> str | None:
-    """Only where meshes stay shared: trimesh gives every node its own copy."""
-    both = o.unshare and getattr(o, name) == "trimesh"
-    return _first((both, "trimesh copies a mesh for every node anyway: leave out --unshare"))
+with_polygon = _unless(lambda o: o.boundary != "polygon" and "it needs --boundary polygon")
+with_charts = _unless(lambda o: o.cut != "charts" and f"it shapes --cut charts, not --cut {o.cut}")
+with_isometric_charts = _unless(
+    lambda o: (
+        not searches(o) and "it shapes isometric layouts of --cut charts without --blend or --pin"
+    )
+)
+with_seams = _unless(lambda o: o.cut == "none" and "--cut none makes no seams")
+with_packing = _unless(
+    lambda o: o.pins is not None and "--pin says where charts lie, and packing would move them",
+    lambda o: not o.packed and "--no-normalize keeps the coordinates of the solver",
+)
+with_search = _unless(lambda o: o.cut != "charts" and with_packing(o))
+with_free_scale = _unless(lambda o: o.scale is False and KEEPS_SIZES, with_packing)
+with_room = _unless(
+    lambda o: not fills_page(o) and "it fills pages of --cut charts that may be cut and turned"
+)
+with_free_turns = _unless(
+    lambda o: o.rotate in ("90", "none") and f"--rotate {o.rotate} chooses no angles", with_packing
+)
+# borders lie along the axes, on pages of whole blocks that are packed anew
+with_blocks = _unless(
+    lambda o: o.straighten == "off" and "--straighten off leaves borders at any angle",
+    lambda o: o.scale is False and KEEPS_SIZES,
+    lambda o: _kept(o) and "charts that stay on a page that is in use are not moved",
+    lambda o: (
+        o.resolution_texels % o.align_texels
+        and f"a page of {o.resolution_texels} texels is not a multiple of {o.align_texels}"
+    ),
+    with_packing,
+)
+# one of each kind of part says where all are cut
+with_stacks = _unless(
+    lambda o: (
+        o.stack != "off"
+        and o.keep_uv_seams
+        and "--keep-uv-seams gives every part the seams that it has"
+    ),
+    lambda o: o.stack != "off" and with_packing(o),
+)
+with_stack = _unless(lambda o: not _stacked(o) and "it needs --stack identical or mirrored")
+with_page_in_use = _unless(
+    lambda o: (o.grouped or o.lightmap) and "it works on the one atlas that the file has",
+    lambda o: o.pages is not None and "the pages are those in use, not those of --pages",
+    lambda o: (
+        o.scale is False
+        and "--no-scale keeps the sizes of the solver, new charts get the density of the others"
+    ),
+    lambda o: o.drop_floaters is not None and "--drop-floaters lays out the whole mesh anew",
+    lambda o: _stacked(o) and "--stack lays out the whole mesh anew",
+    lambda o: (
+        o.sorted_by is not None
+        and f"--{'pages' if o.pages_by else 'group'}-by sorts all charts anew"
+    ),
+    lambda o: (
+        o.density is not None and "--density sizes all charts anew, and the page has its density"
+    ),
+    lambda o: o.orient == "up" and "--orient turns all charts anew",
+    with_packing,
+)
+with_given_charts = _unless(
+    lambda o: with_page_in_use(o) if o.cut == "none" else "it is an option of circparam pack"
+)
+with_kept = _unless(lambda o: not _kept(o) and "it needs --only, or --lock of circparam pack")
+with_own_pages = _unless(
+    lambda o: o.pages is not None and "there are as many pages as groups, not as --pages says",
+    lambda o: o.group_by not in (None, "scene") and "--group-by says already where charts lie",
+    with_packing,
+)
+with_orient = _unless(
+    lambda o: o.orient == "up" and o.rotate == "free" and "--rotate free turns charts by any angle",
+    lambda o: (
+        o.orient == "up"
+        and o.straighten == "all"
+        and "--straighten all turns charts by their borders"
+    ),
+    with_packing,
+)
+with_target = _unless(lambda o: o.target_set is None and "it allows to replace the set of --uv-set")
+with_atlases = _unless(
+    lambda o: with_packing(o) if not o.grouped else None,
+    lambda o: (
+        o.grouped
+        and (not o.packed or o.cut == "none")
+        and "an atlas for each group needs seams and packing"
+    ),
+)
+with_one_atlas = _unless(
+    lambda o: (not o.packed or o.grouped) and "it makes one packed atlas of the scene"
+)
+# trimesh gives every node its own copy
+with_shared_meshes = _unless(
+    lambda o: (
+        o.unshare
+        and o.reader == "trimesh"
+        and "trimesh copies a mesh for every node anyway: leave out --unshare"
+    )
+)

@@ -133,14 +133,18 @@ def _by_number(document: Document, given: Any) -> Density:
     return Density(value, part.reshape(-1), tuple(f"{x:g}" for x in number))
 
 
+def of_charts(value: FloatArray | IntArray, cut_mesh: CutMesh) -> tuple[FloatArray, IntArray]:
+    """(n_charts,) value of each chart, from those of its faces (m,); and the charts with several values."""
+    most = group_max(value.astype(np.float64), cut_mesh.chart, cut_mesh.n_charts)
+    least = -group_max(-value.astype(np.float64), cut_mesh.chart, cut_mesh.n_charts)
+    return most, np.flatnonzero(most > least)
+
+
 def check_whole(cut_mesh: CutMesh, surface: Surface, name: str) -> None:
     """Raise OptionError if a chart that is not to be cut holds parts of several densities."""
     if surface.density is None:
         return
-    n = cut_mesh.n_charts
-    most = group_max(surface.density, cut_mesh.chart, n)
-    least = -group_max(-surface.density, cut_mesh.chart, n)
-    mixed = np.flatnonzero(most > least)
+    _, mixed = of_charts(surface.density, cut_mesh)
     if len(mixed):
         raise OptionError(
             f"{name}: {counted(len(mixed), 'chart')} with parts of several densities, the first is chart "

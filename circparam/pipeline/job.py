@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_max
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
@@ -27,12 +27,11 @@ from circparam.pipeline.configure import (
     tiles_of,
     write_options,
 )
-from circparam.pipeline.density import Density, find_density
+from circparam.pipeline.density import Density, find_density, of_charts
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
 from circparam.pipeline.groups import Groups, find_groups
 from circparam.pipeline.kept import Kept, find_lock, find_only
 from circparam.pipeline.options import Options
-from circparam.pipeline.place import Sorting
 from circparam.pipeline.stacks import Stacks, find_stacks
 from circparam.pipeline.verify import Declared, corners_of, uv_seams
 
@@ -82,21 +81,18 @@ class Job:
             return number
         return lambda uv: number(uv + np.array([offset, 0.0])) - [offset, 0.0]
 
-    def sorting(self, cut_mesh: CutMesh) -> Sorting | None:
-        """Charts that lie together, or on pages of their own. Raises OptionError for a chart of two groups."""
+    def sorting(self, cut_mesh: CutMesh) -> IntArray | None:
+        """(n_charts,) group of each chart, None without groups. Raises OptionError for a chart of two."""
         if self.groups is None:
             return None
-        label = self.groups.label[self.surface.source]
-        n = cut_mesh.n_charts
-        most = group_max(label.astype(np.float64), cut_mesh.chart, n)
-        mixed = np.flatnonzero(most > -group_max(-label.astype(np.float64), cut_mesh.chart, n))
+        label, mixed = of_charts(self.groups.label[self.surface.source], cut_mesh)
         if len(mixed):
             raise OptionError(
                 f"{self.document.source.name}: {counted(len(mixed), 'chart')} with faces of several "
                 f"{self.groups.kind}s, the first is chart {int(mixed[0])}: cut between them with "
                 "circparam unwrap"
             )
-        return Sorting(most.astype(np.int64), self.groups.pages)
+        return label.astype(np.int64)
 
     def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
         """uv (nv, 2) of the cut mesh for every face of the file, including faces that repair set aside.

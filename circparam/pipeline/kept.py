@@ -17,7 +17,9 @@ from circparam.mesh.surface import Surface
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, shapes_of
 from circparam.packing.room import Room, by_page, find_room, free_share
+from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import Options
+from circparam.pipeline.place import Placed
 from circparam.pipeline.selection import selected_faces
 from circparam.pipeline.verify import Verification, corners_of, uv_seams
 
@@ -126,14 +128,12 @@ def _density(areas: FloatArray, corners: FloatArray, faces: BoolArray) -> float:
     return float(np.sqrt(plane / max(float(areas[faces].sum()), 1e-300)))
 
 
-def put_into_room(
-    kept: Kept, cut_mesh: CutMesh, uv: FloatArray, options: Options, asked: PackOptions
-) -> tuple[FloatArray, list[str]]:
-    """Charts (nv, 2), one unit a unit of the mesh for ``only``, of a page for ``lock``, where room is.
+def put_into_room(kept: Kept, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Placed:
+    """Charts (nv, 2) where room is, one unit a unit of the mesh for ``only``, of a page for ``lock``.
 
-    Returns (uv (nv, 2), notes). Raises NoResultError if there is no room.
+    Raises NoResultError if there is no room.
     """
-    density = kept.density
+    density, asked = kept.density, pack_options(options)
     if options.texel_density is not None:
         density = options.texel_density / (asked.resolution * kept.unit)
     shapes = shapes_of(cut_mesh.faces, uv * density, cut_mesh.chart)
@@ -142,13 +142,11 @@ def put_into_room(
     found = find_room(shapes, pages, asked, exact)
     if found is None:
         raise NoResultError(_missing(shapes, pages, asked, density * kept.unit))
-    if found.scale > SMALLER:
-        return found.uv, []
     note = (
         f"{counted(shapes.n, 'new chart')} at {100 * found.scale:.0f} % of the density of the others for want "
         "of room"
     )
-    return found.uv, [note]
+    return Placed(found.uv, [] if found.scale > SMALLER else [note])
 
 
 def _missing(shapes: Shapes, pages: list[FloatArray], asked: PackOptions, density: float) -> str:

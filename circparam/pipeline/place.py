@@ -60,44 +60,43 @@ def place(
     return pack_groups(cut_mesh, uv, options, monitor, group)
 
 
-@dataclass(frozen=True, eq=False)
-class Sorting:
-    """label: (n_charts,) from 0 on, the owner of each chart. pages: whether each has the page of that number,
-    else a box."""
-
-    label: IntArray
-    pages: bool
-
-
 def pack_sorted(
-    cut_mesh: CutMesh, uv: FloatArray, options: Options, monitor: Monitor, sorting: Sorting
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    options: Options,
+    monitor: Monitor,
+    label: IntArray,
+    pages: bool,
 ) -> Placed:
-    """Charts packed at the sizes that they have, in pages or boxes of their own, all at one density."""
+    """Charts packed at the sizes that they have, all at one density.
+
+    label: (n_charts,) from 0 on, the owner of each chart. pages: whether each has the page of that number, else
+    a box.
+    """
     asked = pack_options(options)
-    if not sorting.pages:
+    if not pages:
         from circparam.packing.clusters import pack_clusters
 
-        box = np.unique(sorting.label, return_inverse=True)[1].reshape(-1)
+        box = np.unique(label, return_inverse=True)[1].reshape(-1)
         packed = pack_clusters(cut_mesh.faces, uv, cut_mesh.chart, box, asked, monitor)
         return Placed(packed.uv, packed.notes)
-    asked, uv = replace(asked, pages=1), uv.copy()
-    start, pages = uv.copy(), np.unique(sorting.label)
-    parts = {k: cut_mesh.subset(sorting.label == k)[:2] for k in pages.tolist()}
+    asked, start, uv = replace(asked, pages=1), uv, uv.copy()
 
     def packed_alone(options: PackOptions, which: IntArray) -> FloatArray:
-        """(k,) scales of the parts on the pages ``which`` (k,), packed each on its own."""
+        """(k,) scales of the charts of pages ``which`` (k,), packed each on its own."""
         scale = np.zeros(len(which))
         for at, k in enumerate(which.tolist()):
-            part, vertices = parts[k]
+            part, vertices, _ = cut_mesh.subset(label == k)
             found = pack(part.faces, start[vertices], part.chart, options, monitor)
             uv[vertices], scale[at] = found.uv + np.array([k, 0.0]), found.scale
         return scale
 
-    scale = packed_alone(asked, pages)
+    numbers = np.unique(label)
+    scale = packed_alone(asked, numbers)
     least = float(scale.min())
     if asked.fixed_scale is None and (scale > least * (1 + LEVEL)).any():
         level = replace(asked, texel_density=least * asked.resolution)
-        packed_alone(level, pages[scale > least * (1 + LEVEL)])
+        packed_alone(level, numbers[scale > least * (1 + LEVEL)])
     return Placed(uv, [])
 
 
@@ -128,13 +127,6 @@ def sized(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray | None) -> FloatArr
         scale[keep] = 1.0
     result: FloatArray = uv * scale[cut_mesh.vertex_chart][:, None]
     return result
-
-
-def chart_tiles(cut_mesh: CutMesh, tile: IntArray) -> IntArray:
-    """(n_charts,) tile of each chart, from that of each face."""
-    out = np.zeros(cut_mesh.n_charts, np.int64)
-    out[cut_mesh.chart] = tile
-    return out
 
 
 def side_by_side(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:

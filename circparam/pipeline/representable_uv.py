@@ -6,7 +6,8 @@ others stay. Vertices that share no face (an independent set) therefore take the
 once, round by round. Signs are exact.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -27,6 +28,8 @@ from circparam.geometry.predicates import orientation
 
 # uv (k, 2) → the nearest that can be stored, each coordinate for itself
 Rounding: TypeAlias = Callable[[FloatArray], FloatArray]
+# (which of the chosen vertices (c,), faces round them (c, 3), these at all places (c, w, 3, 2)) → cost (c, w)
+Term: TypeAlias = Callable[[IntArray, IntArray, FloatArray], FloatArray]
 
 REACH = 3  # storable numbers to either side that a vertex looks at in one round
 # storable numbers that a vertex may move in all. On a boundary 6 single-precision numbers are 0.006 texels of
@@ -91,124 +94,146 @@ def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
     return out
 
 
-def window(x: FloatArray, rounding: Rounding, reach: int = REACH) -> FloatArray:
-    """(k, 2, 2 reach + 1) storable numbers round those of x (k, 2), in ascending order."""
-    out = np.repeat(x[:, :, None], 2 * reach + 1, axis=2)
-    for k in range(1, reach + 1):
-        for side in (1, -1):
-            last = out[:, :, reach + side * (k - 1)]
-            out[:, :, reach + side * k] = following(last, rounding, side)
-    return out
-
-
-def places(x: FloatArray, rounding: Rounding) -> tuple[FloatArray, FloatArray]:
-    """((k, w, 2) all places of the window of each x (k, 2), x itself in the middle; (k, 2) next − x)."""
-    near = window(x, rounding)
-    size = near.shape[2]
-    grid = np.stack([np.repeat(near[:, 0], size, axis=1), np.tile(near[:, 1], (1, size))], 2)
-    return grid, near[:, :, REACH + 1] - near[:, :, REACH]
-
-
-def rays(
-    faces: IntArray, x: FloatArray, chosen: IntArray, rounding: Rounding
-) -> tuple[FloatArray, FloatArray]:
-    """((k, w, 2) places of chosen vertices on rays, x itself in the middle; (k, 2) next − x).
-
-    faces: (m, 3). x: (n, 2) storable. A ray leads from a vertex to the middle of the opposite edge of one of
-    its largest faces. The places lie ``RADII`` numbers out, none beyond that edge. Where a vertex has fewer
-    faces, places are x once more.
-    """
-    step = following(x[chosen], rounding, 1) - x[chosen]
-    slot = np.full(len(x), -1)
-    slot[chosen] = np.arange(len(chosen))
-    flat = faces.ravel()
-    corner = np.flatnonzero(slot[flat] >= 0)
-    face, k = corner // 3, corner % 3
-    at, b, c = x[flat[corner]], x[faces[face, (k + 1) % 3]], x[faces[face, (k + 2) % 3]]
-    order = np.lexsort((-np.abs(cross2(b - at, c - at)), slot[flat[corner]]))
-    own = slot[flat[corner]][order]
-    first = first_of_runs(own)
-    rank = np.arange(len(own)) - np.repeat(first, np.diff(np.r_[first, len(own)]))
-    some = rank < RAYS
-    ray = np.zeros((len(chosen), RAYS, 2))
-    ray[own[some], rank[some]] = ((b + c) / 2 - at)[order][some]
-    length = np.abs(ray / step[:, None]).max(2)
-    share = RADII / np.maximum(length, RADII[-1])[..., None]
-    out = x[chosen][:, None] + (ray[:, :, None] * share[..., None]).reshape(len(chosen), -1, 2)
-    grid = rounding(out.reshape(-1, 2)).reshape(out.shape)
-    half = grid.shape[1] // 2
-    return np.concatenate([grid[:, :half], x[chosen][:, None], grid[:, half:]], 1), step
-
-
-def independent(faces: IntArray, active: BoolArray, turn: int) -> IntArray:
-    """Active vertices ((n,) bool), no two of which share a face: those with the highest number among their
-    neighbours.
-
-    turn: the numbers are others in every turn.
-    """
-    number = np.where(active, _mixed(np.arange(len(active)), turn), -1)[faces]
-    beaten = np.zeros(len(active), bool)
-    beaten[faces[number < number.max(1)[:, None]]] = True
-    return np.flatnonzero(active & ~beaten)
-
-
 @dataclass(frozen=True, eq=False)
-class Mended:
-    """uv (nv, 2), all storable. moved: (nv,) bool, not where rounding alone puts them. spoilt: (m,) bool, faces
-    that are still not upright."""
+class Patch:
+    """Faces (m, 3), counter-clockwise as they should lie, whose vertices move among storable numbers.
 
-    uv: FloatArray
-    moved: BoolArray
-    spoilt: BoolArray
+    exact: (n, 2) before rounding. on_boundary: (n,) bool, vertices that move by ``FAR_ON_BOUNDARY`` at most.
+    """
+
+    faces: IntArray
+    exact: FloatArray
+    on_boundary: BoolArray
+    rounding: Rounding
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """(n, 2) where rounding alone puts the vertices."""
+        return self.rounding(self.exact)
+
+    def part(self, free: BoolArray) -> "tuple[Patch, IntArray, IntArray]":
+        """The faces with free vertices ((n,) bool) alone; the numbers of these faces and of their vertices."""
+        near = np.flatnonzero(free[self.faces].any(1))
+        v, local = np.unique(self.faces[near], return_inverse=True)
+        faces = local.reshape(-1, 3)
+        return Patch(faces, self.exact[v], self.on_boundary[v], self.rounding), near, v
+
+    def independent(self, active: BoolArray, number: IntArray) -> IntArray:
+        """Active vertices ((n,) bool) with the highest number in all their faces: no two share a face."""
+        own = np.where(active, number, -1)[self.faces]
+        beaten = np.zeros(len(active), bool)
+        beaten[self.faces[own < own.max(1)[:, None]]] = True
+        return np.flatnonzero(active & ~beaten)
+
+    def in_turns(self, waiting: BoolArray, number: IntArray) -> Iterator[IntArray]:
+        """All waiting vertices ((n,) bool) in independent sets, one after the other."""
+        waiting = waiting.copy()
+        while waiting.any():
+            chosen = self.independent(waiting, number)
+            waiting[chosen] = False
+            yield chosen
+
+    def around(self, chosen: IntArray) -> tuple[IntArray, IntArray]:
+        """The faces round chosen vertices: (c,) which of ``chosen``, (c, 3) the face, that vertex first."""
+        slot = np.full(len(self.exact), -1)
+        slot[chosen] = np.arange(len(chosen))
+        corner = np.flatnonzero(slot[self.faces.ravel()] >= 0)
+        turned = corner[:, None] // 3 * 3 + (corner[:, None] + np.arange(3)) % 3
+        found = self.faces.ravel()[turned]
+        return slot[found[:, 0]], found
+
+    def places(self, x: FloatArray, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
+        """((k, w, 2) storable numbers round chosen vertices at x, x in the middle; (k, 2) next − x)."""
+        near = np.repeat(x[chosen][:, :, None], 2 * REACH + 1, axis=2)  # in ascending order
+        for k in range(1, REACH + 1):
+            for side in (1, -1):
+                last = near[:, :, REACH + side * (k - 1)]
+                near[:, :, REACH + side * k] = following(last, self.rounding, side)
+        size = near.shape[2]
+        grid = np.stack([np.repeat(near[:, 0], size, axis=1), np.tile(near[:, 1], (1, size))], 2)
+        return grid, near[:, :, REACH + 1] - near[:, :, REACH]
+
+    def rays(self, x: FloatArray, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
+        """((k, w, 2) places of chosen vertices on rays, x itself in the middle; (k, 2) next − x).
+
+        A ray leads from a vertex to the middle of the opposite edge of one of its largest faces. The places lie
+        ``RADII`` numbers out, none beyond that edge. Where a vertex has fewer faces, places are x once more.
+        """
+        step = following(x[chosen], self.rounding, 1) - x[chosen]
+        own, around = self.around(chosen)
+        at, b, c = x[around[:, 0]], x[around[:, 1]], x[around[:, 2]]
+        order = np.lexsort((-np.abs(cross2(b - at, c - at)), own))
+        own = own[order]
+        first = first_of_runs(own)
+        rank = np.arange(len(own)) - np.repeat(first, np.diff(np.r_[first, len(own)]))
+        some = rank < RAYS
+        ray = np.zeros((len(chosen), RAYS, 2))
+        ray[own[some], rank[some]] = ((b + c) / 2 - at)[order][some]
+        length = np.abs(ray / step[:, None]).max(2)
+        share = RADII / np.maximum(length, RADII[-1])[..., None]
+        out = x[chosen][:, None] + (ray[:, :, None] * share[..., None]).reshape(len(chosen), -1, 2)
+        grid = self.rounding(out.reshape(-1, 2)).reshape(out.shape)
+        half = grid.shape[1] // 2
+        return np.concatenate([grid[:, :half], x[chosen][:, None], grid[:, half:]], 1), step
+
+    def total(self, x: FloatArray, chosen: IntArray, grid: FloatArray, term: Term) -> FloatArray:
+        """(k, w) sum of a term over the faces round each chosen vertex, with the vertex at each place."""
+        own, around = self.around(chosen)
+        w = grid.shape[1]
+        out = np.zeros((len(chosen), w))
+        for first in range(0, len(own), max(CHUNK // w, 1)):
+            part = slice(first, first + max(CHUNK // w, 1))
+            triangles = np.repeat(x[around[part]][:, None], w, axis=1)
+            triangles[:, :, 0] = grid[own[part]]
+            np.add.at(out, own[part], term(own[part], around[part], triangles))
+        return out
 
 
-def mend_faces(
-    faces: IntArray, exact: FloatArray, on_boundary: BoolArray, rounding: Rounding
-) -> Mended:
+def not_upright(triangles: FloatArray) -> BoolArray:
+    """(...) whether triangles (..., 3, 2) are not counter-clockwise, exactly."""
+    flat = triangles.reshape(-1, 3, 2)
+    result: BoolArray = orientation(flat[:, 0], flat[:, 1], flat[:, 2]) <= 0
+    return result.reshape(triangles.shape[:-2])
+
+
+def mend_faces(patch: Patch) -> tuple[FloatArray, BoolArray]:
     """Round a layout, and move vertices among storable numbers until every face is upright, if possible.
 
-    faces: (m, 3), counter-clockwise as they should lie. exact: (nv, 2) before rounding. on_boundary: (nv,)
-    bool. Layouts with over ``MOST`` spoilt faces are given up. So are faces that all ``SEARCHES`` leave, with
-    vertices up to ``FAR`` numbers from their rounded places (``FAR_ON_BOUNDARY`` on a boundary).
+    Returns storable uv (n, 2), and (m,) bool: faces that are still not upright. Layouts with over ``MOST``
+    spoilt faces are given up. So are faces that all ``SEARCHES`` leave, with vertices up to ``FAR`` numbers
+    from their rounded places.
     """
-    start = rounding(exact)
-    x, spoilt = start.copy(), signs(start, faces) <= 0
+    x, spoilt = patch.start.copy(), signs(patch.start, patch.faces) <= 0
     for search in SEARCHES if spoilt.any() else ():
-        if not 0 < spoilt.sum() <= max(MOST, MOST_SHARE * len(faces)):
+        if not 0 < spoilt.sum() <= max(MOST, MOST_SHARE * len(patch.faces)):
             break
-        free = np.zeros(len(exact), bool)
-        free[faces[spoilt]] = True
+        free = np.zeros(len(x), bool)
+        free[patch.faces[spoilt]] = True
         if search.along:
-            free &= ~on_boundary  # no ray is as short as those may move
+            free &= ~patch.on_boundary  # no ray is as short as those may move
         for _ in range(search.rings):
-            free[faces[free[faces].any(1)]] = True
-        near = np.flatnonzero(free[faces].any(1))
-        v, local = np.unique(faces[near], return_inverse=True)
-        far = RADII[-1] if search.along else FAR
-        limit = np.where(on_boundary[v], FAR_ON_BOUNDARY, far)
-        patch = _Patch(local.reshape(-1, 3), start[v], free[v], limit, search, rounding)
+            free[patch.faces[free[patch.faces].any(1)]] = True
+        part, near, v = patch.part(free)
         y = x[v]
         if search.spread > 1:
-            inner = free[v] & ~on_boundary[v]
-            crowd, place = _spread(patch, exact[v], inner, search.spread)
+            crowd, place = _spread(part, free[v] & ~part.on_boundary, search.spread)
             y[crowd] = place
-        y = patch.descend(y)
-        after = signs(y, patch.faces) <= 0
+        y = _descend(part, y, free[v], search)
+        after = signs(y, part.faces) <= 0
         if after.sum() < spoilt[near].sum():
             x[v], spoilt[near] = y, after
-    return Mended(x, (x != start).any(1), spoilt)
+    return x, spoilt
 
 
-def _spread(
-    patch: "_Patch", exact: FloatArray, inner: BoolArray, by: float
-) -> tuple[IntArray, FloatArray]:
+def _spread(patch: Patch, inner: BoolArray, by: float) -> tuple[IntArray, FloatArray]:
     """(vertices, storable places) of crowds among the vertices that are ``inner``, scaled round their middles.
 
     Scaling keeps the signs of a crowd's own faces, and of faces that join the crowd to vertices outside its new
     width.
     """
+    exact, start = patch.exact, patch.start
     step = np.zeros(len(exact))
-    step[inner] = (following(patch.start[inner], patch.rounding, 1) - patch.start[inner]).max(1)
+    step[inner] = (following(start[inner], patch.rounding, 1) - start[inner]).max(1)
     a, b = patch.faces.ravel(), patch.faces[:, [1, 2, 0]].ravel()
     short = np.linalg.norm(exact[a] - exact[b], axis=1) < CROWDED * np.minimum(step[a], step[b])
     crowd, label = np.unique(np.r_[a[short], b[short]], return_inverse=True)
@@ -223,78 +248,50 @@ def _spread(
     return crowd, patch.rounding(exact[crowd] + (times - 1)[:, None] * away)
 
 
-@dataclass(frozen=True, eq=False)
-class _Patch:
-    """Some faces (m, 3); start (n, 2): rounded places of their vertices; free: (n,) movable vertices; limit:
-    (n,) largest distance from there, in numbers."""
-
-    faces: IntArray
-    start: FloatArray
-    free: BoolArray
-    limit: IntArray
-    search: Search
-    rounding: Rounding
-
-    def descend(self, x: FloatArray) -> FloatArray:
-        """Places after rounds of moves from x (n, 2)."""
-        x, least, since = x.copy(), len(self.faces) + 1, 0
-        for turn in range(ROUNDS):
-            bad = signs(x, self.faces) <= 0
-            left = int(bad.sum())
-            least, since = (left, turn) if left < least else (least, since)
-            if left == 0 or turn - since > PATIENCE:
-                break
-            active = np.zeros(len(x), bool)
-            active[self.faces[bad]] = True
-            if turn % 4 == 3:  # obstacles may have to move first
-                active[self.faces[active[self.faces].any(1)]] = True
-            chosen = independent(self.faces, active & self.free, turn)
-            x[chosen] = self._best(x, chosen, turn)
-        return x
-
-    def _best(self, x: FloatArray, chosen: IntArray, turn: int) -> FloatArray:
-        """(k, 2) the best place in the window of each chosen vertex."""
-        if self.search.along:
-            grid, step = rays(self.faces, x, chosen, self.rounding)
-        else:
-            grid, step = places(x[chosen], self.rounding)
-        cost = self.cost(x, chosen, grid, step)
-        away = np.abs(grid - self.start[chosen][:, None]) / step[:, None]
-        allowed = away.max(2) <= self.limit[chosen][:, None]
+def _descend(patch: Patch, x: FloatArray, free: BoolArray, search: Search) -> FloatArray:
+    """Places after rounds of moves of free vertices from x (n, 2)."""
+    x, faces = x.copy(), patch.faces
+    least, since = len(faces) + 1, 0
+    limit = np.where(patch.on_boundary, FAR_ON_BOUNDARY, RADII[-1] if search.along else FAR)
+    for turn in range(ROUNDS):
+        bad = signs(x, faces) <= 0
+        left = int(bad.sum())
+        least, since = (left, turn) if left < least else (least, since)
+        if left == 0 or turn - since > PATIENCE:
+            break
+        active = np.zeros(len(x), bool)
+        active[faces[bad]] = True
+        if turn % 4 == 3:  # obstacles may have to move first
+            active[faces[active[faces].any(1)]] = True
+        chosen = patch.independent(active & free, mixed(np.arange(len(x)), turn))
+        grid, step = (patch.rays if search.along else patch.places)(x, chosen)
+        cost = patch.total(x, chosen, grid, _violation(step.prod(1), search.room))
+        away = np.abs(grid - patch.start[chosen][:, None]) / step[:, None]
         w = grid.shape[1]
-        allowed[:, w // 2] = True
-        cost[~allowed] = np.inf
+        far = away.max(2) > limit[chosen][:, None]
+        far[:, w // 2] = False
+        cost[far] = np.inf
         if turn % 2:  # places that are as good are tried in turn: so vertices leave a plateau
-            tie = _mixed(chosen[:, None] * w + np.arange(w), turn) / 2.0**33
+            tie = mixed(chosen[:, None] * w + np.arange(w), turn) / 2.0**33
         else:
-            tie = (away**2).sum(2) / (2.0**30 if self.search.along else 2.0**20)
-        result: FloatArray = grid[np.arange(len(chosen)), (cost + tie).argmin(1)]
-        return result
-
-    def cost(
-        self, x: FloatArray, chosen: IntArray, grid: FloatArray, step: FloatArray
-    ) -> FloatArray:
-        """(k, w) violation of the faces round each chosen vertex at each of its places."""
-        slot = np.full(len(x), -1)
-        slot[chosen] = np.arange(len(chosen))
-        corner = np.flatnonzero(slot[self.faces.ravel()] >= 0)
-        own = slot[self.faces.ravel()[corner]]
-        face, k = corner // 3, corner % 3
-        b, c = self.faces[face, (k + 1) % 3], self.faces[face, (k + 2) % 3]
-        w, cell, room = grid.shape[1], step.prod(1), self.search.room
-        cost = np.zeros((len(chosen), w))
-        for first in range(0, len(corner), max(CHUNK // w, 1)):
-            part = slice(first, first + max(CHUNK // w, 1))
-            at = grid[own[part]].reshape(-1, 2)
-            q, r = np.repeat(x[b[part]], w, axis=0), np.repeat(x[c[part]], w, axis=0)
-            low = orientation(at, q, r) <= 0
-            area = cross2(q - at, r - at) / np.repeat(cell[own[part]], w)
-            lack = np.where(low, 1 + room + np.abs(area), np.maximum(room - area, 0.0))
-            np.add.at(cost, own[part], lack.reshape(-1, w))
-        return cost
+            tie = (away**2).sum(2) / (2.0**30 if search.along else 2.0**20)
+        x[chosen] = grid[np.arange(len(chosen)), (cost + tie).argmin(1)]
+    return x
 
 
-def _mixed(number: IntArray, turn: int) -> IntArray:
+def _violation(cell: FloatArray, room: float) -> Term:
+    """By how many cells twice the area of a face lacks ``room``, or 0; and 1 where it is not upright."""
+
+    def term(own: IntArray, around: IntArray, triangles: FloatArray) -> FloatArray:
+        a, b = (triangles[:, :, k] - triangles[:, :, 0] for k in (1, 2))
+        area = cross2(a, b) / cell[own][:, None]
+        low = not_upright(triangles)
+        return np.where(low, 1 + room + np.abs(area), np.maximum(room - area, 0.0))
+
+    return term
+
+
+def mixed(number: IntArray, turn: int) -> IntArray:
     """Numbers below 2³², each its own as far as the input goes, in another order every turn."""
     x = (number.astype(np.uint64) + np.uint64(turn * 0x9E3779B9)) & np.uint64(0xFFFFFFFF)
     for factor in (0x7FEB352D, 0x846CA68B):  # steps that can be undone, so no two numbers meet

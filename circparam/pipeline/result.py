@@ -68,14 +68,14 @@ class Result:
     repair_report: RepairReport
     uv: FloatArray
     uv_faces: IntArray
-    charts: IntArray
     verification: Verification
-    status: str
-    reasons: list[str]
-    warnings: list[str]
-    notes: list[str]
-    repairs: list[str]
-    seconds: dict[str, float]
+    charts: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    status: str = ""
+    reasons: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    repairs: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
     tiles: IntArray | None = None
@@ -186,67 +186,53 @@ def verify_layout(
     return replace(found, block=options.align_texels or 1)
 
 
-@dataclass(frozen=True)
-class Status:
-    """status: ok | repaired | degraded, with reasons; warnings: necessary for a user."""
+def judged(result: Result, expired: bool) -> Result:
+    """A result with the charts, status, reasons and warnings that its verification calls for.
 
-    status: str
-    reasons: list[str]
-    warnings: list[str]
-
-
-def status_of(
-    verification: Verification,
-    options: Options,
-    repairs: list[str],
-    expired: bool,
-    kept: Kept | None = None,
-) -> Status:
-    """The status of a verified layout. expired: the time given has run out. kept: charts that stay, for whose
-    distortion and number nothing is promised.
-
+    expired: the time given has run out. Nothing is promised for the distortion and number of charts that stay.
     Raises OutOfTimeError if time ran out with no valid layout.
     """
-    made = None if kept is None else kept.charts(verification.cut_mesh)
-    wrong = reasons(verification, promise(options), made)
-    warnings = []
+    found, options, warnings = result.verification, result.options, []
+    made = None if result.kept is None else result.kept.charts(found.cut_mesh)
+    wrong = reasons(found, promise(options), made)
     if expired:
-        if not verification.valid:
+        if not found.valid:
             raise OutOfTimeError(
-                "out of time with no valid result: "
-                + "; ".join(wrong)
-                + "; give a longer --timeout"
+                f"out of time with no valid result: {'; '.join(wrong)}; give a longer --timeout"
             )
         warnings.append("out of time: this is the best valid result so far")
     most = options.max_charts
-    count = verification.cut_mesh.n_charts if made is None else int(made.sum())
+    count = found.cut_mesh.n_charts if made is None else int(made.sum())
     if most is not None and count > most:
         warnings.append(
             f"--max-charts {most}: {count} charts were reached; separate components, forced seams and "
             "overlaps prevent fewer: allow more charts"
         )
-    if wrong:
-        return Status("degraded", wrong, warnings + wrong)
-    if repairs:
-        return Status("repaired", list(repairs), warnings)
-    return Status("ok", [], warnings)
-
-
-def as_stored(result: Result, uvmap: UVMap, verification: Verification, expired: bool) -> Result:
-    """A result with the layout that was read back: its charts and the judgement on them.
-
-    Its warnings and errors are those of ``status_of``; ``expired`` as there.
-    """
-    judged = status_of(verification, result.options, result.repairs, expired, result.kept)
-    charts = result.charts.copy()
-    charts[result.surface.source] = verification.cut_mesh.chart
+    charts = np.full(len(result.mesh.faces), -1)
+    charts[result.surface.source] = found.cut_mesh.chart
     return replace(
         result,
-        uv=uvmap.uv,
-        uv_faces=uvmap.uv_faces,
         charts=charts,
-        verification=verification,
-        status=judged.status,
-        reasons=judged.reasons,
-        warnings=judged.warnings,
+        status="degraded" if wrong else "repaired" if result.repairs else "ok",
+        reasons=wrong or list(result.repairs),
+        warnings=warnings + wrong,
     )
+
+
+def as_stored(result: Result, uvmap: UVMap, expired: bool) -> Result:
+    """A result with the layout that was read back, verified again if any number differs; see ``judged``."""
+    found = result.verification
+    if not same_corners(uvmap, UVMap(result.uv, result.uv_faces)):
+        found = verify_layout(
+            result.surface, uvmap, result.options, result.tiles, result.stacks, result.kept
+        )
+    after = replace(result, uv=uvmap.uv, uv_faces=uvmap.uv_faces, verification=found)
+    return judged(after, expired)
+
+
+def same_corners(a: UVMap, b: UVMap) -> bool:
+    """Whether all corners of all faces have the same uv, to the last bit, or both none."""
+    if a.uv_faces.shape != b.uv_faces.shape or not (len(a.uv) and len(b.uv)):
+        return False
+    none = np.array_equal(a.uv_faces < 0, b.uv_faces < 0)
+    return none and all(np.array_equal(a.uv[a.uv_faces, k], b.uv[b.uv_faces, k]) for k in (0, 1))

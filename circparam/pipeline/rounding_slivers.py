@@ -7,37 +7,21 @@ Dirichlet energy of their faces, measured against the layout before rounding, is
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
-from circparam.geometry.predicates import orientation
-from circparam.pipeline.representable_uv import (
-    FAR_ON_BOUNDARY,
-    RADII,
-    Rounding,
-    independent,
-    places,
-    rays,
-)
+from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.pipeline.representable_uv import FAR_ON_BOUNDARY, RADII, Patch, mixed, not_upright
 
-# of the mean energy of its chart: largest share that storing may add to a face The least room below a bound
-# is 5e-6
+# of the mean energy of its chart: largest share that storing may add to a face. The least room below a
+# bound is 5e-6
 ENERGY_SHARE = 1e-6
 ROUNDS = 8  # in each of which every vertex of a sliver moves at most once
 
 
-def relieve(
-    faces: IntArray,
-    exact: FloatArray,
-    stored: FloatArray,
-    on_boundary: BoolArray,
-    chart: IntArray,
-    rounding: Rounding,
-) -> FloatArray:
-    """(nv, 2) stored places, with the vertices of slivers moved to where those have more of their shape.
+def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
+    """(n, 2) stored places, with the vertices of slivers moved to where those have more of their shape.
 
-    faces: (m, 3), counter-clockwise as they should lie. exact: (nv, 2) before rounding. on_boundary: (nv,)
-    bool: such vertices move by ``FAR_ON_BOUNDARY`` numbers at most. chart: (m,) chart of each face. No face is
-    flipped that was not.
+    chart: (m,) chart of each face. No face is flipped that was not.
     """
+    faces, exact = patch.faces, patch.exact
     load = _loads(exact[faces], stored[faces])
     area = np.abs(cross2(*_sides(exact[faces])))
     most = ENERGY_SHARE * group_sum(area, chart, int(chart.max()) + 1)[chart]
@@ -46,59 +30,36 @@ def relieve(
         return stored
     free = np.zeros(len(exact), bool)
     free[faces[sliver]] = True
-    near = np.flatnonzero(free[faces].any(1))
-    v, local = np.unique(faces[near], return_inverse=True)
-    patch, at = local.reshape(-1, 3), stored[v]
-    start, limit = rounding(exact[v]), np.where(on_boundary[v], FAR_ON_BOUNDARY, RADII[-1])
+    part, near, v = patch.part(free)
+    at, limit = stored[v], np.where(part.on_boundary, FAR_ON_BOUNDARY, RADII[-1])
+
+    def energy(own: IntArray, around: IntArray, triangles: FloatArray) -> FloatArray:
+        """(c, w) load of the faces round vertices at each of their places."""
+        load = _loads(part.exact[around][:, None], triangles)
+        load[not_upright(triangles)] = np.inf
+        return load
+
     for turn in range(ROUNDS):
-        load = _loads(exact[v][patch], at[patch])
+        load = _loads(part.exact[part.faces], at[part.faces])
         active = np.zeros(len(v), bool)
-        active[patch[(load > most[near]) & np.isfinite(load)]] = True
+        active[part.faces[(load > most[near]) & np.isfinite(load)]] = True
         active &= free[v]
         if not active.any():
             break
         # inner vertices move freely
-        waiting = active & ~on_boundary[v] if turn % 2 == 0 else active
-        while waiting.any():
-            chosen = independent(patch, waiting, turn)
-            waiting[chosen] = False
-            at[chosen] = _best(patch, exact[v], at, chosen, (start, limit), rounding)
+        waiting = active & ~part.on_boundary if turn % 2 == 0 else active
+        for chosen in part.in_turns(waiting, mixed(np.arange(len(v)), turn)):
+            along, step = part.rays(at, chosen)
+            grid = np.concatenate([at[chosen][:, None], part.places(at, chosen)[0], along], 1)
+            cost = part.total(at, chosen, grid, energy)
+            away = np.abs(grid - part.start[chosen][:, None]) / step[:, None]
+            far = away.max(2) > limit[chosen][:, None]
+            far[:, 0] = False
+            cost[far] = np.inf
+            at[chosen] = grid[np.arange(len(chosen)), cost.argmin(1)]
     out = stored.copy()
     out[v] = at
     return out
-
-
-def _best(
-    faces: IntArray,
-    exact: FloatArray,
-    x: FloatArray,
-    chosen: IntArray,
-    bounds: tuple[FloatArray, IntArray],
-    rounding: Rounding,
-) -> FloatArray:
-    """(k, 2) the place round each chosen vertex with the least load; bounds: (start, limit)."""
-    start, limit = bounds
-    along, step = rays(faces, x, chosen, rounding)
-    grid = np.concatenate([x[chosen][:, None], places(x[chosen], rounding)[0], along], 1)
-    away = np.abs(grid - start[chosen][:, None]) / step[:, None]
-    cost = np.where(away.max(2) <= limit[chosen][:, None], 0.0, np.inf)
-    cost[:, 0] = 0.0
-    slot = np.full(len(x), -1)
-    slot[chosen] = np.arange(len(chosen))
-    corner = np.flatnonzero(slot[faces.ravel()] >= 0)
-    own = slot[faces.ravel()[corner]]
-    turned = faces[corner // 3][
-        np.arange(len(corner))[:, None], (corner[:, None] + np.arange(3)) % 3
-    ]
-    w = grid.shape[1]
-    now = np.repeat(x[turned][:, None], w, axis=1)
-    now[:, :, 0] = grid[own]
-    load = _loads(exact[turned][:, None], now)
-    low = orientation(*(now.reshape(-1, 3, 2)[:, k] for k in range(3))) <= 0
-    load[low.reshape(load.shape)] = np.inf
-    np.add.at(cost, own, load)
-    result: FloatArray = grid[np.arange(len(chosen)), cost.argmin(1)]
-    return result
 
 
 def _sides(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -10,12 +10,12 @@ import numpy as np
 from circparam.core.arrays import IntArray, next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
-from circparam.formats.document import Document
 from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import write_options
-from circparam.pipeline.result import Result, as_stored, verify_layout
+from circparam.pipeline.options import Options
+from circparam.pipeline.result import Result, as_stored
 from circparam.pipeline.verify import corners_of
 
 
@@ -47,57 +47,28 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         vertex_map=written.vertex_map,
         face_map=written.face_map,
     )
-    # a pipe or a device cannot be read back
-    read_back = not piped and os.path.isfile(result.path or "")
-    return _verified_file(result, written, monitor) if read_back else result
-
-
-def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result:
-    """The result as its file says."""
-    o = result.options
+    if piped or not os.path.isfile(result.path or ""):  # a pipe or a device cannot be read back
+        return result
     with monitor.stage("verify"):
-        again = read(result.path or "", format=o.format)
-        check_loadable(again)
-        layout = again.uv(o.target_set or 0)
-        uvmap = (
-            None
-            if layout is None
-            else in_input_order(layout, written.face_map, len(result.mesh.faces))
-        )
-        if uvmap is None:
-            raise NoResultError(f"{result.path}: the written file has no uv for its faces")
-        # the file holds the verified numbers, so their verification stays valid
-        same = same_corners(uvmap, UVMap(result.uv, result.uv_faces))
-        verification = (
-            result.verification
-            if same
-            else verify_layout(result.surface, uvmap, o, result.tiles, result.stacks, result.kept)
-        )
-    stored = as_stored(result, uvmap, verification, monitor.hurried)
+        uvmap = read_back(written, len(result.mesh.faces), o, o.format)
+        stored = as_stored(result, uvmap, monitor.hurried)
     warnings = [*result.document.warnings, *stored.warnings, *written.warnings]
     return replace(stored, warnings=warnings)
 
 
-def check_loadable(document: Document) -> None:
-    """Raise NoResultError if common loaders refuse the file that was read."""
-    if flaws := document.flaws():
-        raise NoResultError(f"{document.source.name}: common loaders refuse the file: {flaws[0]}")
+def read_back(written: Written, m: int, options: Options, format: str | None = None) -> UVMap:
+    """The layout of a file as it holds it, its m faces in the order of the input.
 
-
-def same_corners(a: UVMap, b: UVMap) -> bool:
-    """Whether all corners of all faces have the same uv, to the last bit, or both none."""
-    if a.uv_faces.shape != b.uv_faces.shape or not (len(a.uv) and len(b.uv)):
-        return False
-    none = np.array_equal(a.uv_faces < 0, b.uv_faces < 0)
-    return none and all(np.array_equal(a.uv[a.uv_faces, k], b.uv[b.uv_faces, k]) for k in (0, 1))
-
-
-def in_input_order(uvmap: UVMap, face_map: IntArray, m: int) -> UVMap | None:
-    """A layout as read back, its m faces in the order of the input; None if they do not fit."""
-    if len(uvmap.uv_faces) != len(face_map):
-        return None
+    Raises NoResultError if common loaders refuse the file, or faces have no uv.
+    """
+    again = read(str(written.path), format=format)
+    if flaws := again.flaws():
+        raise NoResultError(f"{again.source.name}: common loaders refuse the file: {flaws[0]}")
+    uvmap = again.uv(options.target_set or 0)
+    if uvmap is None or len(uvmap.uv_faces) != len(written.face_map):
+        raise NoResultError(f"{written.path}: the written file has no uv for its faces")
     faces = np.full((m, 3), -1)
-    faces[face_map] = uvmap.uv_faces
+    faces[written.face_map] = uvmap.uv_faces
     return UVMap(uvmap.uv, faces)
 
 

@@ -16,14 +16,14 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import fallback
 from circparam.pipeline.align import align
-from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.configure import pack_options
+from circparam.pipeline.cascade import Cascade, KnownPacking
+from circparam.pipeline.density import of_charts
 from circparam.pipeline.job import Job
 from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import up_axis, upright
 from circparam.pipeline.pinned import place_pinned
-from circparam.pipeline.place import Placed, chart_signs, chart_tiles, pack_sorted, place, sized
+from circparam.pipeline.place import Placed, chart_signs, pack_sorted, place, sized
 from circparam.pipeline.representable_uv import Rounding
 from circparam.pipeline.stored_repair import Stored, store
 
@@ -44,18 +44,6 @@ class Fitted:
     double: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """One layout, packed and stored. fault: (n_charts,) as ``fallback.faults``; size: length of its edges over
-    that before packing."""
-
-    cascade: Cascade
-    uvmap: UVMap
-    fault: IntArray
-    size: float
-    double: bool
-
-
 def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     """Mend, scale and pack until the numbers as stored have no flip and no overlap; uv for every face.
 
@@ -72,83 +60,92 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
             options = replace(options, effort=min(RETRIED * options.work, 1.0))
         if not settled:
             cascade = fallback.settle(cascade, monitor)
-        trial = _packed(job, cascade, options, monitor)
-        cascade = trial.cascade
-        if not (trial.fault > 0).any():
+        fitted, fault, size = _packed(job, cascade, options, monitor)
+        cascade = fitted.cascade
+        if not (fault > 0).any():
             break
-        after = fallback.advance(cascade, trial.fault, monitor)
+        after = fallback.advance(cascade, fault, monitor)
         if after is None:
             break
         cascade = replace(after, packing=None)
         settled = options.packed and cascade.rules.may_split and not monitor.hurried
         if settled:
-            cascade = _hold_stored(job, cascade, trial.size, monitor)
-    if not np.isfinite(trial.uvmap.uv).all():
+            cascade = _hold_stored(job, cascade, size, monitor)
+    if not np.isfinite(fitted.uvmap.uv).all():
         raise NoResultError("no finite layout was found: try another --method, or --cut charts")
-    return Fitted(cascade, trial.uvmap, trial.double)
+    return replace(fitted, cascade=cascade)
 
 
-def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _Trial:
-    """Pack a layout, complete it, round it as the format does, and look for faults."""
+def _packed(
+    job: Job, cascade: Cascade, options: Options, monitor: Monitor
+) -> tuple[Fitted, IntArray, float]:
+    """A layout packed, completed, and rounded as the format does.
+
+    Also (n_charts,) as ``fallback.faults``, and the length of its edges over that before packing.
+    """
     cut_mesh, uv = cascade.open()
     keep = cascade.kept_sizes(cut_mesh)
     with monitor.stage("pack"):
-        tiles = None if job.tiles is None else job.tiles[job.surface.source]
-        group = None if tiles is None else chart_tiles(cut_mesh, tiles)
         sign = chart_signs(job.surface, cut_mesh, options)
         uv[:, 0] *= sign[cut_mesh.vertex_chart]
-        if options.pins is not None:
-            placed = place_pinned(job, cut_mesh, uv, options.pins)
-        elif job.kept is not None:
-            at_size, asked = sized(cut_mesh, uv, keep), pack_options(options)
-            placed = Placed(*put_into_room(job.kept, cut_mesh, at_size, options, asked))
-        else:
-            if options.orient == "up" and options.packed:
-                turned = upright(cut_mesh, job.surface, uv, up_axis(job.document, options))
-                uv, cascade = turned.uv, cascade.noted(turned.note)
-            sorting = job.sorting(cut_mesh)
-            if sorting is None:
-                placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
-            else:
-                at_size = sized(cut_mesh, uv, keep)
-                placed = pack_sorted(cut_mesh, at_size, options, monitor, sorting)
+        placed = arrange(job, cut_mesh, uv, options, monitor, keep, cascade.packing)
     with monitor.stage("check"):
-        uv = align(cut_mesh, placed.uv, options, group)
         turn = options.packed and options.turns != "none" and job.kept is None
-        held = hold(job, cut_mesh, uv, sign < 0, turn)
-    uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
-    size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, uv, keep))
-    return _Trial(
-        cascade.noted(*placed.notes, *held.notes), uvmap, held.stored.fault, size, held.double
-    )
+        held = hold(job, cut_mesh, placed.uv, sign < 0, turn)
+    uvmap = job.completed(cut_mesh, held.uv, held.double)
+    size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, placed.uv, keep))
+    return Fitted(cascade.noted(*placed.notes, *held.notes), uvmap, held.double), held.fault, size
 
 
-@dataclass(frozen=True, eq=False)
-class StoredLayout:
-    """A packed layout in numbers that its format stores, as doubles or not, with notes."""
+def arrange(
+    job: Job,
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    options: Options,
+    monitor: Monitor,
+    keep: BoolArray,
+    known: KnownPacking | None = None,
+) -> Placed:
+    """Charts (nv, 2) where they lie: at their pins, in the room of a page in use, or packed.
 
-    stored: Stored
-    double: bool
-    notes: list[str]
+    keep: (n_charts,) bool, charts that keep the size they have. known: see ``place``.
+    """
+    group, notes = None, []
+    if job.tiles is not None:
+        group = of_charts(job.tiles[job.surface.source], cut_mesh)[0].astype(np.int64)
+    if options.pins is not None:
+        placed = place_pinned(job, cut_mesh, uv, options.pins)
+    else:
+        if options.orient == "up":
+            turned = upright(cut_mesh, job.surface, uv, up_axis(job.document, options))
+            uv, notes = turned.uv, [turned.note]
+        label = job.sorting(cut_mesh)
+        if job.kept is not None:
+            placed = put_into_room(job.kept, cut_mesh, sized(cut_mesh, uv, keep), options)
+        elif label is None or job.groups is None:
+            placed = place(cut_mesh, uv, options, monitor, group, keep, known)
+        else:
+            at_size, pages = sized(cut_mesh, uv, keep), job.groups.pages
+            placed = pack_sorted(cut_mesh, at_size, options, monitor, label, pages)
+    return Placed(align(cut_mesh, placed.uv, options, group), [*notes, *placed.notes])
 
 
 def hold(
     job: Job, cut_mesh: CutMesh, uv: FloatArray, mirrored: BoolArray, turn: bool = False
-) -> StoredLayout:
+) -> Stored:
     """Round a packed layout (nv, 2) as the target stores it and mend spoilt faces; see ``store``.
 
     For charts that stay faulty, pages are turned by quarters (if ``turn``), because numbers are finest near
     zero. Next, uv become doubles where the format has them. The result has the fewest faulty charts.
     """
-    tried: list[StoredLayout] = []
+    tried: list[Stored] = []
     for double in (False, True) if has_doubles(job.target) else (False,):
         number = job.rounding(double)
         for exact in _placements(cut_mesh, uv, number, mirrored, turn and not double):
-            found = store(cut_mesh, exact, mirrored, number)
-            tried.append(StoredLayout(found, double, _notes(found, double)))
-            if found.sound:
+            tried.append(store(cut_mesh, exact, mirrored, number, double))
+            if tried[-1].sound:
                 return tried[-1]
-    return min(tried, key=lambda one: int((one.stored.fault > 0).sum()))
+    return min(tried, key=lambda one: int((one.fault > 0).sum()))
 
 
 def _placements(
@@ -163,19 +160,6 @@ def _placements(
         best = int(np.argmin(spoilt))
         if best:
             yield turns[best]
-
-
-def _notes(stored: Stored, double: bool) -> list[str]:
-    """One line for each thing that was done for stored numbers."""
-    out = []
-    if stored.moved:
-        out.append(
-            f"{stored.moved} uv vertices moved to nearby storable numbers, because rounding "
-            "spoilt their faces"
-        )
-    if double:
-        out.append("uv are stored as doubles: single precision cannot represent some faces")
-    return out
 
 
 def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
@@ -193,7 +177,7 @@ def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> C
     cut_mesh, uv = cascade.open()
     with monitor.stage("check"):
         uv = _at_far_corner(cut_mesh, uv, cascade.kept_sizes(cut_mesh), size)
-        fault = hold(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).stored.fault
+        fault = hold(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).fault
     return fallback.sent_on(
         cascade, fault, monitor, lambda part, to: _hold_stored(job, part, size, to)
     )

@@ -12,14 +12,13 @@ from circparam.core.arrays import IntArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted, listed, percent
 from circparam.core.records import dataclass
-from circparam.errors import NoResultError, OptionError, OutputError
+from circparam.errors import OptionError, OutputError
 from circparam.formats.document import Document
 from circparam.formats.io import (
     Written,
     check_place,
     check_target,
     output_format,
-    read,
     stage,
     write_staged,
 )
@@ -32,8 +31,8 @@ from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.named_numbers import EVEN, SOURCE
 from circparam.pipeline.options import Options, from_keywords
-from circparam.pipeline.result import Result, as_stored, verify_layout
-from circparam.pipeline.save import check_loadable, in_input_order, same_corners
+from circparam.pipeline.result import Result, as_stored
+from circparam.pipeline.save import read_back
 from circparam.pipeline.summary import SCHEMA, summarise
 from circparam.pipeline.unwrap import unwrap_document
 
@@ -213,12 +212,10 @@ def save_together(
         written = write_staged(staged, o.overwrite)
     with monitor.stage("verify"):
         uvmap = _read_back(joined, written, o)
-        # files that hold the very numbers that were verified need no second look
-        verification = result.verification
-        if not same_corners(uvmap, layout):
-            verification = verify_layout(result.surface, uvmap, o, result.tiles, result.stacks)
-            verification = replace(verification, seen=lambda: result.verification.seam_visible)
-    stored = as_stored(result, uvmap, verification, monitor.hurried)
+        stored = as_stored(result, uvmap, monitor.hurried)
+        if stored.verification is not result.verification:
+            found = replace(stored.verification, seen=lambda: result.verification.seam_visible)
+            stored = replace(stored, verification=found)
     warnings = [f"{one.path}: {line}" for one in written for line in one.warnings]
     out = replace(
         stored,
@@ -247,13 +244,7 @@ def _read_back(joined: JoinedDocument, written: Sequence[Written], o: Options) -
     """The layout of all files as they hold it. Raises NoResultError if one has no uv for its faces."""
     rows, faces, count = [], [], 0
     for part, one in zip(joined.parts, written, strict=True):
-        again = read(str(one.path))
-        check_loadable(again)
-        found = again.uv(o.target_set or 0)
-        m = len(part.mesh.faces)
-        layout = None if found is None else in_input_order(found, one.face_map, m)
-        if layout is None:
-            raise NoResultError(f"{one.path}: the file, read back, has no uv for its faces")
+        layout = read_back(one, len(part.mesh.faces), o)
         rows.append(layout.uv)
         faces.append(np.where(layout.uv_faces < 0, -1, layout.uv_faces + count))
         count += len(layout.uv)

@@ -18,31 +18,27 @@ from circparam.core.monitor import Listener, Monitor
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
-from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import applies, checkpoint, floaters, groups
-from circparam.pipeline.align import align
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.configure import open_source, pack_options, padding_note
+from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.density import at_densities, check_whole
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
-from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
-from circparam.pipeline.orient import orient_cost, up_axis, upright
+from circparam.pipeline.orient import orient_cost
 from circparam.pipeline.pinned import check_pins, check_storable
-from circparam.pipeline.place import Placed, chart_tiles, pack_groups, pack_sorted
-from circparam.pipeline.result import Effort, Result, status_of, verify_layout
+from circparam.pipeline.result import Effort, Result, judged, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.seam_visibility import SeamVisibility
 from circparam.pipeline.searches import Drafted, best_layout, on_page
 from circparam.pipeline.stacks import copies_hold
-from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
+from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, hold
 
 # Time after a stage as a multiple of the seconds of the repair, which visits the same mesh on the same
 # machine: for projected charts with all later stages; for packing in rows, writing and verifying; for all but
@@ -198,24 +194,19 @@ def repack_document(
 ) -> Result:
     """Pack the charts of a layout over the faces of a document; see ``repack``. options: of ``--cut none``."""
     job = prepare(document, output, options, monitor, uvmap)
-    cascade = Cascade(_as_given(job, uvmap))
+    atlas = given_atlas(job.surface, uvmap, document.source.name)
+    if job.tiles is not None:
+        tile = job.tiles[job.surface.source][job.surface.edges // 3]
+        atlas.cut |= tile[:, 0] != tile[:, 1]
+    cascade = Cascade(atlas)
     cut_mesh, uv = cascade.open()
     if options.density is not None:
         check_whole(cut_mesh, job.surface, document.source.name)
         uv = at_densities(cut_mesh, job.surface, uv)
     with monitor.stage("pack"):
-        group = None if job.tiles is None else chart_tiles(cut_mesh, job.tiles[job.surface.source])
-        if options.orient == "up":
-            turned = upright(cut_mesh, job.surface, uv, up_axis(document, options))
-            uv, cascade = turned.uv, cascade.noted(turned.note)
-        if job.kept is not None:
-            packed = Placed(*put_into_room(job.kept, cut_mesh, uv, options, pack_options(options)))
-        elif (sorting := job.sorting(cut_mesh)) is not None:
-            packed = pack_sorted(cut_mesh, uv, options, monitor, sorting)
-        else:
-            packed = pack_groups(cut_mesh, uv, options, monitor, group)
-        placed = align(cut_mesh, packed.uv, options, group)
-    fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, placed)
+        as_given = np.ones(cut_mesh.n_charts, bool)
+        placed = arrange(job, cut_mesh, uv, options, monitor, as_given)
+    fitted = _packed_again(job, cascade.noted(*placed.notes), cut_mesh, placed.uv)
     return finish(job, fitted, output, monitor, "pack")
 
 
@@ -231,56 +222,40 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
         return Fitted(cascade, job.stored(cut_mesh, uv))
     turn = job.options.turns != "none" and job.kept is None
     held = hold(job, cut_mesh, uv, mirrored, turn)
-    uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
+    uvmap = job.completed(cut_mesh, held.uv, held.double)
     return Fitted(cascade.noted(*held.notes), uvmap, held.double)
-
-
-def _as_given(job: Job, uvmap: UVMap) -> Atlas:
-    """The atlas that a file's own uv make. Raises InputError if a face has none."""
-    atlas = given_atlas(job.surface, uvmap, job.document.source.name)
-    if job.tiles is not None:
-        tile = job.tiles[job.surface.source][job.surface.edges // 3]
-        atlas.cut |= tile[:, 0] != tile[:, 1]
-    return atlas
 
 
 def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     """The final result with its verification."""
-    cascade, uvmap = fitted.cascade, fitted.uvmap
+    cascade, uvmap, options, document = fitted.cascade, fitted.uvmap, job.options, job.document
     with monitor.stage("verify"):
         whole = job.whole.at_density()
-        verification = verify_layout(whole, uvmap, job.options, job.tiles, job.stacks, job.kept)
-    charts = np.full(len(job.document.mesh.faces), -1)
-    charts[job.whole.source] = verification.cut_mesh.chart
-    repairs = [*job.repair_report.messages, *cascade.repairs]
-    auto = job.options.padding == AUTO and job.options.packed
-    left_out = [padding_note(job.options.padding_texels)] if auto else []
-    left_out += [] if job.floaters is None else [floaters.note(job.floaters)]
-    left_out += [] if job.stacks is None else job.stacks.notes()
-    left_out += [] if job.groups is None else [groups.note(job.groups)]
-    if job.options.pins is not None:
-        check_pins(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
-    left_out += [] if job.kept is None else job.kept.notes(uvmap)
+        verification = verify_layout(whole, uvmap, options, job.tiles, job.stacks, job.kept)
+    if options.pins is not None:
+        check_pins(document.mesh, uvmap, options.pins, [*cascade.notes, *cascade.repairs])
     orient = None
     if job.kept is None and job.tiles is None:
         with monitor.stage("pack"):
-            orient = orient_cost(verification, job.options, monitor)
-    left_out += [] if orient is None else [orient.note]
-    said = status_of(verification, job.options, repairs, monitor.hurried, job.kept)
-    return Result(
-        options=job.options,
-        document=job.document,
+            orient = orient_cost(verification, options, monitor)
+    notes = list(document.notes)
+    if options.padding == AUTO and options.packed:
+        notes.append(padding_note(options.padding_texels))
+    notes += [] if job.floaters is None else [floaters.note(job.floaters)]
+    notes += [] if job.stacks is None else job.stacks.notes()
+    notes += [] if job.groups is None else [groups.note(job.groups)]
+    notes += [] if job.kept is None else job.kept.notes(uvmap)
+    notes += [] if orient is None else [orient.note]
+    result = Result(
+        options=options,
+        document=document,
         surface=whole,
         repair_report=job.repair_report,
         uv=uvmap.uv,
         uv_faces=uvmap.uv_faces,
-        charts=charts,
         verification=verification,
-        status=said.status,
-        reasons=said.reasons,
-        warnings=[*job.document.warnings, *said.warnings],
-        notes=[*job.document.notes, *left_out, *cascade.notes],
-        repairs=repairs,
+        notes=[*notes, *cascade.notes],
+        repairs=[*job.repair_report.messages, *cascade.repairs],
         seconds=dict(monitor.seconds),
         iterations=cascade.iterations,
         stopped=cascade.stopped,
@@ -296,6 +271,8 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         orient=orient,
         advice=cascade.advice,
     )
+    result = judged(result, monitor.hurried)
+    return replace(result, warnings=[*document.warnings, *result.warnings])
 
 
 def finish(

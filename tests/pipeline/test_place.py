@@ -9,7 +9,7 @@ import circparam
 from circparam.core.monitor import Monitor
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.options import Options
-from circparam.pipeline.place import chart_tiles, place, sized
+from circparam.pipeline.place import place, sized
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -76,4 +76,3 @@ def test_sizes_are_those_of_the_surface_but_for_charts_that_keep_theirs() -> Non
 
     assert width(sized(cut_mesh, grown, None)) == pytest.approx([1, 1])
     assert width(sized(cut_mesh, grown, np.array([True, False]))) == pytest.approx([5, 1])
-    assert chart_tiles(cut_mesh, np.where(cut_mesh.chart == 1, 7, 3)).tolist() == [3, 7]

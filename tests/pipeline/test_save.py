@@ -7,7 +7,7 @@ import pytest
 
 import circparam
 from circparam.errors import OptionError
-from circparam.mesh.mesh import UVMap
+from circparam.formats.memory import from_arrays
 from circparam.pipeline import save as saving
 from circparam.pipeline.save import export_seams, save, seam_pairs, write_map
 from tests.support import shapes
@@ -85,43 +85,23 @@ def test_a_saved_result_names_its_file_and_its_maps(tmp_path: Path) -> None:
         save(result, tmp_path / "o.obj")
 
 
+@pytest.mark.parametrize("fault", ["turned", "lost"])
 def test_what_the_file_holds_is_verified_where_it_differs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A writer that turns a face over is found out; numbers that come back as they were are judged once."""
+    """A writer that turns a face over or loses its uv is found out; numbers that come back are judged once."""
     memory = circparam.unwrap(shapes.bumped_disk(80), format="obj", **FLAT)
-    saved = save(memory, tmp_path / "good.obj")
-    assert saved.verification is memory.verification
-    honest = saving.read
+    assert save(memory, tmp_path / "good.obj").verification is memory.verification
 
-    class Turned:
-        def __init__(self, path, **options):
-            self.document = honest(path, **options)
-            self.flaws = self.document.flaws
-
-        def uv(self, uv_set: int):
-            uvmap = self.document.uv(uv_set)
-            faces = uvmap.uv_faces.copy()
-            faces[3] = faces[3, ::-1]
-            return UVMap(uvmap.uv, faces)
-
-    monkeypatch.setattr(saving, "read", Turned)
-    found = save(memory, tmp_path / "bad.obj")
-    assert len(found.verification.mirrored) == 1
-    assert found.status == "degraded"
-
-
-def test_a_uv_that_the_file_lost_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    memory = circparam.unwrap(shapes.bumped_disk(80), format="obj", **FLAT)
-    honest = saving.in_input_order
-
-    def lose(*given):
-        uvmap = honest(*given)
+    def bad(*given, **options):
+        document = circparam.read(*given)
+        uvmap = document.uv()
         faces = uvmap.uv_faces.copy()
-        faces[0] = -1
-        return UVMap(uvmap.uv, faces)
+        faces[3] = faces[3, ::-1] if fault == "turned" else -1
+        return from_arrays(document.mesh.points, document.mesh.faces, uvmap.uv, faces)
 
-    monkeypatch.setattr(saving, "in_input_order", lose)
-    assert save(memory, tmp_path / "o.obj").verification.missing == 1
+    monkeypatch.setattr(saving, "read", bad)
+    found = save(memory, tmp_path / "bad.obj")
+    assert len(found.verification.mirrored) == (fault == "turned")
+    assert found.verification.missing == (fault == "lost")
+    assert found.status == "degraded"

@@ -1,0 +1,354 @@
+"""Layouts in the numbers that a format stores: upright faces, no overlap, little moved, no more charts."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import circparam
+from circparam.formats.io import read, rounding
+from circparam.geometry.overlap import overlaps, signs
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.surface import Surface
+from circparam.pipeline import stored_fit
+from circparam.pipeline.fallback import SOUND
+from circparam.pipeline.representable_uv import (
+    FAR_ON_BOUNDARY,
+    RADII,
+    Patch,
+    following,
+    mend_faces,
+)
+from circparam.pipeline.rounding_slivers import relieve
+from circparam.pipeline.stored_repair import store
+from tests.support import needles, shapes
+from tests.support.atlases import surface_of
+from tests.support.exact import exact_sign
+from tests.support.needles import ROUNDINGS
+
+QUICK = {"effort": 0.01, "resolution": 64}
+numbers = st.floats(-2.0, 2.0) | st.sampled_from([0.0, 0.5, 1.0, 1 - 2.0**-24, 2.0**-30])
+seeds = st.integers(0, 2**20)
+
+
+def patch_of(p: np.ndarray, f: np.ndarray, name: str) -> Patch:
+    return Patch(f, p, needles.boundary_vertices(f, len(p)), ROUNDINGS[name])
+
+
+@given(st.sampled_from(sorted(ROUNDINGS)), st.tuples(numbers, numbers), st.floats(0, 1))
+def test_the_next_storable_number_is_the_next(name: str, value: tuple, t: float) -> None:
+    number = ROUNDINGS[name]
+    x = number(np.array([value]))
+    for side in (1, -1):
+        y = following(x, number, side)
+        assert (side * (y - x) > 0).all()
+        np.testing.assert_array_equal(number(y), y)
+        between = number(x + t * (y - x))
+        fine = np.abs(y - x) <= 2.0**-59  # next to zero finer numbers are left out
+        assert ((between == x) | (between == y) | fine).all()
+
+
+@given(
+    st.sampled_from(["f4", "glb", "steps", "decimals"]),
+    st.sampled_from([needles.crowd, needles.band]),
+    st.integers(2, 10), st.floats(-10, -7.5), seeds,
+)  # fmt: skip
+def test_needles_are_upright_after_a_few_units(name, make, n: int, width: float, seed: int) -> None:
+    p, f = make(np.random.default_rng(seed), n, 10.0**width)
+    patch = patch_of(p, f, name)
+    before = signs(patch.start, f) <= 0
+    uv, spoilt = mend_faces(patch)
+    np.testing.assert_array_equal(patch.rounding(uv), uv)
+    assert not spoilt.any()
+    assert all(exact_sign(*uv[t]) > 0 for t in f[before])
+    assert (signs(uv, f) > 0).all()
+    away = np.abs(uv - patch.start).max(1)
+    unit = 1e-7 if name == "decimals" else 2.0**-23
+    assert (away <= np.where(patch.on_boundary, FAR_ON_BOUNDARY, RADII[-1]) * unit).all()
+    near = np.zeros(len(p), bool)
+    near[f[before]] = True
+    for _ in range(5):
+        near[f[near[f].any(1)]] = True
+    assert not away[~near].any(), "only what is near a spoilt face moves"
+
+
+def test_doubles_are_representable_too() -> None:
+    """Rows of vertices that fall together in doubles come apart by a few units of doubles."""
+    p, f = needles.band(np.random.default_rng(3), 12, 1e-10)
+    p = ROUNDINGS["f4"](p)
+    uv, _ = mend_faces(patch_of(p, f, "f8"))
+    assert (signs(uv, f) > 0).all()
+    assert 0 < np.abs(uv - p).max() < RADII[-1] * 2.0**-52
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_vertices_on_a_boundary_move_little_and_others_as_far_as_they_must(inside: bool) -> None:
+    """Gaps between charts have no room for more: of 120 vertices within 1e-9 some faces stay spoilt there."""
+    p, f = needles.crowd(np.random.default_rng(3), 120, 1e-9)
+    patch = Patch(f, p, np.full(len(p), not inside), ROUNDINGS["f4"])
+    uv, spoilt = mend_faces(patch)
+    away = np.abs(uv - patch.start) / np.spacing(patch.start.astype(np.float32))
+    assert (0 < FAR_ON_BOUNDARY < away.max()) if inside else (0 < away.max() <= FAR_ON_BOUNDARY)
+    assert bool(spoilt.any()) is not inside
+
+
+def fan_with_needles(rng: np.random.Generator, n: int, width: float, near: float):
+    """A fan of n slivers so narrow; every second has a vertex so near to its tip, relative to its length."""
+    angle = rng.uniform(0, 6) + width * np.cumsum(rng.uniform(0.5, 1.5, n + 1))
+    rim = 0.3 * np.stack([np.cos(angle), np.sin(angle)], 1)
+    points = 0.5 + rng.uniform(-0.1, 0.1, 2) + np.r_[np.zeros((1, 2)), rim]
+    faces = []
+    for k in range(n):
+        a, b, c, new = 0, k + 1, k + 2, len(points)
+        if k % 2:
+            faces.append([a, b, c])
+            continue
+        inside = points[a] + near * ((points[b] - points[a]) + (points[c] - points[a]))
+        points = np.r_[points, inside[None]]
+        faces += [[a, b, new], [b, c, new], [c, a, new]]
+    return points, np.array(faces)
+
+
+def energy(faces: np.ndarray, before: np.ndarray, after: np.ndarray) -> float:
+    """Mean symmetric Dirichlet energy over 4, by numpy's own inverses and singular values."""
+    p, q = before[faces], after[faces]
+    a = np.stack([p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]], 2)
+    b = np.stack([q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]], 2)
+    s = np.linalg.svd(b @ np.linalg.inv(a), compute_uv=False)
+    area = np.abs(np.linalg.det(a))
+    return float(((s**2 + s**-2).sum(1) / 4 * area).sum() / area.sum())
+
+
+@settings(max_examples=25)
+@given(
+    st.integers(1, 6), st.floats(-2.5, -0.5), st.floats(-8.5, -5), st.sampled_from(["f4", "glb"]), seeds
+)  # fmt: skip
+def test_slivers_are_upright_and_hardly_distorted(
+    n: int, width: float, near: float, name: str, seed: int
+) -> None:
+    p, f = fan_with_needles(np.random.default_rng(seed), n, 10**width, 10**near)
+    patch = patch_of(p, f, name)
+    mended, _ = mend_faces(patch)
+    got = relieve(patch, mended, np.zeros(len(f), np.int64))
+    np.testing.assert_array_equal(patch.rounding(got), got)
+    assert (signs(got, f) > 0).all()
+    # the areas of the needles themselves are known to a millionth
+    assert energy(f, p, got) <= energy(f, p, mended) * (1 + 1e-4)
+    if width > -1 and near > -7.5:  # narrower ones have no place that is near enough
+        assert energy(f, p, got) < 1.02
+    away = np.abs(got - patch.start).max(1)
+    assert away[patch.on_boundary].max(initial=0.0) <= FAR_ON_BOUNDARY * 2.0**-23
+
+
+def test_a_needle_left_with_a_cell_gets_its_area_back_and_no_other_face_moves() -> None:
+    p = np.array([[0.25, 0.25], [0.75, 0.25], [0.5, 0.75], [0.25 + 3e-6, 0.25 + 2e-6]])
+    f = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    patch = patch_of(p, f, "f4")
+    at = patch.start.copy()
+    at[3] = np.float32(0.25) + np.array([2.0**-16, 2.0**-25])  # upright, all but flat
+    assert (signs(at, f) > 0).all()
+    assert energy(f, p, at) > 1.1
+    assert energy(f, p, relieve(patch, at, np.zeros(3, np.int64))) < 1.001
+    whole = patch_of(*fan_with_needles(np.random.default_rng(1), 5, 0.3, 1e-2), "f4")
+    same = relieve(whole, whole.start, np.zeros(len(whole.faces), np.int64))
+    np.testing.assert_array_equal(same, whole.start)
+
+
+def flat_chart(p: np.ndarray, f: np.ndarray) -> tuple[CutMesh, np.ndarray]:
+    """(cut mesh, (nv, 2) places) of a flat mesh as it lies."""
+    surface = surface_of(np.c_[p[:, :2], np.zeros(len(p))], f)
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    uv[cut_mesh.faces.ravel()] = surface.points[surface.faces.ravel(), :2]
+    return cut_mesh, uv
+
+
+def slit(n: int = 24) -> tuple[CutMesh, np.ndarray]:
+    """A flat square with a slit from its middle to one side, whose sides rounding makes cross."""
+    p, f = shapes.grid(n, n)
+    surface = surface_of(p, f)
+    h = surface.edges[:, 0]
+    a, b = surface.faces.ravel()[h], surface.faces[h // 3, (h + 1) % 3]
+    y = p[:, 1]
+    row = np.unique(y)[n // 2]
+    cut = (y[a] == row) & (y[b] == row) & (np.minimum(p[a, 0], p[b, 0]) >= 0.5)
+    cut_mesh = surface.cut_mesh(cut)
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    uv[cut_mesh.faces.ravel()] = p[surface.faces.ravel(), :2]
+    above = np.zeros(cut_mesh.n_vertices, bool)
+    above[cut_mesh.faces[uv[cut_mesh.faces].mean(1)[:, 1] > row]] = True
+    side = above & (uv[:, 1] == row) & (uv[:, 0] > 0.55)
+    uv += side[:, None] * [0.4 / n, 1e-10]  # its vertices lie between those of the other side
+    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    return cut_mesh, 0.5 * uv @ turn + [0.3, 0.1]
+
+
+@pytest.mark.parametrize("name", ["f4", "glb", "steps"])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_sides_of_a_slit_that_rounding_crosses_draw_back(name: str, mirrored: bool) -> None:
+    cut_mesh, uv = slit()
+    uv, number = (uv * [-1, 1] + [1, 0] if mirrored else uv), ROUNDINGS[name]
+    assert overlaps(cut_mesh.faces, number(uv), cut_mesh.chart, cut_mesh.edges).crossings.size
+    got = store(cut_mesh, uv, np.array([mirrored]), number)
+    assert got.sound
+    found = overlaps(cut_mesh.faces, got.uv, cut_mesh.chart, cut_mesh.edges)
+    assert not found.self_overlapping.any()
+    assert (signs(got.uv, cut_mesh.faces) == (-1 if mirrored else 1)).all()
+    np.testing.assert_array_equal(number(got.uv), got.uv)
+    assert 0 < got.moved < 40
+    assert np.abs(got.uv - uv).max() < 7 * 2.0**-23
+
+
+def test_what_overlaps_widely_is_told_not_mended() -> None:
+    cut_mesh, uv = slit()
+    polar = uv - uv.mean(0)
+    radius, angle = np.linalg.norm(polar, axis=1), np.arctan2(polar[:, 1], polar[:, 0])
+    angle += 25.0 * (1 - radius / radius.max())  # wound up: the slit's sides cut through each other
+    wound = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
+    assert store(cut_mesh, wound, np.array([False]), ROUNDINGS["f4"]).fault.tolist() != [SOUND]
+
+
+def test_a_sound_layout_is_only_rounded_and_moves_are_counted() -> None:
+    for shape, moves in (
+        (shapes.delaunay_disk(200, 1), False),
+        (needles.crowd(np.random.default_rng(2), 8, 1e-9), True),
+    ):
+        cut_mesh, uv = flat_chart(*shape)
+        got = store(cut_mesh, uv, np.array([False]), ROUNDINGS["f4"])
+        assert got.sound
+        assert got.moved == (got.uv != ROUNDINGS["f4"](uv)).any(1).sum()
+        assert (got.moved > 0) == moves == any("nearby storable" in note for note in got.notes)
+
+
+def test_a_chart_that_meets_itself_is_repaired_beside_others_as_alone() -> None:
+    number, (one, uv) = ROUNDINGS["f4"], slit()
+    other, place = flat_chart(*shapes.grid(12, 12))
+    n, m, place = one.n_vertices, len(one.faces), 0.25 * place + [0.7, 0.7]
+    both = CutMesh(
+        np.r_[one.faces, other.faces + n],
+        np.r_[one.rest_triangles, other.rest_triangles],
+        np.r_[one.chart, other.chart + 1],
+        np.r_[one.edges, other.edges + 3 * m],
+    )
+    got = store(both, np.r_[uv, place], np.zeros(2, bool), number)
+    assert got.sound
+    alone = store(one, uv, np.zeros(1, bool), number)
+    np.testing.assert_array_equal(got.uv, np.r_[alone.uv, number(place)])
+
+
+def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
+    """A chart 1e-8 of a page wide at the bottom left: v of glTF is finest at the top. Each keeps its page.
+
+    It has more spoilt faces than are searched for places.
+    """
+    cut_mesh, uv = flat_chart(*shapes.row_of(shapes.delaunay_disk(700, 1), 2))
+    first = cut_mesh.vertex_chart == 0
+    uv[first] = 5e-9 * (uv[first] - uv[first].min(0)) + 1e-5
+    uv[~first] = 0.3 * (uv[~first] - uv[~first].min(0)) + [1.2, 0.1]
+
+    class Target:
+        target = "glb"
+
+        def rounding(self, double: bool = False):
+            return rounding("glb", None, double)
+
+    still = stored_fit.hold(Target(), cut_mesh, uv, np.zeros(2, bool))
+    turned = stored_fit.hold(Target(), cut_mesh, uv, np.zeros(2, bool), turn=True)
+    assert (still.sound, turned.sound) == (False, True)
+    expected = np.stack([uv[:, 1] + ~first, 1 - (uv[:, 0] - ~first)], 1)
+    np.testing.assert_allclose(turned.uv, expected, rtol=0, atol=1e-7)
+
+
+def planted(n: int = 8, seed: int = 3) -> Surface:
+    """A flat square, 0.1 wide, in which n vertices lie within 1e-9 of each other, as a mesh."""
+    p, f = needles.crowd(np.random.default_rng(seed), n, 1e-9)
+    return np.c_[p - p.mean(0), np.zeros(len(p))], f
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb", "obj"])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -> None:
+    result = circparam.unwrap(planted(seed=seed), tmp_path / f"o.{ending}", **QUICK)
+    assert (result.measures["charts"], result.status) == (1, "ok")
+    back = read(tmp_path / f"o.{ending}").uv()
+    assert (signs(back.uv, back.uv_faces) > 0).all()
+    exact = circparam.unwrap(planted(seed=seed), format="obj", **QUICK)
+    if (signs(rounding(ending)(exact.uv), exact.uv_faces) <= 0).any():
+        assert any("nearby storable numbers" in note for note in result.notes)
+    again = circparam.repack(tmp_path / f"o.{ending}", tmp_path / "p.glb", resolution=64)
+    assert (again.measures["charts"], again.verification.valid) == (1, True)
+
+
+@pytest.mark.parametrize(("where", "name"), [("vertex", b"double s"), ("face", b"double texcoord")])
+def test_where_single_precision_has_no_place_ply_takes_doubles(
+    where: str, name: bytes, tmp_path: Path
+) -> None:
+    """A fan whose border has more vertices within 1e-8 than storable places that a border may take."""
+    y = np.r_[-0.05, np.arange(150) * 6e-11, 0.05]
+    p = np.r_[[[-0.05, 0, 0]], np.stack([np.full(len(y), 0.05), y, 0 * y], 1)]
+    k = np.arange(1, len(p) - 1)
+    fan, path = (p, np.stack([0 * k, k, k + 1], 1)), tmp_path / "o.ply"
+    result = circparam.unwrap(fan, path, ply_uv=where, **QUICK)
+    assert (result.measures["charts"], result.verification.valid) == (1, True)
+    assert result.uv_double
+    assert (result.uv.astype(np.float32) != result.uv).any()
+    assert name in path.read_bytes()[:400]
+    assert any("doubles" in note for note in result.notes)
+    if where == "vertex":
+        other = circparam.unwrap(fan, tmp_path / "o.glb", **QUICK)
+        assert (other.verification.valid, other.uv_double) == (True, False)
+        assert other.measures["charts"] > 1
+
+
+def test_numbers_that_only_single_precision_turns_over_are_mended() -> None:
+    result = circparam.unwrap(shapes.tube(6.0), format="glb", **QUICK)
+    assert result.verification.valid
+    disk = {"cut": "disk", "method": "uniform"}
+    result = circparam.unwrap(shapes.tube(9.0), format="glb", **disk, **QUICK)
+    assert result.status == "degraded"
+    assert any("flipped" in line and "chart 0" in line for line in result.warnings)
+
+
+def test_needles_that_no_stored_number_holds_end_without_a_flip(tmp_path: Path) -> None:
+    """Faces that differ in size by 1e12, 1e-11 thin: a triangle stands in for each, and it is large enough."""
+    at = 0.37957113403931
+    x = [0, 0.5, 1, 1, at + 1.3e-14, at + 8e-15, at + 3e-15, at + 3e-15]
+    x += [0.6430306723995923, at + 5e-15, 0.4569060321995523, at + 6e-15, 0.7155932782944245]
+    y = [0, 0, 0, 5, *[5.476844597344704] * 3, 5.4768445973446536, 3.406380391058848]
+    y += [5.4768445973446316, 3.111924960843914, 5.476844597344659, 5.356314968091522]
+    p = np.stack([x, 1e-11 * np.array(y), np.zeros(13)], 1)
+    f = np.array([
+        [11, 5, 6], [7, 11, 6], [12, 5, 11], [12, 3, 4], [5, 12, 4], [7, 9, 11], [9, 10, 11], [9, 7, 0],
+        [1, 9, 0], [10, 9, 1], [10, 8, 11], [8, 12, 11], [8, 1, 2], [8, 10, 1], [3, 8, 2], [12, 8, 3],
+    ])  # fmt: skip
+    result = circparam.unwrap((p, f), tmp_path / "o.ply", resolution=64, effort=0.0)
+    assert (result.measures["flips"], result.measures["overlap"]) == (0, 0)
+    assert result.status == "degraded", "their shape is lost, and that is said"
+
+
+@pytest.mark.parametrize("turned", [0, 1])
+@pytest.mark.parametrize("height", [1.0, 1.0 - 1e-15, 1.0 + 1e-15])
+def test_a_chart_lies_as_its_first_face_where_both_sides_are_as_large(
+    turned: int, height: float
+) -> None:
+    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, height, 0]])
+    f = np.array([[0, 1, 2], [0, 2, 3]])
+    f[turned] = f[turned][::-1]
+    result = circparam.unwrap((p, f), **QUICK)
+    first = int(result.surface.source[0])  # by position: the order of the file does not matter
+    a, b, c = result.uv[result.uv_faces[first]]
+    assert result.measures["mirrored"] == 0
+    assert np.linalg.det([b - a, c - a]) > 0
+
+
+def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
+    """One side of a cube is wound the other way: turned for the solve, its chart is no mirror image."""
+    p, f = shapes.cube(2)
+    side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
+    f = np.where(side[:, None], f[:, [0, 2, 1]], f)
+    result = circparam.unwrap((p, f), sharp=60, effort=0.0)
+    assert result.repair_report.n_reversed == side.sum() > 0
+    assert (signs(result.uv, result.uv_faces) > 0).all()
+    assert result.measures["mirrored"] == 0
