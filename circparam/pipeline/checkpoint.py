@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -68,37 +69,30 @@ def place(job: Job) -> Path | None:
 
 def _key(job: Job) -> str:
     """A hash of all that the seams depend on."""
-    digest = hashlib.sha256(f"circparam {__version__} {job.target}".encode())
-
-    def add(value: object) -> None:
-        if isinstance(value, np.ndarray):
-            digest.update(f"{value.dtype} {value.shape}".encode())
-            digest.update(value.tobytes())
-        else:
-            digest.update(repr(value).encode())
-
+    document, mesh = job.document, job.document.mesh
+    parts: list[object] = [f"circparam {__version__} {job.target}"]
     for name in specs(Options):
         if name not in _NO_MATTER:
-            digest.update(name.encode())
-            add(getattr(job.options, name))
-    mesh = job.document.mesh
-    for part in (mesh.points, mesh.faces, mesh.polygons, mesh.groups, job.surface.density):
-        add(part)
-    for number in job.document.uv_sets:
-        uvmap = job.document.uv(number)
-        for part in () if uvmap is None else (uvmap.uv, uvmap.uv_faces):
-            add(part)
+            parts += [name, getattr(job.options, name)]
+    parts += [mesh.points, mesh.faces, mesh.polygons, mesh.groups, job.surface.density]
+    for number in document.uv_sets:
+        uvmap = document.uv(number)
+        parts += [] if uvmap is None else [uvmap.uv, uvmap.uv_faces]
+    digest = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            digest.update(f"{part.dtype} {part.shape}".encode())
+            digest.update(part.tobytes())
+        else:
+            digest.update(repr(part).encode())
     return digest.hexdigest()[:32]
 
 
 def _packed(seams: Seams) -> bytes:
     """The seams as an npz file."""
     out = io.BytesIO()
-    notes = np.array(seams.notes, dtype=np.str_)
-    if seams.uv is None:
-        np.savez(out, cut=seams.cut, notes=notes)
-    else:
-        np.savez(out, cut=seams.cut, notes=notes, uv=seams.uv)
+    layout: dict[str, Any] = {} if seams.uv is None else {"uv": seams.uv}
+    np.savez(out, cut=seams.cut, notes=np.array(seams.notes, dtype=np.str_), **layout)
     return out.getvalue()
 
 

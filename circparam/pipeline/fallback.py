@@ -23,8 +23,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.projected import project_charts
-from circparam.pipeline.single_faces import LARGEST, take_to_pieces
+from circparam.pipeline.pieces import LARGEST, project_charts, take_to_pieces
 
 SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
@@ -85,37 +84,24 @@ def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
     """(n_charts,) as ``faults``; also DISTORTED where seams may be added.
 
     new: (m,) bool, faces of the charts to look at; others are known to be sound. Single faces are always sound.
-    """
-    whole, of_whole = cascade.open()
-    looked = np.zeros(whole.n_charts, bool)
-    looked[whole.chart[new]] = True
-    out = np.full(whole.n_charts, SOUND)
-    cut_mesh, vertices, fid = whole.subset(looked)
-    out[looked] = _faults_of(cascade, cut_mesh, of_whole[vertices], fid, monitor)
-    return out
-
-
-def _faults_of(
-    cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, fid: IntArray, monitor: Monitor
-) -> IntArray:
-    """``_all_faults`` of a part of the charts; fid: their faces.
-
     Where time is up, only charts that are far beyond any bound are too distorted: those begun too late.
     """
-    fault, _ = faults(cut_mesh, uv)
+    whole, uv = cascade.open()
+    out, looked = np.full(whole.n_charts, SOUND), np.zeros(whole.n_charts, bool)
+    looked[whole.chart[new]] = True
+    part, vertices, _ = whole.subset(looked)
+    out[looked], _ = faults(part, uv[vertices])
     if not cascade.rules.may_split:
-        return fault
-    n, bound, last = cut_mesh.n_charts, cascade.rules.bound, cascade.singles[fid] > 0
+        return out
+    bound, last = cascade.rules.bound, cascade.singles > 0
     if monitor.hurried:
-        bound = max(bound, LATE_BOUND)
-        last = last | (cascade.tries[fid] >= PROJECTED)
-    fixed = group_count(cut_mesh.chart[last], n) > 0
-    may = (fault == SOUND) & ~fixed
+        bound, last = max(bound, LATE_BOUND), last | (cascade.tries >= PROJECTED)
+    may = looked & (out == SOUND) & (group_count(whole.chart[last], whole.n_charts) == 0)
     if may.any():
-        part, vertices, _ = cut_mesh.subset(may)
+        part, vertices, _ = whole.subset(may)
         high = chart_distortion(part, uv[vertices]) > bound
-        fault[np.flatnonzero(may)[high]] = DISTORTED
-    return fault
+        out[np.flatnonzero(may)[high]] = DISTORTED
+    return out
 
 
 def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | None:
@@ -239,11 +225,10 @@ def _some(values: IntArray) -> str:
 
 
 def _causes(codes: IntArray) -> str:
-    parts = []
-    if (codes == FLIPPED).any():
-        parts.append("faces flipped")
-    if (codes == OVERLAPPING).any():
-        parts.append("it overlapped itself")
-    if (codes == DISTORTED).any():
-        parts.append("distorted too much")
+    words = {
+        FLIPPED: "faces flipped",
+        OVERLAPPING: "it overlapped itself",
+        DISTORTED: "distorted too much",
+    }
+    parts = [word for code, word in words.items() if (codes == code).any()]
     return " or ".join(parts)

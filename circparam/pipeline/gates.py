@@ -13,16 +13,8 @@ from circparam.errors import OptionError
 STATUSES = ("ok", "repaired", "degraded")
 # figures of a layout, as unwrap, pack and check --uv report them
 LAYOUT = (
-    *(
-        "charts",
-        "stacked",
-        "flips",
-        "overlap",
-        "mirrored",
-        "missing",
-        "distortion",
-        "distortion_max_chart",
-    ),
+    *("charts", "stacked", "flips", "overlap", "mirrored", "missing"),
+    *("distortion", "distortion_max_chart"),
     *("stretch_l2", "stretch_linf", "stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
     *("angle", "area", "seam_length", "seam_visible", "seam_texels", "seam_vertices"),
     *("pack", "packed", "pages", "gap_texels", "border_texels", "outside"),

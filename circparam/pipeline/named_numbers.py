@@ -18,9 +18,15 @@ def named_numbers(given: Any) -> dict[str, float] | None:
     that is not above 0 and finite, or a repeated name.
     """
     if isinstance(given, Mapping):
-        pairs = [(str(name), value) for name, value in given.items()]
+        pairs: list[tuple[str, Any]] = [(str(name), value) for name, value in given.items()]
     elif isinstance(given, str) and "=" in given and not os.path.exists(given):
-        pairs = [_pair(part) for part in given.split(",")]
+        rows = [part.rpartition("=") for part in given.split(",")]
+        for name, sign, value in rows:
+            if not sign or not name.strip():
+                raise OptionError(
+                    f"--density {(name + sign + value).strip()!r} is no NAME=X: {GRAMMAR}"
+                )
+        pairs = [(name.strip(), value) for name, _, value in rows]
     else:
         return None
     if not pairs:
@@ -29,7 +35,15 @@ def named_numbers(given: Any) -> dict[str, float] | None:
     for name, value in pairs:
         if name in out:
             raise OptionError(f"--density names {name!r} twice: say one number of it")
-        out[name] = _number(name, value)
+        try:
+            out[name] = float(value)
+        except (TypeError, ValueError):
+            out[name] = math.nan
+        if not 0 < out[name] < math.inf:
+            raise OptionError(
+                f"--density {name}={str(value).strip()}: a density is a number above 0; 1 is that of what no "
+                "name is given for"
+            )
     return out
 
 
@@ -39,23 +53,3 @@ def check_density(given: Any) -> None:
         return
     if isinstance(given, str) and not given:
         raise OptionError(f"--density {given!r}: {GRAMMAR}")
-
-
-def _pair(part: str) -> tuple[str, str]:
-    name, sign, value = part.rpartition("=")
-    if not sign or not name.strip():
-        raise OptionError(f"--density {part.strip()!r} is no NAME=X: {GRAMMAR}")
-    return name.strip(), value
-
-
-def _number(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not 0 < number < math.inf:
-        raise OptionError(
-            f"--density {name}={str(value).strip()}: a density is a number above 0; 1 is that of what no name "
-            "is given for"
-        )
-    return number

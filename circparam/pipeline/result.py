@@ -24,7 +24,7 @@ from circparam.pipeline.kept import Kept
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import OrientCost
 from circparam.pipeline.stacks import Stacks
-from circparam.pipeline.verify import Declared, Promise, Staying, Verification, reasons, verify
+from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 if TYPE_CHECKING:
     from circparam.formats.memory import Image, Trimesh
@@ -172,16 +172,14 @@ def verify_layout(
     kept: Kept | None = None,
 ) -> Verification:
     """Verify a layout of the whole mesh as the options ask for it."""
-    declared: Declared | Staying | None = None if stacks is None else stacks.declared
-    if kept is not None:
-        declared = Staying(~kept.fresh)
+    declared = None if stacks is None else stacks.declared
     found = verify(
         surface,
         uvmap,
         resolution=options.resolution_texels if options.packed else None,
         padding=options.padding_texels,
         tiles=tiles,
-        declared=declared,
+        declared=declared if kept is None else ~kept.fresh,
     )
     return replace(found, block=options.align_texels or 1)
 

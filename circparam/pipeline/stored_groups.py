@@ -1,5 +1,7 @@
 """Which faces of a file share an atlas: as asked for, as the file says, or as its textures show."""
 
+from typing import Any
+
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel, sorted_distinct
@@ -30,7 +32,7 @@ def judge(
     uvmap: UVMap,
     uv_set: int,
     group_by: str | None = None,
-    **judging: int,
+    **judging: Any,
 ) -> Judged:
     """Verify a uv set of a file, every atlas on pages of its own.
 
@@ -42,7 +44,7 @@ def judge(
 
     def verified(label: IntArray | None) -> Judged:
         tiles = None if label is None else side_by_side(uvmap, label)
-        return Judged(verify(surface, uvmap, tiles=tiles, declared=None, **judging), tiles)
+        return Judged(verify(surface, uvmap, tiles=tiles, **judging), tiles)
 
     asked = group_by or document.group_by(uv_set)
     if asked is not None:

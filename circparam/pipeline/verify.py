@@ -55,18 +55,6 @@ class Declared:
 
 
 @dataclass(frozen=True, eq=False)
-class Staying:
-    """Faces, (m,) bool, that lie where they lay before: gaps between their charts, and to the border, are none
-    of the layout's promises."""
-
-    faces: BoolArray
-
-    def charts(self, cut_mesh: CutMesh) -> BoolArray:
-        """(n_charts,) bool: charts of such faces."""
-        return group_count(cut_mesh.chart[self.faces], cut_mesh.n_charts) > 0
-
-
-@dataclass(frozen=True, eq=False)
 class Verification:
     """Measured figures of a layout. Faces are those of the surface: without degenerate ones, and without
     duplicates.
@@ -198,36 +186,36 @@ def verify(
     padding: int = 4,
     tiles: IntArray | None = None,
     most_pages: int | None = None,
-    declared: Declared | Staying | None = None,
+    declared: Declared | BoolArray | None = None,
 ) -> Verification:
     """Judge a layout over the faces of the mesh that the surface was made from.
 
     uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this. tiles:
     (faces of the mesh,) int. Faces of different tiles are in different atlases; tile t is laid out t units to
-    the right. most_pages: of a layout on more, nothing is rasterised. declared: allowed overlaps, of whole
-    charts or of faces that stayed. Raises InputError if no face has finite uv.
+    the right. most_pages: of a layout on more, nothing is rasterised. declared: allowed overlaps of whole
+    charts; or (m,) bool, faces that stay: no gap between their charts, or to the border, is promised. Raises
+    InputError if no face has finite uv.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
         raise InputError("no face has finite uv: unwrap the mesh first")
-    own = None if tiles is None else tiles[surface.source]
-    cut = _seams(surface, corners, ok) | _between(surface, own)
+    own = np.zeros(len(ok), np.int64) if tiles is None else tiles[surface.source]
+    cut = _seams(surface, corners, ok) | (np.diff(own[surface.edges // 3])[:, 0] != 0)
     atlas = Atlas(surface, cut, corners)
     cut_mesh, uv = atlas.open()
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
-    stacked, turned = _stacked(cut_mesh, corners, declared)
+    stacked, turned, old = _declared(cut_mesh, corners, declared)
     flipped, mirrored = _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok, turned)
-    laid = used & ~stacked
-    if own is not None:
-        uv = uv + np.stack([_vertex_tiles(cut_mesh, own), np.zeros(len(uv))], 1)
+    laid, tile = used & ~stacked, np.zeros(len(used), np.int64)
+    tile[cut_mesh.chart] = own
+    uv[:, 0] += tile[cut_mesh.vertex_chart]
     overlapping, pairs = _overlapping(cut_mesh, uv, laid)
     pages = len(np.unique(pages_of(cut_mesh, uv)[laid]))
     side = resolution if most_pages is None or pages <= most_pages else None
-    old = _staying(cut_mesh, declared)
-    part, vertices, faces = cut_mesh.subset(used)
+    part, vertices, _ = cut_mesh.subset(used)
     points = uv[vertices]
-    alike = points if own is None else _at_best_scales(part, points, own[faces])
+    alike = points if tiles is None else _at_best_scales(part, points, tile[used])
     return Verification(
         surface=surface,
         cut=cut,
@@ -239,7 +227,7 @@ def verify(
         mirrored=mirrored,
         overlapping=overlapping,
         overlapping_pairs=pairs,
-        outside=_outside(cut_mesh, uv, laid) if resolution else np.zeros(0, np.int64),
+        outside=np.flatnonzero(laid & _beyond(cut_mesh, uv) & bool(resolution)),
         used=used,
         measures=measure(part, alike),
         seam_length=_seam_length(atlas),
@@ -252,18 +240,25 @@ def verify(
     )
 
 
-def _staying(cut_mesh: CutMesh, declared: Declared | Staying | None) -> BoolArray | None:
-    """(n_charts,) bool: charts that lay there before."""
-    return declared.charts(cut_mesh) if isinstance(declared, Staying) else None
+def _declared(
+    cut_mesh: CutMesh, corners: FloatArray, declared: Declared | BoolArray | None
+) -> tuple[BoolArray, BoolArray, BoolArray | None]:
+    """(n_charts,) charts that lie on others as declared, whole; those of them that lie mirrored; charts that
+    stay."""
+    n, chart = cut_mesh.n_charts, cut_mesh.chart
+    if not isinstance(declared, Declared):
+        none, old = np.zeros(n, bool), declared
+        return none, none, None if old is None else group_count(chart[old], n) > 0
+    stacked = group_count(chart[~declared.stacked(corners)], n) == 0
+    return stacked, stacked & (group_count(chart[declared.turned], n) > 0), None
 
 
-def _between(surface: Surface, own: IntArray | None) -> BoolArray:
-    """(e,) bool: edges between faces of different tiles ((m,) int, None if there is one)."""
-    if own is None:
-        return np.zeros(len(surface.edges), bool)
-    i, j = (own[surface.edges // 3]).T
-    result: BoolArray = i != j
-    return result
+def _seam_length(atlas: Atlas) -> float:
+    """Length of all seams over the square root of the area, including one-sided cuts that open components."""
+    surface = atlas.surface
+    torn = surface.lengths(surface.torn_seams(atlas.corners)).sum()
+    total = surface.edge_lengths[atlas.cut].sum() + torn
+    return float(total / np.sqrt(surface.true_areas.sum()))
 
 
 def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> tuple[IntArray, IntArray]:
@@ -275,31 +270,11 @@ def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> tuple[I
     return number[np.flatnonzero(found.self_overlapping)], number[pairs]
 
 
-def _stacked(
-    cut_mesh: CutMesh, corners: FloatArray, declared: Declared | Staying | None
-) -> tuple[BoolArray, BoolArray]:
-    """(n_charts,) bool: charts that lie on others as declared, whole, and those of them that lie mirrored."""
-    n = cut_mesh.n_charts
-    if not isinstance(declared, Declared):
-        return np.zeros(n, bool), np.zeros(n, bool)
-    there = declared.stacked(corners)
-    stacked = group_count(cut_mesh.chart[~there], n) == 0
-    return stacked, stacked & (group_count(cut_mesh.chart[declared.turned], n) > 0)
-
-
 def flipped_faces(surface: Surface, uvmap: UVMap) -> BoolArray:
     """(m,) faces of the surface that ``verify`` counts as flips."""
     corners, ok = corners_of(surface, uvmap)
     cut_mesh, uv = Atlas(surface, _seams(surface, corners, ok), corners).open()
     return _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok)[0]
-
-
-def _seam_length(atlas: Atlas) -> float:
-    """Length of all seams over the square root of the area, including one-sided cuts that open components."""
-    surface = atlas.surface
-    seams = surface.edge_lengths[atlas.cut].sum()
-    torn = surface.lengths(surface.torn_seams(atlas.corners)).sum()
-    return float((seams + torn) / np.sqrt(surface.true_areas.sum()))
 
 
 def _orientation(
@@ -322,12 +297,14 @@ def _orientation(
     return ok & (np.where(mirror[chart], -sign, sign) <= 0), np.flatnonzero(wrong)
 
 
-def _outside(cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> IntArray:
-    """Charts, of those ``used``, that leave the page they lie on."""
-    lo, hi = chart_boxes(cut_mesh, uv)
-    page = pages_of(cut_mesh, uv)[:, None] * [1, 0]
-    out = ((lo < page - EDGE_SLACK) | (hi > page + 1 + EDGE_SLACK)).any(1)
-    return np.flatnonzero(used & out)
+def _beyond(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
+    """(n_charts,) charts that leave the page they lie on."""
+    low, high = chart_boxes(cut_mesh, uv)
+    corner = pages_of(cut_mesh, uv)[:, None] * [1, 0]
+    result: BoolArray = np.asarray(
+        ((low < corner - EDGE_SLACK) | (high > corner + 1 + EDGE_SLACK)).any(1)
+    )
+    return result
 
 
 def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
@@ -349,20 +326,11 @@ def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     return result
 
 
-def _vertex_tiles(cut_mesh: CutMesh, tile: IntArray) -> IntArray:
-    """(nv,) tile of each vertex, from that of each face."""
-    out = np.zeros(cut_mesh.n_vertices, np.int64)
-    out[cut_mesh.faces.ravel()] = np.repeat(tile, 3)
-    return out
-
-
 def _at_best_scales(cut_mesh: CutMesh, uv: FloatArray, tile: IntArray) -> FloatArray:
-    """uv with every atlas at its own best scale: each may have a density of its own."""
-    of_chart = np.zeros(cut_mesh.n_charts, np.int64)
-    of_chart[cut_mesh.chart] = tile
+    """uv with every atlas ((n_charts,) tile) at its own best scale: each may have a density of its own."""
     out = uv.copy()
-    for t in np.unique(of_chart):
-        part, vertices, _ = cut_mesh.subset(of_chart == t)
+    for t in np.unique(tile):
+        part, vertices, _ = cut_mesh.subset(tile == t)
         out[vertices] *= measure(part, uv[vertices]).scale
     return out
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.errors import OptionError
 from circparam.pipeline.gates import parse_gates
 from circparam.pipeline.summary import summarise
 from tests.support import parts, shapes
@@ -92,19 +91,3 @@ def test_the_share_is_told_and_can_be_a_gate() -> None:
     assert report["texel_aligned"] == 1.0
     assert not parse_gates("texel_aligned<0.9").missed(report)
     assert parse_gates("texel_aligned>0.9").missed(report)
-
-
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        ({"align_texels": 0}, "1 to 16"),
-        ({"align_texels": 4, "resolution": 1001}, "not a multiple of 4"),
-        ({"align_texels": 1, "straighten": "off"}, "any angle"),
-        ({"align_texels": 1, "normalize": False}, "solver"),
-        ({"align_texels": 1, "scale": False}, "no-scale"),
-        ({"align_texels": 1, "only": "material=a"}, "page that is in use"),
-    ],
-)
-def test_where_it_does_not_apply_it_is_an_error(words: dict[str, object], why: str) -> None:
-    with pytest.raises(OptionError, match=why):
-        circparam.Options(**words)

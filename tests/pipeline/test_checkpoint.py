@@ -8,7 +8,7 @@ import pytest
 
 import circparam
 from circparam.core.monitor import Monitor
-from circparam.errors import OptionError, OutputError
+from circparam.errors import OutputError
 from circparam.pipeline.unwrap import open_source, unwrap_document
 from tests.support import shapes
 
@@ -106,11 +106,7 @@ def test_seams_found_in_a_hurry_are_not_kept(mesh: Path, tmp_path: Path) -> None
     assert not list(tmp_path.glob("c/*"))
 
 
-def test_folders_that_cannot_be_and_cuts_without_charts_are_refused(
-    mesh: Path, tmp_path: Path
-) -> None:
+def test_folders_that_cannot_be_are_refused(mesh: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="checkpoints"):
         circparam.unwrap(mesh, checkpoint=str(tmp_path / "file" / "c"))
-    with pytest.raises(OptionError, match="checkpoint"):
-        circparam.unwrap(mesh, cut="disk", checkpoint=str(tmp_path))

@@ -153,5 +153,3 @@ def test_auto_padding_is_that_of_the_page() -> None:
     assert (report["padding"], report["mip_level"], report["pages"]) == (2, None, 1)
     assert report["border_texels"] >= 2
     assert any("bleed in even without" in note for note in report["notes"])
-    with pytest.raises(errors.OptionError, match="give auto or a number"):
-        Options(padding="wide")

@@ -1,17 +1,22 @@
-"""The chain that always ends: whatever a method returns, the cascade that comes out is sound."""
+"""The cascade: whatever a method returns, however little time is left, the layout that comes out is sound."""
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from circparam.core.arrays import cross2
 from circparam.core.monitor import Monitor
+from circparam.errors import InputError, NoResultError
 from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import repair
+from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import FAULTY, Cascade
+from circparam.pipeline.pieces import LARGEST, STEEP, project_charts, take_to_pieces
 from tests.support import shapes, strategies
 from tests.support.cascades import flat, sound, start, surface_of
 
@@ -52,20 +57,19 @@ def test_not_a_number_is_a_fault_like_a_flip() -> None:
     np.testing.assert_array_equal(flipped, bad)
 
 
-def spiral_strip(turns: float, n: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def spiral_strip() -> tuple[Surface, np.ndarray]:
     """A flat strip in space, and a layout of it that winds over itself without a flip."""
-    p, f = shapes.grid(n, 2, 10.0, 0.5)
-    angle = 2 * np.pi * turns * p[:, 0] / 10
-    r = 1 + p[:, 1]
-    return p, f, np.stack([r * np.sin(angle), -r * np.cos(angle)], 1) * [1, 1]
+    p, f = shapes.grid(60, 2, 10.0, 0.5)
+    angle, r = 0.3 * np.pi * p[:, 0], 1 + p[:, 1]
+    s = surface_of(p, f)
+    corners = np.stack([r * np.sin(angle), -r * np.cos(angle)], 1)[s.faces]
+    if np.linalg.det(corners[0, 1:] - corners[0, :1]) < 0:
+        corners[..., 0] *= -1
+    return s, corners
 
 
 def test_a_chart_that_overlaps_itself_is_split() -> None:
-    p, f, uv = spiral_strip(1.5)
-    s = surface_of(p, f)
-    corners = uv[s.faces]
-    if cross2(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0]) < 0:
-        corners[..., 0] *= -1
+    s, corners = spiral_strip()
     cascade = start(s, corners)
     assert fallback.faults(*cascade.open())[0].tolist() == [fallback.OVERLAPPING]
     cascade = fallback.settle(cascade, Monitor())
@@ -124,24 +128,18 @@ def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
 
 
 def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
-    p, f, uv = spiral_strip(1.5)
-    s = surface_of(p, f)
-    corners = uv[s.faces]
-    if cross2(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0]) < 0:
-        corners[..., 0] *= -1
+    s, corners = spiral_strip()
     cascade = start(s, corners, may_split=False)
     assert faulty(fallback.settle(cascade, Monitor())) == [True]
     assert not cascade.atlas.cut.any()
 
 
 @settings(max_examples=30)
-@given(strategies.hostile(), st.integers(0, 10**6))
+@given(strategies.hostile(), st.integers(0, 10**6), st.sampled_from([None, 1e-9]))
 def test_any_mesh_with_any_layout_ends_sound(
-    shape: tuple[np.ndarray, np.ndarray], seed: int
+    shape: tuple[np.ndarray, np.ndarray], seed: int, time: float | None
 ) -> None:
-    """Random corners are as bad as a layout gets; closed charts, handles and soups included."""
-    from circparam.errors import InputError
-
+    """Random corners are as bad as a layout gets; closed charts, handles, soups and no time included."""
     try:
         s = surface_of(*shape)
     except InputError:
@@ -151,7 +149,7 @@ def test_any_mesh_with_any_layout_ends_sound(
     cut_mesh = s.cut_mesh(cut)
     uv = rng.normal(size=(cut_mesh.n_vertices, 2))
     cascade = start(s, uv[cut_mesh.faces], cut)
-    cascade = fallback.settle(cascade, Monitor())
+    cascade = fallback.settle(cascade, Monitor(timeout=time))
     assert sound(cascade)
 
 
@@ -168,3 +166,180 @@ def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]
         count = len(np.unique(pieces[chart == c]))
         assert (count >= 2) if wanted[c] and (chart == c).sum() > 1 else count == 1
     assert after >= n
+
+
+def test_every_step_makes_a_new_cascade() -> None:
+    """What went in stays as it was: corners, seams, counts and notes."""
+    s = surface_of(*shapes.icosphere(1))
+    before = start(s, np.zeros((len(s.faces), 3, 2)))
+    after = fallback.settle(before, Monitor())
+    assert sound(after)
+    assert not before.atlas.corners.any()
+    assert not before.atlas.cut.any()
+    assert not before.tries.any()
+    assert before.repairs == ()
+    assert after.repairs
+
+
+def test_counts_begin_at_nothing_and_notes_come_once() -> None:
+    s = surface_of(*shapes.row_of(shapes.grid(3, 3), 2))
+    cascade = start(s, flat(s))
+    assert cascade.tries.tolist() == cascade.singles.tolist() == [0] * len(s.faces)
+    more = cascade.noted("a", "b").noted("b", "c").repaired("x").repaired("x", "y")
+    assert more.notes == ("a", "b", "c")
+    assert more.repairs == ("x", "x", "y")
+    assert cascade.notes == cascade.repairs == ()
+    assert more.atlas is cascade.atlas
+
+
+def test_charts_that_stand_in_keep_their_size() -> None:
+    s = surface_of(*shapes.row_of(shapes.grid(3, 3), 3))
+    cut_mesh = s.cut_mesh(np.zeros(len(s.edges), bool))
+    for single, keep in ((0, False), (1, False), (2, True), (3, True)):
+        singles = np.where(cut_mesh.chart == 1, single, 0)
+        cascade = Cascade(start(s, flat(s)).atlas, singles=singles)
+        assert cascade.kept_sizes(cut_mesh).tolist() == [False, keep, False]
+
+
+def test_a_part_goes_its_own_way_and_comes_back() -> None:
+    """Charts taken out, changed and put back: the others keep all they had, and sizes go by the whole."""
+    s = surface_of(*shapes.row_of(shapes.grid(3, 3), 3))
+    whole = start(s, flat(s)).repaired("before")
+    _, chart = whole.atlas.charts()
+    middle = chart == 1
+    part = whole.part(middle)
+    assert part.repairs == ()
+    assert part.extent == whole.extent
+    assert len(part.tries) == middle.sum()
+    part.atlas.cut[:] = True
+    part.atlas.corners += 5.0
+    changed = Cascade(
+        part.atlas, tries=part.tries + 3, singles=part.singles + 1, extent=part.extent
+    ).repaired("within")
+    after = whole.put(middle, changed)
+    np.testing.assert_array_equal(after.tries, np.where(middle, 3, 0))
+    np.testing.assert_array_equal(after.singles, np.where(middle, 1, 0))
+    moved = np.abs(after.atlas.corners - whole.atlas.corners).max((1, 2))
+    np.testing.assert_array_equal(moved, np.where(middle, 5.0, 0.0))
+    np.testing.assert_array_equal(after.atlas.cut, middle[s.edges // 3].all(1))
+    assert after.repairs == ("before", "within")
+    assert not whole.atlas.cut.any()
+
+
+def broken(*args: object) -> None:
+    raise NoResultError("planted")
+
+
+def test_a_method_that_fails_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every method broken, faces are laid down one by one."""
+
+    row = type("Row", (), {"function": staticmethod(broken)})
+    monkeypatch.setattr(fallback, "METHODS", {"isometric": row, "mean-value": row})
+    s = surface_of(*shapes.icosphere(1))
+    cascade = start(s, np.zeros((len(s.faces), 3, 2)))
+    cascade = fallback.settle(cascade, Monitor())
+    assert sound(cascade)
+    cut_mesh, uv = cascade.open()
+    assert cut_mesh.n_charts == len(s.faces)
+    # laid down as they are: every face isometric
+    side = np.linalg.norm(uv[cut_mesh.faces][:, 1] - uv[cut_mesh.faces][:, 0], axis=1)
+    np.testing.assert_allclose(side, cut_mesh.edge_lengths[:, 0], rtol=1e-12)
+
+
+def test_a_polygon_stays_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Quads are halved and taken to pieces as quads: no seam runs inside one."""
+
+    p, f = shapes.grid(7, 7)
+    p = p + [0, 0, 1] * np.sin(9 * p[:, :1]) * 0.2
+    s = surface_of(p, f, np.arange(len(f)) // 2)
+    assert s.locked.sum() == len(f) // 2
+    row = type("Row", (), {"function": staticmethod(broken)})
+    monkeypatch.setattr(fallback, "METHODS", {"isometric": row, "mean-value": row})
+    cascade = start(s, np.zeros((len(f), 3, 2)))
+    cascade = fallback.settle(cascade, Monitor())
+    assert sound(cascade)
+    assert not (cascade.atlas.cut & s.locked).any()
+    assert s.charts(cascade.atlas.cut)[0] == len(f) // 2
+
+
+def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() -> None:
+    """A quad as thin as a line: its two triangles have one uv a corner, so they cannot stand in alone."""
+    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1e-5, 0], [0, 1e-5, 0]])
+    surface = repair(Mesh(p, np.array([[0, 1, 2], [0, 2, 3]]), polygons=np.zeros(2, int)))[0]
+    cascade = start(surface, np.full((len(surface.faces), 3, 2), np.nan))
+    seen = []
+    for _ in range(40):
+        after = fallback.advance(cascade, np.array([fallback.FLIPPED]), Monitor())
+        if after is None:
+            break
+        cascade = after
+        seen.append((np.ptp(cascade.open()[1], axis=0).max(), int(cascade.singles[0])))
+    assert len(seen) < 40, "it ends"
+    assert cascade.singles.max() == LARGEST
+    assert "got a regular polygon instead" in cascade.repairs[-1]
+    cut_mesh, uv = cascade.open()
+    assert cascade.kept_sizes(cut_mesh).all()
+    assert fallback.faults(cut_mesh, uv)[0].tolist() == [fallback.SOUND]
+    side = np.linalg.norm(uv[cut_mesh.faces[:, 1]] - uv[cut_mesh.faces[:, 0]], axis=1)
+    assert side.min() > 1e-3 * np.ptp(uv, axis=0).max(), "no side is thin any more"
+    sizes = [size for size, singles in seen if singles >= 2]
+    assert (np.diff(np.log(sizes)) > np.log(2)).all()
+
+
+def test_some_faces_are_taken_to_pieces_and_others_stay() -> None:
+    s = surface_of(*shapes.hemisphere(4))
+    cascade = start(s, np.zeros((len(s.faces), 3, 2)))
+    some = np.arange(len(s.faces)) < 5
+    after = take_to_pieces(cascade, some)
+    assert not after.atlas.corners[~some].any()
+    np.testing.assert_array_equal(after.atlas.cut, some[s.edges // 3].any(1))
+    assert after.singles.tolist() == some.astype(int).tolist()
+    assert "5 face(s)" in after.repairs[0]
+    q, rest = after.atlas.corners[some], s.rest_triangles[some]
+    np.testing.assert_allclose(q, rest, atol=1e-12)
+
+
+def nowhere(surface: Surface) -> np.ndarray:
+    return np.full((len(surface.faces), 3, 2), np.nan)
+
+
+def test_a_cube_falls_into_its_sides_as_they_are() -> None:
+    surface = surface_of(*shapes.cube(3))
+    after = project_charts(
+        start(surface, np.full((len(surface.faces), 3, 2), np.nan)),
+        np.ones(len(surface.faces), bool),
+    )
+    cut_mesh, uv = after.open()
+    assert cut_mesh.n_charts == 6
+    p, q = surface.points[surface.faces], uv[cut_mesh.faces]
+    lengths = [np.linalg.norm(c[:, [1, 2, 0]] - c, axis=2) for c in (p, q)]
+    assert np.allclose(*lengths)
+    assert (fallback.faults(cut_mesh, uv)[0] == fallback.SOUND).all()
+    assert "out of time" in after.repairs[0]
+
+
+def test_no_face_of_a_ball_is_flipped_and_it_has_few_charts() -> None:
+    surface = surface_of(*shapes.icosphere(3))
+    after = project_charts(
+        start(surface, np.full((len(surface.faces), 3, 2), np.nan)),
+        np.ones(len(surface.faces), bool),
+    )
+    cut_mesh, uv = after.open()
+    assert 6 <= cut_mesh.n_charts <= 12
+    fault, flipped = fallback.faults(cut_mesh, uv)
+    assert not flipped.any()
+    assert (fault == fallback.SOUND).all()
+    e = uv[cut_mesh.faces]
+    d1, d2 = e[:, 1] - e[:, 0], e[:, 2] - e[:, 0]
+    area = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) / 2
+    assert (area / surface.areas > STEEP - 1e-9).all()
+
+
+def test_only_the_faces_that_were_named_change() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    some = np.arange(len(surface.faces)) < 40
+    after = project_charts(start(surface, nowhere(surface)), some)
+    assert np.isfinite(after.atlas.corners[some]).all()
+    assert np.isnan(after.atlas.corners[~some]).all()
+    touched = some[surface.edges // 3].any(1)
+    assert not after.atlas.cut[~touched].any()

@@ -89,14 +89,6 @@ def test_what_is_as_large_as_the_share_stays() -> None:
         circparam.unwrap(two, drop_floaters=0.6, **QUICK)
 
 
-def test_where_it_does_not_apply_it_says_so() -> None:
-    with pytest.raises(OptionError, match="drop-floaters"):
-        circparam.Options(drop_floaters=0.1, normalize=False)
-    for share in (-0.1, 1.5, float("nan")):
-        with pytest.raises(OptionError, match="share of the area"):
-            circparam.Options(drop_floaters=share)
-
-
 def test_by_default_nothing_is_left_out() -> None:
     result = circparam.unwrap(cloud(2), **QUICK)
     assert result.floaters is None

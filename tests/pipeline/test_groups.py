@@ -88,24 +88,6 @@ def test_a_chart_of_two_groups_cannot_be_sorted(tmp_path: Any) -> None:
         repack(path, pages_by="material")
 
 
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        ({"pages_by": "node"}, "all faces are of node 'bracket'"),
-        ({"pages_by": "material", "pages": 2}, "as many pages as groups"),
-        ({"pages_by": "material", "group_by": "group"}, "says already where charts lie"),
-        ({"pages_by": "colour"}, "choose one of"),
-        ({"pages_by": "material", "normalize": False}, "coordinates of the solver"),
-        ({"orient": "up", "rotate": "free"}, "by any angle"),
-        ({"orient": "up", "straighten": "all"}, "by their borders"),
-        ({"orient": "down"}, "choose one of"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(words: dict[str, Any], why: str) -> None:
-    with pytest.raises(OptionError, match=why):
-        circparam.unwrap(BRACKET, **words, **QUICK)
-
-
 def sheets(path: Path, count: int) -> Path:
     """Squares beside each other, each of a material of its own."""
     lines = [f"v {2 * k + i} {j} 0" for k in range(count) for i in (0, 1) for j in (0, 1)]
@@ -117,6 +99,8 @@ def sheets(path: Path, count: int) -> Path:
 
 
 def test_names_are_needed_and_fit_the_pages(tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match="all faces are of node 'bracket'"):
+        find_groups(read(BRACKET), "node", True)
     points, faces = shapes.grid(3, 3)
     with pytest.raises(OptionError, match="no names of materials"):
         find_groups(from_arrays(points, faces), "material", False)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -55,21 +56,19 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def unwrapped(source: tuple[np.ndarray, np.ndarray], folder: Path, n: int) -> bytes:
-    out = folder / f"{n}.glb"
-    circparam.unwrap(source, out, jobs=n, format=None, **QUICK)
-    return out.read_bytes()
+@cache
+def alone(level: int = 3) -> bytes:
+    """The layout that one process makes."""
+    return circparam.unwrap(mesh(level), jobs=1, format="glb", **QUICK).uv.tobytes()
 
 
 @pytest.mark.parametrize(("level", "most"), [(3, 2), (4, 3)])
-def test_the_bytes_do_not_depend_on_the_number_of_processes(
-    level: int, most: int, tmp_path: Path
-) -> None:
+def test_the_bytes_do_not_depend_on_the_number_of_processes(level: int, most: int) -> None:
     """Decided on the mesh itself, and on a proxy; processes are up before there is anything to do."""
-    alone = unwrapped(mesh(level), tmp_path, 1)
     ready(most)
     pool = current()
-    assert unwrapped(mesh(level), tmp_path, most) == alone
+    shared = circparam.unwrap(mesh(level), jobs=most, format="glb", **QUICK)
+    assert shared.uv.tobytes() == alone(level)
     assert current() is pool is not None, "they stay for the next mesh"
 
 
@@ -87,7 +86,7 @@ jobs.FACES = 100
 jobs.start_for(circparam.Options(jobs=2), 1000)
 pool = current()
 print(pool is not None and pool.ready.result() > 0)
-print(hashlib.sha256(circparam.unwrap(mesh(), jobs=2, **QUICK).uv.tobytes()).hexdigest())
+print(hashlib.sha256(circparam.unwrap(mesh(), jobs=2, format='glb', **QUICK).uv.tobytes()).hexdigest())
 """
 
 
@@ -106,15 +105,13 @@ def test_a_script_without_a_guard_whose_home_cannot_be_written_to(tmp_path: Path
         text=True,
         check=True,
     )
-    alone = circparam.unwrap(mesh(), jobs=1, **QUICK)
-    digest = hashlib.sha256(alone.uv.tobytes()).hexdigest()
+    digest = hashlib.sha256(alone()).hexdigest()
     assert done.stdout.split() == ["run", "True", digest]
     assert not any(home.iterdir())
 
 
-def test_the_same_bytes_when_workers_are_killed(tmp_path: Path) -> None:
+def test_the_same_bytes_when_workers_are_killed() -> None:
     """As by a system that is out of memory: once they have something to do."""
-    whole = unwrapped(mesh(), tmp_path, 1)
     ready(2)
     pool = current()
     assert pool is not None
@@ -133,11 +130,12 @@ def test_the_same_bytes_when_workers_are_killed(tmp_path: Path) -> None:
     murderer = threading.Thread(target=murder)
     murderer.start()
     try:
-        assert unwrapped(mesh(), tmp_path, 2) == whole
+        shared = circparam.unwrap(mesh(), jobs=2, format="glb", **QUICK)
     finally:
         over.set()
         murderer.join()
     assert killed.is_set()
+    assert shared.uv.tobytes() == alone()
 
 
 def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) -> None:

@@ -137,12 +137,6 @@ def shapes_with_uv():
         ({"only": np.ones(3, bool)}, "mask"),
         ({"only": np.ones(8, bool)}, "all faces"),
         ({"only": np.zeros(8, bool)}, "no face is selected"),
-        ({"only": [0], "pages": 2}, "the pages are those in use"),
-        ({"only": [0], "stack": "identical"}, "stack lays out"),
-        ({"only": [0], "lightmap": True}, "one atlas"),
-        ({"only": [0], "normalize": False}, "normalize"),
-        ({"keep_page": True}, "needs"),
-        ({"lock": [0]}, "circparam pack"),
     ],
 )
 def test_selections_that_make_no_sense_are_refused(given: dict, match: str) -> None:

@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 
 from circparam.errors import OptionError
-from circparam.pipeline.options import Options
 from circparam.pipeline.result import Result
 from circparam.pipeline.unwrap import unwrap
 from tests.support import shapes
@@ -52,11 +51,3 @@ def test_charts_longer_than_a_page_are_cut_to_fit_at_a_density() -> None:
 def test_what_fits_at_a_density_is_not_cut() -> None:
     result = unwrap(BENT, texel_density=50.0, **QUICK)
     assert result.measures["charts"] == 1
-
-
-def test_splits_go_with_pages_and_densities() -> None:
-    assert Options(pages=4, pack_splits=3).fills_page
-    assert Options(texel_density=9.0, pack_splits=3).fills_page
-    assert not Options(pages=4, pack_splits=0).fills_page
-    with pytest.raises(OptionError, match="may be cut and turned"):
-        Options(pages=4, pack_splits=3, rotate="none")

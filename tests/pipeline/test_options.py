@@ -59,8 +59,59 @@ BAD = {
     "padding without packing": ({"normalize": False, "padding": 2}, "--no-normalize"),
     "overwrite of no set": ({"overwrite_uv": True}, "--uv-set"),
     "polygon of no boundary": ({"method": "circle", "polygon": np.eye(3, 2)}, "--boundary polygon"),
+    "page of no method that fills it": ({"pack_splits": 1, "method": "circle"}, "fills pages"),
+    "cuts of a disk for the page": ({"pack_splits": 1, "cut": "disk"}, "fills pages"),
+    "cuts of charts that turn by quarters": ({"pack_splits": 1, "rotate": "90"}, "fills pages"),
+    "cuts of charts that are not packed": ({"pack_splits": 1, "normalize": False}, "fills pages"),
+    "cuts for pages of fixed turns": ({"pages": 4, "pack_splits": 3, "rotate": "none"}, "be cut"),
+    "padding of no kind": ({"padding": "wide"}, "give auto or a number"),
+    "no texels": ({"align_texels": 0}, "1 to 16"),
+    "blocks that a page is no multiple of": (
+        {"align_texels": 4, "resolution": 1001},
+        "multiple of 4",
+    ),
+    "blocks of borders at any angle": ({"align_texels": 1, "straighten": "off"}, "any angle"),
+    "blocks without packing": ({"align_texels": 1, "normalize": False}, "solver"),
+    "blocks of sizes that are kept": ({"align_texels": 1, "scale": False}, "--no-scale"),
+    "blocks on a page in use": ({"align_texels": 1, "only": "material=a"}, "page that is in use"),
+    "straight at fixed angles": ({"straighten": "all", "rotate": "90"}, "--rotate 90"),
+    "unknown straightening": ({"straighten": "most"}, "choose one of"),
+    "floaters without packing": ({"drop_floaters": 0.1, "normalize": False}, "--no-normalize"),
+    "an offset without a stack": ({"stack_offset": True}, "--stack identical"),
+    "a stack without packing": ({"stack": "identical", "normalize": False}, "--no-normalize"),
+    "a stack of seams of every part": ({"stack": "identical", "keep_uv_seams": True}, "keep"),
+    "pages of groups and a number": (
+        {"pages_by": "material", "pages": 2},
+        "as many pages as groups",
+    ),
+    "pages and boxes": ({"pages_by": "material", "group_by": "group"}, "already where charts lie"),
+    "pages of an unknown kind": ({"pages_by": "colour"}, "choose one of"),
+    "pages without packing": ({"pages_by": "material", "normalize": False}, "of the solver"),
+    "up and free turns": ({"orient": "up", "rotate": "free"}, "by any angle"),
+    "up and straight borders": ({"orient": "up", "straighten": "all"}, "by their borders"),
+    "no direction": ({"orient": "down"}, "choose one of"),
+    "only on several pages": ({"only": [0], "pages": 2}, "the pages are those in use"),
+    "only of stacks": ({"only": [0], "stack": "identical"}, "stack lays out"),
+    "only of a lightmap": ({"only": [0], "lightmap": True}, "one atlas"),
+    "only without packing": ({"only": [0], "normalize": False}, "--no-normalize"),
+    "only of other densities": ({"only": [0], "density": "a=2"}, "sizes all charts anew"),
+    "only without floaters": ({"only": [0], "drop_floaters": 0.1}, "whole mesh anew"),
+    "only upright": ({"only": [0], "orient": "up"}, "turns all charts anew"),
+    "only in pages of their own": ({"only": [0], "pages_by": "node"}, "--pages-by sorts"),
+    "a page kept by nothing": ({"keep_page": True}, "it needs --only"),
+    "a lock outside pack": ({"lock": [0]}, "circparam pack"),
+    "checkpoint of a disk": ({"cut": "disk", "checkpoint": "c"}, "--cut charts"),
+    "copies of a reader that copies": ({"unshare": True, "reader": "trimesh"}, "anyway"),
     "boundary without polygon": ({"method": "circle", "boundary": "polygon"}, "polygon FILE"),
 }
+
+
+PINNED = {"method": "lscm", "cut": "disk", "pins": np.zeros((2, 3))}
+for _name, _value in (
+    *(("resolution", 512), ("padding", 2), ("pages", 2), ("texel_density", 9.0)),
+    *(("rotate", "none"), ("effort", 2.0), ("lightmap", True), ("group_by", "mesh")),
+):
+    BAD[f"{_name} beside pins"] = ({**PINNED, _name: _value}, "has no effect here")
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -140,6 +191,13 @@ def test_defaults_and_given() -> None:
         "boundary": "square",
         "border": "square",
     }
+
+
+def test_off_is_no_option_and_fits_with_all() -> None:
+    assert Options(stack="off", normalize=False).stack == "off"
+    assert Options(pages=4, pack_splits=3).fills_page
+    assert Options(texel_density=9.0, pack_splits=3).fills_page
+    assert not Options(pages=4, pack_splits=0).fills_page
 
 
 def test_unknown_keyword() -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.errors import OptionError
 from tests.support import shapes
 
 
@@ -78,14 +77,6 @@ def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
     result = circparam.unwrap(shape, tmp_path / "o.glb", pack_splits=2, max_distortion=1.03)
     assert result.status == "ok"
     assert result.measures["distortion_max_chart"] <= 1.03
-
-
-@pytest.mark.parametrize(
-    "more", [{"cut": "disk"}, {"rotate": "90"}, {"method": "circle"}, {"normalize": False}]
-)
-def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
-    with pytest.raises(OptionError, match="pack_splits has no effect"):
-        circparam.unwrap(star(), pack_splits=1, **more)
 
 
 @pytest.mark.parametrize("splits", ["auto", 3])

@@ -9,7 +9,6 @@ import pytest
 from circparam.compare.compare import compare
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.io import read
-from circparam.pipeline.options import Options
 from circparam.pipeline.result import Result
 from circparam.pipeline.unwrap import unwrap
 from tests.support import shapes
@@ -75,25 +74,6 @@ def test_a_pin_on_a_vertex_that_is_welded_to_another() -> None:
     result = pinned((p, f), pins=[[25, 0.5, 0.5], [0, 0.1, 0.1]])
     for vertex in (12, 25):
         np.testing.assert_allclose(uv_of(result, vertex)[0], [0.5, 0.5], atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "keywords",
-    [
-        {"resolution": 512},
-        {"padding": 2},
-        {"pages": 2},
-        {"texel_density": 9.0},
-        {"rotate": "none"},
-        {"effort": 2.0},
-        {"lightmap": True},
-        {"group_by": "mesh"},
-        {"cut": "charts", "pack_splits": 3},
-    ],
-)
-def test_what_would_move_pins_is_refused_beside_them(keywords: dict[str, Any]) -> None:
-    with pytest.raises(OptionError, match="has no effect here"):
-        Options(**{"method": "lscm", "cut": "disk", "pins": np.array(PINS), **keywords})
 
 
 def test_places_that_the_format_cannot_store_are_refused_before_the_work(tmp_path: Path) -> None:

@@ -126,8 +126,6 @@ def test_what_the_mesh_does_not_have(tmp_path: Path):
             circparam.unwrap(ball, seam_weights=given, **QUICK)
     with pytest.raises(InputError, match="a weight is a number"):
         circparam.unwrap(ball, seam_weights=rows(np.array([0]), -1.0), **QUICK)
-    with pytest.raises(OptionError, match="it shapes cut='charts'"):
-        circparam.unwrap(ball, seam_weights=rows(np.array([0]), 1.0), cut="disk")
 
 
 def test_the_flag_reads_a_file(tmp_path: Path):

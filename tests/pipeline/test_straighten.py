@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.errors import OptionError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
@@ -130,10 +129,3 @@ def test_every_packer_keeps_straight_charts_upright(count: int) -> None:
     packed = pack(faces, np.concatenate(uv), np.repeat(np.arange(count), 2), asked)
     side = np.diff(packed.uv.reshape(count, 4, 2), axis=1)
     assert np.abs(side).min(2).max() < 1e-9
-
-
-def test_fixed_angles_leave_nothing_to_straighten() -> None:
-    with pytest.raises(OptionError, match="rotate"):
-        circparam.Options(straighten="all", rotate="90")
-    with pytest.raises(OptionError, match="straighten"):
-        circparam.Options(straighten="most")
