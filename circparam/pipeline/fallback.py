@@ -126,7 +126,17 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
         single = split & (small | spent)
         project = split & ~single & late & (tries < PROJECTED)
         halve = split & ~single & ~project
-        cascade = _split(cascade, halve, fault, single[chart])
+        if halve.any():
+            shown = ", ".join(
+                [str(int(k)) for k in size[halve][:4]] + ["..."] * int(halve.sum() > 4)
+            )
+            cut = atlas.cut | halve_charts(atlas, halve)
+            cascade = replace(cascade, atlas=Atlas(atlas.surface, cut, atlas.corners)).repaired(
+                f"{int(halve.sum())} chart(s) split, of {shown} faces: "
+                f"{_causes(fault[halve])} in one piece"
+            )
+        if single.any():
+            cascade = take_to_pieces(cascade, single[chart])
         if project.any():
             cascade = project_charts(cascade, project[chart])
         if again.any():
@@ -140,21 +150,6 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
         gentle = cascade.tries >= CONVEX
         cascade = _map_again(cascade, todo & ~gentle, "isometric", monitor)
         return _map_again(cascade, todo & gentle, "mean-value", monitor)
-
-
-def _split(cascade: Cascade, halve: BoolArray, fault: IntArray, single: BoolArray) -> Cascade:
-    """Halve charts ((n_charts,) bool), and take faces ((m,) bool) to pieces."""
-    if halve.any():
-        atlas = cascade.atlas
-        size = group_count(atlas.charts()[1], len(halve))
-        cut = atlas.cut | halve_charts(atlas, halve)
-        cascade = replace(cascade, atlas=Atlas(atlas.surface, cut, atlas.corners)).repaired(
-            f"{int(halve.sum())} chart(s) split, of {_some(size[halve])} faces: "
-            f"{_causes(fault[halve])} in one piece"
-        )
-    if single.any():  # after the halving, which counts charts as they were
-        cascade = take_to_pieces(cascade, single)
-    return cascade
 
 
 def _map_again(cascade: Cascade, faces: BoolArray, method: str, monitor: Monitor) -> Cascade:
@@ -217,11 +212,6 @@ def _farthest(graph: sps.csr_matrix, sources: IntArray, label: IntArray) -> IntA
     _, first = np.unique(label[order], return_index=True)
     result: IntArray = order[first]
     return result
-
-
-def _some(values: IntArray) -> str:
-    shown = ", ".join(str(int(v)) for v in values[:4])
-    return shown + (", ..." if len(values) > 4 else "")
 
 
 def _causes(codes: IntArray) -> str:

@@ -37,19 +37,15 @@ def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> Non
     if limit is None:
         return
     if options.cut == "charts" and faces >= KNOWN:
-        _check_limit(name, faces, limit, monitor)
+        held = address_space()
+        need = held + FACE * faces
+        if limit < held + LIKELY * FACE * faces:
+            wanted = need / GIGABYTE
+            raise NoResultError(
+                f"{name}: {faces:,} faces take about {wanted:.1f} GB, and the bound is "
+                f"{limit / GIGABYTE:.1f} GB: give --max-memory {wanted + 0.1:.1f}G or more, or a smaller mesh"
+            )
+        if limit < need * pool.WORKER_SHARE / (pool.WORKER_SHARE - 1):
+            workers.stop()  # this process needs the memory of the workers
+            monitor.jobs = 1
     claim_work_space()
-
-
-def _check_limit(name: str, faces: int, limit: int, monitor: Monitor) -> None:
-    held = address_space()
-    need = held + FACE * faces
-    if limit < held + LIKELY * FACE * faces:
-        wanted = need / GIGABYTE
-        raise NoResultError(
-            f"{name}: {faces:,} faces take about {wanted:.1f} GB, and the bound is {limit / GIGABYTE:.1f} GB: "
-            f"give --max-memory {wanted + 0.1:.1f}G or more, or a smaller mesh"
-        )
-    if limit < need * pool.WORKER_SHARE / (pool.WORKER_SHARE - 1):
-        workers.stop()  # this process needs the memory of the workers
-        monitor.jobs = 1

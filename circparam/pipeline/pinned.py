@@ -6,7 +6,7 @@ format cannot store their places, else before anything is written.
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2
+from circparam.core.arrays import FloatArray, IntArray, cross2
 from circparam.core.plural import counted
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
@@ -77,7 +77,9 @@ def pins_of(job: Job, cut_mesh: CutMesh, pins: FloatArray) -> Pins:
 def place_pinned(job: Job, cut_mesh: CutMesh, uv: FloatArray, pins: FloatArray) -> Placed:
     """Charts with pins where they lie (nv, 2); the others to their right, at the same density of texels."""
     uv = np.where(np.isfinite(uv), uv, 0.0)
-    pinned = _with_pins(job, cut_mesh, pins)
+    vertex = job.repair_report.weld[pin_rows(pins)[0]]
+    pinned = np.zeros(cut_mesh.n_charts, bool)
+    pinned[cut_mesh.chart[np.isin(job.surface.faces, vertex).any(1)]] = True
     if pinned.all():
         return Placed(uv, [])
     part, vertices, _ = cut_mesh.subset(pinned)
@@ -93,14 +95,6 @@ def place_pinned(job: Job, cut_mesh: CutMesh, uv: FloatArray, pins: FloatArray) 
     placed[loose] = row
     count = counted(int((~pinned).sum()), "chart")
     return Placed(placed, [f"{count} without pins to the right of those with pins"])
-
-
-def _with_pins(job: Job, cut_mesh: CutMesh, pins: FloatArray) -> BoolArray:
-    """(n_charts,) whether a chart holds a pin."""
-    vertex = job.repair_report.weld[pin_rows(pins)[0]]
-    pinned = np.zeros(cut_mesh.n_charts, bool)
-    pinned[cut_mesh.chart[np.isin(job.surface.faces, vertex).any(1)]] = True
-    return pinned
 
 
 def check_pins(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -> None:

@@ -115,16 +115,12 @@ def find_stacks(
         _parts_of(component, by.turned, count),
         max(apart, 0),
     )
-    return (_uncut(surface, by.whole).part(~by.copy) if copies else surface), stacks
-
-
-def _uncut(surface: Surface, whole: IntArray) -> Surface:
-    """The surface with the flats ((m,) label, −1 for none) that copies have other triangles in kept whole."""
-    if not (whole >= 0).any():
-        return surface
-    f, g = surface.edges.T // 3
-    inner = (whole[f] >= 0) & (whole[f] == whole[g])
-    return replace(surface, locked=surface.locked | inner)
+    if not copies:
+        return surface, stacks
+    # flats ((m,) label, −1 for none) that copies have other triangles in are kept whole
+    f, g = by.whole[surface.edges.T // 3]
+    locked = surface.locked | ((f >= 0) & (f == g))
+    return replace(surface, locked=locked).part(~by.copy), stacks
 
 
 def _parts_of(component: IntArray, faces: BoolArray, count: int) -> int:

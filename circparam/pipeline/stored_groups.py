@@ -55,7 +55,13 @@ def judge(
         return Judged(found.verification, found.tiles, note)
     found = verified(None)
     image = image_labels(document, uv_set)
-    if image is None or not _cross(found.verification, image[surface.source]):
+    if image is None:
+        return found
+    cut_mesh = found.verification.cut_mesh
+    of_chart = np.full(cut_mesh.n_charts, -1)
+    of_chart[cut_mesh.chart] = image[surface.source]
+    pairs = of_chart[found.verification.overlapping_pairs]
+    if (pairs[:, 0] == pairs[:, 1]).all():
         return found
     found = verified(image)
     note = f"uv set {uv_set}: each texture has an atlas of its own, since charts of different ones overlap"
@@ -93,11 +99,3 @@ def image_labels(document: Document, uv_set: int) -> IntArray | None:
     if found is None or found.uv_set != uv_set or len(sorted_distinct(found.face)) < 2:
         return None
     return found.face
-
-
-def _cross(v: Verification, label: IntArray) -> bool:
-    """Whether charts overlap whose faces ((m,) of the surface) have different labels."""
-    of_chart = np.full(v.cut_mesh.n_charts, -1)
-    of_chart[v.cut_mesh.chart] = label
-    pairs = of_chart[v.overlapping_pairs]
-    return bool((pairs[:, 0] != pairs[:, 1]).any())

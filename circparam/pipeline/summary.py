@@ -43,6 +43,9 @@ def summarise(result: "Result") -> dict[str, Any]:
     numbers = _numbers(result.measures)
     left_out, options = result.floaters, result.options
     stacked, kept, groups = result.stacks, result.kept, result.groups
+    found, densities = result.verification, None
+    if result.density is not None and options.packed:
+        densities = list(density_rows(result.density, found, options.resolution_texels))
     return {
         "schema": SCHEMA.format(result.work),
         "version": __version__,
@@ -61,10 +64,10 @@ def summarise(result: "Result") -> dict[str, Any]:
         **numbers,
         "dropped_components": 0 if left_out is None else left_out.components,
         "dropped_faces": 0 if left_out is None else int(left_out.faces.sum()),
-        "stack": stacked and stacked_figures(stacked, result.verification),
-        "kept": kept and kept_figures(kept, result.verification, options),
-        "density": _densities(result),
-        "groups": groups and list(group_rows(groups, result.verification)),
+        "stack": stacked and stacked_figures(stacked, found),
+        "kept": kept and kept_figures(kept, found, options),
+        "density": densities,
+        "groups": groups and list(group_rows(groups, found)),
         "orient": result.orient and result.orient.as_dict(),
         "padding": options.padding_texels if options.packed else None,
         "mip_level": mip_level(options.padding_texels) if options.packed else None,
@@ -77,20 +80,11 @@ def summarise(result: "Result") -> dict[str, Any]:
     }
 
 
-def _densities(result: "Result") -> list[dict[str, Any]] | None:
-    """Densities asked for and reached by each part of --density; None without it."""
-    if result.density is None or not result.options.packed:
-        return None
-    side = result.options.resolution_texels
-    return list(density_rows(result.density, result.verification, side))
-
-
 def _effort(result: "Result") -> dict[str, Any]:
-    """The effort asked for and made, the searches, the kept one, the cost of each, the number left."""
-    found = result.effort
+    found, asked = result.effort, result.options.work
     return {
-        "asked": result.options.work,
-        "made": result.options.work if found.made is None else found.made,
+        "asked": asked,
+        "made": asked if found.made is None else found.made,
         "searches": found.searches,
         "best": found.best,
         "costs": [plain(round(cost, 6)) for cost in found.costs],

@@ -26,7 +26,7 @@ def work_of(mesh: Faces) -> tuple[float, float, float]:
     before = sys.getprofile()
     sys.setprofile(called)
     try:
-        result = circparam.unwrap(mesh, jobs=1)
+        result = circparam.unwrap(mesh, jobs=1, effort="draft")
     finally:
         sys.setprofile(before)
     assert result.verification.flips == 0
@@ -36,7 +36,9 @@ def work_of(mesh: Faces) -> tuple[float, float, float]:
 
 def test_bad_twins_are_no_more_work_and_charts_than_three_clean_parts() -> None:
     part = bracket()
-    circparam.unwrap(clean(part), jobs=1)  # what is imported on the way is no work of the part
+    circparam.unwrap(
+        clean(part), jobs=1, effort="draft"
+    )  # what is imported on the way is no work of the part
     one = work_of(clean(part))
     slow = {}
     for name, make in TWINS.items():
