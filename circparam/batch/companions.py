@@ -10,6 +10,7 @@ from typing import Any
 from circparam.batch.settings import Settings
 from circparam.batch.store import again, archive_of, digest, open_store
 from circparam.errors import CircparamError, InputError
+from circparam.formats.obj.mtl import image_names
 from circparam.formats.source import safe_path
 
 _LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.M)
@@ -27,16 +28,23 @@ def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | Non
     try:
         store, remote = open_store(address)
         again(store.get_file, remote, path)
-        for name in _companions(path, bool(settings.options.copy_assets)):
-            beside = f"{remote.rpartition('/')[0]}/{name}".lstrip(
-                "/" if archive_of(address) else ""
-            )
+        everything = bool(settings.options.copy_assets)
+
+        def fetched(name: str) -> Path | None:
+            """The local copy of a file beside the source; reading the mesh reports a missing one."""
+            beside = f"{remote.rpartition('/')[0]}/{name}"
             local = safe_path(Path(folder), name)
-            if local is not None:
-                local.parent.mkdir(parents=True, exist_ok=True)
-                # reading the mesh reports a missing file, as with local files
-                with contextlib.suppress(FileNotFoundError):
-                    again(store.get_file, beside, str(local))
+            if local is None:
+                return None
+            local.parent.mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(FileNotFoundError):
+                again(store.get_file, beside.lstrip("/" if archive_of(address) else ""), str(local))
+            return local if local.is_file() else None
+
+        beside = [fetched(name) for name in _companions(path, everything)]
+        for library in [p for p in beside if p is not None and p.suffix.lower() == ".mtl"]:
+            for name in _images(library):
+                fetched(name)
     except CircparamError:
         raise
     except FileNotFoundError:
@@ -55,10 +63,19 @@ def _companions(path: str, all_of_them: bool) -> list[str]:
             tree = json.loads(Path(path).read_bytes())
             return _uris(tree, ("buffers", "images") if all_of_them else ("buffers",))
     if suffix == ".obj" and all_of_them:
-        return [
-            m.decode("utf-8", "surrogateescape") for m in _LIBRARY.findall(Path(path).read_bytes())
-        ]
+        return [_readable(name) for name in _LIBRARY.findall(Path(path).read_bytes())]
     return []
+
+
+def _images(library: Path) -> list[str]:
+    """Relative names of the images of a material library, the last word of each too: it may follow others."""
+    names = image_names(_readable(library.read_bytes()))
+    return list(dict.fromkeys(n for name in names for n in (name, name.split()[-1])))
+
+
+def _readable(data: bytes) -> str:
+    """Text with the slashes that readers everywhere take the backslashes of Windows exporters for."""
+    return data.decode("utf-8", "surrogateescape").replace("\\", "/")
 
 
 def _uris(tree: Any, kinds: tuple[str, ...]) -> list[str]:

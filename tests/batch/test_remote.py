@@ -113,6 +113,22 @@ def test_the_buffers_of_a_gltf_come_along(s3: tuple[Any, Failing], tmp_path: Pat
     assert Path(path).name == "m.gltf"
 
 
+def test_the_images_of_a_material_library_come_along(
+    s3: tuple[Any, Failing], tmp_path: Path
+) -> None:
+    system, _ = s3
+    for name, data in {
+        "in/m.obj": b"mtllib mat\\m.mtl\nv 0 0 0\n",
+        "in/mat/m.mtl": b"newmtl a\nmap_Kd -s 2 2 2 old wood.png\nmap_Bump tex\\bump.png\n",
+        "in/wood.png": b"w",
+        "in/tex/bump.png": b"b",
+    }.items():
+        store.again(system.pipe_file, f"bucket/{name}", data)
+    fetch("s3://bucket/in/m.obj", str(tmp_path / "one"), settings("o", copy_assets=True))
+    found = {p.name for p in (tmp_path / "one").rglob("*") if p.is_file()}
+    assert found == {"m.obj", "m.mtl", "wood.png", "bump.png"}
+
+
 def test_an_upload_that_never_succeeds_is_told(
     s3: tuple[Any, Failing], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
