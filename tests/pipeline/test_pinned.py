@@ -95,10 +95,25 @@ def test_pins_that_fold_the_chart_are_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "o.obj").exists()
 
 
-@pytest.mark.parametrize("pins", [[[0, 1]], [[0.5, 0, 0], [1, 1, 1]], [[0, np.nan, 0]], [1, 2, 3]])
-def test_rows_that_are_no_pins(pins: Any) -> None:
-    with pytest.raises(OptionError, match="pin"):
-        pinned(pins=pins)
+@pytest.mark.parametrize(
+    ("pins", "why"),
+    [
+        ([[0, 1]], "rows of a vertex, u and v"),
+        ([[0, np.nan, 0]], "rows of a vertex, u and v"),
+        ([1, 2, 3], "rows of a vertex, u and v"),
+        ([[0.5, 0, 0], [1, 1, 1]], "not an integer"),
+        ([[0, 0, 0], [0, 1, 1]], "twice"),
+        ([[0, 0, 0], [999, 1, 1]], "names vertex 999, which no face uses"),
+        ([[0, 0, 0], [25, 1, 1]], "names vertex 25, which"),
+        ([[-1, 0, 0], [2, 1, 1]], "names vertex -1, which"),
+        ([[12, 0, 0], [3, 1, 1]], "vertex 12, which lies on a seam"),
+    ],
+)
+def test_rows_that_are_no_pins(pins: Any, why: str) -> None:
+    points, faces = shapes.grid(5, 5)
+    spokes = [[12, v] for v in np.setdiff1d(faces[(faces == 12).any(1)], 12)]
+    with pytest.raises(OptionError, match=why):
+        pinned((points, faces), pins=pins, seams=spokes)
 
 
 def test_a_comparison_holds_no_pins() -> None:

@@ -1,18 +1,23 @@
 """Verification finds every planted fault, and trusts nothing but the layout it is given."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import circparam
-from circparam.errors import InputError
+from circparam.errors import InputError, OutOfTimeError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.gates import LAYOUT
+from circparam.pipeline.options import Options
+from circparam.pipeline.result import Result, judged, promise, verify_layout
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
 from tests.support import shapes
 from tests.support.atlases import surface_of
+from tests.support.unwrapped import QUICK, unwrapped
 
 
 def two_squares() -> tuple[Surface, np.ndarray, np.ndarray]:
@@ -223,3 +228,38 @@ def test_seams_that_open_a_surface_of_one_side_count(shape: shapes.Shape) -> Non
     assert seam_pairs(result).tolist() == np.unique(edge, axis=0).tolist()
     again = circparam.unwrap((p, f), seams=seam_pairs(result), effort=0.01)  # as they were exported
     assert again.measures["flips"] == 0
+
+
+def judgement(
+    scale: object, repairs: list[str], expired: bool = False, **options: object
+) -> Result:
+    """That on a flat square whose uv are its points, stretched."""
+    points, faces = shapes.grid(4, 4)
+    made = unwrapped((points, faces), **QUICK)
+    uvmap, asked = UVMap(0.1 + 0.8 * points[:, :2] * scale, faces), Options(**options)
+    found = verify_layout(made.surface, uvmap, asked)
+    return judged(replace(made, options=asked, repairs=repairs, verification=found), expired)
+
+
+def test_right_repaired_and_wrong() -> None:
+    assert judgement(1.0, []).status == "ok"
+    mended = judgement(1.0, ["one thing"])
+    assert (mended.status, mended.reasons, mended.warnings) == ("repaired", ["one thing"], [])
+    stretched = judgement([1.0, 0.2], [], max_distortion=1.05)
+    assert stretched.status == "degraded"
+    assert stretched.reasons == stretched.warnings
+    assert "above the bound 1.05" in stretched.reasons[0]
+
+
+def test_out_of_time_with_and_without_a_valid_layout() -> None:
+    late = judgement(1.0, [], expired=True)
+    assert late.status == "ok"
+    assert any("out of time" in line for line in late.warnings)
+    with pytest.raises(OutOfTimeError, match="no valid result"):
+        judgement([1.0, 0.0], [], expired=True)
+
+
+def test_the_promise_is_that_of_the_options() -> None:
+    assert promise(Options()).padding == promise(Options(padding=4)).padding
+    assert promise(Options(padding=9)).padding == 9
+    assert promise(Options(normalize=False)).padding is None
