@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.core.files import TEMPORARIES
 from circparam.errors import OutputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.figures import PictureOptions
 from circparam.render.picture import draw_figure, save_preview
 from circparam.render.scene import make_scene
-from tests.support.full_disk import STEPS, fill_up
 from tests.support.scenes import QUAD, SQUARE, cube
 
 
@@ -45,22 +43,3 @@ def test_a_point_sized_and_a_flat_mesh_are_drawn():
     )
     assert np.allclose(huge.distortion, 1)
     assert draw_figure(huge, PictureOptions(samples=1)).size == (1600, 1010)
-
-
-@pytest.mark.parametrize("step", STEPS)
-@pytest.mark.parametrize("kind", ["png", "svg", "html"])
-def test_a_full_disk_leaves_nothing(
-    kind: str, step: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Neither half a picture nor a temporary file; a picture that was there stays as it was."""
-    points, faces, uv, uv_faces = cube()
-    mesh, uvmap = Mesh(points, faces), UVMap(uv, uv_faces)
-    old = tmp_path / f"old.{kind}"
-    old.write_text("as it was")
-    fill_up(monkeypatch, step)
-    for path in (tmp_path / f"new.{kind}", old):
-        with pytest.raises(OutputError, match=rf"{path.name}.*No space left"):
-            save_preview(path, mesh, uvmap, {"charts": 6}, PictureOptions(samples=1))
-    assert [p.name for p in tmp_path.iterdir()] == [old.name]
-    assert old.read_text() == "as it was"
-    assert TEMPORARIES == []
