@@ -34,7 +34,7 @@ def _moved(points: np.ndarray, seed: int) -> np.ndarray:
     return result
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(name=st.sampled_from(sorted(SHAPES)), seed=st.integers(0, 10**6))
 def test_the_shape_in_its_frame_does_not_depend_on_its_pose(name: str, seed: int) -> None:
     """Of a symmetric shape each point may take the place of its image."""

@@ -145,11 +145,16 @@ def test_a_short_step_keeps_all_distances_while_charts_turn(seed: int) -> None:
 
 
 def test_charts_that_overlap_are_seen_whatever_the_distance_of_their_outlines():
-    """A small square inside a large one: their outlines are far apart."""
+    """A small square inside a large one, whose outlines are far apart, or over its side."""
     options = PackOptions(resolution=512, padding=4)
     shapes = rectangles([[1.0, 1.0], [0.2, 0.2]])
     growth = growth_of(shapes, options)
-    for inside, page, expected in ((256.0, 0, True), (470.0, 0, False), (256.0, 1, False)):
+    for inside, page, expected in (
+        (256.0, 0, True),
+        (356.0, 0, True),
+        (470.0, 0, False),
+        (256.0, 1, False),
+    ):
         offset = np.array([[256.0, 256], [inside, 256]])
         placement = Placement(200.0, np.zeros(2), offset, np.array([0, page]))
         assert growth.overlaps(placement) == expected
@@ -168,11 +173,3 @@ def test_three_faces_at_an_edge_are_no_overlap() -> None:
     assert finish(shapes, apart, options)[1] is None
     assert not growth.overlaps(apart)
     assert Ascent(apart).climb(growth).scale > 1.2 * apart.scale
-
-
-def test_charts_on_each_other_overlap() -> None:
-    options = PackOptions(resolution=256, padding=2)
-    shapes = rectangles([[1.0, 1.0], [1.0, 1.0]])
-    on = Placement(60.0, np.zeros(2), np.array([[100.0, 120.0], [120.0, 120.0]]), np.zeros(2, int))
-    assert growth_of(shapes, options).overlaps(on)
-    assert not growth_of(shapes, options).overlaps(replace(on, page=np.array([0, 1])))
