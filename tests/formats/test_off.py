@@ -64,6 +64,20 @@ def test_bad_off(old: bytes, new: bytes) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "names vertex 3: there are 3"),
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 -1 2\n", "names vertex -1"),
+        (b"3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "and 2 faces, the file has 4 rows"),
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "no faces"),
+    ],
+)
+def test_the_fault_is_named(body: bytes, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        read_data(b"OFF\n" + body, format="off")
+
+
 @pytest.mark.parametrize("header", [b"nOFF", b"4OFF", b"4nOFF", b"ST4OFF", b"OFF\0", b"OOF", b""])
 def test_other_dimensions_and_binary_files_are_no_text_off(header: bytes) -> None:
     data = header + b"\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
