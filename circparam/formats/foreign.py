@@ -7,7 +7,6 @@ the document says so. Nothing of these formats is written back: GLB by default.
 import importlib.util
 import io
 import zipfile
-from collections.abc import Callable
 
 from circparam.core.records import dataclass
 from circparam.formats.gltf.document import features_of
@@ -38,16 +37,6 @@ UNPACKED, UNPACKED_PER_BYTE = 50_000_000, 50
 @dataclass(frozen=True, eq=False)
 class ForeignDocument(PlainDocument):
     """Triangles and uv read by trimesh; ``features``: data that trimesh lost."""
-
-
-def read_as(kind: str) -> Callable[[bytes, Source], ForeignDocument]:
-    """The function that reads one kind of file through trimesh, as a row of the table of formats wants it."""
-
-    def read(data: bytes, source: Source) -> ForeignDocument:
-        return read_through_trimesh(data, source, kind)
-
-    read.__doc__ = f"Read {kind.upper()} through trimesh; see ``read_through_trimesh``."
-    return read
 
 
 def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocument:

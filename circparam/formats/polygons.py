@@ -122,6 +122,7 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
     return Polygons(corners, start, triangles, owner)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     """First corner of each polygon whose fan agrees with its normal.
 
@@ -130,8 +131,7 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     side that does not end in it. The side at which the fan of one corner fails therefore rules out many others.
     """
     k, n, _ = p.shape
-    with np.errstate(over="ignore", invalid="ignore"):
-        normal = np.cross(p, np.roll(p, -1, axis=1)).sum(1)
+    normal = np.cross(p, np.roll(p, -1, axis=1)).sum(1)
     apex = np.zeros(k, np.int64)
     flat = ~(np.abs(normal).max(1) > 0)
     fits = flat.copy()
@@ -140,12 +140,14 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     while len(open_):
         row = np.arange(len(open_))
         r = possible[open_].argmax(1)
-        side = _sides(p[open_[:, None], (r[:, None] + np.arange(n)) % n], normal[open_])
+        q = p[open_[:, None], (r[:, None] + np.arange(n)) % n]
+        side = _doubled_areas(q[:, 1:-1] - q[:, :1], q[:, 2:] - q[:, :1], normal[open_])
         good = (side > 0).all(1)
         apex[open_[good]], fits[open_[good]] = r[good], True
         start = (r + 1 + side.argmin(1)) % n
         end = (start + 1) % n
-        beyond = _left_of(p[open_], p[open_, start], p[open_, end], normal[open_])
+        first, last = (p[open_, at][:, None] - p[open_] for at in (start, end))
+        beyond = _doubled_areas(first, last, normal[open_]) > 0
         beyond[row, start] = beyond[row, end] = True
         possible[open_] &= beyond
         possible[open_, r] = False
@@ -153,19 +155,9 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     return apex, fits
 
 
-def _sides(q: FloatArray, normal: FloatArray) -> FloatArray:
-    """(k, n − 2) twice the area, along the normal, of the triangles in the fan of corner 0 of (k, n, 3)."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        area = np.cross(q[:, 1:-1] - q[:, :1], q[:, 2:] - q[:, :1])
-        out: FloatArray = np.einsum("kti,ki->kt", area, normal)
-    return out
-
-
-def _left_of(p: FloatArray, a: FloatArray, b: FloatArray, normal: FloatArray) -> BoolArray:
-    """(k, n) whether each corner makes a triangle along the normal with a side (a, b) of its polygon."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        area = np.cross(a[:, None] - p, b[:, None] - p)
-        out: BoolArray = np.einsum("kti,ki->kt", area, normal) > 0
+def _doubled_areas(a: FloatArray, b: FloatArray, normal: FloatArray) -> FloatArray:
+    """(k, t) twice the area along the normal (k, 3) of triangles with sides (k, t, 3)."""
+    out: FloatArray = np.einsum("kti,ki->kt", np.cross(a, b), normal)
     return out
 
 

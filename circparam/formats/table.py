@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
 from circparam.core.registry import Row, Table
 from circparam.formats.document import Document, Encoded, WriteOptions
-from circparam.formats.foreign import read_as
+from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import stored_uv
 from circparam.formats.gltf.export import to_glb, to_gltf
@@ -26,7 +27,7 @@ from circparam.formats.stl import look_ahead as look_ahead_stl
 from circparam.formats.tokens import BYTE_ORDER_MARK
 from circparam.formats.usd.document import read_usd
 from circparam.formats.usd.stage import is_crate, is_package, is_text, require_usd
-from circparam.formats.usd.writing import to_usda, to_usdc, to_usdz
+from circparam.formats.usd.writing import to_usd
 from circparam.mesh.mesh import UVMap
 
 HEAD = 2048  # bytes at the beginning that most formats are recognised by
@@ -126,10 +127,6 @@ def _as_gltf(uv: FloatArray, document: Document | None) -> FloatArray:
     return stored_uv(uv)
 
 
-def _read_unshared(data: bytes, source: Source) -> Document:
-    return read_gltf(data, source, unshare=True)
-
-
 def _foreign(
     name: str,
     sniff: Callable[[bytes], bool],
@@ -139,7 +136,24 @@ def _foreign(
 ) -> Format:
     """A format that trimesh reads: geometry and uv only."""
     suffixes = (f".{name}", *also)
-    return Format(read_as(name), suffixes, sniff, rank, output="glb", foreign=True, up=up)
+    read = partial(read_through_trimesh, kind=name)
+    return Format(read, suffixes, sniff, rank, output="glb", foreign=True, up=up)
+
+
+def _usd(
+    kind: str, suffixes: tuple[str, ...], sniff: Callable[[bytes], bool], also: tuple[str, ...] = ()
+) -> Format:
+    """A kind of USD file, read and written with usd-core."""
+    export = partial(to_usd, kind=kind)
+    return Format(
+        read_usd,
+        suffixes,
+        sniff,
+        export=export,
+        round_uv=_as_float32,
+        also=also,
+        require=require_usd,
+    )
 
 
 FORMATS: Table[Format] = Table(
@@ -151,19 +165,15 @@ FORMATS: Table[Format] = Table(
                       round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _begins(rb'\{.*"'), rank=1, export=to_gltf,
-                       round_uv=_as_gltf, unshare=_read_unshared, up="y"),
+                       round_uv=_as_gltf, unshare=partial(read_gltf, unshare=True), up="y"),
         "glTF 2.0: TEXCOORD_n; the whole tree kept"),
     Row("glb", Format(read_gltf, (".glb", ".vrm"), lambda data: data[:4] == b"glTF", export=to_glb,
-                      round_uv=_as_gltf, unshare=_read_unshared, up="y"),
+                      round_uv=_as_gltf, unshare=partial(read_gltf, unshare=True), up="y"),
         "binary glTF 2.0: TEXCOORD_n; the whole tree kept"),
-    Row("usda", Format(read_usd, (".usda",), is_text, export=to_usda, round_uv=_as_float32,
-                       also=(".usd",), require=require_usd),
+    Row("usda", _usd("usda", (".usda",), is_text, also=(".usd",)),
         "USD as text, with usd-core: primvars:st in a layer over the layers of the file"),
-    Row("usdc", Format(read_usd, (".usdc", ".usd"), is_crate, export=to_usdc, round_uv=_as_float32,
-                       require=require_usd),
-        "binary USD: the same"),
-    Row("usdz", Format(read_usd, (".usdz",), is_package, export=to_usdz, round_uv=_as_float32,
-                       require=require_usd),
+    Row("usdc", _usd("usdc", (".usdc", ".usd"), is_crate), "binary USD: the same"),
+    Row("usdz", _usd("usdz", (".usdz",), is_package),
         "a package of USD: the same, in a package with all that was in it"),
     Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb",
                       peek=look_ahead_stl, lined=is_text_stl, up="z"),

@@ -7,10 +7,9 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.gltf.appearance import material_table
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument, read_gltf
-from circparam.formats.gltf.export import to_glb
+from circparam.formats.gltf.export import material_table, to_glb
 from circparam.formats.gltf.model import Json, Primitive
 from circparam.formats.gltf.reading import sound_tree
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows

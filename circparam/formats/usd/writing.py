@@ -150,24 +150,11 @@ def write_primvar(spec: Any, name: str, table: Any, index: Any) -> None:
             attribute.SetInfo("interpolation", "faceVarying")
 
 
-def to_usda(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """USD as text; see ``to_usdc``."""
-    return _encoded(document, uvmap, options, stem, TEXT)
-
-
-def to_usdc(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """Binary USD: one mesh with its polygons, a subset for each group, primvars:st at the corners."""
-    return _encoded(document, uvmap, options, stem, CRATE)
-
-
-def to_usdz(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """A package of one binary layer; see ``to_usdc``."""
-    return _encoded(document, uvmap, options, stem, PACKAGE)
-
-
-def _encoded(
-    document: Document, uvmap: UVMap, options: WriteOptions, stem: str, kind: str
+def to_usd(
+    document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "", kind: str = CRATE
 ) -> Encoded:
+    """USD as text, binary or a package: one mesh with its polygons, a subset for each group, primvars:st at
+    the corners."""
     check_new_set(options, kind)
     from pxr import Sdf, Usd, UsdGeom, Vt
 
