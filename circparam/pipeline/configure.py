@@ -102,7 +102,13 @@ def seam_options(
         given |= {"groups": labels, "cut_groups": True}
     for name, pairs in (("cut", o.seams), ("no_cut", o.no_seams)):
         if pairs is not None:
-            given[name] = repair_report.weld[_vertex_pairs(pairs, len(repair_report.weld))]
+            ends, n = np.asarray(pairs, np.int64).reshape(-1, 2), len(repair_report.weld)
+            if len(bad := ends[(ends < 0) | (ends >= n)]):
+                raise OptionError(
+                    f"a seam names vertex {int(bad[0])}: vertices are numbered 0 to {n - 1} (in l lines of an "
+                    f"OBJ 1 to {n})"
+                )
+            given[name] = repair_report.weld[ends]
     if o.seam_weights is not None:
         given["weights"] = edge_weights(document, surface, repair_report, o.seam_weights)
     if o.keep_uv_seams:
@@ -158,17 +164,6 @@ def tiles_of(document: Document, group_by: str | None, o: Options) -> IntArray |
         return None
     _, labels = relabel(document.labels(group_by))
     return labels * (o.pages or 1) * (2 if o.stack_offset else 1)
-
-
-def _vertex_pairs(pairs: Any, n: int) -> IntArray:
-    """(s, 2) vertex pairs of the mesh; raises OptionError if a vertex does not exist."""
-    out = np.asarray(pairs, np.int64).reshape(-1, 2)
-    if len(out) and (out.min() < 0 or out.max() >= n):
-        bad = int(out[(out < 0) | (out >= n)][0])
-        raise OptionError(
-            f"a seam names vertex {bad}: vertices are numbered 0 to {n - 1} (in l lines of an OBJ 1 to {n})"
-        )
-    return out
 
 
 def method_options(o: Options) -> MethodOptions:

@@ -53,8 +53,10 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     """
     options, settled = job.options, False
     if monitor.hurried and options.packed and cascade.rules.may_split:
-        # with time up, no packing is tried that stored numbers are likely to spoil
-        cascade, settled = _hold_stored(job, cascade, _likely_size(cascade), monitor), True
+        # with time up, no packing is tried that stored numbers are likely to spoil: charts that are sound at
+        # about the size of charts in rows on a full page, made coarser, are hardly ever spoilt
+        size = float(np.sqrt(FILLED / cascade.atlas.surface.areas.sum())) / COARSER
+        cascade, settled = _hold_stored(job, cascade, size, monitor), True
     for turn in range(ROUNDS):
         if turn == 1:  # faces that stored numbers spoil are spoilt in a loose layout too
             options = replace(options, effort=min(RETRIED * options.work, 1.0))
@@ -172,32 +174,23 @@ def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
 
 
 def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
-    """Send charts on that stored numbers would spoil somewhere on a page, at a given size."""
+    """Send charts on that stored numbers would spoil somewhere on a page, at a given size.
+
+    Each lies turned, as packing may turn it, because needles along an axis would be stored too well; and at the
+    far corner of the page, where stored numbers are coarsest.
+    """
     cascade = fallback.settle(cascade, monitor)
     cut_mesh, uv = cascade.open()
     with monitor.stage("check"):
-        uv = _at_far_corner(cut_mesh, uv, cascade.kept_sizes(cut_mesh), size)
+        uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh)) * size
+        uv = uv @ np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
+        high = np.full((cut_mesh.n_charts, 2), -np.inf)
+        np.maximum.at(high, cut_mesh.vertex_chart, uv)
+        uv = uv + (1.0 - high)[cut_mesh.vertex_chart]
         fault = hold(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).fault
     return fallback.sent_on(
         cascade, fault, monitor, lambda part, to: _hold_stored(job, part, size, to)
     )
-
-
-def _likely_size(cascade: Cascade) -> float:
-    """About the size of charts in rows on a full page, made coarser. Charts that are sound at this size are
-    hardly ever spoilt."""
-    return float(np.sqrt(FILLED / cascade.atlas.surface.areas.sum())) / COARSER
-
-
-def _at_far_corner(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray, size: float) -> FloatArray:
-    """Charts at a size, turned, each at the far corner of the page, where stored numbers are coarsest."""
-    uv = sized(cut_mesh, uv, keep) * size
-    # turned as packing may: needles along an axis would be stored too well
-    uv = uv @ np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
-    hi = np.full((cut_mesh.n_charts, 2), -np.inf)
-    np.maximum.at(hi, cut_mesh.vertex_chart, uv)
-    result: FloatArray = uv + (1.0 - hi)[cut_mesh.vertex_chart]
-    return result
 
 
 def _length(cut_mesh: CutMesh, uv: FloatArray) -> float:
