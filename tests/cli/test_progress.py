@@ -111,7 +111,7 @@ def test_what_is_told_follows_the_work() -> None:
     circparam.unwrap((rough, faces), effort=0)  # what it imports is no part of the work
     sys.setprofile(count)
     try:
-        circparam.unwrap((rough, faces), listener=listen, timeout=1e9, jobs=1)
+        circparam.unwrap((rough, faces), listener=listen, jobs=1)
     finally:
         sys.setprofile(before)
     work, told = np.array(steps).T

@@ -7,6 +7,7 @@ import pytest
 
 import circparam
 from circparam.errors import NoResultError, OptionError
+from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
 from circparam.pipeline import save as saving
 from circparam.pipeline.save import export_seams, save, seam_pairs, write_map
@@ -111,6 +112,6 @@ def test_a_file_that_loaders_refuse_is_no_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     memory = circparam.unwrap(shapes.bumped_disk(80), format="obj", **FLAT)
-    monkeypatch.setattr(type(memory.document), "flaws", lambda document: ["view 0 ends early"])
+    monkeypatch.setattr(Document, "flaws", lambda document: ["view 0 ends early"])
     with pytest.raises(NoResultError, match=r"o\.obj: common loaders refuse .* view 0 ends early"):
         save(memory, tmp_path / "o.obj")
