@@ -173,9 +173,11 @@ def repack(
 
     source, output, listener: as for ``unwrap``. keywords: the fields of ``Options`` for packing and writing.
     uv_set: the set that is read and replaced. Groups with an atlas each, as the file says, keep one. Raises
-    InputError if a face has no uv.
+    OptionError for options that keep charts where the solver left them, InputError if a face has no uv.
     """
     options = from_keywords({**keywords, "cut": "none"})
+    if not options.packed:
+        raise OptionError("repack places charts: leave normalize and pins out")
     if options.uv_set is not None:
         options = replace(options, overwrite_uv=True)
     monitor = monitor_of(options, listener)

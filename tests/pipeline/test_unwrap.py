@@ -74,6 +74,9 @@ def test_repack_keeps_charts() -> None:
     assert result.verification.valid
     with pytest.raises(errors.InputError, match="no uv"):
         circparam.repack((p, f))
+    for kept in ({"normalize": False}, {"pins": {0: (0.0, 0.0)}}):
+        with pytest.raises(errors.OptionError, match="leave normalize and pins out"):
+            circparam.repack(document, **kept)
 
 
 def test_progress_reaches_the_listener() -> None:
