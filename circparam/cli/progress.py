@@ -29,6 +29,7 @@ GROUPS: tuple[dict[str, int], ...] = (
     {"verify": 4},
     {"write": 1},
 )
+SEARCH = "search"  # the stage of all searches but the first
 LEVEL = "level"  # stages of a mesh whose charts are found on a smaller surface
 # other kinds of runs, by a stage that identifies them; compare has no names for its methods
 OTHERS: dict[str, tuple[dict[str, int], ...]] = {
@@ -67,14 +68,19 @@ def note(line: str, quiet: bool = False) -> None:
 
 
 @contextlib.contextmanager
-def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterator[Listener]:
-    """A listener that draws a bar for a visible stream and keeps the progress. place: number of all items."""
+def listener(
+    label: str, quiet: bool, place: tuple[int, int] = (1, 1), searches: int = 1
+) -> Iterator[Listener]:
+    """A listener that draws a bar for a visible stream and keeps the progress.
+
+    place: number of all items. searches: how many searches the run makes at most.
+    """
     if place[1] > 1:
         label = f"{label} ({place[0]} of {place[1]})"
     kind = Lines if os.environ.get(AS_LINES) and not quiet else Status
     if sys.stderr.isatty() and not quiet:
         kind = Bar
-    status = kind(label)
+    status = kind(label, searches)
     with signals.answering(status.line):
         try:
             yield status
@@ -86,13 +92,14 @@ class Forward:
     """Progress of the whole run from the progress of its stages, weighted by their times; it never falls.
 
     A group is done when a stage of a later one has begun. Within a group each stage counts by its furthest
-    report, whatever the others reported. A stage that began says nothing of earlier ones.
+    report, whatever the others reported. A stage that began says nothing of earlier ones. Further searches
+    take as long as the first one each.
     """
 
-    def __init__(self) -> None:
-        self.fraction = 0.0
+    def __init__(self, searches: int = 1) -> None:
+        self.fraction, self.searches = 0.0, searches
         self.groups = GROUPS
-        self._at, self._come = 0, dict[str, float]()
+        self._at, self._come, self._further = 0, dict[str, float](), 0.0
 
     def __call__(self, stage: str, fraction: float) -> float:
         """The share of the run, 0..1, that is done when a stage has come so far; unknown ones move nothing."""
@@ -107,16 +114,19 @@ class Forward:
         here = self.groups[self._at]
         done = float(sum(costs[: self._at]))
         done += sum(here.get(name, 0) * come for name, come in self._come.items())
-        self.fraction = done / sum(costs)
+        further = (self.searches - 1) * sum(costs)
+        if stage == SEARCH:
+            self._further = max(self._further, min(fraction, 1.0))
+        self.fraction = (done + self._further * further) / (sum(costs) + further)
         return self.fraction
 
 
 class Status:
     """How far the work is, for whoever asks: a listener that only remembers."""
 
-    def __init__(self, label: str) -> None:
+    def __init__(self, label: str, searches: int = 1) -> None:
         self.label, self.stage = label, "read"
-        self.forward = Forward()
+        self.forward = Forward(searches)
         self.start = time.monotonic()
 
     def __call__(self, stage: str, fraction: float, note: str) -> None:

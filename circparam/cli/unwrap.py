@@ -194,7 +194,8 @@ class _Run:
 
         started, self.started = self.started or time.monotonic(), None
         start_for_file(self.options, mesh)
-        with progress.listener(os.path.basename(mesh), self.quiet, self.place) as listener:
+        label, searches = os.path.basename(mesh), self.options.searches
+        with progress.listener(label, self.quiet, self.place, searches) as listener:
             monitor = monitor_of(self.options, listener, started)
             from circparam.formats.io import read
             from circparam.pipeline.summary import summarise
@@ -232,7 +233,8 @@ class _Run:
         """Unwrap several meshes into one atlas."""
         from circparam.pipeline.jobs import monitor_of
 
-        with progress.listener(f"{len(meshes)} meshes", self.quiet, self.place) as listener:
+        label, searches = f"{len(meshes)} meshes", self.options.searches
+        with progress.listener(label, self.quiet, self.place, searches) as listener:
             monitor = monitor_of(self.options, listener, self.started)
             from circparam.formats.io import read
 

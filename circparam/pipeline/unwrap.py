@@ -114,7 +114,7 @@ def _searched(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
     while True:
         trial = job if options is asked else replace(job, options=options)
         try:
-            with nullcontext() if trial is job else monitor.shown_as("search"):
+            with nullcontext() if trial is job else monitor.shown_as("again"):
                 fitted, effort = _search(trial, monitor)
         except OptionError:
             if not options.draft or options.texel_density is None:

@@ -73,9 +73,12 @@ def test_a_bar_appears_on_a_terminal_after_the_delay(
 STAGES = [name for group in progress.GROUPS for name in group]
 
 
-@given(st.lists(st.tuples(st.sampled_from([*STAGES, "?"]), st.floats(-1, 2)), max_size=30))
-def test_progress_never_runs_back(steps: list[tuple[str, float]]) -> None:
-    forward = progress.Forward()
+@given(
+    st.integers(1, 60),
+    st.lists(st.tuples(st.sampled_from([*STAGES, "search", "?"]), st.floats(-1, 2)), max_size=30),
+)
+def test_progress_never_runs_back(searches: int, steps: list[tuple[str, float]]) -> None:
+    forward = progress.Forward(searches)
     told = [0.0] + [forward(*step) for step in steps]
     assert told == sorted(told)
     assert told[-1] <= 1
@@ -92,6 +95,27 @@ def test_a_stage_that_begins_says_that_earlier_groups_are_done_and_no_more(
     for stage in stages:
         last = max(last, next(k for k, g in enumerate(progress.GROUPS) if stage in g))
         assert forward(stage, 0.0) == pytest.approx(sum(costs[:last]) / sum(costs))
+
+
+@pytest.mark.parametrize("searches", [2, 4, 60])
+def test_each_search_is_an_equal_share_of_the_run(searches: int) -> None:
+    forward = progress.Forward(searches)
+    first = forward("pack", 1.0)
+    assert 0.5 / searches < first < 1 / searches
+    for done in range(searches):
+        assert forward("search", done / (searches - 1)) == pytest.approx(first + done / searches)
+    assert forward("write", 1.0) == pytest.approx(1.0)
+
+
+def test_searches_say_how_many_are_done() -> None:
+    heard: list[float] = []
+
+    def listen(stage: str, fraction: float, note: str) -> None:
+        if stage == "search":
+            heard.append(fraction)
+
+    circparam.unwrap(shapes.icosphere(2), listener=listen, effort=3, jobs=1)
+    assert sorted({*heard}) == [0.0, 0.5, 1.0]
 
 
 def test_what_is_told_follows_the_work() -> None:
