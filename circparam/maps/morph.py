@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document
-from circparam.formats.gltf.document import GltfDocument
-from circparam.formats.gltf.morphing import Target, dressed, with_morph
-from circparam.formats.shaded import apart_by_normal
+from circparam.formats.document import Document, WriteOptions
+from circparam.formats.gltf.document import GltfDocument, read_gltf
+from circparam.formats.gltf.export import to_glb
+from circparam.formats.gltf.morphing import Target, with_morph
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned
 from circparam.geometry.shading import corner_normals, unit
@@ -64,15 +64,15 @@ def morph(
         ]
     else:
         ends = moved(mapped, a.mesh, b.mesh)
-    base = dressed(a)
-    points = ends[base.vertex]
-    normals = vertex_normals(base.document, points, base.normals)
+    tree, vertex, told, warnings = as_gltf(a)
+    points = ends[vertex]
+    normals = vertex_normals(tree, points)
     times, weights = key_frames(frames)
     name = (b.path.stem if b.path is not None else "target").encode("utf-8", "replace").decode()
-    target = Target(points, normals, times, weights, name, base.colours)
+    target = Target(points, normals, times, weights, name)
     far = np.linalg.norm(ends - a.mesh.points, axis=1)[np.unique(a.mesh.faces)]
     report = {
-        "vertices": len(base.document.mesh.points),
+        "vertices": len(tree.mesh.points),
         "faces": len(a.mesh.faces),
         "frames": frames,
         "seconds": float(times[-1]),
@@ -81,7 +81,16 @@ def morph(
         "reversed": 0 if overlay else int(over.sum()),
         "overlay": overlay,
     }
-    return Morphed(with_morph(base.document, target), report, notes + base.notes, base.warnings)
+    return Morphed(with_morph(tree, target), report, notes + told, warnings)
+
+
+def as_gltf(document: Document) -> tuple[GltfDocument, IntArray, list[str], list[str]]:
+    """A document as a glTF tree with its uv and looks: (tree, (k,) vertex of the input of each of its vertices,
+    notes, warnings)."""
+    if isinstance(document, GltfDocument):
+        return document, np.arange(len(document.mesh.points)), [], []
+    made = to_glb(document, None, WriteOptions())
+    return read_gltf(made.data, document.source), made.vertex_map, made.notes, made.warnings
 
 
 def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:
@@ -92,18 +101,16 @@ def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:
     return times, np.concatenate([weight, weight[-2::-1]])
 
 
-def vertex_normals(
-    document: GltfDocument, points: FloatArray, own: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) normals before and after; edges that the file shades sharp stay sharp.
-
-    own: (m, 3, 3) of the corners; None takes those of the tree, or smooth ones.
-    """
+def vertex_normals(document: GltfDocument, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) normals before and after; edges that the file shades sharp stay sharp."""
     mesh = document.mesh
-    weld = weld_map(mesh)[mesh.faces]
-    own = document.normals() if own is None else own
-    label = weld if own is None else apart_by_normal(weld, own)
-    before = corner_normals(mesh.points[mesh.faces], label) if own is None else own
+    label, own = weld_map(mesh)[mesh.faces], document.normals()
+    if own is None:
+        before = corner_normals(mesh.points[mesh.faces], label)
+    else:  # corners that share a vertex and a normal, to four digits, belong together
+        before = own
+        _, side = np.unique(np.round(own.reshape(-1, 3), 4) + 0.0, axis=0, return_inverse=True)
+        label = label * (int(side.max()) + 1) + side.reshape(label.shape)
     after = corner_normals(points[mesh.faces], label)
     return _of_vertices(mesh, before), _of_vertices(mesh, after)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OutputError
 from circparam.formats.document import (
@@ -76,7 +76,7 @@ def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
     if found is not None and found.images and uv is None:
         warnings.append("its textures refer to uv that it lacks, and were left out")
         found = None
-    label, materials, images, missing = material_table(found, len(document.mesh.faces), document)
+    label, materials, images, missing = material_table(found, document)
     carried = ["materials"] if with_colours else []
     carried += ["textures"] if images else []
     if images:  # a viewer multiplies colours and images; no other format means that
@@ -91,13 +91,13 @@ def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
 
 
 def material_table(
-    found: Textures | None, faces: int, document: Document | None = None
+    found: Textures | None, document: Document
 ) -> tuple[IntArray, list[Json], list[tuple[bytes, str]], list[str]]:
     """(material of each face, materials, images with their media types, missing parts).
 
-    document: whose groups stay apart, and whose names materials get.
+    The groups of the document stay apart, and materials get their names.
     """
-    groups = None if document is None else document.mesh.groups
+    groups, faces = document.mesh.groups, len(document.mesh.faces)
     group = np.zeros(faces, np.int64) if groups is None else groups
     image, colour = np.full(faces, -1), np.ones((faces, 4))
     rows = group[:, None]
@@ -107,11 +107,7 @@ def material_table(
         colour[:, 3] = 1.0 if found.alpha is None else found.alpha
         rows = np.column_stack([group, image, colour])
     _, first, label = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    label = label.reshape(-1)
-    if document is None:  # in the order of the faces
-        _, label = relabel(label)
-        first = np.sort(first)
-    given = () if document is None else document.group_names
+    given = document.group_names
     materials = []
     for k in first.tolist():
         shown = int(image[k]) if image[k] >= 0 else None
@@ -120,7 +116,7 @@ def material_table(
             name = f"group_{group[k]}"
         materials.append(({"name": name} if name else {}) | material(colour[k], shown))
     images, notes = _images(found)
-    return label, materials, images, notes
+    return label.reshape(-1), materials, images, notes
 
 
 def material(colour: FloatArray, image: int | None) -> Json:
@@ -172,13 +168,18 @@ OLD_SET = "its textures keep the old uv, as set 1: circparam bake --from texture
 LARGEST = float(np.finfo(np.float32).max)
 
 
-def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """GLB: input vertices first, duplicates behind, one primitive for each group, its materials and colours."""
+def to_glb(
+    document: Document, uvmap: UVMap | None, options: WriteOptions, stem: str = ""
+) -> Encoded:
+    """GLB: input vertices first, duplicates behind, one primitive for each group, its materials and colours.
+
+    uvmap: None keeps the uv of the document.
+    """
     check_new_set(options, "glb")
     shown = appearance_of(document, options.colours)
     up = options.up or "y"
     placed = _placed(document.mesh, up)
-    attributes = _attributes(document.mesh.faces, uvmap, shown, up)
+    attributes = _attributes(document.mesh.faces, uvmap or shown.uv or document.uv(), shown, up)
     split = _split(document.mesh, attributes)
     notes, warnings = not_carried(document, "glb", *shown.carried)
     notes += placed.notes
@@ -281,10 +282,13 @@ class _Attribute:
     in_file: Callable[[FloatArray], npt.NDArray[np.float32]]
 
 
-def _attributes(faces: IntArray, uvmap: UVMap, shown: Appearance, up: str) -> list[_Attribute]:
-    """The new uv and the other attributes of the vertices: old uv of images, normals, colours."""
-    out = [_Attribute("TEXCOORD_0", stored_uv(uvmap.uv), uvmap.uv_faces, file_uv)]
-    each = np.arange(faces.size).reshape(-1, 3)
+def _attributes(
+    faces: IntArray, uvmap: UVMap | None, shown: Appearance, up: str
+) -> list[_Attribute]:
+    """The uv, where there are any, and what else vertices have: old uv of images, normals, colours."""
+    out, each = [], np.arange(faces.size).reshape(-1, 3)
+    if uvmap is not None:
+        out = [_Attribute("TEXCOORD_0", stored_uv(uvmap.uv), uvmap.uv_faces, file_uv)]
     if shown.uv is not None:
         old = _Attribute("TEXCOORD_1", stored_uv(shown.uv.uv), shown.uv.uv_faces, file_uv)
         if not np.array_equal(_of_corners(out[0]), _of_corners(old)):
@@ -322,8 +326,8 @@ def _split(mesh: Mesh, attributes: list[_Attribute]) -> Split:
     n, vertex = len(mesh.points), mesh.faces.ravel()
     if len(attributes) == 1:
         return split_vertices(n, vertex, attributes[0].rows, attributes[0].index.ravel())
-    rows = np.concatenate([_of_corners(a) for a in attributes], axis=1)
-    return split_vertices(n, vertex, rows, np.arange(len(rows)))
+    rows = [_of_corners(a) for a in attributes] or [np.zeros((len(vertex), 1))]
+    return split_vertices(n, vertex, np.concatenate(rows, axis=1), np.arange(len(vertex)))
 
 
 class _Writer:
