@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.pipeline.gates import parse_gates
-from circparam.pipeline.summary import summarise
 from tests.support import parts, shapes
 
 QUICK = {"effort": 0.01, "jobs": 1}
@@ -84,10 +82,3 @@ def test_a_chart_above_the_bound_keeps_its_shape(tmp_path: Path) -> None:
     result = circparam.repack(path, align_texels=4, straighten="all", resolution=256, jobs=1)
     size = np.ptp(result.uv, axis=0)
     assert max(size) / min(size) == pytest.approx(6.0, rel=1e-5)
-
-
-def test_the_share_is_told_and_can_be_a_gate() -> None:
-    report = summarise(circparam.unwrap(boxes(3), straighten="all", align_texels=4, **QUICK))
-    assert report["texel_aligned"] == 1.0
-    assert not parse_gates("texel_aligned<0.9").missed(report)
-    assert parse_gates("texel_aligned>0.9").missed(report)

@@ -172,24 +172,14 @@ def test_every_step_makes_a_new_cascade() -> None:
     """What went in stays as it was: corners, seams, counts and notes."""
     s = surface_of(*shapes.icosphere(1))
     before = start(s, np.zeros((len(s.faces), 3, 2)))
-    after = fallback.settle(before, Monitor())
+    after = fallback.settle(before, Monitor()).noted("a", "b").noted("b")
     assert sound(after)
+    assert after.notes == ("a", "b"), "each once"
     assert not before.atlas.corners.any()
     assert not before.atlas.cut.any()
     assert not before.tries.any()
     assert before.repairs == ()
     assert after.repairs
-
-
-def test_counts_begin_at_nothing_and_notes_come_once() -> None:
-    s = surface_of(*shapes.row_of(shapes.grid(3, 3), 2))
-    cascade = start(s, flat(s))
-    assert cascade.tries.tolist() == cascade.singles.tolist() == [0] * len(s.faces)
-    more = cascade.noted("a", "b").noted("b", "c").repaired("x").repaired("x", "y")
-    assert more.notes == ("a", "b", "c")
-    assert more.repairs == ("x", "x", "y")
-    assert cascade.notes == cascade.repairs == ()
-    assert more.atlas is cascade.atlas
 
 
 def test_charts_that_stand_in_keep_their_size() -> None:

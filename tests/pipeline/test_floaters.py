@@ -87,10 +87,3 @@ def test_what_is_as_large_as_the_share_stays() -> None:
     assert (result.charts >= 0).all()
     with pytest.raises(OptionError, match=r"leaves no component.*largest of 2.*0\.5 of the area"):
         circparam.unwrap(two, drop_floaters=0.6, **QUICK)
-
-
-def test_by_default_nothing_is_left_out() -> None:
-    result = circparam.unwrap(cloud(2), **QUICK)
-    assert result.floaters is None
-    assert (result.charts >= 0).all()
-    assert summarise(result)["dropped_faces"] == 0

@@ -25,7 +25,7 @@ from circparam.pipeline.unwrap import unwrap_document
 from tests.support import shapes
 from tests.support.processes import pids
 
-QUICK: dict[str, Any] = {"effort": 1}
+QUICK: dict[str, Any] = {"effort": "draft"}
 ROOT = Path(__file__).parents[2]
 
 
@@ -57,17 +57,20 @@ def cpu_seconds(pid: int) -> float:
 
 
 @cache
-def alone(level: int = 3) -> bytes:
+def alone() -> bytes:
     """The layout that one process makes."""
-    return circparam.unwrap(mesh(level), jobs=1, format="glb", **QUICK).uv.tobytes()
+    return circparam.unwrap(mesh(), jobs=1, format="glb", **QUICK).uv.tobytes()
 
 
 def test_the_bytes_do_not_depend_on_the_number_of_processes() -> None:
-    """Seams are decided on a proxy here, on the mesh itself below; processes are up before there is work."""
+    """Two searches, each with its cuts for the page; processes are up before there is work."""
     ready(3)
     pool = current()
-    shared = circparam.unwrap(mesh(4), jobs=3, format="glb", **QUICK)
-    assert shared.uv.tobytes() == alone(4)
+    asked: dict[str, Any] = {"effort": 2, "format": "glb", "resolution": 256}
+    one, shared = (circparam.unwrap(mesh(), jobs=jobs, **asked) for jobs in (1, 3))
+    assert shared.uv.tobytes() == one.uv.tobytes()
+    assert shared.effort == one.effort
+    assert len(set(one.effort.costs)) == 2
     assert current() is pool is not None, "they stay for the next mesh"
 
 
@@ -151,12 +154,6 @@ def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) ->
     file.write_bytes(b"#" * jobs.BYTES)
     jobs.start_for_file(Options(jobs=2), os.fspath(file))
     assert current() is not None
-
-
-def test_as_many_processes_as_asked_for() -> None:
-    assert Options(jobs=3).processes == 3
-    assert jobs.monitor_of(Options(jobs=3, timeout=9.0), None).jobs == 3
-    assert "jobs" not in Options().given()
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -64,6 +64,8 @@ BAD = {
     "cuts of charts that turn by quarters": ({"pack_splits": 1, "rotate": "90"}, "fills pages"),
     "cuts of charts that are not packed": ({"pack_splits": 1, "normalize": False}, "fills pages"),
     "cuts for pages of fixed turns": ({"pages": 4, "pack_splits": 3, "rotate": "none"}, "be cut"),
+    "cuts of no kind": ({"pack_splits": "some"}, "give auto or a number"),
+    "fewer cuts than none": ({"pack_splits": -1}, "0 to 1000"),
     "padding of no kind": ({"padding": "wide"}, "give auto or a number"),
     "no texels": ({"align_texels": 0}, "1 to 16"),
     "blocks that a page is no multiple of": (

@@ -54,13 +54,13 @@ def test_more_splits_fill_the_page_more() -> None:
 
 
 def test_cuts_that_were_asked_for_are_made_beside_many_small_charts() -> None:
-    """Sixty scraps too small to be sketched have a fifth of the area: no reason to leave the cross alone."""
-    scraps = [shapes.grid(2, 2, 1.4, 1.4) for _ in range(60)]
+    """Twenty scraps too small to be sketched have a fifth of the area: no reason to leave the cross alone."""
+    scraps = [shapes.grid(2, 2, 2.4, 2.4) for _ in range(20)]
     apart = [(p + np.array([80.0 + 3 * k, 0.0, 0.0]), f) for k, (p, f) in enumerate(scraps)]
     parts = shapes.join(star(), *apart)
     whole, split = (circparam.unwrap(parts, resolution=512, pack_splits=n) for n in (0, 2))
-    assert whole.measures["charts"] == 61
-    assert 62 <= split.measures["charts"] <= 63
+    assert whole.measures["charts"] == 21
+    assert 22 <= split.measures["charts"] <= 23
     assert split.measures["pack"] > whole.measures["pack"]
 
 
@@ -70,13 +70,6 @@ def test_nothing_is_split_that_packs_well() -> None:
     assert result.measures["charts"] == 1
     assert np.array_equal(result.uv, plain.uv)
     assert any("no cut is worth its seam" in note for note in result.notes)
-
-
-def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
-    shape = shapes.double_torus(3)
-    result = circparam.unwrap(shape, tmp_path / "o.glb", pack_splits=2, max_distortion=1.03)
-    assert result.status == "ok"
-    assert result.measures["distortion_max_chart"] <= 1.03
 
 
 @pytest.mark.parametrize("splits", ["auto", 3])

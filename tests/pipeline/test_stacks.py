@@ -14,7 +14,6 @@ from circparam.pipeline.job import prepare
 from circparam.pipeline.result import verify_layout
 from circparam.pipeline.summary import summarise
 from circparam.seams.constraints import dihedral_angles
-from tests.support import shapes
 from tests.support.assembly import assemble, bolt, kinds, other_triangles
 
 QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
@@ -87,16 +86,6 @@ def test_parts_with_seams_of_their_own_are_not_stacked() -> None:
     seam = a.faces[a.part == 2][0, :2]
     result = circparam.unwrap((a.points, a.faces), stack="identical", seams=[seam], **QUICK)
     assert result.stacks.kinds == 2
-
-
-def test_copies_that_touch_are_laid_out_validly() -> None:
-    p, f = shapes.cube(2)
-    side = np.ptp(p[:, 0])
-    points = np.concatenate([p + np.array([k * side, 0, 0]) for k in (0, 1, 5)])
-    faces = np.concatenate([f, f + len(p), f + 2 * len(p)])
-    result = circparam.unwrap((points, faces), stack="mirrored", **QUICK)
-    assert result.verification.overlap == result.verification.flips == 0
-    assert result.status in ("ok", "repaired")
 
 
 def test_pack_stacks_what_was_unwrapped_apart(tmp_path: Path) -> None:
