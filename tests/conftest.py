@@ -1,6 +1,7 @@
 """Shared fixtures: where the real meshes are, and reproducible random numbers."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -48,3 +49,15 @@ def corpus() -> Path:
 def rng() -> np.random.Generator:
     """Random numbers that are the same in every run and every order of tests."""
     return np.random.default_rng(20190607)
+
+
+@pytest.fixture(scope="session")
+def shared() -> Iterator[str]:
+    """The address of a scheduler with two workers, for tests that neither start nor end one."""
+    from circparam.batch.cluster import Cluster
+
+    cluster = Cluster(workers=2)
+    try:
+        yield cluster.client.scheduler.address
+    finally:
+        cluster.kill()

@@ -57,7 +57,13 @@ class Cluster:
         import distributed  # while the cluster does so, too
 
         # a pipe that is cut off reports an error there
-        for name in ("distributed", "asyncio", "tornado"):
+        for name in (
+            "distributed",
+            "distributed.client",
+            "asyncio",
+            "tornado",
+            "tornado.application",
+        ):
             logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler_file is not None:
             scheduler = address_in(scheduler_file)

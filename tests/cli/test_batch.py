@@ -33,11 +33,10 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     one_line_error(batch("s3://b/k", "--out", tmp_path / "o"), 2, "pip install 'circparam[batch]'")
 
 
-def test_a_run_its_status_and_gates(tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
+def test_a_run_its_status_and_gates(shared: str, tmp_path: Path) -> None:
     source, out = write_set(tmp_path / "src", 3), tmp_path / "out"
     (source / "bad\n.obj").write_text("nothing")
-    first = batch(source, "--out", out, "--workers", 1, "--fail-if", "faces>20", *ARGS)
+    first = batch(source, "--out", out, "--scheduler", shared, "--fail-if", "faces>20", *ARGS)
     assert first.exit_code == 6, first.output
     error = first.stderr.splitlines()
     assert r"bad\n.obj: " in first.stderr

@@ -105,7 +105,7 @@ def test_a_further_file_that_does_not_fit_is_an_error(
     flag: str, meshes: dict[str, str], tiny: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """The mesh itself went elsewhere and is whole; of the further file there is nothing."""
-    ending = {"--preview": "png", "--map": "npz", "--export-seams": "txt"}[flag]
+    ending = {"--preview": "svg", "--map": "npz", "--export-seams": "txt"}[flag]
     out = tmp_path_factory.mktemp("out") / "new.obj"
     words = ("unwrap", meshes["plain"], "-o", out, "--cut", "disk", "--effort", "0.01")
     one_line_error(run(*words, flag, tiny / f"x.{ending}"), 8)

@@ -103,7 +103,7 @@ import circparam
 from circparam.core import linalg
 from tests.support import shapes
 from tests.support.command_line import obj
-result = circparam.unwrap(shapes.noisy(*shapes.icosphere(1), amount=0.1), jobs=1, resolution=256)
+result = circparam.unwrap(shapes.noisy(*shapes.icosphere(1), amount=0.1), jobs=1, resolution=256, effort=0.02)
 print(linalg.gstrf is None, sorted(result.measures.items()))
 """
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from circparam._version import __version__
 from circparam.errors import InputError
@@ -34,6 +35,15 @@ def nodes() -> Iterator[dict[str, Any]]:
     assert set(module.NODE_CLASS_MAPPINGS) == set(module.NODE_DISPLAY_NAME_MAPPINGS)
     yield module.NODE_CLASS_MAPPINGS
     del sys.modules[name], sys.modules[f"{name}.nodes"]
+
+
+@pytest.fixture
+def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gradient in place of the picture of a layout, which takes seconds."""
+    monkeypatch.setattr(
+        "circparam.render.picture.save_result",
+        lambda path, result, title: Image.linear_gradient("L").save(path),
+    )
 
 
 def run(node: Any, **linked: Any) -> tuple[Any, ...]:
@@ -74,6 +84,7 @@ def test_a_batch_of_meshes(nodes: dict[str, Any]) -> None:
     assert len(report.splitlines()) == 2
 
 
+@pytest.mark.usefixtures("quick_pictures")
 def test_a_trimesh_object_with_an_image(nodes: dict[str, Any]) -> None:
     mesh = trimesh.Trimesh(*shapes.cube(1), process=False)
     image = np.full((1, 8, 8, 3), 0.5, np.float32)
@@ -89,6 +100,7 @@ def test_a_trimesh_object_with_an_image(nodes: dict[str, Any]) -> None:
             run(node, trimesh=mesh, image=wrong)
 
 
+@pytest.mark.usefixtures("quick_pictures")
 def test_a_file(nodes: dict[str, Any], tmp_path: Path) -> None:
     trimesh.Trimesh(*shapes.cube(1), process=False).export(tmp_path / "m.glb")
     for output in (str(tmp_path / "other.obj"), ""):

@@ -282,7 +282,7 @@ def test_each_process_writes_the_same_bytes(tmp_path: Path) -> None:
     )
     scene(tmp_path)
     pipes = []
-    for name in ("a", "b", "c", "d", "e", "f"):
+    for name in ("a", "b", "c"):
         (tmp_path / name).mkdir()
         line = [sys.executable, "-c", code, f"{name}/o.usdz"]
         pipes.append(subprocess.Popen(line, stdout=subprocess.PIPE, cwd=tmp_path))
