@@ -34,8 +34,7 @@ from circparam.formats.materials import decode
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned
 from circparam.geometry.raster import barycentric, fragments
-from circparam.maps.pair import oriented
-from circparam.maps.surface_map import SurfaceMap
+from circparam.maps.surface_map import SurfaceMap, oriented
 from circparam.mesh.mesh import UVMap
 
 SHAPES = ("normals", "height")  # kinds that tell the shape of the source, not its colours

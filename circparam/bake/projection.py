@@ -12,15 +12,14 @@ from functools import cached_property
 import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, slices
+from circparam.core.arrays import FloatArray, IntArray, slices
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
-from circparam.geometry.rays import BoxTree, first_hits
+from circparam.geometry.rays import BoxTree, Hits, first_hits
 from circparam.geometry.shading import Frames, corner_normals, frames, unit
-from circparam.maps.pair import moved
-from circparam.maps.surface_map import SurfaceMap
+from circparam.maps.surface_map import SurfaceMap, moved
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 
@@ -33,19 +32,6 @@ SHARP = 40.0  # degrees: where the source's own normals are unknown, faces acros
 # places in a face at which the range of heights is sought
 PROBED = 2_000  # faces whose middles tell whether two surfaces lie apart
 PROBES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2], [3, 3, 0], [3, 0, 3], [0, 3, 3]]) / 6
-
-
-@dataclass(frozen=True, eq=False)
-class Landed:
-    """face: (p,) of the source, −1 for none. bary: (p, 3). height: (p,) along the normal."""
-
-    face: IntArray
-    bary: FloatArray
-    height: FloatArray
-
-    def take(self, rows: BoolArray) -> "Landed":
-        """Some of the places."""
-        return Landed(self.face[rows], self.bary[rows], self.height[rows])
 
 
 @dataclass
@@ -110,8 +96,8 @@ class Projection:
         """Closest points of the source, for rays that miss."""
         return Closest(self.source.points, self.source.faces)
 
-    def find(self, face: IntArray, bary: FloatArray) -> Landed:
-        """The places of texels: face (p,) and barycentric coordinates (p, 3) on the target."""
+    def find(self, face: IntArray, bary: FloatArray) -> Hits:
+        """Where texels, face (p,) and barycentric coordinates (p, 3) on the target, land; t: the height."""
         place = np.einsum("pk,pkc->pc", bary, self.corners[face])
         normal = unit(np.einsum("pk,pkc->pc", bary, self.normals[face]))
         hits = first_hits(self.tree, place, normal, self.reach[face], nearest=self.mapped)
@@ -119,7 +105,7 @@ class Projection:
         self.tally.sought += len(face)
         self.tally.missed += len(missed)
         if len(missed) == 0:
-            return Landed(hits.face, hits.bary, hits.t)
+            return hits
         far = np.inf if self.mapped else FILL * self.cage
         there, at, distance = self.closest.find(place[missed], normal[missed], far)
         there = np.where(distance <= far, there, -1)
@@ -128,7 +114,7 @@ class Projection:
         on = np.einsum("pk,pkc->pc", at, corners)
         hits.t[missed] = ((on - place[missed]) * normal[missed]).sum(1)
         self.tally.empty += int(np.count_nonzero(there < 0))
-        return Landed(hits.face, hits.bary, hits.t)
+        return hits
 
     def height_range(self, layout: UVMap) -> float:
         """The height of white, black for its opposite: the cage, or the largest height that the map's texels
@@ -138,7 +124,7 @@ class Projection:
         face = np.repeat(np.flatnonzero((layout.uv_faces >= 0).all(1)), len(PROBES))
         landed = self.find(face, np.tile(PROBES, (len(face) // len(PROBES), 1)))
         self.tally = Tally()
-        return max(float(np.abs(landed.height[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
+        return max(float(np.abs(landed.t[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
 
     def note(self) -> str:
         """The share of rays without a hit, and their replacement."""
@@ -176,7 +162,7 @@ class Projection:
 def landed_paint(
     projection: Projection,
     channels: int,
-    values: Callable[[IntArray, FloatArray, Landed], FloatArray],
+    values: Callable[[IntArray, FloatArray, Hits], FloatArray],
 ) -> Paint:
     """A paint of values at the places where the target's texels land on the source; NaN without a place.
 
@@ -220,7 +206,7 @@ def normal_paint(
     else:
         space = own_frames(target, layout)
 
-    def normals(face: IntArray, bary: FloatArray, landed: Landed) -> FloatArray:
+    def normals(face: IntArray, bary: FloatArray, landed: Hits) -> FloatArray:
         normal = np.einsum("pk,pkc->pc", landed.bary, seen[landed.face])
         return 0.5 + 0.5 * space.into(face, bary, unit(normal))
 
@@ -250,5 +236,5 @@ def frames_over(
 def height_paint(projection: Projection, reach: float) -> Paint:
     """Heights along the target's smooth normals, from −reach (black) to +reach (white)."""
     return landed_paint(
-        projection, 1, lambda face, bary, landed: (0.5 + 0.5 * landed.height / reach)[:, None]
+        projection, 1, lambda face, bary, landed: (0.5 + 0.5 * landed.t / reach)[:, None]
     )

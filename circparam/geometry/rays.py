@@ -25,6 +25,10 @@ class Hits:
     bary: FloatArray
     t: FloatArray
 
+    def take(self, rows: BoolArray) -> "Hits":
+        """Some of the rays."""
+        return Hits(self.face[rows], self.bary[rows], self.t[rows])
+
 
 class BoxTree:
     """Boxes round runs of faces along a Morton curve, four a leaf, four boxes in the next one up."""

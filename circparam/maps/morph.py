@@ -16,8 +16,7 @@ from circparam.formats.table import up_of
 from circparam.formats.upright import turned
 from circparam.geometry.shading import corner_normals, unit
 from circparam.maps.overlay import overlaid
-from circparam.maps.pair import MIRRORED, moved, oriented, turned_over
-from circparam.maps.surface_map import SurfaceMap
+from circparam.maps.surface_map import MIRRORED, SurfaceMap, moved, oriented, turned_over
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.weld import weld_map
 

@@ -21,9 +21,9 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions, pages_needed, too_dense
-from circparam.pipeline.groups import find_groups
 from circparam.pipeline.options import AUTO, Options
 from circparam.pipeline.seam_weights import edge_weights
+from circparam.pipeline.selection import find_groups
 from circparam.pipeline.verify import uv_seams
 from circparam.seams.options import SeamOptions, Search
 

@@ -1,5 +1,6 @@
 """Density by materials, groups, nodes, colours or single faces (``--density``)."""
 
+import itertools
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -16,7 +17,7 @@ from circparam.geometry.page_figures import chart_densities
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.pipeline.named_numbers import EVEN, SOURCE, named_numbers
-from circparam.pipeline.selection import KINDS, nearest_names
+from circparam.pipeline.selection import KINDS, faces_called, names_in, nearest_names
 from circparam.pipeline.verify import Verification
 
 REST = "the rest"
@@ -72,23 +73,17 @@ def _called(document: Document, name: str) -> BoolArray:
     """(f,) faces of a name. Raises OptionError with the nearest names if no part has the name."""
     if _COLOUR.match(name):
         return _painted(document, name)
-    known: dict[str, None] = {}
-    for kind in KINDS:
-        found = document.named(kind)
-        if found is None:
-            continue
-        labels = [label for word, label in found.names if word == name]
-        if labels:
-            result: BoolArray = np.isin(found.label, labels)
-            if result.any():
-                return result
-        known.update(dict.fromkeys(word for word, _ in found.names))
-    if not known:
+    kinds = [found for kind in KINDS if (found := document.named(kind)) is not None]
+    for found in kinds:
+        faces = faces_called(found, [name])
+        if faces.any():
+            return faces
+    if not kinds:
         raise OptionError(
             f"--density {name!r}: {document.source.name} has no names of materials, groups or nodes: give a "
             "file of one number a face"
         )
-    cure = nearest_names(name, list(known))
+    cure = nearest_names(name, itertools.chain(*map(names_in, kinds)))
     raise OptionError(f"--density: no material, group or node is called {name!r}: {cure}")
 
 

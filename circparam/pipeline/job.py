@@ -29,9 +29,9 @@ from circparam.pipeline.configure import (
 )
 from circparam.pipeline.density import Density, find_density, of_charts
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
-from circparam.pipeline.groups import Groups, find_groups
 from circparam.pipeline.kept import Kept, find_lock, find_only
 from circparam.pipeline.options import Options
+from circparam.pipeline.selection import Groups, find_groups
 from circparam.pipeline.stacks import Stacks, find_stacks
 from circparam.pipeline.verify import Declared, corners_of, uv_seams
 

@@ -19,10 +19,10 @@ from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.density import Density
 from circparam.pipeline.floaters import Floaters
-from circparam.pipeline.groups import Groups
 from circparam.pipeline.kept import Kept
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import OrientCost
+from circparam.pipeline.selection import Groups
 from circparam.pipeline.stacks import Stacks
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 

@@ -1,19 +1,30 @@
-"""Faces that a user names: by material, group or node, or by their numbers."""
+"""Faces that a user names: by material, group or node, or by their numbers; and all names of a kind as groups.
+
+Groups get pages of their own (``--pages-by``), or lie together (``--group-by``).
+"""
 
 import difflib
 import os
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from circparam.core.arrays import BoolArray
+from circparam.core.arrays import BoolArray, IntArray, relabel
+from circparam.core.limits import PAGES
 from circparam.core.plural import counted
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.formats.document import Document
+from circparam.formats.document import Document, Named
+from circparam.geometry.coverage import pages_of
+from circparam.pipeline.verify import Verification
 
 KINDS = ("material", "group", "node")
 SHOWN = 6  # names of a file in one line
+ROW = 10  # UDIM tiles of a row: 1001 to 1010; later pages go on in the same row
+FIRST = 1001
+NAMELESS = "(no name)"
 
 
 def by_name(given: Any) -> bool:
@@ -21,10 +32,36 @@ def by_name(given: Any) -> bool:
     return isinstance(given, str) and "=" in given and not os.path.exists(given)
 
 
-def nearest_names(name: str, known: list[str]) -> str:
+def nearest_names(name: str, known: Iterable[str]) -> str:
     """Names to suggest for a name that no part has: near names, else some of the existing ones."""
+    known = list(dict.fromkeys(known))
     near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
     return f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known[:SHOWN])}"
+
+
+def names_in(found: Named) -> list[str]:
+    """The names, each once, in the order of the file."""
+    return list(dict.fromkeys(name for name, _ in found.names))
+
+
+def faces_called(found: Named, names: Iterable[str]) -> BoolArray:
+    """(m,) faces with one of these names."""
+    wanted = set(names)
+    result: BoolArray = np.isin(
+        found.label, [label for name, label in found.names if name in wanted]
+    )
+    return result
+
+
+def named_by(document: Document, kind: str, missing: str, cure: str) -> Named:
+    """The names of a kind. Raises OptionError if the file has none: ``missing``, and the kinds that it has or
+    else ``cure``."""
+    found = document.named(kind)
+    if found is None:
+        there = [f"{k}s" for k in KINDS if document.named(k) is not None]
+        cure = f"it names {' and '.join(there)}" if there else cure
+        raise OptionError(f"{missing}: {document.source.name} names no {kind}s; {cure}")
+    return found
 
 
 def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
@@ -55,19 +92,13 @@ def _named(document: Document, given: str, flag: str) -> BoolArray:
     if kind not in KINDS or not names:
         near = difflib.get_close_matches(kind, KINDS, n=1, cutoff=0.5) or list(KINDS)
         raise OptionError(f"{flag} {given!r}: write {' or '.join(f'{k}=NAME' for k in near)}")
-    found = document.named(kind)
-    if found is None:
-        there = [k for k in KINDS if document.named(k) is not None]
-        cure = f"it has names by {' and '.join(there)}" if there else "give a file of face numbers"
-        raise OptionError(f"{flag} {given!r}: {document.source.name} names no {kind}s: {cure}")
-    known = list(dict.fromkeys(name for name, _ in found.names))
+    found = named_by(document, kind, f"{flag} {given!r}", "give a file of face numbers")
+    known = names_in(found)
     asked = [names] if names in known else [name.strip() for name in names.split(",")]
     for name in asked:
         if name not in known:
             raise OptionError(f"{flag}: no {kind} is called {name!r}: {nearest_names(name, known)}")
-    labels = [label for name, label in found.names if name in asked]
-    result: BoolArray = np.isin(found.label, labels)
-    return result
+    return faces_called(found, asked)
 
 
 def _numbered(document: Document, given: NDArray[Any], flag: str) -> BoolArray:
@@ -91,3 +122,72 @@ def _numbered(document: Document, given: NDArray[Any], flag: str) -> BoolArray:
     chosen = np.zeros(count, bool)
     chosen[given] = True
     return chosen[own]
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """label: (f,) group of each face of the mesh, 0..n-1 in order of the faces. names: of the groups. kind: one
+    of ``KINDS``. pages: whether each has a page of its own; else each lies together.
+    """
+
+    label: IntArray
+    names: tuple[str, ...]
+    kind: str
+    pages: bool
+
+    @property
+    def note(self) -> str:
+        """One line on the groups."""
+        count = counted(len(self.names), self.kind)
+        if not self.pages:
+            return f"charts of {count} lie together"
+        row = f"; UDIM has {ROW} in a row, and here u goes on" if len(self.names) > ROW else ""
+        return f"{count} with pages of their own{row}"
+
+
+def find_groups(document: Document, kind: str, pages: bool) -> Groups:
+    """The groups of a file by name; faces without a name form a group.
+
+    Raises OptionError if the file has no such names, all faces have one, or groups are more than pages.
+    """
+    flag = f"--{'pages' if pages else 'group'}-by {kind}"
+    found = named_by(document, kind, f"{flag} has no effect", "leave it out")
+    number = {NAMELESS: 0}
+    of_label = np.zeros(int(found.label.max(initial=0)) + 2, np.int64)
+    for name, label in reversed(found.names):  # of several names of a face the first is its own
+        if label < len(of_label) - 1:
+            of_label[label] = number.setdefault(name, len(number))
+    of_face = of_label[found.label]
+    count, groups = relabel(of_face)
+    words = list(number)
+    first = np.unique(groups, return_index=True)[1]
+    if count < 2:
+        raise OptionError(
+            f"{flag} has no effect: all faces are of {kind} {words[of_face[0]]!r}; leave it out"
+        )
+    if pages and count not in PAGES:
+        raise OptionError(
+            f"{flag}: {count} {kind}s, and there are at most {PAGES.high:g} pages: join some, or give "
+            "--group-by"
+        )
+    return Groups(groups, tuple(words[of_face[f]] for f in first), kind, pages)
+
+
+def group_rows(groups: Groups, found: Verification) -> Iterator[dict[str, Any]]:
+    """Where each group lies: name, faces, charts, its pages as UDIM numbers, and its box in u and v."""
+    label = groups.label[found.surface.source]
+    chart = found.cut_mesh.chart
+    page = pages_of(found.cut_mesh, found.uv)
+    for k, name in enumerate(groups.names):
+        mine = (label == k) & found.used[chart]
+        if not mine.any():
+            continue
+        uv = found.uv[found.cut_mesh.faces[mine]].reshape(-1, 2)
+        charts = np.unique(chart[mine])
+        yield {
+            "name": name,
+            "faces": int(mine.sum()),
+            "charts": len(charts),
+            "pages": [FIRST + int(p) for p in np.unique(page[charts])],
+            "box": [*uv.min(0).tolist(), *uv.max(0).tolist()],
+        }

@@ -14,9 +14,9 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
-from circparam.pipeline.groups import Groups
 from circparam.pipeline.options import Options
 from circparam.pipeline.seam_weights import edge_weights
+from circparam.pipeline.selection import Groups
 from circparam.pipeline.verify import BOUND_SLACK, Declared, Verification, corners_of, uv_seams
 
 

@@ -10,8 +10,8 @@ from circparam.core.limits import mip_level
 from circparam.geometry.boundary import boundary_in
 from circparam.packing.options import PackOptions
 from circparam.pipeline.density import density_rows
-from circparam.pipeline.groups import group_rows
 from circparam.pipeline.kept import kept_figures
+from circparam.pipeline.selection import group_rows
 from circparam.pipeline.stacks import stacked_figures
 
 if TYPE_CHECKING:

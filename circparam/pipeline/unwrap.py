@@ -20,7 +20,7 @@ from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline import applies, checkpoint, floaters, groups
+from circparam.pipeline import applies, checkpoint, floaters
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.density import at_densities, check_whole
@@ -245,7 +245,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         notes.append(padding_note(options.padding_texels))
     notes += [] if job.floaters is None else [floaters.note(job.floaters)]
     notes += [] if job.stacks is None else job.stacks.notes()
-    notes += [] if job.groups is None else [groups.note(job.groups)]
+    notes += [] if job.groups is None else [job.groups.note]
     notes += [] if job.kept is None else job.kept.notes(uvmap)
     notes += [] if orient is None else [orient.note]
     result = Result(

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
@@ -19,16 +18,12 @@ from circparam.geometry.shading import corner_normals, unit
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.texture import bilinear
-from tests.support.baking import sample_back, sheet, some_places, write_obj
+from tests.support.baking import noise, sample_back, sheet, some_places, stored, write_obj
 from tests.support.bumps import belt, traced
+from tests.support.looks import psnr
 from tests.support.maps import known_map, same_map
 
 NEAREST = Across("nearest", 0.06)
-
-
-def stored(folder: Path, name: str, mesh: Mesh, layout: UVMap, mtl: str = "") -> Document:
-    write_obj(folder / f"{name}.obj", mesh.points, layout, mesh.faces, mtl=mtl)
-    return read(folder / f"{name}.obj")
 
 
 def decoded(baked: Baked, document: Document, face: IntArray, bary: FloatArray) -> FloatArray:
@@ -108,18 +103,6 @@ def test_heights_are_those_of_the_bumps(tmp_path: Path):
     assert np.corrcoef(height[inner], truth[inner])[0, 1] > 0.99
 
 
-def noise(path: Path, size: int = 256) -> FloatArray:
-    """A picture with detail of eight texels, and its values."""
-    grid = np.random.default_rng(3).random((size // 8, size // 8, 3)) * 255
-    image = Image.fromarray(grid.astype(np.uint8)).resize((size, size), Image.Resampling.BICUBIC)
-    image.save(path)
-    return np.asarray(image, float) / 255
-
-
-def psnr(error: FloatArray) -> float:
-    return float(-10 * np.log10((error**2).mean()))
-
-
 @pytest.mark.parametrize("by", ["nearest", "map", "turned map"])
 def test_a_texture_on_a_remeshing_of_its_mesh(tmp_path: Path, by: str):
     """30 dB and more between the two textures, at equal places of the surface (asked for)."""
@@ -137,8 +120,8 @@ def test_a_texture_on_a_remeshing_of_its_mesh(tmp_path: Path, by: str):
     uv = np.einsum("pk,pkc->pc", bary, a[1].uv[a[1].uv_faces[face]])
     inner = ((uv > [0.07, 0.22]) & (uv < [0.93, 0.68])).all(1)
     # uv are the surface's own parameters on both meshes, so the two pictures are one
-    error = sample_back(baked, a[1], face[inner], bary[inner]) - bilinear(image, uv[inner])
-    assert psnr(error) >= 30
+    seen = sample_back(baked, a[1], face[inner], bary[inner])
+    assert psnr(seen, bilinear(image, uv[inner])) >= 30
 
 
 def test_normals_through_a_map_turn_with_the_surface(tmp_path: Path):

@@ -13,7 +13,17 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
 from circparam.render.texture import bilinear
-from tests.support.baking import back, charts, sample_back, sheet, smooth, some_places, write_obj
+from tests.support.baking import (
+    back,
+    charts,
+    noise,
+    sample_back,
+    sheet,
+    smooth,
+    some_places,
+    write_obj,
+)
+from tests.support.looks import psnr
 
 
 def test_vertex_colours_come_back():
@@ -188,10 +198,7 @@ def test_a_bake_at_equal_density_keeps_the_picture(tmp_path: Path):
     old = UVMap(0.6 * points[:, :2] + 0.2, faces)
     new = UVMap((0.6 * points[:, :2] - 0.3) @ turn + 0.5, faces)
     size = 256
-    noise = np.random.default_rng(3).random((size // 8, size // 8, 3)) * 255
-    Image.fromarray(noise.astype(np.uint8)).resize((size, size), Image.Resampling.BICUBIC).save(
-        tmp_path / "skin.png"
-    )
+    image = noise(tmp_path / "skin.png", size)
     (tmp_path / "skin.mtl").write_text("newmtl m\n\tmap_Kd\tskin.png\n")  # tabs, as MeshLab writes
     write_obj(tmp_path / "old.obj", points, old, faces, mtl="skin.mtl")
     write_obj(tmp_path / "new.obj", points, new, faces)
@@ -199,7 +206,5 @@ def test_a_bake_at_equal_density_keeps_the_picture(tmp_path: Path):
         read(tmp_path / "new.obj"), "texture", source=read(tmp_path / "old.obj"), size=size
     )
     face, bary = some_places(len(faces), 20000)
-    image = np.asarray(Image.open(tmp_path / "skin.png").convert("RGB"), float) / 255
     there = np.einsum("pk,pkc->pc", bary, old.uv[old.uv_faces[face]])
-    error = sample_back(baked, new, face, bary) - bilinear(image, there)
-    assert -10 * np.log10((error**2).mean()) >= 40
+    assert psnr(sample_back(baked, new, face, bary), bilinear(image, there)) >= 40

@@ -6,29 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
 import circparam
-from circparam.cli import cli
 from circparam.errors import InputError, OptionError
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import read
 from tests.bake.test_carry import all_maps
+from tests.support.command_line import run
 from tests.support.gltf_files import unused_entries
 from tests.support.looks import Painted, bumps, model, psnr, seen, surface_points, waves
 from tests.support.validator import validate
 
-
-def run(*words: object) -> Result:
-    return CliRunner().invoke(cli, [str(word) for word in words])
-
-
 FAST = ("--effort", "0.02", "-j", "1", "--json")
-UPRIGHT = (
-    "--rotate",
-    "none",
-    *FAST,
-)  # packing moves charts that are turned by small steps for seconds
+# packing moves charts that are turned by small steps for seconds
+UPRIGHT = ("--rotate", "none", *FAST)
 
 
 @pytest.fixture(scope="module")
@@ -171,16 +162,8 @@ def test_images_move_to_another_set_of_the_same_file(painted: Path) -> None:
 
 def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> None:
     """Into a GLB it is refused, before anything is written; into a PNG it is said."""
-    words = (
-        "bake",
-        painted / "plain.glb",
-        "--from",
-        "texture",
-        "--source",
-        painted / "model.glb",
-        "--size",
-        64,
-    )
+    words = ("bake", painted / "plain.glb", "--from", "texture", "--size", 64)
+    words = (*words, "--source", painted / "model.glb")
     result = run(*words, "-o", painted / "new.glb")
     assert result.exit_code == 3
     assert (

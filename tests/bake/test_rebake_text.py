@@ -13,8 +13,9 @@ from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.formats.materials import srgb
 from circparam.mesh.mesh import UVMap
-from tests.bake.test_rebake import UPRIGHT, run
+from tests.bake.test_rebake import UPRIGHT
 from tests.support.baking import sheet, write_obj
+from tests.support.command_line import run
 from tests.support.looks import bumps, psnr, waves
 
 

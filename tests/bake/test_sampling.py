@@ -17,21 +17,6 @@ def test_bilinear_repeats_and_hits_texel_centres():
     assert np.allclose(bilinear(image, centres + np.array([2.0, -3.0]))[:, 0], np.arange(12))
 
 
-def test_closest_point_against_brute_force():
-    rng = np.random.default_rng(2)
-    corners = rng.normal(size=(60, 3, 3))
-    places = 2 * rng.normal(size=(60, 3))
-    bary, d2 = closest_on_triangles(places, corners)
-    assert np.allclose(bary.sum(1), 1)
-    assert bary.min() >= 0
-    # no point of a dense sampling of the triangle is nearer
-    grid = np.array([[i, j, 40 - i - j] for i in range(41) for j in range(41 - i)]) / 40
-    dense = np.einsum("gk,fkc->fgc", grid, corners)
-    best = ((dense - places[:, None]) ** 2).sum(2).min(1)
-    assert (d2 <= best + 1e-12).all()
-    assert (best - d2 < 0.3).all()
-
-
 def test_closest_finds_points_on_a_surface_exactly():
     points, faces = sheet(9)
     points[:, 2] = 0.2 * np.sin(4 * points[:, 0])

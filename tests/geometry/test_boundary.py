@@ -5,6 +5,7 @@ import pytest
 
 from circparam.geometry.boundary import BoundarySegments, boundary_of, turned_out
 from circparam.mesh.halfedge import shared_edges
+from tests.support.shapes import flat_ring
 
 SQUARE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 2.0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -12,14 +13,6 @@ HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 
 def segments(faces: np.ndarray, uv: np.ndarray, chart: np.ndarray) -> BoundarySegments:
     return boundary_of(faces, uv, chart, shared_edges(faces), int(chart.max()) + 1)
-
-
-def ring(n: int, inner: float, outer: float) -> tuple[np.ndarray, np.ndarray]:
-    t = 2 * np.pi * np.arange(n) / n
-    circle = np.stack([np.cos(t), np.sin(t)], 1)
-    a, b = np.arange(n), (np.arange(n) + 1) % n
-    faces = np.concatenate([np.stack([a, a + n, b + n], 1), np.stack([a, b + n, b], 1)])
-    return np.concatenate([inner * circle, outer * circle]), faces
 
 
 def follows(boundary: BoundarySegments) -> None:
@@ -79,7 +72,7 @@ def test_fans_that_share_a_vertex_are_followed_for_themselves() -> None:
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_a_second_loop_counter_clockwise_is_turned_out(scale: float) -> None:
     """A ring's hole runs clockwise; drawn wider than the outer loop it is folded out, and so are both."""
-    uv, faces = ring(12, scale, 2 * scale)
+    uv, faces = flat_ring(scale, 2 * scale)
     chart = np.zeros(len(faces), np.int64)
     boundary = segments(faces, uv, chart)
     assert turned_out(boundary, 1).tolist() == [False]
@@ -107,7 +100,7 @@ def test_a_second_loop_counter_clockwise_is_turned_out(scale: float) -> None:
 
 def test_a_slit_has_no_area_but_for_rounding() -> None:
     """Two long edges on one line far out, there and back: a loop, but not one that runs either way round."""
-    uv, faces = ring(12, 1.0, 2.0)
+    uv, faces = flat_ring(1.0, 2.0)
     outer = segments(faces, uv, np.zeros(len(faces), np.int64))
     for shift in (0.0, 1e3):
         line = np.array([[0.1, 0.1], [0.3, 0.7]]) + shift / 3

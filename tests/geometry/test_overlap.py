@@ -106,17 +106,8 @@ def together(*charts):
     return faces, uv, np.repeat(np.arange(len(charts)), [len(f) for _, f in charts])
 
 
-def ring(inner, outer, n=12):
-    """An annulus; inner and outer are radii of the two loops."""
-    t = 2 * np.pi * np.arange(n) / n
-    circle = np.stack([np.cos(t), np.sin(t)], 1)
-    a, b = np.arange(n), (np.arange(n) + 1) % n
-    faces = np.concatenate([np.stack([a, a + n, b + n], 1), np.stack([a, b + n, b], 1)])
-    return np.concatenate([inner * circle, outer * circle]), faces
-
-
 def test_a_chart_fits_into_the_hole_of_another():
-    found = overlaps(*together(ring(3, 5), square(-1, 1)))
+    found = overlaps(*together(shapes.flat_ring(3, 5), square(-1, 1)))
     assert len(found.pairs) == 0
     assert not found.self_overlapping.any()
 
@@ -145,16 +136,6 @@ def coil(turns, n=12):
     a, b, c, d = 1 + k, 1 + (k + 1) % n, n + 1 + k, n + 1 + (k + 1) % n
     ring = np.concatenate([np.stack([a, c, d], 1), np.stack([a, d, b], 1)])
     return np.concatenate([uv, 3 * np.stack([np.cos(t), np.sin(t)], 1)]), np.r_[fans, ring]
-
-
-@pytest.mark.parametrize("mirror", [1.0, -1.0])
-@pytest.mark.parametrize("turns", [1, 2, 3])
-def test_only_the_angles_round_a_vertex_tell_that_it_is_wound_twice(turns, mirror):
-    """4π are too much already; the boundary knows nothing of it."""
-    uv, faces = coil(turns)
-    found = overlaps(faces, uv * [mirror, 1.0], np.zeros(len(faces), np.int64))
-    assert len(found.crossings) == 0
-    assert found.self_overlapping.tolist() == [turns > 1]
 
 
 def two_sheets(crossed):
@@ -296,13 +277,14 @@ def test_no_faces_do_not_overlap():
 
 @pytest.mark.parametrize("first", [0, 1, 2])
 @pytest.mark.parametrize("angle", [0.0, 0.4, 2.0, 4.0])
-def test_which_corner_comes_first_and_how_a_coil_is_turned_tells_nothing(first, angle):
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_only_the_angles_round_a_vertex_tell_that_it_is_wound_twice(turns, angle, first):
+    """4π are too much already. The boundary knows nothing of it, nor do turns, mirrors and first corners."""
     c, s = np.cos(angle), np.sin(angle)
-    for turns in (1, 2, 3):
-        uv, faces = coil(turns)
-        uv, faces = uv @ np.array([[c, s], [-s, c]]), np.roll(faces, first, axis=1)
-        found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
-        assert found.self_overlapping.tolist() == [turns > 1]
-        mixed = np.array([np.roll(f, k) for k, f in enumerate(faces)])
-        found = overlaps(mixed, uv, np.zeros(len(faces), np.int64))
+    uv, faces = coil(turns)
+    uv, faces = uv @ np.array([[c, s], [-s, c]]), np.roll(faces, first, axis=1)
+    mixed = np.array([np.roll(f, k) for k, f in enumerate(faces)])
+    for corners, mirror in ((faces, 1.0), (faces, -1.0), (mixed, 1.0)):
+        found = overlaps(corners, uv * [mirror, 1.0], np.zeros(len(faces), np.int64))
+        assert len(found.crossings) == 0
         assert found.self_overlapping.tolist() == [turns > 1]

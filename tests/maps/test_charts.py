@@ -7,18 +7,11 @@ import pytest
 
 import circparam
 from circparam.errors import InputError, TopologyError
-from circparam.formats.document import Document
-from circparam.formats.io import read
 from circparam.maps.charts import chart_graph
 from circparam.maps.map_input import map_input_of
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support import pairs, shapes, tori
-from tests.support.baking import write_obj
-
-
-def document(folder: Path, name: str, mesh: Mesh, layout: UVMap) -> Document:
-    write_obj(folder / f"{name}.obj", mesh.points, layout, mesh.faces)
-    return read(folder / f"{name}.obj")
+from tests.support.baking import stored
 
 
 def chart_of(mesh: Mesh, points: np.ndarray, along: int, around: int) -> np.ndarray:
@@ -36,7 +29,7 @@ def beside(a: Mesh, b: Mesh) -> np.ndarray:
 @pytest.mark.parametrize("relax", [True, False])
 def test_charts_go_to_charts(tmp_path: Path, relax: bool) -> None:
     one, two = tori.patchwork(24, 12, 4, 3), tori.patchwork(32, 18, 4, 3, bump=0.2)
-    a, b = (document(tmp_path, n, *x) for n, x in (("a", one), ("b", two)))
+    a, b = (stored(tmp_path, n, *x) for n, x in (("a", one), ("b", two)))
     marks = beside(a.mesh, b.mesh)
     found = circparam.map_surfaces(a, b, landmarks=marks, charts=True, relax=relax)
     assert found.inversions == (0, 0)
@@ -56,7 +49,7 @@ def test_charts_go_to_charts(tmp_path: Path, relax: bool) -> None:
 
 def test_what_has_a_symmetry_needs_landmarks(tmp_path: Path) -> None:
     x = tori.patchwork(24, 12, 4, 3)
-    a = document(tmp_path, "a", *x)
+    a = stored(tmp_path, "a", *x)
     with pytest.raises(InputError, match=r"correspond in 24 ways: give --landmarks"):
         circparam.map_surfaces(a, a, charts=True)
     found = circparam.map_surfaces(a, a, charts=True, landmarks=beside(a.mesh, a.mesh))
@@ -84,7 +77,7 @@ def test_a_disk_in_two_charts(tmp_path: Path) -> None:
         chart = (p[f][:, :, 0].mean(1) > (n // 2) / n).astype(int)
         uv = p[f][:, :, :2] + 3 * chart[:, None, None]
         layout = UVMap(uv.reshape(-1, 2), np.arange(f.size).reshape(-1, 3))
-        both.append(document(tmp_path, name, Mesh(p, f), layout))
+        both.append(stored(tmp_path, name, Mesh(p, f), layout))
     a, b = both
     marks = np.stack([pairs.nearest(m.mesh, np.array([[0.25, 0.3, 0]])) for m in both], 1)
     found = circparam.map_surfaces(a, b, charts=True, landmarks=marks, relax=False)
@@ -96,8 +89,8 @@ def test_a_disk_in_two_charts(tmp_path: Path) -> None:
 
 
 def test_other_charts_are_told(tmp_path: Path) -> None:
-    a = document(tmp_path, "a", *tori.patchwork(24, 12, 4, 3))
-    b = document(tmp_path, "b", *tori.patchwork(24, 12, 3, 3))
+    a = stored(tmp_path, "a", *tori.patchwork(24, 12, 4, 3))
+    b = stored(tmp_path, "b", *tori.patchwork(24, 12, 3, 3))
     with pytest.raises(
         TopologyError, match="A has 12 charts, 24 seams and 12 nodes, B has 9 charts"
     ):
@@ -106,7 +99,7 @@ def test_other_charts_are_told(tmp_path: Path) -> None:
 
 def test_landmarks_in_other_charts_are_told(tmp_path: Path) -> None:
     """The first says which chart goes where, the second denies it."""
-    a = document(tmp_path, "a", *net(2, PRISM, 1))
+    a = stored(tmp_path, "a", *net(2, PRISM, 1))
     marks = pairs.marks(a.mesh, a.mesh)[[2, 5]]
     marks[[0, 1], 1] = marks[[1, 0], 1]
     good = pairs.marks(a.mesh, a.mesh)[[0, 4]]
@@ -118,7 +111,7 @@ def test_landmarks_in_other_charts_are_told(tmp_path: Path) -> None:
 
 
 def test_a_ring_is_no_chart(tmp_path: Path) -> None:
-    a = document(tmp_path, "a", *tori.patchwork(24, 12, 3, 1))
+    a = stored(tmp_path, "a", *tori.patchwork(24, 12, 3, 1))
     with pytest.raises(TopologyError, match="closed loop that meets no other"):
         circparam.map_surfaces(a, a, charts=True)
     rings, layout = tori.patchwork(24, 12, 3, 1)
@@ -132,6 +125,6 @@ def test_a_ring_is_no_chart(tmp_path: Path) -> None:
 
 def test_a_layout_without_seams_is_refused(tmp_path: Path) -> None:
     mesh = tori.torus(24, 12)
-    a = document(tmp_path, "a", mesh, UVMap(mesh.points[:, :2].copy(), mesh.faces))
+    a = stored(tmp_path, "a", mesh, UVMap(mesh.points[:, :2].copy(), mesh.faces))
     with pytest.raises(TopologyError, match="no seam"):
         circparam.map_surfaces(a, a, charts=True)

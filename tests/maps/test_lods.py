@@ -5,19 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import circparam
-from circparam.cli import cli
 from circparam.errors import InputError, NoResultError
 from circparam.formats.document import Document
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.maps.lods import Transferred, transfer
-from circparam.mesh.mesh import UVMap
+from circparam.mesh.mesh import Mesh, UVMap
 from circparam.pipeline.verify import corners_of
 from tests.support import shapes
-from tests.support.baking import write_obj
+from tests.support.baking import stored
+from tests.support.command_line import obj, run
 
 
 def hill(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -46,11 +45,6 @@ def unrolled(points: np.ndarray, faces: np.ndarray) -> UVMap:
     return UVMap(uv.reshape(-1, 2), np.arange(3 * len(faces)).reshape(-1, 3))
 
 
-def written(path: Path, mesh: tuple[np.ndarray, np.ndarray], layout: UVMap) -> Path:
-    write_obj(path, mesh[0], layout, mesh[1])
-    return path
-
-
 def corners(one: Transferred) -> tuple[np.ndarray, np.ndarray]:
     """Places and uv of the corners of the target's surface."""
     surface = one.result.surface
@@ -68,7 +62,7 @@ def test_charts_and_their_seam_follow(n: int, clockwise: bool, tmp_path: Path):
     layout = two_charts(*fine)
     if clockwise:
         layout = UVMap(layout.uv * [-1, 1] + [1, 0], layout.uv_faces)
-    source = written(tmp_path / "lod0.obj", fine, layout)
+    source = stored(tmp_path, "lod0", Mesh(*fine), layout)
     (one,) = transfer(source, [from_arrays(*hill(n))])
     v = one.result.verification
     assert (v.charts, v.flips, v.overlap, v.mirrored.size) == (2, 0, 0, 2 * clockwise)
@@ -84,7 +78,7 @@ def test_charts_and_their_seam_follow(n: int, clockwise: bool, tmp_path: Path):
 
 def test_both_sides_of_a_slit_in_one_chart(tmp_path: Path):
     fine = shapes.cylinder(48, 16)
-    source = written(tmp_path / "lod0.obj", fine, unrolled(*fine))
+    source = stored(tmp_path, "lod0", Mesh(*fine), unrolled(*fine))
     coarse = shapes.cylinder(16, 4)
     (one,) = transfer(source, [from_arrays(*coarse)])
     assert (one.result.verification.charts, one.result.verification.flips) == (1, 0)
@@ -113,7 +107,7 @@ def test_a_fold_is_opened_by_half_its_height(height: float, tmp_path: Path):
     flat = shapes.grid(9, 9)
     corner = flat[0][flat[1]][:, :, :2]
     layout = UVMap(corner.reshape(-1, 2), np.arange(3 * len(flat[1])).reshape(-1, 3))
-    source = written(tmp_path / "lod0.obj", flat, layout)
+    source = stored(tmp_path, "lod0", Mesh(*flat), layout)
     (one,) = transfer(source, [from_arrays(*sheet_with_a_fold(height))], max_drift=1000.0)
     assert one.result.verification.flips == 0
     assert one.least == pytest.approx(2048 * height / 2, rel=1e-3)
@@ -152,7 +146,7 @@ def doubled(size: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_face_that_lies_on_others_goes_to_free_room(tmp_path: Path):
     fine = hill(20)
-    source = written(tmp_path / "lod0.obj", fine, two_charts(*fine))
+    source = stored(tmp_path, "lod0", Mesh(*fine), two_charts(*fine))
     (one,) = transfer(source, [from_arrays(*doubled(0.03))])
     v = one.result.verification
     assert (v.flips, v.overlap, one.anew) == (0, 0, 1)
@@ -164,7 +158,7 @@ def test_a_face_that_lies_on_others_goes_to_free_room(tmp_path: Path):
 
 def test_another_shape_is_refused_with_the_place(tmp_path: Path):
     fine = hill(12)
-    source = written(tmp_path / "lod0.obj", fine, two_charts(*fine))
+    source = stored(tmp_path, "lod0", Mesh(*fine), two_charts(*fine))
     bulge = fine[0].copy()
     bulge[:, 2] += 0.6 * np.exp(-60 * ((fine[0][:, :2] - [0.25, 0.75]) ** 2).sum(1))
     with pytest.raises(NoResultError, match=r"at \(0\.2\d* 0\.7.*% of the size away"):
@@ -180,19 +174,16 @@ def test_a_first_mesh_without_uv(tmp_path: Path):
 
 def test_the_command_writes_all_or_nothing(tmp_path: Path):
     fine = hill(20)
-    source = written(tmp_path / "lod0.obj", fine, two_charts(*fine))
+    source = stored(tmp_path, "lod0", Mesh(*fine), two_charts(*fine))
     for name, mesh in (("a", hill(10)), ("b", hill(6)), ("ball", shapes.icosphere(2))):
-        np_points, faces = mesh
-        lines = [f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in np_points]
-        lines += [f"f {i} {j} {k}\n" for i, j, k in faces + 1]
-        (tmp_path / f"{name}.obj").write_text("".join(lines))
-    words = ["transfer", str(source), str(tmp_path / "a.obj")]
-    failed = CliRunner().invoke(cli, [*words, str(tmp_path / "ball.obj")])
+        obj(tmp_path / f"{name}.obj", mesh)
+    words = ["transfer", source.path, tmp_path / "a.obj"]
+    failed = run(*words, tmp_path / "ball.obj")
     assert failed.exit_code == 5
     assert not (tmp_path / "a_uv.obj").exists()
-    drifted = CliRunner().invoke(cli, [*words, "--max-drift", "-1"])
+    drifted = run(*words, "--max-drift", -1)
     assert drifted.exit_code == 2
-    done = CliRunner().invoke(cli, [*words, str(tmp_path / "b.obj"), "--json"])
+    done = run(*words, tmp_path / "b.obj", "--json")
     assert done.exit_code == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["schema"] == "circparam/transfer/1"

@@ -10,7 +10,6 @@ import pytest
 from PIL import Image
 
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.io import encode, read, read_data
@@ -20,17 +19,12 @@ from circparam.maps.morph import key_frames, morph
 from circparam.maps.surface_map import Places
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.bake.test_write import chunks
-from tests.support.baking import write_obj
+from tests.support.baking import stored, write_obj
 from tests.support.bumps import belt
 from tests.support.maps import cube_obj, known_map, same_map
 from tests.support.validator import validate
 
 Z_UP = {"rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, 0.5], "translation": [1, 2, 3]}
-
-
-def stored(folder: Path, name: str, mesh: Mesh, layout: UVMap, mtl: str = "") -> Document:
-    write_obj(folder / f"{name}.obj", mesh.points, layout, mesh.faces, mtl=mtl)
-    return read(folder / f"{name}.obj")
 
 
 def reopened(data: bytes) -> GltfDocument:

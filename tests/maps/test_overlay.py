@@ -12,9 +12,9 @@ from circparam.maps.morph import morph
 from circparam.maps.overlay import overlaid
 from circparam.maps.surface_map import Refinement, load_map, save_map
 from circparam.mesh.mesh import Mesh, UVMap
-from tests.maps.test_morph import ends, reopened, stored
+from tests.maps.test_morph import ends, reopened
 from tests.support import pairs
-from tests.support.baking import picture, write_obj
+from tests.support.baking import picture, stored, write_obj
 from tests.support.map_cases import CLOSED, mapped, pair
 from tests.support.maps import same_map
 

@@ -9,8 +9,7 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
 from circparam.maps import Places, SurfaceMap, load_map, save_map
-from circparam.maps.pair import oriented, turned_over
-from circparam.maps.surface_map import fingerprint
+from circparam.maps.surface_map import fingerprint, oriented, turned_over
 from circparam.mesh.mesh import Mesh
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])

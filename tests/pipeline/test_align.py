@@ -7,6 +7,7 @@ import pytest
 
 import circparam
 from tests.support import parts, shapes
+from tests.support.command_line import obj
 
 QUICK = {"effort": 0.01, "jobs": 1}
 
@@ -75,10 +76,7 @@ def test_a_chart_above_the_bound_keeps_its_shape(tmp_path: Path) -> None:
     """``pack`` of charts above any bound moves them, and keeps their shapes."""
     points, faces = shapes.grid(5, 5)
     uv = points[:, :2] * [6.0, 1.0]
-    path = tmp_path / "stretched.obj"
-    lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"vt {u} {v}" for u, v in uv]
-    lines += ["f " + " ".join(f"{k + 1}/{k + 1}" for k in face) for face in faces]
-    path.write_text("\n".join(lines))
+    path = obj(tmp_path / "stretched.obj", (points, faces), uv)
     result = circparam.repack(path, align_texels=4, straighten="all", resolution=256, jobs=1)
     size = np.ptp(result.uv, axis=0)
     assert max(size) / min(size) == pytest.approx(6.0, rel=1e-5)

@@ -11,6 +11,7 @@ from circparam.core.monitor import Monitor
 from circparam.errors import OutputError
 from circparam.pipeline.unwrap import open_source, unwrap_document
 from tests.support import shapes
+from tests.support.command_line import obj
 
 QUICK: dict[str, Any] = {"effort": 0.01}
 
@@ -21,11 +22,7 @@ class Stopped(BaseException):
 
 @pytest.fixture
 def mesh(tmp_path: Path) -> Path:
-    points, faces = shapes.torus(24, 12)
-    path = tmp_path / "m.obj"
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    path.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]))
-    return path
+    return obj(tmp_path / "m.obj", shapes.torus(24, 12))
 
 
 def stopped(mesh: Path, folder: Path, *output: Path) -> Path:
@@ -65,12 +62,9 @@ def test_another_mesh_option_or_version_is_never_mistaken_for_it(
 ) -> None:
     kept = stopped(mesh, tmp_path / "c")
     assert found_seams(mesh, kept.parent, max_distortion=1.04)
-    moved = mesh.with_name("other.obj")
     points, faces = shapes.torus(24, 12)
     points[7, 2] = np.nextafter(points[7, 2], 1)
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    moved.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]))
-    assert found_seams(moved, kept.parent)
+    assert found_seams(obj(mesh.with_name("other.obj"), (points, faces)), kept.parent)
     assert kept.exists()
     monkeypatch.setattr("circparam.pipeline.checkpoint.__version__", "0")
     assert found_seams(mesh, kept.parent)

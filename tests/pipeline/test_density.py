@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import circparam
 from circparam import samples
-from circparam.cli import cli
 from circparam.errors import InputError, OptionError
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
@@ -21,6 +19,7 @@ from circparam.pipeline.result import Result
 from circparam.pipeline.summary import summarise
 from circparam.pipeline.unwrap import repack
 from tests.support import shapes
+from tests.support.command_line import obj, run
 
 QUICK: dict[str, Any] = {"effort": "draft", "resolution": 512, "pack_splits": 0, "hide_seams": 0}
 BRACKET = samples.path("bracket")
@@ -138,12 +137,7 @@ def test_copies_of_other_densities_are_no_stack() -> None:
 def test_colours_are_names(tmp_path: Path) -> None:
     points, faces = shapes.row_of(shapes.grid(3, 3), 2, gap=0.5)
     red = np.arange(len(points)) < len(points) // 2
-    lines = [
-        f"v {x} {y} {z} {int(r)} 0 0" for (x, y, z), r in zip(points.tolist(), red, strict=True)
-    ]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces.tolist()]
-    path = tmp_path / "painted.obj"
-    path.write_text("\n".join(lines) + "\n")
+    path = obj(tmp_path / "painted.obj", (np.c_[points, red[:, None] * [1.0, 0, 0]], faces))
     found = find_density(read(path), "#ff0000=4")
     assert np.array_equal(found.value == 4.0, red[faces].all(1))
     with pytest.raises(OptionError, match="painted #00ff00"):
@@ -188,11 +182,11 @@ def test_the_command_line_has_a_table_and_a_code(tmp_path: Path) -> None:
     path = two_panels(tmp_path)
     numbers = tmp_path / "numbers.txt"
     numbers.write_text("1\n2  # the sole\n")
-    words = ["unwrap", str(path), "-o", str(tmp_path / "out.obj"), "--resolution", "128"]
-    done = CliRunner().invoke(cli, [*words, "--density", str(numbers), "--json", "-q"])
+    words = ("unwrap", path, "-o", tmp_path / "out.obj", "--resolution", 128)
+    done = run(*words, "--density", numbers, "--json", "-q")
     assert done.exit_code == 0
     assert [row["asked"] for row in json.loads(done.stdout)["density"]] == [1.0, 2.0]
-    shown = CliRunner().invoke(cli, [*words, "--overwrite", "--density", "sole=2"])
+    shown = run(*words, "--overwrite", "--density", "sole=2")
     assert "density 2.000, 2.000 asked" in shown.stdout
-    refused = CliRunner().invoke(cli, [*words, "--overwrite", "--density", "sole=0"])
+    refused = run(*words, "--overwrite", "--density", "sole=0")
     assert refused.exit_code == 2

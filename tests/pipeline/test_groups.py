@@ -13,8 +13,8 @@ from circparam.errors import OptionError
 from circparam.formats.io import read
 from circparam.formats.joined import join
 from circparam.formats.memory import from_arrays
-from circparam.pipeline.groups import find_groups, group_rows
 from circparam.pipeline.result import Result
+from circparam.pipeline.selection import find_groups, group_rows
 from circparam.pipeline.summary import summarise
 from circparam.pipeline.unwrap import repack
 from tests.support import shapes
@@ -102,7 +102,7 @@ def test_names_are_needed_and_fit_the_pages(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="all faces are of node 'bracket'"):
         find_groups(read(BRACKET), "node", True)
     points, faces = shapes.grid(3, 3)
-    with pytest.raises(OptionError, match="no names of materials"):
+    with pytest.raises(OptionError, match="names no materials"):
         find_groups(from_arrays(points, faces), "material", False)
     many = read(sheets(tmp_path / "many.obj", 101))
     with pytest.raises(OptionError, match="101 materials, and there are at most 100 pages"):

@@ -5,15 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import circparam
-from circparam.cli import cli
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline.result import verify_layout
 from circparam.pipeline.summary import summarise
 from tests.support import shapes
+from tests.support.command_line import run
 from tests.support.named import named_scene
 
 QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
@@ -198,9 +199,6 @@ def test_a_layout_that_overlaps_new_charts_would_be_found(cube: Path) -> None:
     points, faces = shapes.cube(4)
     chosen = top(points, faces)
     result = circparam.unwrap(cube / "a.obj", only=chosen, **QUICK)
-    from circparam.mesh.mesh import UVMap
-    from circparam.pipeline.result import verify_layout
-
     uv = result.uv[result.uv_faces].copy()
     uv[chosen] += uv[~chosen].reshape(-1, 2).mean(0) - uv[chosen].reshape(-1, 2).mean(0)
     own = UVMap(uv.reshape(-1, 2), np.arange(uv.size // 2).reshape(-1, 3))
@@ -213,19 +211,15 @@ def test_the_command_line_reads_faces_from_a_file_and_ends_with_the_documented_c
 ) -> None:
     out, faces = tmp_path / "o.obj", tmp_path / "faces.txt"
     faces.write_text("# a patch\n0 1, 2\n3\n")
-    words = ["unwrap", str(cube / "a.obj"), "-o", str(out), "--resolution", "512", "--effort", "0"]
-
-    def run(*more: str):
-        return CliRunner().invoke(cli, [*words, "--json", *more])
-
-    done = run("--only", str(faces))
+    words = ("unwrap", cube / "a.obj", "-o", out, "--resolution", 512, "--effort", 0, "--json")
+    done = run(*words, "--only", faces)
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["kept"]["faces"] == 4
     faces.write_text("0 one 2\n")
-    wrong = run("--only", str(faces), "--overwrite")
+    wrong = run(*words, "--only", faces, "--overwrite")
     assert (wrong.exit_code, "line 1" in wrong.stderr) == (3, True)
-    assert run("--only", "materail=face", "--overwrite").exit_code == 2
+    assert run(*words, "--only", "materail=face", "--overwrite").exit_code == 2
     faces.write_text(" ".join(map(str, range(96))))
-    full = run("--only", str(faces), "--overwrite", "--texel-density", "300")
+    full = run(*words, "--only", faces, "--overwrite", "--texel-density", 300)
     assert (full.exit_code, "are missing" in full.stderr) == (5, True)
     assert len(full.stderr.strip().splitlines()) == 1

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import circparam
-from circparam.cli import cli
 from circparam.errors import InputError, OptionError
 from circparam.formats.memory import from_arrays
 from circparam.formats.sidecars import read_weights
@@ -15,6 +13,7 @@ from circparam.mesh.repair import repair
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.seam_weights import edge_weights
 from tests.support import shapes
+from tests.support.command_line import obj, run
 
 QUICK = {"effort": "draft", "jobs": 1}
 
@@ -74,10 +73,7 @@ def test_the_weight_of_an_edge_goes_before_those_of_its_vertices():
 def painted(path: Path, colour: np.ndarray) -> Path:
     """A ball with vertex colours."""
     points, faces = shapes.icosphere(2)
-    lines = ["v " + " ".join(map(repr, map(float, row))) for row in np.c_[points, colour]]
-    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
-    return path
+    return obj(path, (np.c_[points, colour], faces))
 
 
 def test_red_vertices_keep_their_faces_whole(tmp_path: Path):
@@ -133,8 +129,8 @@ def test_the_flag_reads_a_file(tmp_path: Path):
     points, _ = shapes.icosphere(2)
     face = np.flatnonzero(points[:, 0] > 0.6)
     (tmp_path / "w.txt").write_text("".join(f"{v} never\n" for v in face))
-    words = ["unwrap", str(mesh), "--effort", "0", "--seam-weights", str(tmp_path / "w.txt"), "-q"]
+    words = ("unwrap", mesh, "--effort", 0, "--seam-weights", tmp_path / "w.txt", "-q")
     seams = tmp_path / "s.txt"
-    result = CliRunner().invoke(cli, [*words, "--export-seams", str(seams)])
+    result = run(*words, "--export-seams", seams)
     assert result.exit_code == 0, result.stderr
     assert not np.isin(np.loadtxt(seams).astype(int), face).any()

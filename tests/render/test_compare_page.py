@@ -7,15 +7,14 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
 from circparam import samples
-from circparam.cli import cli
 from circparam.render.bars import bars, scale_of
 from circparam.render.compare_page import compare_page
 from circparam.render.side_by_side import MethodLayout, SideBySide, caption
 from circparam.render.text import drawable, has_glyph
+from tests.support.command_line import run
 from tests.support.side_by_side import compared_sheet
 
 
@@ -121,10 +120,9 @@ def test_captions_have_no_missing_glyphs():
 
 def test_from_the_shell(tmp_path: Path):
     """compare --report --plot: both files, and a refusal before any work."""
-    disk = str(samples.path("bumped-disk"))
-    words = ["compare", disk, "--methods", "circle,mean-value", "-q"]
+    words = ("compare", samples.path("bumped-disk"), "--methods", "circle,mean-value", "-q")
     report, plot = tmp_path / "r.html", tmp_path / "p.png"
-    result = CliRunner().invoke(cli, [*words, "--report", str(report), "--plot", str(plot)])
+    result = run(*words, "--report", report, "--plot", plot)
     assert result.exit_code == 0, result.output
     text = report.read_text("utf-8")
     assert "Table 1" not in text  # the page is about the meshes that were given
@@ -132,5 +130,5 @@ def test_from_the_shell(tmp_path: Path):
     assert text.count("<img ") == 6
     assert Image.open(plot).size[0] >= 660
     for option, name in (("--report", "r.txt"), ("--plot", "p.jpg"), ("--report", "r.html")):
-        again = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
+        again = run(*words, option, tmp_path / name)
         assert again.exit_code == 2

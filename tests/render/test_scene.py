@@ -14,6 +14,7 @@ from circparam.render.scene import make_scene, with_instances
 from circparam.render.show import judged_set, scene_of, view_document, view_figures
 from circparam.render.views import draw_plan
 from tests.support import shapes
+from tests.support.command_line import obj
 from tests.support.pairs import blob
 from tests.support.scenes import QUAD, SQUARE, cube
 
@@ -135,13 +136,8 @@ def test_a_picture_shows_the_flips_that_reports_count(shape: shapes.Shape):
 
 def test_pictures_tell_the_figures_of_the_reports(tmp_path: Path):
     """One mesh through unwrap, check and view: the same seam length, distortion and packed share."""
-    path = tmp_path / "soup.obj"
     p, f = shapes.cube(3)
-    rows = [
-        f"v {x!r} {y!r} {z!r}" for x, y, z in p[f].reshape(-1, 3).tolist()
-    ]  # no shared vertices
-    rows += [f"f {3 * k + 1} {3 * k + 2} {3 * k + 3}" for k in range(len(f))]
-    path.write_text("\n".join(rows))
+    path = obj(tmp_path / "soup.obj", (p[f].reshape(-1, 3), np.arange(f.size).reshape(-1, 3)))
     result = circparam.unwrap(path, tmp_path / "out.obj", effort=0.01)
     document = read(tmp_path / "out.obj")
     uvmap = document.uv()

@@ -12,16 +12,12 @@ from circparam.render.scene import make_scene
 from circparam.render.svg import figure_svg, outlines
 from circparam.render.views import checker_cells
 from tests.support.scenes import cube, flat_quad
+from tests.support.shapes import flat_ring
 
 
 def test_outlines_close_and_keep_holes():
     """A ring of 8 quads: one chart with an outer and an inner loop."""
-    a = np.linspace(0, 2 * np.pi, 9)[:-1]
-    ring = np.concatenate(
-        [np.stack([np.cos(a), np.sin(a)], 1), 0.5 * np.stack([np.cos(a), np.sin(a)], 1)]
-    )
-    i, j = np.arange(8), (np.arange(8) + 1) % 8
-    faces = np.concatenate([np.stack([i, j, j + 8], 1), np.stack([i, j + 8, i + 8], 1)])
+    ring, faces = flat_ring(0.5, 1.0, 8)
     uv = ring * 0.4 + 0.5
     scene = make_scene(np.concatenate([ring, np.zeros((16, 1))], 1), faces, uv, faces)
     loops = outlines(scene)

@@ -6,18 +6,7 @@ import pytest
 from circparam.solvers.foldover import POSITIVE, FoldoverEnergy, lower
 from circparam.solvers.region import moving_region
 from tests.support import shapes
-from tests.support.charts import patches_of, rim
-
-
-def tangled(n=400, seed=0, share=0.05):
-    """A flat disk with some inner vertices thrown about."""
-    cut_mesh, points = patches_of(shapes.delaunay_disk(n, seed))
-    uv = points[:, :2].copy()
-    generator = np.random.default_rng(seed)
-    inner = np.flatnonzero(~rim(cut_mesh))
-    chosen = generator.choice(inner, max(1, int(share * len(inner))), replace=False)
-    uv[chosen] += generator.normal(0, 0.15, (len(chosen), 2))
-    return cut_mesh, uv
+from tests.support.charts import patches_of, rim, tangled
 
 
 @pytest.mark.parametrize("epsilon", [1.0, 1e-3])

@@ -10,18 +10,7 @@ from circparam.solvers.objective import chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import flipped, untangle
 from tests.support import shapes
-from tests.support.charts import patches_of, rim
-
-
-def tangled(n=400, seed=0, share=0.05):
-    """A flat disk with some inner vertices thrown about."""
-    cut_mesh, points = patches_of(shapes.delaunay_disk(n, seed))
-    uv = points[:, :2].copy()
-    generator = np.random.default_rng(seed)
-    inner = np.flatnonzero(~rim(cut_mesh))
-    chosen = generator.choice(inner, max(1, int(share * len(inner))), replace=False)
-    uv[chosen] += generator.normal(0, 0.15, (len(chosen), 2))
-    return cut_mesh, uv
+from tests.support.charts import patches_of, rim, tangled
 
 
 @pytest.mark.parametrize("seed", range(4))

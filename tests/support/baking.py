@@ -7,8 +7,9 @@ from PIL import Image
 
 from circparam.bake.bake import Baked, tiles_of
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.document import Document
 from circparam.formats.io import read
-from circparam.mesh.mesh import UVMap
+from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.texture import bilinear
 from tests.support.shapes import sheet_faces
 from tests.support.writers import obj
@@ -50,6 +51,20 @@ def write_obj(
     rows = points if colours is None else np.concatenate([points, colours], 1)
     given = {"materials": {"m": np.ones(len(faces), bool)}, "library": mtl} if mtl else {}
     path.write_bytes(obj(rows, faces, layout.uv, layout.uv_faces, **given))
+
+
+def stored(folder: Path, name: str, mesh: Mesh, layout: UVMap, mtl: str = "") -> Document:
+    """The document of an OBJ with a layout."""
+    write_obj(folder / f"{name}.obj", mesh.points, layout, mesh.faces, mtl=mtl)
+    return read(folder / f"{name}.obj")
+
+
+def noise(path: Path, size: int = 256) -> FloatArray:
+    """A picture with detail of eight texels, and its values."""
+    grid = np.random.default_rng(3).random((size // 8, size // 8, 3)) * 255
+    image = Image.fromarray(grid.astype(np.uint8)).resize((size, size), Image.Resampling.BICUBIC)
+    image.save(path)
+    return np.asarray(image, float) / 255
 
 
 def picture(path: Path, n: int = 128) -> None:

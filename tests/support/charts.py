@@ -5,7 +5,7 @@ import numpy as np
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
-from tests.support.shapes import sheet_faces
+from tests.support.shapes import delaunay_disk, sheet_faces
 
 
 def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
@@ -39,6 +39,17 @@ def rim(cut_mesh) -> np.ndarray:
     out = np.zeros(cut_mesh.n_vertices, bool)
     out[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
     return out
+
+
+def tangled(n: int = 400, seed: int = 0, share: float = 0.05) -> tuple[CutMesh, np.ndarray]:
+    """A flat disk with some inner vertices thrown about."""
+    cut_mesh, points = patches_of(delaunay_disk(n, seed))
+    uv = points[:, :2].copy()
+    generator = np.random.default_rng(seed)
+    inner = np.flatnonzero(~rim(cut_mesh))
+    chosen = generator.choice(inner, max(1, int(share * len(inner))), replace=False)
+    uv[chosen] += generator.normal(0, 0.15, (len(chosen), 2))
+    return cut_mesh, uv
 
 
 def developable(kind: str, refine: int = 1) -> CutMesh:

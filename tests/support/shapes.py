@@ -178,6 +178,15 @@ def spiked_disk(n: int = 400, ratio: float = 20.0, seed: int = 0) -> Shape:
 # several borders -----------------------------------------------------------------------------------
 
 
+def flat_ring(inner: float, outer: float, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """(uv (2n, 2), faces) of a ring of n quads between two circles, the inner one first."""
+    t = 2 * np.pi * np.arange(n) / n
+    circle = np.stack([np.cos(t), np.sin(t)], 1)
+    a, b = np.arange(n), (np.arange(n) + 1) % n
+    faces = np.concatenate([np.stack([a, a + n, b + n], 1), np.stack([a, b + n, b], 1)])
+    return np.concatenate([inner * circle, outer * circle]), faces
+
+
 def annulus(around: int = 32, along: int = 6, inner: float = 0.4) -> Shape:
     """A flat ring: one hole."""
     r, a = _mesh_grid(np.linspace(inner, 1, along + 1), 2 * np.pi * np.arange(around) / around)

@@ -14,8 +14,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit
-from circparam.maps.pair import moved
-from circparam.maps.surface_map import SurfaceMap
+from circparam.maps.surface_map import SurfaceMap, moved
 from circparam.pipeline.unwrap import unwrap
 from circparam.render import colours as col
 from circparam.render.camera import Camera, look_from
