@@ -17,10 +17,9 @@ from circparam.formats.gltf.export import to_glb, to_gltf
 from circparam.formats.obj.document import read_obj
 from circparam.formats.obj.writing import to_obj
 from circparam.formats.off import read_off
-from circparam.formats.ply.document import read_ply, round_ply
+from circparam.formats.ply.document import read_ply, round_ply, to_ply
 from circparam.formats.ply.reading import is_ascii
 from circparam.formats.ply.reading import look_ahead as look_ahead_ply
-from circparam.formats.ply.writing import to_ply
 from circparam.formats.source import Source
 from circparam.formats.stl import is_text_stl, read_stl
 from circparam.formats.stl import look_ahead as look_ahead_stl

@@ -9,7 +9,14 @@ import numpy.typing as npt
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.formats.document import Document, Encoded, Replaced, WriteOptions
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    Replaced,
+    WriteOptions,
+    check_new_set,
+    not_carried,
+)
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.page_names import in_ply_header
@@ -169,6 +176,22 @@ def round_ply(uv: FloatArray, document: Document | None) -> FloatArray:
     kind = document.uv_type if isinstance(document, PlyDocument) else "f4"
     rounded: FloatArray = uv.astype(kind).astype(np.float64) + 0.0
     return rounded
+
+
+def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
+    """Binary PLY: polygons kept, uv at the vertices, duplicated along seams, or at the faces."""
+    check_new_set(options, "ply")
+    polys = document.polygons()
+    longest = (
+        127 if writing.uv_at_faces(options.ply_uv) else 255
+    )  # a list of uv has two numbers a corner
+    data = writing.plain(document.mesh.points, polys, longest, options.pages)
+    none = np.zeros((0, 3), np.int64)
+    plain = PlyDocument(
+        document.source, "ply", document.mesh, layout=Layout(data, document.source),
+        lists=FaceLists(polys, len(polys.start) - 1, len(polys.corners), none, none[:, 0]),
+    )  # fmt: skip
+    return plain._with_uv(uvmap, Replaced(0, *not_carried(document, "ply", "polygons")), options)
 
 
 def _lists(layout: Layout, name: str) -> tuple[IntArray, IntArray]:

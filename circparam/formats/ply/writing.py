@@ -1,5 +1,6 @@
-"""Rows of a PLY file written again, with uv at vertices or faces, and any document as a new PLY."""
+"""Rows of a PLY file written again, with uv at vertices or faces, and a new file without uv."""
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -7,13 +8,11 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import OptionError
-from circparam.formats.document import Document, Encoded, WriteOptions, check_new_set, not_carried
 from circparam.formats.page_names import page_lines
 from circparam.formats.ply.reading import INDICES, Element, FaceLists, Layout, Property, vertex_uv
-from circparam.formats.polygons import list_start
+from circparam.formats.polygons import Polygons, list_start
 from circparam.formats.tokens import ByteArray, as_bytes, interleave, take_ranges
-from circparam.formats.vertex_split import Split, duplicated, split_vertices
-from circparam.mesh.mesh import UVMap
+from circparam.formats.vertex_split import Split
 
 # bytes of all rows, and the length of each row's share
 Piece: TypeAlias = tuple[ByteArray, IntArray]
@@ -236,62 +235,26 @@ def break_strips(corner: IntArray, place: IntArray, start: IntArray) -> tuple[In
     return np.bincount(row, length, len(start) - 1).astype(np.int64), out
 
 
-def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """Binary PLY: polygons kept, uv at the vertices, duplicated along seams, or at the faces."""
-    check_new_set(options, "ply")
-    at_faces = uv_at_faces(options.ply_uv)
-    polys = document.polygons()
-    uv_kind = "f8" if options.uv_double else "f4"
-    uv = uvmap.uv.astype(uv_kind).astype(np.float64)
-    corner = polys.corner_uv(UVMap(uv, uvmap.uv_faces), document.source.name)
-    n = len(document.mesh.points)
-    split = split_vertices(n, polys.corners, uv, corner)
-    source = np.arange(n) if at_faces else split.source
-    points = document.mesh.points[source]
+def plain(points: FloatArray, polys: Polygons, longest: int, pages: Sequence[str]) -> bytes:
+    """A new binary PLY without uv. longest: corners of a polygon up to which bytes count them."""
     with np.errstate(over="ignore", invalid="ignore"):
         exact = bool((points.astype(np.float32) == points)[np.isfinite(points)].all())
-    kind = "f4" if exact else "f8"
-    fields = [(c, "<" + kind) for c in "xyz"]
-    if not at_faces:
-        fields += [("s", "<" + uv_kind), ("t", "<" + uv_kind)]
-    vertex = np.zeros(len(points), fields)
-    for k, c in enumerate("xyz"):
-        vertex[c] = points[:, k]
-    if not at_faces:
-        vertex["s"], vertex["t"] = split.uv.T
     size = np.diff(polys.start)
-    wide = int(size.max(initial=0)) > (127 if at_faces else 255)
-    count = "<i4" if wide else "u1"
-    index = (polys.corners if at_faces else split.corner).astype("<i4")
-    parts = [_raw(size.astype(count)), (index.view(np.uint8), 4 * size)]
-    if at_faces:
-        table = np.concatenate([uv, np.zeros((1, 2))]).astype("<" + uv_kind)
-        parts += [
-            _raw((2 * size).astype(count)),
-            (table[corner].reshape(-1).view(np.uint8), 2 * table.itemsize * size),
-        ]
-    body, _ = interleave(parts)
-    names = {"f4": "float", "f8": "double"}
-    name, uv_name, count_name = names[kind], names[uv_kind], "int" if wide else "uchar"
+    number, code = ("float", "<f4") if exact else ("double", "<f8")
+    count, counts = ("uchar", size.astype("u1"))
+    if int(size.max(initial=0)) > longest:
+        count, counts = "int", size.astype("<i4")
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         "comment written by circparam",
-        *(f"comment {line}" for line in page_lines(options.pages)),
+        *(f"comment {line}" for line in page_lines(pages)),
         f"element vertex {len(points)}",
+        *(f"property {number} {c}" for c in "xyz"),
+        f"element face {len(size)}",
+        f"property list {count} int vertex_indices",
+        "end_header\n",
     ]
-    lines += [f"property {name} {c}" for c in "xyz"]
-    lines += [] if at_faces else [f"property {uv_name} {c}" for c in "st"]
-    lines += [f"element face {len(size)}", f"property list {count_name} int vertex_indices"]
-    lines += [f"property list {count_name} {uv_name} texcoord"] if at_faces else []
-    head = "\n".join([*lines, "end_header", ""]).encode()
-    notes, warnings = not_carried(document, "ply", "polygons")
-    if not at_faces and split.added:
-        notes.append(duplicated(split.added))
-    data = head + vertex.tobytes() + body.tobytes()
-    faces = np.arange(len(document.mesh.faces))
-    return Encoded(data, "ply", source, faces, notes=notes, warnings=warnings)
-
-
-def _raw(values: npt.NDArray[Any]) -> tuple[ByteArray, IntArray]:
-    return values.view(np.uint8), np.full(len(values), values.dtype.itemsize, np.int64)
+    heads = counts.view(np.uint8), np.full(len(size), counts.itemsize, np.int64)
+    rows, _ = interleave([heads, (polys.corners.astype("<i4").view(np.uint8), 4 * size)])
+    return "\n".join(lines).encode() + points.astype(code).tobytes() + rows.tobytes()
