@@ -84,13 +84,10 @@ def _check(
         format = given["format"] if table or mesh == "-" else None
         found = inspect(read(mesh, format=format, reader=given["reader"]), **keywords)
     report = summarise_check(found)
-
-    def shown() -> Any:
-        from circparam.cli.tables import check_line, check_table
-
-        return [check_table(report)] if table else f"{mesh}: {check_line(report)}"
-
-    common.show(given, report, shown)
+    if table:
+        common.show(given, report, lambda: [common.tables.check_table(report)])
+    else:
+        common.show(given, report, lambda: f"{mesh}: {common.tables.check_line(report)}")
     if given["require"] == "disk":
         require_disks(found)
     common.check_gates(gates, {**report, **(report["uv"] or {})}, mesh)

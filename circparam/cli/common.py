@@ -15,11 +15,13 @@ from click.shell_completion import CompletionItem
 
 from circparam.cli import exits, progress
 from circparam.core.fields import Spec, specs
+from circparam.core.imports import OnDemand
 from circparam.core.registry import unknown_name
 from circparam.errors import GateError
 from circparam.pipeline.options import Options
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+tables: Any = OnDemand("circparam.cli.tables")  # with rich, which takes a tenth of a second
 
 
 # flags that had another name before; they keep working and stand in no help text
@@ -252,9 +254,13 @@ def show(
         if isinstance(found, str):
             click.echo(found)
         else:
-            from circparam.cli.tables import console
+            tables.console().print(*found)
 
-            console().print(*found)
+
+def show_unwrap(given: dict[str, Any], report: dict[str, Any], out: str) -> None:
+    """The report of one unwrapped or packed mesh; no table where the mesh itself went to stdout."""
+    lines = lambda: [tables.unwrap_table(report, given["verbose"])]  # noqa: E731
+    show(given, report, None if out == "-" else lines)
 
 
 def tell(

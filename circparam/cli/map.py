@@ -76,10 +76,4 @@ def command(a: str, b: str, **given: Any) -> None:
         common.tell(given, f"{name}: ", document.warnings, document.notes)
     common.tell(given, "", (), found.notes)
     report = {"schema": "circparam/map/1", "a": a, "b": b, "output": str(out), **found.as_dict()}
-
-    def tables() -> list[Any]:
-        from circparam.cli.tables import map_table
-
-        return [map_table(report)]
-
-    common.show(given, report, tables)
+    common.show(given, report, lambda: [common.tables.map_table(report)])

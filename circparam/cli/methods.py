@@ -50,21 +50,19 @@ _SHORT = {"reproduces-plane": "plane", "free-boundary": "free", "convex-boundary
 
 def _table(rows: list[dict[str, Any]]) -> list[Any]:
     """Every method with its guarantees and its use, and the meaning of the guarantees."""
-    from circparam.cli.tables import columns, facts
     from circparam.core.registry import TAGS
 
     short = {tag: _SHORT.get(tag, tag) for tag in TAGS}
     marks = {
         row["name"]: ["yes" if tag in row["guarantees"] else "-" for tag in TAGS] for row in rows
     }
-    meanings = facts((short[tag], text) for tag, text in TAGS.items())
-    uses = facts((row["name"], row["summary"]) for row in rows)
-    return [columns("method", short.values(), marks), "", uses, "", meanings]
+    meanings = common.tables.facts((short[tag], text) for tag, text in TAGS.items())
+    uses = common.tables.facts((row["name"], row["summary"]) for row in rows)
+    return [common.tables.columns("method", short.values(), marks), "", uses, "", meanings]
 
 
 def _page(rows: list[dict[str, Any]]) -> list[Any]:
     """All that is known of one method."""
-    from circparam.cli.tables import facts
     from circparam.core.registry import TAGS
 
     (row,) = rows
@@ -72,4 +70,4 @@ def _page(rows: list[dict[str, Any]]) -> list[Any]:
     lines += [(key, row[key]) for key in ("summary", "source", "condition") if row[key]]
     guarantees = [f"{tag}: {TAGS[tag]}" for tag in row["guarantees"]] or ["none"]
     lines += [("guarantees" if k == 0 else "", text) for k, text in enumerate(guarantees)]
-    return [facts(lines)]
+    return [common.tables.facts(lines)]

@@ -61,12 +61,6 @@ def command(mesh: str, **given: Any) -> None:
         raise click.UsageError("'-' (stdin) needs its format: give --format obj, ply, glb ...")
     with progress.listener(mesh, given["quiet"]) as listener:
         report = summarise(repack(mesh, out, listener=listener, **keywords))
-
-    def tables() -> list[Any]:
-        from circparam.cli.tables import unwrap_table
-
-        return [unwrap_table(report, given["verbose"])]
-
     common.tell(given, f"{mesh}: ", report["warnings"])
-    common.show(given, report, None if out == "-" else tables)
+    common.show_unwrap(given, report, out)
     common.check_gates(gates, report, mesh)

@@ -45,8 +45,8 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
     if name is None:
         if output is not None:
             raise OptionError(f"-o needs the name of a sample: {', '.join(samples.names())}")
-        rows = samples.manifest()
-        common.show(given, [vars(s) for s in rows], lambda: _table(rows), 2)
+        every = samples.manifest()
+        common.show(given, [vars(s) for s in every], lambda: _table(every), 2)
         return
     sample = samples.info(name)
     if output is not None:
@@ -54,19 +54,12 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
             click.echo(f"saved {path}", err=True)
         return
     known = {**vars(sample), "path": str(samples.path(name))}
-
-    def page() -> list[Any]:
-        from circparam.cli.tables import facts
-
-        return [facts((key.replace("_", " "), value) for key, value in known.items())]
-
-    common.show(given, known, page, 2)
+    rows = [(key.replace("_", " "), value) for key, value in known.items()]
+    common.show(given, known, lambda: [common.tables.facts(rows)], 2)
 
 
 def _table(rows: "tuple[Sample, ...]") -> list[Any]:
     """Every sample with its size, then a description of each."""
-    from circparam.cli.tables import columns, facts
-
     heads = ("format", "vertices", "faces", "genus", "boundaries")
     sizes = {
         s.name: [
@@ -75,7 +68,12 @@ def _table(rows: "tuple[Sample, ...]") -> list[Any]:
         ]
         for s in rows
     }
-    return [columns("name", heads, sizes), "", facts((s.name, s.summary) for s in rows)]
+    tables = common.tables
+    return [
+        tables.columns("name", heads, sizes),
+        "",
+        tables.facts((s.name, s.summary) for s in rows),
+    ]
 
 
 def _save(sample: "Sample", output: str, overwrite: bool) -> list[str]:

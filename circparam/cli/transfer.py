@@ -71,11 +71,9 @@ def command(source: str, targets: tuple[str, ...], **given: Any) -> None:
 
 def _table(rows: list[dict[str, Any]]) -> Any:
     """The figures of each mesh; drifts in texels."""
-    from circparam.cli.tables import columns
-
     cells = {}
     for row in rows:
         whole = [str(row[name]) for name in ("faces", "charts", "flips", "overlap")]
         cells[str(row["output"])] = [*whole, f"{row['drift']:.2f}", f"{row['inside_p95']:.2f}"]
     heads = ("faces", "charts", "flips", "overlaps", "drift", "inside 95 %")
-    return columns("output", heads, cells)
+    return common.tables.columns("output", heads, cells)

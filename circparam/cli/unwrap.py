@@ -184,9 +184,7 @@ class _Run:
         """One line for each of several meshes with its result."""
         if len(self.reports) < 2 or self.as_json or self.quiet:
             return
-        from circparam.cli.tables import console, summary_table
-
-        console().print("", summary_table(self.reports))
+        common.tables.console().print("", common.tables.summary_table(self.reports))
 
     def one(self, mesh: str, out: str) -> None:
         """Unwrap one mesh."""
@@ -220,13 +218,8 @@ class _Run:
         report = summarise(result) | _look_figures(look)
         self.reports.append(report)
 
-        def tables() -> list[Any]:
-            from circparam.cli.tables import unwrap_table
-
-            return [unwrap_table(report, self.given["verbose"])]
-
         common.tell(self.given, f"{mesh}: ", report["warnings"])
-        common.show(self.given, report, None if out == "-" else tables)
+        common.show_unwrap(self.given, report, out)
         common.check_gates(self.gates, report, mesh)
 
     def together(self, meshes: list[str], outs: list[str]) -> None:
@@ -252,14 +245,11 @@ class _Run:
                 shared, look = rebake_documents(documents, places, self.options, self.look, monitor)
         report = shared.as_dict() | _look_figures(look)
 
-        def tables() -> list[Any]:
-            from circparam.cli.tables import atlas_table, unwrap_table
-
-            page = report | {"input": f"{len(meshes)} meshes", "output": self.given["out_dir"]}
-            return [unwrap_table(page, self.given["verbose"]), "", atlas_table(report)]
-
         common.tell(self.given, "", report["warnings"])
-        common.show(self.given, report, tables)
+        page = report | {"input": f"{len(meshes)} meshes", "output": self.given["out_dir"]}
+        tables, verbose = common.tables, self.given["verbose"]
+        shown = lambda: [tables.unwrap_table(page, verbose), "", tables.atlas_table(report)]  # noqa: E731
+        common.show(self.given, report, shown)
         common.check_gates(self.gates, report, "--one-atlas")
 
     def _extras(self, result: Any) -> None:
