@@ -129,9 +129,7 @@ def test_broken_input_and_a_missed_gate_are_those_of_unwrap(tmp_path: Path) -> N
 def test_a_server_that_is_reused_is_ended_from_outside(tmp_path: Path) -> None:
     """What stands in for forks on Windows and macOS."""
     given = settings(tmp_path / "o", Poison(), fork=False)
-    short = settings(
-        tmp_path / "o", Poison(), fork=False, timeout=2.0
-    )  # a start under load may take as long
+    short = settings(tmp_path / "o", Poison(), fork=False, timeout=1.0)
     assert do(write_disk(tmp_path / "m.obj"), given)["status"] == "ok"
     assert do(write_disk(tmp_path / "crash.obj"), given)["again"] == "ended"
     line = do(write_disk(tmp_path / "hang.obj"), short)

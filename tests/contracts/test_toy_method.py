@@ -72,28 +72,22 @@ def test_it_is_unknown_without_its_row(disk: Path) -> None:
         Options(method="toyish")
 
 
-def test_it_unwraps(disk: Path, toyish: Row[Any]) -> None:
+def test_it_unwraps_and_is_listed_with_its_guarantees(disk: Path, toyish: Row[Any]) -> None:
     report = unwrapped_by_it(disk)
     assert (report["method"], report["status"], report["flips"]) == ("toyish", "ok", 0)
-
-
-def test_it_is_listed_with_its_guarantees(toyish: Row[Any]) -> None:
     listed = {r["name"]: r for r in json.loads(run("methods", "--json").stdout)}
     assert set(listed["toyish"]["guarantees"]) == TAGS
     assert "a toy of the tests" in run("methods").stdout
     assert "Nobody 2026" in run("methods", "toyish").stdout
 
 
-def test_it_is_suggested(disk: Path, toyish: Row[Any]) -> None:
+def test_it_is_suggested_and_completed_in_the_shell(disk: Path, toyish: Row[Any]) -> None:
     words = (["unwrap", disk, "--method"], ["methods"], ["compare", disk, "--methods"])
     for result in (run(*some, "toyis") for some in words):
         assert result.exit_code == 2
         assert "did you mean toyish" in result.stderr
-
-
-def test_it_is_completed_in_the_shell(toyish: Row[Any]) -> None:
-    words = {"COMP_WORDS": "circparam unwrap --method toy", "COMP_CWORD": "3"}
-    env = {"_CIRCPARAM_COMPLETE": "bash_complete", **words}
+    typed = {"COMP_WORDS": "circparam unwrap --method toy", "COMP_CWORD": "3"}
+    env = {"_CIRCPARAM_COMPLETE": "bash_complete", **typed}
     assert "toyish" in CliRunner().invoke(cli, [], env=env, prog_name="circparam").output
 
 
