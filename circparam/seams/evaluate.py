@@ -8,7 +8,7 @@ laid out in one block system. A chart that fails a question is not asked the nex
 3. Does its boundary cross itself?
 4. Two Newton steps: do they leave a lower bound of the energy that is above the bound?
 5. Newton steps to convergence: is the energy below the bound?
-6. Does the boundary cross itself? Do parts of it keep apart, or can they be pushed apart?
+6. Do parts of the boundary keep apart, or can they be pushed apart?
 
 Topology comes before all of them (``mesh.cut_mesh.not_disks``), since the caller has to leave such moves out.
 """
@@ -224,28 +224,29 @@ def _relax(cut_mesh: CutMesh, trial: Trial, live: BoolArray, demands: Demands) -
 
 
 def _keep_apart(cut_mesh: CutMesh, trial: Trial, demands: Demands, monitor: Monitor) -> None:
-    """Good charts that cross themselves overlap; parts that only come too near each other are pushed apart.
+    """Push parts of good charts apart that cross or come too near each other; where that fails, they overlap.
 
-    Without pushing those that cross, ten meshes cost 0.965 [0.914, 1.004] as much in 0.92 of the time.
+    Without pushing those that cross, 12 drafts and searches cost 1.02 to 1.035 times as much.
     """
     good = trial.good(demands.bound)
     if not good.any():
         return
     sub, vid, _ = cut_mesh.subset(good)
     contacts = SelfContacts.of(sub, trial.uv[vid])
-    trial.overlapping[good] = contacts.meets
-    if demands.margin == 0:
+    over = contacts.meets.copy()
+    if demands.margin > 0:
+        over |= contacts.near(demands.margin, ~over, chamfers=True) > 0
+    number = np.flatnonzero(good)[over]
+    trial.overlapping[number] = True
+    if not len(number):
         return
-    near = good.copy()
-    near[good] = contacts.near(demands.margin, ~contacts.meets, chamfers=True) > 0
-    if near.any():
-        sub, vid, _ = cut_mesh.subset(near)
-        pushed, fine = push_apart(
-            sub, trial.uv[vid], demands.margin, demands.bound, monitor, chamfers=True
-        )
-        kept = fine[sub.vertex_chart]
-        trial.uv[vid[kept]] = pushed[kept]
-        trial.overlapping[near] = ~fine
+    sub, vid, _ = cut_mesh.subset(trial.overlapping & good)
+    pushed, fine = push_apart(
+        sub, trial.uv[vid], demands.margin, demands.bound, monitor, chamfers=True
+    )
+    kept = fine[sub.vertex_chart]
+    trial.uv[vid[kept]] = pushed[kept]
+    trial.overlapping[number[fine]] = False
 
 
 def _jacobians(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
