@@ -1,42 +1,12 @@
 """Convex combination maps: every free vertex is a weighted mean of its neighbours (Tutte, Floater)."""
 
-from collections.abc import Callable
-
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import FloatArray, IntArray, group_sum
 from circparam.core.linalg import Factor
-from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.tracing import Tracer
 from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
-
-
-def row_weights(mesh: ClosedMesh, weights: str) -> FloatArray:
-    """(3m,) weights of all half-edges by a row of WEIGHTS, normalised to sum 1 at each vertex."""
-    w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function)
-    start = mesh.faces.ravel()
-    result: FloatArray = w / group_sum(w, start, mesh.n)[start]
-    return result
-
-
-def combined(
-    mesh: ClosedMesh, free: BoolArray, weights: FloatArray, known: Callable[[IntArray], FloatArray]
-) -> FloatArray:
-    """(k, d) places of the free vertices (n,) of a mesh, in their order.
-
-    weights: (3m,) of the half-edges, see ``row_weights``. known: half-edges that leave free vertices → (h, d)
-    the places of their ends, which are not free.
-    """
-    i, j = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    inner, edge = np.flatnonzero(free[i] & free[j]), np.flatnonzero(free[i] & ~free[j])
-    number, n = np.cumsum(free) - 1, int(free.sum())
-    matrix = sps.identity(n, format="csr") - sps.csr_matrix(
-        (weights[inner], (number[i[inner]], number[j[inner]])), shape=(n, n)
-    )
-    value = known(edge) * weights[edge][:, None]
-    b = np.stack([group_sum(column, number[i[edge]], n) for column in value.T], 1)
-    return Factor(matrix).solve(b)
 
 
 def laid_in_polygons(
@@ -46,6 +16,7 @@ def laid_in_polygons(
 
     polygon (m,): that of each face, −1 if it lies in none and has no places. arcs: those round each polygon,
     laid along its sides by arc length; no polygon has a landmark twice. Inner vertices are one linear system.
+    weights: row of WEIGHTS.
     """
     mesh = tracer.mesh
     flat, ends = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
@@ -60,10 +31,18 @@ def laid_in_polygons(
     np.maximum.at(high, flat, of)
     free = (low == high) & (high >= 0)
     free[tracer.marks] = False
-    inside = combined(mesh, free, row_weights(mesh, weights), lambda h: around(h, ends[h]))
+    w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function)
+    w = w / group_sum(w, flat, mesh.n)[flat]  # of sum 1 at each vertex
+    inner, edge = (np.flatnonzero(free[flat] & (free[ends] == beside)) for beside in (True, False))
+    number, n = np.cumsum(free) - 1, int(free.sum())
+    rows, columns = number[flat[inner]], number[ends[inner]]
+    means = sps.csr_matrix((w[inner], (rows, columns)), shape=(n, n))
+    known_ends = around(edge, ends[edge]) * w[edge][:, None]
+    pull = np.stack([group_sum(column, number[flat[edge]], n) for column in known_ends.T], 1)
+    inside = Factor(sps.identity(n, format="csr") - means).solve(pull)
     places = np.zeros((len(flat), corners.shape[1]))
     use = free[flat]
-    places[use] = inside[(np.cumsum(free) - 1)[flat[use]]]
+    places[use] = inside[number[flat[use]]]
     on = np.flatnonzero(~use & (of >= 0))
     places[on] = around(on, flat[on])
     return places.reshape(-1, 3, corners.shape[1])

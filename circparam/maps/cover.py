@@ -53,11 +53,6 @@ class Development:
         out[at >= 0] = self.corner_matrices[at[at >= 0], corner[at >= 0] % 3]
         return out
 
-    def between(self, half_edge: IntArray) -> FloatArray:
-        """(k, 3, 3) from the frame of the end of each half-edge to that of its start."""
-        after = next_half_edge(half_edge)
-        return np.asarray(np.linalg.inv(self.of(half_edge)) @ self.of(after), np.float64)
-
     def rolled_out(
         self, roots: IntArray, passable: BoolArray | None = None
     ) -> tuple[IntArray, FloatArray]:

@@ -88,11 +88,6 @@ class Geometry:
         result: FloatArray = q / np.sqrt(np.maximum(square, 1e-300))
         return result
 
-    def contains(self, q: FloatArray) -> BoolArray:
-        """(n,) bool: the vectors (n, 3) are positive multiples of places."""
-        least = np.hypot(q[:, 0], q[:, 1]) if self.curvature < 0 else 0.0
-        return np.asarray((q[:, 2] > least) | (self.curvature > 0))
-
     def tangents(self, q: FloatArray) -> FloatArray:
         """(n, 3, 2) two tangents at places (n, 3), orthonormal, counter-clockwise."""
         if self.curvature > 0:

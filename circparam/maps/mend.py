@@ -1,23 +1,19 @@
-"""Turn single faces of a mesh back over its domain: their surroundings are mapped anew, patch by patch."""
+"""Turn single faces of a mesh back over its domain: their surroundings are untangled, patch by patch."""
 
 from collections.abc import Callable
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2
 from circparam.core.graph import components
-from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
-from circparam.maps.convex import row_weights
 from circparam.maps.cover import Development
 from circparam.maps.geometries import Geometry, counter_clockwise
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.untangle import untangle
 
-FILLED_RINGS = (0, 1, 2, 3, 5, 8, 12)  # round turned faces that are filled, tried in turn,
-TRIES = 2  # rounds of each, because one repair may spoil other faces
-UNTANGLED_RINGS = (4, 8, 2, 12)  # rings of a patch that is untangled after that, tried in turn
+# rings round turned faces in a patch that is untangled, tried in turn: small patches keep the most
+UNTANGLED_RINGS = (1, 2, 4, 8, 16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,23 +25,7 @@ class Mender:
     fixed: BoolArray
 
     def mended(self, q: FloatArray) -> tuple[FloatArray, int]:
-        """(vectors (n, 3) of the vertices with fewer faces turned over, the number left).
-
-        The surroundings of each turned face become convex combinations, then patches are untangled. Each patch
-        is treated by itself, and a filling is kept only if it helps.
-        """
-        mesh = self.development.mesh
-        weights: FloatArray | None = None
-        for rings in FILLED_RINGS:
-            for _ in range(TRIES):
-                turned = self.turned(q)
-                if not turned.any():
-                    return q, 0
-                if weights is None:
-                    weights = row_weights(mesh, "mean-value")
-                free = self._around(turned, rings) & ~self.fixed
-                if free.any():
-                    q = self._kept(q, self._filled(q, free, weights), free)
+        """(vectors (n, 3) of the vertices with fewer faces turned over, the number left)."""
         for rings in UNTANGLED_RINGS:
             q = self._untangled(q, rings)
         return q, int(self.turned(q).sum())
@@ -62,40 +42,6 @@ class Mender:
         for _ in range(rings):
             out[mesh.faces[out[mesh.faces].any(1)]] = True
         return out
-
-    def _filled(self, q: FloatArray, free: BoolArray, weights: FloatArray) -> FloatArray:
-        """The free vertices as weighted means of their neighbours, each in its own frame: blocks of 3 × 3."""
-        faces = self.development.mesh.faces
-        i, j = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-        h = np.flatnonzero(free[i])
-        i, j, w = i[h], j[h], weights[h]
-        way = self.development.between(h)
-        number, n = np.cumsum(free) - 1, int(free.sum())
-        inner = free[j]
-        value = np.einsum("kab,kb->ka", way[~inner], q[j[~inner]]) * w[~inner][:, None]
-        b = np.stack([group_sum(value[:, d], number[i[~inner]], n) for d in range(3)], 1)
-        block = way[inner] * w[inner][:, None, None]
-        three = np.arange(3)
-        rows = 3 * number[i[inner]][:, None, None] + three[:, None] + 0 * three
-        cols = 3 * number[j[inner]][:, None, None] + three + 0 * three[:, None]
-        matrix = sps.csr_matrix((block.ravel(), (rows.ravel(), cols.ravel())), shape=(3 * n, 3 * n))
-        found = Factor(sps.identity(3 * n, format="csr") - matrix).solve(b.ravel()).reshape(-1, 3)
-        good = self.geometry.contains(found)
-        out = q.copy()
-        out[np.flatnonzero(free)[good]] = self.geometry.normal(found[good])
-        return out
-
-    def _kept(self, q: FloatArray, new: FloatArray, free: BoolArray) -> FloatArray:
-        """``new`` on every patch of free vertices where fewer faces are turned over than before."""
-        mesh = self.development.mesh
-        i, j = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-        both = free[i] & free[j]
-        count, label = components(mesh.n, i[both], j[both])
-        patch = np.where(free[mesh.faces], label[mesh.faces], -1).max(1)
-        before, after = (
-            np.bincount(patch[self.turned(x) & (patch >= 0)], minlength=count) for x in (q, new)
-        )
-        return np.where((free & (after < before)[label])[:, None], new, q)
 
     def _untangled(self, q: FloatArray, rings: int) -> FloatArray:
         """Patches of so many rings round turned faces, each in a plane, by the foldover-free energy."""
