@@ -59,7 +59,6 @@ def meshes(tmp_path: Path) -> Path:
     [
         ({"files": "good/*.obj"}, 0),
         ({"files": "**/*.obj"}, 6),
-        ({"files": "good/a.obj", "fail-if": "charts>0"}, 6),
         ({"files": "good/a.obj", "uv-set": "3"}, 3),
         ({"files": "none/*.obj"}, 2),
         ({"files": "good/a.obj", "fail-if": "$(touch hacked)"}, 2),
