@@ -114,6 +114,7 @@ ROWS = """
 3 | unwrap flat.obj                                    | flat.obj
 3 | unwrap cut.ply                                     | cut.ply
 8 | unwrap disk.obj -o away/o.obj                      | away
+2 | unwrap disk.obj -o quad.obj                        | quad.obj; --overwrite
 4 | unwrap torus.obj --cut none --method circle        | genus 1; --cut disk
 4 | unwrap fins.obj --cut none --method lscm --no-repair | non-manifold; fins.obj
 7 | unwrap ball.obj --timeout 1e-9                     | --timeout

@@ -89,15 +89,6 @@ def test_the_axis_that_points_up_in_a_format_that_has_one(tmp_path: Path) -> Non
     assert np.ptp(flat[:, 1]) == 0 < np.ptp(flat[:, 2])
 
 
-def test_nothing_is_overwritten_unasked(disk: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.obj"
-    out.write_text("precious")
-    one_line_error(run("unwrap", disk, "-o", out, *CONVEX), 2, "out.obj", "--overwrite")
-    assert out.read_text() == "precious"
-    assert run("unwrap", disk, "-o", out, *CONVEX, "--overwrite", "-q").exit_code == 0
-    assert out.read_text() != "precious"
-
-
 def test_seams_go_out_and_come_in_again(tmp_path: Path) -> None:
     """The seams of one run, given to the next one, make the same charts."""
     mesh, seams = obj(tmp_path / "cube.obj", shapes.cube(2)), tmp_path / "seams.txt"

@@ -62,16 +62,22 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b"data")
     data, source = read_bytes(tmp_path / "x")
     assert (data, source.path, source.name) == (b"data", tmp_path / "x", str(tmp_path / "x"))
-    for path, says in ((tmp_path / "none", "no such file"), (tmp_path, "directory")):
-        with pytest.raises(InputError, match=says):
-            read_bytes(path)
+    (tmp_path / "blank").write_bytes(b" \n\n")
+    (tmp_path / "void").touch()
+    for name, says in (
+        ("none", "no such file"),
+        ("", "directory"),
+        ("blank", "empty"),
+        ("void", "empty"),
+    ):
+        with pytest.raises(InputError, match=says) as caught:
+            read_bytes(tmp_path / name)
+        assert str(caught.value).startswith(f"{tmp_path / name}: ")
+        assert "\n" not in str(caught.value)
     for device in ("/dev/null", "/dev/tty"):
         if Path(device).exists():
             with pytest.raises(InputError, match="device"):
                 read_bytes(device)
-    (tmp_path / "x").write_bytes(b" \n")
-    with pytest.raises(InputError, match="empty"):
-        read_bytes(tmp_path / "x")
 
 
 def test_names_with_a_percent_sign_are_names(tmp_path: Path) -> None:

@@ -49,7 +49,6 @@ _IRIDESCENCE, _ANISOTROPY = "KHR_materials_iridescence", "KHR_materials_anisotro
 _TRANSMISSION, _VOLUME = "KHR_materials_transmission", "KHR_materials_volume"
 _THROUGH, GLOSS = "KHR_materials_diffuse_transmission", "KHR_materials_pbrSpecularGlossiness"
 _ONE, _NONE, _WHITE = (1.0,), (0.0,), (1.0, 1.0, 1.0)
-_NORMAL: Any = {"srgb": False, "kind": "normal"}
 
 PLACES = (
     _place(_PBR, "baseColorTexture", Slot("base colour", RGBA, "base_color", True, covers=True),
