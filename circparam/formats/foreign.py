@@ -8,7 +8,6 @@ import importlib.util
 import io
 import zipfile
 
-from circparam.core.records import dataclass
 from circparam.formats.gltf.document import features_of
 from circparam.formats.gltf.reading import DECODE, DRACO
 from circparam.formats.memory import PlainDocument
@@ -34,12 +33,7 @@ LOST = ("materials", "names", "the tree of nodes")
 UNPACKED, UNPACKED_PER_BYTE = 50_000_000, 50
 
 
-@dataclass(frozen=True, eq=False)
-class ForeignDocument(PlainDocument):
-    """Triangles and uv read by trimesh; ``features``: data that trimesh lost."""
-
-
-def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocument:
+def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocument:
     """The scene of a file as trimesh reads it, its node transforms applied, in the order of the scene.
 
     kind: the format as trimesh calls it. Raises InputError if a package of trimesh is missing, or if trimesh
@@ -60,7 +54,7 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
     if not names:
         raise source.error("trimesh finds no triangles in it: there is nothing to unwrap")
     layout = UVMap(arrays["uv"], arrays["faces"]) if "uv" in arrays else None
-    return ForeignDocument(
+    return PlainDocument(
         source,
         kind,
         Mesh(arrays["points"], arrays["faces"], groups=arrays["group"] if len(names) > 1 else None),
