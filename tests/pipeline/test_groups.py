@@ -18,6 +18,7 @@ from circparam.pipeline.selection import find_groups, group_rows
 from circparam.pipeline.summary import summarise
 from circparam.pipeline.unwrap import repack
 from tests.support import shapes
+from tests.support.named import named_scene
 
 QUICK: dict[str, Any] = {"effort": "draft", "resolution": 512, "hide_seams": 0}
 BRACKET = samples.path("bracket")
@@ -108,6 +109,15 @@ def test_names_are_needed_and_fit_the_pages(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="101 materials, and there are at most 100 pages"):
         find_groups(many, "material", True)
     assert find_groups(many, "material", False).names == tuple(f"m{k}" for k in range(101))
+
+
+def test_a_face_of_several_names_belongs_to_the_first(tmp_path: Path) -> None:
+    """A node above others has a name for their faces too."""
+    document = read(named_scene(tmp_path)[1])
+    found, groups = document.named("node"), find_groups(document, "node", False)
+    own = {label: name for name, label in reversed(found.names)}
+    assert len(own) < len(found.names)
+    assert [groups.names[k] for k in groups.label] == [own[label] for label in found.label]
 
 
 def test_more_than_ten_groups_get_pages_in_one_row(tmp_path: Path) -> None:

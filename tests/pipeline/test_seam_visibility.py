@@ -23,7 +23,7 @@ def none_left() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def torus() -> Result:
-    return circparam.unwrap(shapes.torus(16, 8), jobs=1)
+    return circparam.unwrap(shapes.torus(16, 8), jobs=1, effort="draft")
 
 
 def told(result: Result, monitor: Monitor) -> Result:
@@ -53,7 +53,8 @@ def test_an_unwrap_out_of_time_does_not_look() -> None:
             monitor.deadline = 0.0
 
     monitor = Monitor(listener=strike, timeout=1000.0)
-    document = unwrap.open_source(shapes.torus(16, 8), circparam.Options())
-    result = unwrap.unwrap_document(document, None, circparam.Options(), monitor)
+    options = circparam.Options(effort="draft")
+    document = unwrap.open_source(shapes.torus(16, 8), options)
+    result = unwrap.unwrap_document(document, None, options, monitor)
     assert result.verification.valid
     assert result.measures["seam_visible"] is None

@@ -35,23 +35,25 @@ def cost(result: circparam.Result) -> float:
 
 
 @pytest.fixture(scope="module")
-def four() -> circparam.Result:
-    return unwrapped(bumpy(), effort="high")
+def three() -> circparam.Result:
+    return unwrapped(bumpy(), effort=3)
 
 
-def test_more_effort_keeps_the_cheapest_of_all_searches(four: circparam.Result) -> None:
-    found = four.effort
-    assert found.searches == len(found.costs) == 4
+def test_more_effort_keeps_the_cheapest_of_all_searches(three: circparam.Result) -> None:
+    found = three.effort
+    assert found.searches == len(found.costs) == 3
     assert found.more == 0
     assert len(set(found.costs)) > 1  # else there is nothing to choose from
     assert found.costs[found.best] == min(found.costs)
-    assert cost(four) == pytest.approx(min(found.costs), rel=0.02)  # the page is measured in texels
+    assert cost(three) == pytest.approx(
+        min(found.costs), rel=0.02
+    )  # the page is measured in texels
 
 
-def test_more_effort_contains_the_searches_of_less(four: circparam.Result) -> None:
+def test_more_effort_contains_the_searches_of_less(three: circparam.Result) -> None:
     two = unwrapped(bumpy(), effort=2)
-    assert two.effort.costs == four.effort.costs[:2]
-    assert min(four.effort.costs) <= min(two.effort.costs)
+    assert two.effort.costs == three.effort.costs[:2]
+    assert min(three.effort.costs) <= min(two.effort.costs)
 
 
 def test_a_full_search_costs_no_more_than_a_draft() -> None:
@@ -109,9 +111,7 @@ def test_an_effort_that_is_none_is_told(word: Any) -> None:
     assert "draft" in str(info.value)
 
 
-@pytest.mark.parametrize(
-    ("shape", "density"), [(shapes.cube(3), 70), (shapes.cube(3), 82), (shapes.icosphere(1), 98)]
-)
+@pytest.mark.parametrize(("shape", "density"), [(shapes.cube(3), 82), (shapes.icosphere(1), 98)])
 def test_a_draft_refuses_nothing_that_a_full_search_can_pack(
     shape: shapes.Shape, density: float
 ) -> None:
