@@ -57,10 +57,12 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     """
     quads, grid = _paired(cut_mesh, diagonal)
     grid &= _regular(cut_mesh, quads, diagonal)
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    if not grid.any():
+        return uv, grid
     direction, whole = _directions(cut_mesh, quads, grid)
     grid &= whole
     width = _widths(cut_mesh, quads)
-    uv = np.zeros((cut_mesh.n_vertices, 2))
     flat = cut_mesh.faces.ravel()
     h = np.flatnonzero((quads.side >= 0) & np.repeat(grid[cut_mesh.chart], 3))
     for axis in (0, 1):

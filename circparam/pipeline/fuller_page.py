@@ -74,9 +74,10 @@ def searched(cascade: Cascade, options: Options, most: int, monitor: Monitor) ->
         return []
     drawn = len(cutter.charts) <= SKETCHED and widest <= LONGEST * cutter.root
     sketches = one and drawn and not options.draft
-    search = Search(cutter, most, pack_options(options), sketches, budget, monitor)
+    gain = DOUBT if options.draft else -np.inf  # of one cut: others may prepare the next one
+    search = Search(cutter, most, pack_options(options), sketches, gain, budget, monitor)
     first, *others = search.plans()
-    limit = first.cost - (DOUBT if options.draft else 0.0)
+    limit = first.cost - max(gain, 0.0)
     return sorted((p for p in others if p.cost < limit), key=lambda plan: plan.cost)
 
 

@@ -67,13 +67,15 @@ class _Trial:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What all plans share. most: cuts. options: of packing. sketches: whether pages are sketched. budget: of
-    the faces of charts that are cut."""
+    """What all plans share. most: cuts. options: of packing. sketches: whether pages are sketched. gain: by
+    which a chord has to lower the estimated cost, else it is not tried. budget: of the faces of charts that are
+    cut."""
 
     cutter: Cutter
     most: int
     options: PackOptions
     sketches: bool
+    gain: float
     budget: Budget
     monitor: Monitor
 
@@ -161,7 +163,8 @@ class Search:
         now = self._estimate(plan.parts, boxes.sum(), squares.max())
         most = self._estimate(plan.parts, boxes.sum() - boxes + areas, others)
         found = []
-        for n in np.flatnonzero(COST.page * (most - now) > COST.chart).tolist():
+        least = COST.chart + max(self.gain, 0.0)
+        for n in np.flatnonzero(COST.page * (most - now) > least).tolist():
             chords = plan.parts[n].chords
             square = np.maximum(chords.square, others[n])
             share = self._estimate(plan.parts, boxes.sum() - boxes[n] + chords.box, square)
@@ -169,6 +172,7 @@ class Search:
             k = np.arange(len(seam))
             found.append(np.stack([np.full(len(k), n), k, seam, share, seam - COST.page * share]))
         every = np.concatenate(found, axis=1) if found else np.zeros((5, 0))
+        every = every[:, every[4] + COST.chart + self.gain < -COST.page * now]
         every = every[:, np.argsort(every[4], kind="stable")]
         return (_Trial(int(n), int(k), seam, share) for n, k, seam, share, _ in every.T)
 

@@ -29,7 +29,7 @@ from circparam.seams.segmentation.grow import (
 )
 from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.starts import DIRECT_FACES
-from circparam.seams.stretch import LOCAL_STEPS, STRETCH, limit_stretch_of_all, stretch_limits
+from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris
 
@@ -66,8 +66,6 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     opened = surface.without_edges(forced)
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     limits, slits, splits = stretch_limits(bound, options)
-    if options.search.draft:
-        limits = dataclasses.replace(limits, local=LOCAL_STEPS)
 
     def search() -> Atlas:
         if mirror is not None:

@@ -11,6 +11,8 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 
+COLLAPSED = 1e100  # energy from which a face counts as collapsed: its gradient may leave the range of floats
+
 
 def jacobians(gradients: FloatArray, corners: FloatArray) -> FloatArray:
     """J (2, 2, m), surface to plane: J[d, c] = Σ_k corners[d, k] · gradients[c, k].
@@ -41,7 +43,7 @@ def energy(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
         value = frobenius * (1 + 1 / (det * det)) / 4
         if blend:
             value = (1 - blend) * value + blend * frobenius / (2 * det)
-    return np.where((det > 0) & np.isfinite(value), value, np.inf)
+    return np.where((det > 0) & (value < COLLAPSED), value, np.inf)
 
 
 def gradient(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:

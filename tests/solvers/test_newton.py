@@ -225,3 +225,13 @@ def test_charts_that_are_not_active_or_not_sound_stay() -> None:
     np.testing.assert_array_equal(step.to.uv[chart != 0], uv[chart != 0])
     assert step.to.energy[0] < before.energy[0]
     assert step.to.energy[1] == before.energy[1]
+
+
+@pytest.mark.parametrize("size", [1e-40, 1e-60, 1e-150])
+def test_a_chart_shrunk_to_nothing_leaves_numbers(size: float) -> None:
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(120), 2))
+    uv, _ = tutte_embedding(cut_mesh, "circle")
+    uv = np.where((cut_mesh.vertex_chart == 1)[:, None], uv * size, uv)
+    relaxed = relax(cut_mesh, uv, RelaxOptions(max_iterations=5))
+    assert np.isfinite(relaxed.uv).all()
+    assert relaxed.energy[0] < chart_energies(cut_mesh, uv)[0]

@@ -139,8 +139,10 @@ class Merger:
             chosen = chosen[disks]
             if len(chosen) == 0:
                 return
-        # no union has to look for an order of elimination of its own
-        eliminate_as(cut_mesh, elimination_ranks(atlas.surface), atlas.surface.corner_vertex[fid])
+        few = self.options.search.draft and self.options.faces is not None
+        if not few:  # no union has to look for an order of elimination of its own
+            ranks, vertices = elimination_ranks(atlas.surface), atlas.surface.corner_vertex[fid]
+            eliminate_as(cut_mesh, ranks, vertices)
         self.work -= len(cut_mesh.faces)
         moving = chart[fid] != glues.left[chosen][cut_mesh.chart]
         moves = Moves.gluing(cut_mesh, atlas.corners[fid], moving)

@@ -1,6 +1,7 @@
 """Starts of a search for charts: regions grown round seeds, split until they are good, and merged."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -72,15 +73,18 @@ def grow_and_merge(
 
     worker: lays half of the charts out where there is nothing better for it to do.
     """
-    atlas = _grown(surface, options.bound, seeds, worker, monitor)
+    atlas = _grown(surface, options, seeds, worker, monitor)
     Merger(atlas, options, worker=worker).run(monitor)
     return atlas
 
 
 def _grown(
-    surface: Surface, bound: float, seeds: int, worker: Worker | None, monitor: Monitor
+    surface: Surface, options: MergeOptions, seeds: int, worker: Worker | None, monitor: Monitor
 ) -> Atlas:
     """Charts grown round so many seeds and split until they are good."""
+    bound = options.bound
+    # what stays above the bound is split, wherever it ends; only a draft takes the word of the first steps
+    rough = replace(ROUGH, give_up=bound) if options.search.draft else ROUGH
     graph = dual_graph(surface)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     first_charts(atlas, graph, seeds)
@@ -88,7 +92,7 @@ def _grown(
     proposal = propose(atlas, 2)
     atlas.cut = proposal.cut(np.ones(proposal.n, bool))
     make_disks(atlas, graph)
-    layouts = lay_out_fresh(atlas, None, ROUGH, worker, monitor)
+    layouts = lay_out_fresh(atlas, None, rough, worker, monitor)
     monitor.keep(atlas, sound=False)
     while (bad := layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)).any():
         was = bad[layouts.cut_mesh.chart]
@@ -99,5 +103,5 @@ def _grown(
         n, chart = atlas.charts()
         again = np.zeros(n, bool)
         again[chart[was]] = True
-        layouts = lay_out_fresh(atlas, again, ROUGH, worker, monitor)
+        layouts = lay_out_fresh(atlas, again, rough, worker, monitor)
     return atlas
