@@ -71,7 +71,6 @@ TWINS: dict[str, Callable[[Part], Faces]] = {
     "T-junctions": t_junctions,
     "doubled": doubled,
     "needles": needles,
-    "finer needles": partial(needles, near=1e-6),
     "finest needles": partial(needles, near=1e-7),
     "noisy": noisy,
     "inches": inches,
