@@ -10,7 +10,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.seams.finish import LEVEL_FACES
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import limit_stretch
-from circparam.seams.segmentation.weigh import Limits, share_over
+from circparam.seams.segmentation.weigh import AIMED, Limits, share_over
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
@@ -47,6 +47,8 @@ def stretch_held(atlas: Atlas, bound: float, options: SeamOptions, monitor: Moni
     out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
     if not monitor.expired:
         limits, slits, splits = stretch_limits(bound, options)
+        if limits.local is not None:  # the surface that it stands for gets what a level leaves
+            limits = replace(limits, allowed=AIMED * limits.allowed)
         most = 1 + (limits.most - 1) * LEVEL_STRETCH
         stricter = replace(limits, most=most, allowed=limits.allowed / 2)
         with monitor.shown_as("level"), monitor.stage("stretch"):
