@@ -59,7 +59,7 @@ def cover(
     shares, gap, border, near = [], np.inf, resolution, None
     for p in sorted_distinct(page[used]):
         grid = label_grid(cut_mesh, uv - [p, 0], resolution, used & (page == p))
-        shares.append(float((grid >= 0).mean()))
+        shares.append(np.count_nonzero(grid >= 0) / grid.size)
         if stays is not None and stays.any():
             old = np.where(grid >= 0, stays[grid], False)
             grid[old] = np.flatnonzero(stays)[0]
@@ -128,7 +128,6 @@ def _spans(begin: IntArray, end: IntArray, label: IntArray, resolution: int) -> 
     end = np.maximum(begin, end)
     length = np.stack([begin - np.r_[0, end[:-1]], end - begin], 1)
     value = np.stack([np.full(len(label), -1, np.int32), label.astype(np.int32)], 1)
-    drawn = np.repeat(value.ravel(), length.ravel())
-    grid = np.full(resolution * resolution, -1, np.int32)
-    grid[: len(drawn)] = drawn
-    return grid.reshape(resolution, resolution)
+    rest = resolution * resolution - int(length.sum())
+    drawn = np.repeat(np.append(value, np.int32(-1)), np.append(length, rest))
+    return drawn.reshape(resolution, resolution)
