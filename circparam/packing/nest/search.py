@@ -15,7 +15,7 @@ from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks
 from circparam.packing.nest.places import GridPages, Spectrum
 
-# Even angles at which a chart is tried, a multiple of four. 16 cover 0.6 % less of the page.
+# Even angles at which the largest chart is tried, a multiple of four. 16 cover 0.6 % less of the page.
 ANGLES = 24
 QUARTERS = np.pi / 2 * np.array([0, 1, 2, -1])  # of a turn, in radians
 
@@ -47,9 +47,14 @@ class GridLayout:
     page: IntArray
 
 
-def tried_angles(box: float, square: float) -> FloatArray:
-    """(ANGLES + 4,) radians: even ones from that of a chart's least box, quarters from its least square."""
-    even = box + 2 * np.pi / ANGLES * np.arange(ANGLES)
+def tried_angles(box: float, square: float, reach: float = 1.0) -> FloatArray:
+    """Even angles from that of a chart's least box, quarters from its least square, in radians.
+
+    reach: radius of the chart over that of the largest one. From one angle to the next no tip moves further
+    than a tip of the largest chart does.
+    """
+    count = 4 * max(int(np.ceil(reach * ANGLES / 4)), 1)
+    even = box + 2 * np.pi / count * np.arange(count)
     return np.concatenate([even, square + QUARTERS])
 
 
@@ -65,9 +70,10 @@ def search(
     """Layouts of falling page side, best first: a greedy search from many orders.
 
     Trials sort charts by area and by length, later ones with noise. Each trial takes half of the masks and the
-    next blur, and shrinks the page as long as charts fit. side, least: cells of the largest and of the smallest
-    page that is of use. patience: trials on end without a smaller page after which the search ends; without
-    any layout it ends after BLURS. allowed: the masks of each chart that may be used, None for all.
+    next blur, and finds the smallest page on which charts fit in that order. side, least: cells of the largest
+    and of the smallest page that is of use. patience: trials on end without a smaller page after which the
+    search ends; without any layout it ends after BLURS. allowed: the masks of each chart that may be used, None
+    for all.
     """
     allowed = allowed or [np.arange(len(m.angle)) for m in board.masks]
     rng = np.random.default_rng(20)
@@ -85,7 +91,7 @@ def search(
         order = np.argsort(-key, kind="stable")
         sigma = 2.0 ** (trial % BLURS)
         fits = partial(lay_out, board, order, sigma=sigma, pages=pages, choice=masks, budget=budget)
-        found = _shrink(fits, side, least)
+        found = smallest_page(fits, side, least)
         layouts = found + layouts
         idle = 0 if found else idle + 1
         side = layouts[0].side - 1 if layouts else side
@@ -93,24 +99,22 @@ def search(
     return layouts
 
 
-def _shrink(fits: Callable[[int], GridLayout | None], side: int, least: int) -> list[GridLayout]:
-    """Layouts on smaller and smaller pages from ``side`` to ``least``, best first.
-
-    Every success doubles the step to the next page.
-    """
+def smallest_page(
+    fits: Callable[[int], GridLayout | None], side: int, least: int
+) -> list[GridLayout]:
+    """Layouts on pages from ``side`` down to ``least``, best first: if there is one at all, by bisection."""
     layouts: list[GridLayout] = []
-    step = 1
-    while side >= least:
-        found = fits(side)
+    middle = side
+    while least <= side:
+        found = fits(middle)
         if found is not None:
             layouts.insert(0, found)
-            step *= 2
-            side = max(side - step, least) if side > least else least - 1
-        elif step > 1:
-            step = 1
-            side = layouts[0].side - 1
+            side = middle - 1
+        elif layouts:
+            least = middle + 1
         else:
             break
+        middle = (least + side) // 2
     return layouts
 
 

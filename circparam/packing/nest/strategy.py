@@ -14,9 +14,9 @@ from circparam.packing.outlines import Shapes, least_box_angles, least_square_an
 from circparam.packing.placement import PackTask, Placement
 from circparam.packing.straight import Straight, straight_charts
 
-# Side of the largest page on the grid, for one chart. It grows with the fourth root of the number of charts.
+# Side of the largest page on the grid, for one chart. It grows with the sixth root of the number of charts.
 # Compaction mends the error of the grid, so finer ones only take longer.
-GRID_CELLS = 40
+GRID_CELLS = 46
 
 # Share of the largest page that the charts cover, so of the smallest that is worth a search.
 SPARSE_SHARE = 0.5
@@ -98,7 +98,7 @@ def _work(shapes: Shapes, options: PackOptions) -> float:
 
 def _cells(shapes: Shapes, options: PackOptions) -> int:
     """Side of a page in cells. Several pages share the cells of one, so that the work stays the same."""
-    side = GRID_CELLS * (shapes.n * np.sqrt(options.effort)) ** 0.25
+    side = GRID_CELLS * np.cbrt(np.sqrt(shapes.n * np.sqrt(options.effort)))
     return max(int(side / np.sqrt(min(options.pages, 6))), 1)
 
 
@@ -153,9 +153,12 @@ def chart_angles(shapes: Shapes, options: PackOptions) -> list[FloatArray]:
     box = least_box_angles(shapes, options.rotate)
     square = least_square_angles(shapes, options.rotate)
     upright = np.zeros(shapes.n, bool) if shapes.upright is None else shapes.upright
+    reach = shapes.radius / shapes.radius.max()
     return [
-        QUARTERS if up else tried_angles(a, b)
-        for a, b, up in zip(box.tolist(), square.tolist(), upright.tolist(), strict=True)
+        QUARTERS if up else tried_angles(a, b, r)
+        for a, b, r, up in zip(
+            box.tolist(), square.tolist(), reach.tolist(), upright.tolist(), strict=True
+        )
     ]
 
 

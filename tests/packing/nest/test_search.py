@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import spectra_of
-from circparam.packing.nest.search import ANGLES, Board, GridLayout, lay_out, search
+from circparam.packing.nest.search import (
+    ANGLES,
+    Board,
+    GridLayout,
+    lay_out,
+    search,
+    smallest_page,
+    tried_angles,
+)
 from circparam.packing.nest.sketch import Sketch, SketchGrid, least_page
 from tests.support.packing import blobs, edges_of
 
@@ -98,6 +108,35 @@ def test_squares_of_whole_cells_fill_a_page_to_the_last_cell() -> None:
     for budget, fits in ((4 * cost + 1, True), (4 * cost, False)):
         found = lay_out(board, order, 2 * k, 2.0, 1, choice, Budget(budget, lambda: False))
         assert (found is not None) == fits
+
+
+@given(st.integers(1, 200), st.integers(0, 200), st.integers(0, 200))
+def test_the_smallest_page_is_found_by_bisection(least: int, more: int, slack: int) -> None:
+    """Where larger pages hold what smaller ones do; each layout is of a page that was tried, best first."""
+    side, fits_from, tried = least + more, least + slack, []
+
+    def fits(cells: int) -> GridLayout | None:
+        tried.append(cells)
+        none = np.zeros(0, int)
+        return GridLayout(cells, none, none, none, none) if cells >= fits_from else None
+
+    found = [layout.side for layout in smallest_page(fits, side, least)]
+    assert found == sorted(found)
+    assert (found[:1] == [fits_from]) == (fits_from <= side)
+    assert len(tried) <= 2 + np.log2(more + 1)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0, 6))
+def test_tips_of_small_charts_move_no_further_than_those_of_the_largest(
+    reach: float, box: float
+) -> None:
+    angles = tried_angles(box, 0.5, reach)
+    even = angles[:-4]
+    step = np.diff(np.r_[even, even[0] + 2 * np.pi])
+    np.testing.assert_allclose(step, step[0])
+    assert step[0] * reach <= 2 * np.pi / ANGLES + 1e-12
+    assert len(even) % 4 == 0
+    assert len(even) <= max(reach * ANGLES + 4, 4)
 
 
 def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
