@@ -170,6 +170,7 @@ def save_result(path: str | Path, result: Result, title: str) -> None:
         title=title,
         note=f"{o.method}, cut {o.cut}",
         padding=o.padding_uv,
+        charts=result.verification.charts,
         repairs=tuple(result.repairs),
     )
     save_preview(path, result.mesh, UVMap(result.uv, result.uv_faces), result.measures, look)

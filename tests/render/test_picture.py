@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import circparam
 from circparam.errors import OutputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.figures import PictureOptions
-from circparam.render.picture import draw_figure, save_preview
+from circparam.render.picture import draw_figure, save_preview, save_result
 from circparam.render.scene import make_scene
+from tests.support import shapes
 from tests.support.scenes import QUAD, SQUARE, cube
 
 
@@ -32,6 +34,17 @@ def test_preview_of_every_kind(tmp_path: Path):
     with pytest.raises(OutputError, match="does not exist"):
         save_preview(tmp_path / "no" / "a.svg", mesh, uvmap, measures)
     assert sorted(p.name for p in tmp_path.iterdir() if p.name.startswith(".")) == []
+
+
+def test_the_title_of_a_result_has_as_many_charts_as_its_figures(tmp_path: Path):
+    """A triangle without area is no chart in either."""
+    points, faces = shapes.grid(3, 3)
+    line = np.array([[5.0, 0, 0], [6, 0, 0], [7, 0, 0]])
+    faces = np.concatenate([faces, [np.arange(3) + len(points)]])
+    result = circparam.unwrap((np.concatenate([points, line]), faces), effort=0)
+    save_result(tmp_path / "a.svg", result, "grid")
+    assert result.measures["charts"] == 1
+    assert "1 chart<" in (tmp_path / "a.svg").read_text()
 
 
 def test_a_point_sized_and_a_flat_mesh_are_drawn():
