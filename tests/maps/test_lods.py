@@ -116,9 +116,9 @@ def test_a_fold_is_opened_by_half_its_height(height: float, tmp_path: Path):
 
 @pytest.fixture(scope="module")
 def waved_ring() -> tuple[Document, np.ndarray, np.ndarray]:
-    """A torus with waves and its own layout, with its points and faces."""
+    """A torus with waves and a layout with room for coarser levels, its points and faces."""
     points, faces = shapes.waved(shapes.torus(80, 40), 0.15)
-    first = circparam.unwrap((points, faces), jobs=1, effort="draft")
+    first = circparam.unwrap((points, faces), jobs=1, effort="draft", padding=16)
     return from_arrays(points, faces, uv=first.uv, uv_faces=first.uv_faces), points, faces
 
 
