@@ -5,6 +5,7 @@ import re
 import shlex
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -14,6 +15,13 @@ from tests.tools import reference
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])
+# pages that describe the program as it is; benchmarks and experiments name options of other builds
+GUIDES = [
+    p
+    for p in PAGES
+    if p.name != "CHANGELOG.md" and not {"benchmarks", "experiments"} & set(p.parts)
+]
+OPTION = r"(?<![\w-])--[a-z][a-z-]*"
 
 
 def test_the_reference_is_current() -> None:
@@ -135,13 +143,26 @@ def test_the_readme_names_every_command() -> None:
     assert [name for name in COMMANDS if f"circparam {name}" not in text] == []
 
 
-def test_options_in_prose_exist() -> None:
-    """An option that README, tutorial or guarantees name is an option of some command."""
-    known = set(re.findall(r"--[a-z][a-z-]*", reference.page()))
-    pages = ("README.md", "docs/index.md", "docs/tutorial.md", "docs/guarantees.md")
-    for name in (*pages, "docs/two-surfaces.md", "docs/rebake.md"):
-        named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", (ROOT / name).read_text("utf-8")))
-        assert not named - known, (name, named - known)
+def options_of(command: str) -> set[str]:
+    """The options of a command, as they are typed."""
+    return {
+        name
+        for parameter in cli.get_command(click.Context(cli), command).params
+        for name in (*parameter.opts, *parameter.secondary_opts)
+    } | {"--help"}
+
+
+@pytest.mark.parametrize("path", GUIDES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_options_that_a_page_names_exist(path: Path) -> None:
+    """An option in a command is one of that command; an option in a sentence is one of some command."""
+    every, wrong = set().union(*map(options_of, COMMANDS)), []
+    text = path.read_text("utf-8")
+    for command, rest in re.findall(r"circparam (\w+)((?:[^`\n]|\\\n)*)", text):
+        known = options_of(command) if command in COMMANDS else every
+        wrong += [f"{command} {o}" for o in re.findall(OPTION, rest) if o not in known]
+    for span in re.findall(r"`(-[^`\n]*)`", prose(path)):
+        wrong += [o for o in re.findall(OPTION, span) if o not in every]
+    assert not wrong, wrong
 
 
 def test_the_code_that_the_design_names_exists() -> None:
