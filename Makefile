@@ -30,6 +30,7 @@ $(VENV)/.installed: pyproject.toml
 	  || { echo "Python 3.11 or newer is needed: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --disable-pip-version-check --editable .
+	$(RUN) -m compileall -q circparam  # else each start compiles it where bytecode is not written
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.installed

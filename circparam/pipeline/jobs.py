@@ -14,9 +14,9 @@ MODULES = (
     "circparam.pipeline.fuller_page",
 )
 # Faces from which a process pays: its start costs 0.04 s here and takes 0.3 s, half of the work on 600 faces.
-# Planning cuts takes as long for few faces as for many.
+# Planning cuts takes as long for few faces as for many. A draft shares only what is done in parts.
 FACES = 700
-BYTES = 40_000  # of a file: some 1000 faces as text, more in binary
+FACE_BYTES = 57  # a face in a file of text, at least; more in binary
 
 
 def monitor_of(options: Options, listener: Listener | None, since: float | None = None) -> Monitor:
@@ -29,16 +29,14 @@ def monitor_of(options: Options, listener: Listener | None, since: float | None 
 
 def start_for_file(options: Options, path: str) -> None:
     """Start workers before a file is read, and NumPy with it, where its size tells that they will be needed."""
-    if options.cut == "charts" and os.path.isfile(path) and os.path.getsize(path) >= BYTES:
-        _start(options)
+    if os.path.isfile(path):
+        start_for(options, os.path.getsize(path) // FACE_BYTES)
 
 
 def start_for(options: Options, faces: int) -> None:
-    """Start workers for a mesh of so many faces, if the work is worth it and no workers exist."""
-    if options.cut == "charts" and faces >= FACES:
-        _start(options)
+    """Start workers for a mesh of so many faces, if the work is worth it and no workers exist.
 
-
-def _start(options: Options) -> None:
-    """As many as asked for, at most the number of cores."""
-    workers.start(min(options.processes, max(workers.free_cores(), 2)), *MODULES)
+    They are as many as asked for, at most the number of cores.
+    """
+    if options.cut == "charts" and faces >= (workers.PARTED if options.draft else FACES):
+        workers.start(min(options.processes, max(workers.free_cores(), 2)), *MODULES)

@@ -147,11 +147,14 @@ def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) ->
     jobs.start_for(Options(jobs=1), 10**6)
     assert current() is None, "nothing to share"
     file = tmp_path / "m.obj"
-    file.write_bytes(b"#" * (jobs.BYTES - 1))
+    least = jobs.FACES * jobs.FACE_BYTES
+    file.write_bytes(b"#" * (least - 1))
     for path in (file, tmp_path, tmp_path / "none.obj", "-"):
         jobs.start_for_file(Options(jobs=2), os.fspath(path))
     assert current() is None
-    file.write_bytes(b"#" * jobs.BYTES)
+    file.write_bytes(b"#" * least)
+    jobs.start_for_file(Options(jobs=2, effort="draft"), os.fspath(file))
+    assert current() is None, "a draft of a small mesh hands out nothing"
     jobs.start_for_file(Options(jobs=2), os.fspath(file))
     assert current() is not None
 
