@@ -25,7 +25,7 @@ from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import LATER_REPAIRS, with_visibility
 from circparam.seams.reached import in_time
-from circparam.seams.segmentation.decide import decide, merge_on, merged_on, whole_components
+from circparam.seams.segmentation.decide import decide, merge_on, merged_on
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.merge import MergeOptions
 from circparam.seams.segmentation.move import move_seams
@@ -71,17 +71,6 @@ def grown_atlas(
         atlas.surface = surface = with_visibility(surface, options, monitor, LEVEL_FACES)
         atlas.put(~rest, tiny_atlas(surface.part(~rest), bound, worker, monitor))
         monitor.keep(atlas.part(~rest))
-    if rest.sum() > DIRECT_FACES:
-        part = atlas.part(rest)
-        with monitor.stage("charts"):
-            whole = whole_components(part, bound)
-        if whole.any():
-            few = part.part(whole)
-            finish(Decided(few, dual_graph(few.surface)), bound, options, worker, monitor, notes)
-            part.put(whole, few)
-            atlas.put(rest, part)
-            monitor.keep(few)
-            rest[rest] = ~whole
     if rest.any():
         own = surface.part(rest)
         if own is not surface and len(surface.faces) > LEVEL_FACES:
