@@ -18,6 +18,7 @@ from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.kinds import atlases_of_kinds, left_for_organic
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.prices import edge_prices, with_visibility, with_weights
@@ -27,7 +28,6 @@ from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
-from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.starts import DIRECT_FACES
 from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
@@ -129,7 +129,7 @@ def mirrored_atlas(
         finish(Decided(other, graph), bound, options, worker, monitor, notes)
     atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
-        Merger(atlas, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
+        merge(atlas, MergeOptions(bound, margin=MARGIN / 2), monitor, ~between)
         atlas.cut = mirror.closed(atlas.cut)
         if not_disks(atlas.cut_mesh()).any():
             make_disks(atlas, dual_graph(surface))

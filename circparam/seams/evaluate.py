@@ -18,7 +18,16 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    first_of_runs,
+    group_sum,
+    next_half_edge,
+)
+from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker, in_parts
@@ -55,22 +64,38 @@ class Demands:
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """What charts would be. corners: (m, 3, 2) the layout each face has. moving: (m,) bool, faces of the part
-    that is turned onto the other. targets: (2, 2, m) Jacobians that the faces should have."""
+    """What charts would be, put together from parts of charts that have layouts.
+
+    corners: (m, 3, 2) the layout each face has, parts turned. part: (m,) part that joins its chart, −1 on the
+    largest part of each, which stays. targets: (2, 2, m) Jacobians that the faces should have.
+    """
 
     cut_mesh: CutMesh
     corners: FloatArray
-    moving: BoolArray
+    part: IntArray
     targets: FloatArray
 
     @staticmethod
-    def gluing(cut_mesh: CutMesh, corners: FloatArray, moving: BoolArray) -> "Moves":
-        """Two layouts each, of which the moving one is turned so that its side of the arc lies on the other."""
-        cosine, sine = _turns(cut_mesh, corners, moving).T[:, cut_mesh.chart]
+    def joining(cut_mesh: CutMesh, corners: FloatArray, before: IntArray) -> "Moves":
+        """Parts are turned so that their side of the glued arcs lies on the other. before: (m,) chart each face
+        was in."""
+        stays = main_parts(cut_mesh.chart, before, cut_mesh.areas)
+        f, g = cut_mesh.edges.T // 3
+        same = (before[f] == before[g]) & ~stays[f]
+        _, part = components(len(stays), f[same], g[same])
+        part[stays] = -1
+        part = np.unique(part, return_inverse=True)[1].reshape(-1) - 1
+        cosine, sine = _turns(cut_mesh, corners, part).T[:, part]
         x, y = corners.transpose(2, 1, 0)
         turned = np.stack([cosine * x - sine * y, sine * x + cosine * y]).transpose(2, 1, 0)
-        corners = np.where(moving[:, None, None], turned, corners)
-        return Moves(cut_mesh, corners, moving, _jacobians(cut_mesh, corners))
+        corners = np.where((part >= 0)[:, None, None], turned, corners)
+        return Moves(cut_mesh, corners, part, _jacobians(cut_mesh, corners))
+
+    @property
+    def moving(self) -> BoolArray:
+        """(m,) bool: faces of parts that join."""
+        result: BoolArray = self.part >= 0
+        return result
 
     @cached_property
     def energies(self) -> FloatArray:
@@ -80,7 +105,7 @@ class Moves:
     def subset(self, which: BoolArray) -> tuple["Moves", IntArray]:
         """(some moves ((n,) bool), their vertices)."""
         sub, vid, fid = self.cut_mesh.subset(which)
-        return Moves(sub, self.corners[fid], self.moving[fid], self.targets[..., fid]), vid
+        return Moves(sub, self.corners[fid], self.part[fid], self.targets[..., fid]), vid
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +171,7 @@ def _tried(moves: Moves, demands: Demands, monitor: Monitor) -> Trial:
 
 
 def _joined(moves: Moves) -> Trial:
-    """Both layouts shifted onto each other without any solve: vertices of both lie half way between."""
+    """Parts shifted onto their charts without any solve: vertices of both lie half way between."""
     cut_mesh, flat = moves.cut_mesh, moves.cut_mesh.faces.ravel()
     n, moving = cut_mesh.n_vertices, np.repeat(moves.moving, 3)
     count = np.stack([np.bincount(flat[side], minlength=n) for side in (~moving, moving)])
@@ -156,12 +181,11 @@ def _joined(moves: Moves) -> Trial:
             total = group_sum(moves.corners.reshape(-1, 2)[side, d], flat[side], n)
             at[k, :, d] = total / np.maximum(count[k], 1)
     both = np.flatnonzero(count.all(0))
-    of = cut_mesh.vertex_chart[both]
-    gap = np.stack(
-        [group_sum((at[0] - at[1])[both, d], of, cut_mesh.n_charts) for d in range(2)], 1
-    )
-    gap /= np.maximum(np.bincount(of, minlength=cut_mesh.n_charts), 1)[:, None]
-    at[1] += gap[cut_mesh.vertex_chart]
+    of, parts = np.zeros(n, np.int64), int(moves.part.max(initial=0)) + 1
+    of[flat[moving]] = np.repeat(moves.part, 3)[moving]
+    gap = np.stack([group_sum((at[0] - at[1])[both, d], of[both], parts) for d in range(2)], 1)
+    gap /= np.maximum(np.bincount(of[both], minlength=parts), 1)[:, None]
+    at[1] += gap[of]
     weight = (count > 0) / np.maximum((count > 0).sum(0), 1)
     trial = Trial.unknown(cut_mesh)
     trial.uv[:] = (weight[..., None] * at).sum(0)
@@ -170,18 +194,16 @@ def _joined(moves: Moves) -> Trial:
 
 
 def _started(moves: Moves, bound: float) -> Trial:
-    """The layout with the Jacobians that are wanted; where that is above the bound, the smaller part bends
-    round the larger one, if that comes closer. The energy is infinite where faces stay flipped."""
-    cut_mesh, n = moves.cut_mesh, moves.cut_mesh.n_charts
+    """The layout with the Jacobians that are wanted; where that is above the bound, smaller parts bend
+    round the largest one, if that comes closer. The energy is infinite where faces stay flipped."""
+    cut_mesh = moves.cut_mesh
     system, trial = Poisson(cut_mesh), Trial.unknown(cut_mesh)
     trial.uv[:] = system.layout(moves.targets)
     trial.energy[:] = chart_energies(cut_mesh, trial.uv)
     poor = ~(trial.energy <= bound)
     if not poor.any():
         return trial
-    share = group_sum(cut_mesh.areas * moves.moving, cut_mesh.chart, n) / cut_mesh.chart_areas
-    smaller = np.where((share <= 0.5)[cut_mesh.chart], moves.moving, ~moves.moving)
-    wanted = transported(cut_mesh, moves.targets, smaller & poor[cut_mesh.chart])
+    wanted = transported(cut_mesh, moves.targets, moves.moving & poor[cut_mesh.chart])
     uv, _ = from_jacobians(cut_mesh, wanted, UNTANGLE, system=system)
     energy = chart_energies(cut_mesh, uv)
     better = poor & (energy < trial.energy)
@@ -255,20 +277,36 @@ def _jacobians(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
     return dirichlet.jacobians(gradients, corners.transpose(2, 1, 0))
 
 
-def _turns(cut_mesh: CutMesh, corners: FloatArray, moving: BoolArray) -> FloatArray:
-    """(n, 2) cosine and sine of the rotation that lays the moving side of the glued arc onto the other."""
+def _turns(cut_mesh: CutMesh, corners: FloatArray, part: IntArray) -> FloatArray:
+    """(parts + 1, 2) cosine and sine of the turn that lays each part's side of its glued arcs onto the other.
+
+    The last row, of −1, turns nothing.
+    """
     i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
-    glued = moving[i // 3] != moving[j // 3]
+    glued = (part[i // 3] >= 0) != (part[j // 3] >= 0)
     i, j = i[glued], j[glued]
-    swap = moving[i // 3]
+    swap = part[i // 3] >= 0
     p, q = np.where(swap, j, i), np.where(swap, i, j)
     flat = corners.reshape(-1, 2)
     ep = flat[next_half_edge(p)] - flat[p]
     eq = flat[q] - flat[next_half_edge(q)]
-    chart = cut_mesh.chart[p // 3]
-    cosine = group_sum((ep * eq).sum(1), chart, cut_mesh.n_charts)
-    sine = group_sum(cross2(eq, ep), chart, cut_mesh.n_charts)
+    of, n = part[q // 3], int(part.max(initial=-1)) + 2
+    cosine, sine = group_sum((ep * eq).sum(1), of, n), group_sum(cross2(eq, ep), of, n)
     length = np.hypot(cosine, sine)
     ok = length > 0
     safe = np.where(ok, length, 1.0)
     return np.stack([np.where(ok, cosine / safe, 1.0), np.where(ok, sine / safe, 0.0)], 1)
+
+
+def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArray:
+    """(m,) bool: the face was in that earlier chart from which its chart has most of its area."""
+    width = int(before.max()) + 1
+    pairs, inverse = np.unique(chart * width + before, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    area = group_sum(areas, inverse, len(pairs))
+    now = pairs // width
+    order = np.lexsort((-area, now))
+    main = np.zeros(len(pairs), bool)
+    main[order[first_of_runs(now[order])]] = True
+    result: BoolArray = main[inverse]
+    return result

@@ -12,11 +12,11 @@ from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.evaluate import MARGIN
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import ANY_BOUND
 from circparam.seams.segmentation.enforce import below, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
-from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.solvers.newton import RelaxOptions
 
@@ -99,4 +99,4 @@ def regroup(
     merging = MergeOptions(
         bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES, search=options.search
     )
-    Merger(atlas, merging, worker=worker).run(monitor)
+    merge(atlas, merging, monitor, worker=worker)

@@ -17,6 +17,8 @@ from circparam.seams.accuracy import FINAL
 from circparam.seams.cost import COST
 from circparam.seams.evaluate import ENOUGH, MARGIN
 from circparam.seams.finish import LEVEL_FACES, Decided, finish
+from circparam.seams.moves.glue import MergeOptions
+from circparam.seams.moves.reroute import move_seams
 from circparam.seams.multires.decimate import Proxy, decimate, priced, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.roughness import roughness
@@ -27,8 +29,6 @@ from circparam.seams.prices import LATER_REPAIRS, with_visibility
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import decide, merge_on, merged_on
 from circparam.seams.segmentation.grow import dual_graph
-from circparam.seams.segmentation.merge import MergeOptions
-from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.starts import DIRECT_FACES, starts_of
 from circparam.seams.stretch import stretch_held
 from circparam.seams.tiny_components import tiny_atlas, tiny_components

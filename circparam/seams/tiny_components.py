@@ -8,11 +8,11 @@ from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import ROUGH
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.multires.decimate import SMALL_COMPONENT
 from circparam.seams.segmentation.decide import whole_components
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.merge import MergeOptions, Merger
 
 # components: so many tiny ones skip the search; fewer are searched with all others
 MANY_COMPONENTS = 200
@@ -75,6 +75,6 @@ def halved(atlas: Atlas, bound: float, monitor: Monitor) -> Atlas:
         again = np.zeros(n, bool)
         again[chart[halves]] = True
         layouts = lay_out_fresh(part, again, ROUGH)
-    Merger(part, MergeOptions(bound)).run(monitor)
+    merge(part, MergeOptions(bound), monitor)
     atlas.put(rest, part)
     return atlas

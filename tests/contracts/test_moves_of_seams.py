@@ -6,10 +6,10 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.seams.evaluate import Demands
+from circparam.seams.moves.reroute import move_seams
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits
 from circparam.solvers.newton import RelaxOptions

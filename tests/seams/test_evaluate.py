@@ -7,7 +7,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
-from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
+from circparam.seams.evaluate import Demands, Moves, Trial, main_parts, try_moves
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
@@ -39,7 +39,7 @@ def halves(*parts: tuple, angle: float = 0.8) -> Moves:
     corners = np.where(right[:, None, None], moved, atlas.corners)
     whole = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
     assert whole.n_charts == len(parts)
-    return Moves.gluing(whole, corners, right)
+    return Moves.joining(whole, corners, right.astype(np.int64))
 
 
 def hill(height: float) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +84,7 @@ def spiral(turn: float) -> Moves:
     atlas = cut_between(surface, right.astype(np.int64))
     lay_out_fresh(atlas, None, FINE)
     whole = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
-    return Moves.gluing(whole, atlas.corners, right)
+    return Moves.joining(whole, atlas.corners, right.astype(np.int64))
 
 
 @pytest.mark.parametrize(("turn", "good"), [(5.5, True), (8.0, False)])
@@ -107,8 +107,7 @@ def test_a_slit_is_sewn_without_turning_anything() -> None:
     """Both sides are one chart then: none of its faces is turned."""
     atlas = as_it_lies(uncut(*shapes.grid(6, 6)))
     cut_mesh = atlas.cut_mesh()
-    none = np.zeros(len(cut_mesh.faces), bool)
-    trial = tried(Moves.gluing(cut_mesh, atlas.corners, none), DEMANDS)
+    trial = tried(Moves.joining(cut_mesh, atlas.corners, cut_mesh.chart), DEMANDS)
     away = trial.uv - trial.uv.mean(0) - (atlas.gather(cut_mesh) - 0.5)
     assert np.abs(away).max() < 1e-6
 
@@ -123,3 +122,13 @@ def test_moves_tried_in_parts_are_those_tried_at_once() -> None:
     assert trial.energy[:8] == pytest.approx(np.ones(8), abs=1e-6)
     energy = chart_energies(moves.cut_mesh, trial.uv)
     assert trial.energy[:8] == pytest.approx(energy[:8])
+
+
+def test_a_chart_comes_mainly_from_where_most_of_its_area_was() -> None:
+    chart = np.array([0, 0, 0, 1, 1, 2, 2])
+    before = np.array([0, 1, 1, 1, 2, 0, 3])
+    area = np.array([3.0, 1.0, 1.5, 1.0, 1.1, 2.0, 2.0])
+    main = main_parts(chart, before, area)
+    # 3 against 2.5; 1 against 1.1; of equals the first
+    assert main.tolist() == [True, False, False, False, True, True, False]
+    assert main_parts(chart, chart, area).all()

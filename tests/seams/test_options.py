@@ -4,8 +4,8 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.seams.constraints import constrain
+from circparam.seams.moves.glue import MergeOptions
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.merge import MergeOptions
 from circparam.seams.segmentation.small import absorb
 from tests.support import shapes
 from tests.support.atlases import cut_between, middles, surface_of

@@ -16,12 +16,12 @@ from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
 from circparam.seams.hard.regions import CURVED, SHARP, curvature, flats, turns
 from circparam.seams.hard.unroll import slits, unroll
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import edge_prices
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
-from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
@@ -82,7 +82,7 @@ def _decided(
         start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
         work = (DRAFT_WORK if options.search.draft else WORK) * len(atlas.surface.faces)
         merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
-        Merger(atlas, merging, worker=worker).run(monitor)
+        merge(atlas, merging, monitor, worker=worker)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
         enforce(atlas, graph, layouts, bound, SETTLED, monitor)

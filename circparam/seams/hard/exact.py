@@ -8,7 +8,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import UNROLLED
 from circparam.seams.cost import COST
-from circparam.seams.segmentation.merge import MergeOptions, Merger
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.solvers.objective import chart_energies
 
 
@@ -39,7 +39,7 @@ def prefer_exact(
         return
     mine, exact = atlas.part(which), start.part(which)
     within = MergeOptions(UNROLLED, options.margin, work=options.work)
-    Merger(exact, within, worker=worker).run(monitor)
+    merge(exact, within, monitor, worker=worker)
     exact_cost, cost = (COST.of_components(one, relaxed=True) for one in (exact, mine))
     better = (exact_cost < cost) & (_distortion(exact) <= UNROLLED)
     taken = better[exact.surface.components[1]]

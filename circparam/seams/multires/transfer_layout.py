@@ -22,10 +22,10 @@ from circparam.geometry.gradient_transfer import (
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
+from circparam.seams.moves.reroute import shorten
 from circparam.seams.multires.decimate import Proxy
+from circparam.seams.segmentation.arcs import arcs_of
 from circparam.seams.segmentation.grow import DualGraph
-from circparam.seams.segmentation.shorten import propose
-from circparam.seams.segmentation.state import arcs_of
 
 NEAREST_AT_ONCE = 1 << 16  # faces: each turn is a call for a few of them
 
@@ -56,8 +56,7 @@ def separate(
     _, _, source = nearest(links, np.unique(graph.cell[seed]))
     side = np.where(source >= 0, of_cell[np.maximum(source, 0)], -1)
     fine.cut |= use & (side[graph.tail] != side[graph.head])
-    proposal = propose(fine, 3, before)
-    fine.cut = proposal.cut(np.ones(proposal.n, bool))
+    shorten(fine, 3, before)
 
 
 def _clear_of_seams(coarse: Atlas) -> BoolArray:

@@ -16,8 +16,7 @@ from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.prices import edge_costs
-from circparam.seams.segmentation.paths import Bands, Chains, chains_of, route
-from circparam.seams.segmentation.shorten import bands
+from circparam.seams.segmentation.paths import Bands, Chains, bands, chains_of, route
 
 RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
 # from a surface with hardly fewer faces, along whose edges paths would zigzag

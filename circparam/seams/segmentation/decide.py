@@ -12,8 +12,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
-from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.seams.segmentation.starts import searched
 from circparam.solvers.newton import relax
 
@@ -87,7 +87,7 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
     if not pieces < n <= CROWD or monitor.expired:
         return
     options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, cheaper=True, work=LAST_WORK)
-    Merger(atlas, options, worker=Worker(monitor.jobs)).run(monitor)
+    merge(atlas, options, monitor, worker=Worker(monitor.jobs))
 
 
 def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
@@ -110,9 +110,7 @@ def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> Non
         if atlas.charts()[0] <= max(count, pieces):
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
-        merger = Merger(atlas, MergeOptions(bound, 0.0, cone=SHORT_ARCS, zip=False))
-        while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
-            pass
+        merge(atlas, MergeOptions(bound, 0.0, cone=SHORT_ARCS, zip=False, count=count), monitor)
 
 
 def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:

@@ -14,6 +14,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
+from circparam.seams.moves.reroute import shorten
 from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import (
@@ -24,7 +25,6 @@ from circparam.seams.segmentation.layout import (
     pushed_apart,
 )
 from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
-from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
@@ -169,8 +169,7 @@ def _split(atlas: Atlas, found: _Bad, which: BoolArray, monitor: Monitor) -> Boo
     rest = which & ~apart
     if rest.any():
         split_charts(atlas, graph, chart, rest)
-    proposal = propose(atlas, 3, before)
-    atlas.cut = proposal.cut(np.ones(proposal.n, bool))
+    shorten(atlas, 3, before)
     return sound
 
 

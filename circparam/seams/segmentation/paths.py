@@ -81,6 +81,29 @@ def _chain_once(
     return chains, closed, inner[same]
 
 
+def bands(
+    ends: tuple[IntArray, IntArray], n: int, chains: Chains, closed: BoolArray, rings: int
+) -> tuple[IntArray, FloatArray]:
+    """Vertices within ``rings`` edges of a chain, each given to the nearest: (owner (n,), value (n,)).
+
+    closed: (n,) bool, vertices that no band may hold (boundaries and junctions).
+    """
+    blocked = closed.copy()
+    blocked[chains.start] = blocked[chains.end] = True
+    owner = np.full(n, -1)
+    value = np.zeros(n)
+    owner[chains.vertex] = chains.chain
+    value[chains.vertex] = chains.position
+    open_edge = ~blocked[ends[0]] & ~blocked[ends[1]]
+    a, b = ends[0][open_edge], ends[1][open_edge]
+    if len(chains.vertex) and len(a):
+        _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), chains.vertex, rings)
+        reached = (source >= 0) & ~blocked
+        owner[reached] = owner[source[reached]]
+        value[reached] = value[source[reached]]
+    return owner, value
+
+
 @dataclass(frozen=True, eq=False)
 class Routes:
     """Edges on the paths found, the chain of each, and the chains that found none."""

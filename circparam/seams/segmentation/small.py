@@ -6,10 +6,9 @@ from circparam.core.arrays import BoolArray, IntArray, group_count
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import TRIAL
+from circparam.seams.moves.glue import Glue, Glues, MergeOptions
+from circparam.seams.search import Effort, search
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.merge import MergeOptions, Merger
-
-ROUNDS = 24  # of handing pieces out: each lays the neighbours out anew
 
 
 def absorb(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) -> int:
@@ -68,14 +67,21 @@ def _take_apart(atlas: Atlas, chart: IntArray, which: BoolArray) -> None:
 
 def _hand_out(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) -> None:
     """Merge pieces with charts that are not small, from the rim inwards, until nothing changes."""
-    merger = Merger(atlas, options)
-    e = atlas.surface.edges
-    for _ in range(ROUNDS):
-        if monitor.expired:
-            break
+    # a chart of fewer than ``least`` faces is handed out piece by piece in as many rounds
+    effort = Effort(rounds=least)
+    search(atlas, _Pieces(atlas, options, least), options.demands, effort, monitor)
+
+
+class _Pieces(Glue):
+    """Glues that join a small chart to one that is not: two pieces that join may fit nowhere."""
+
+    def __init__(self, atlas: Atlas, options: MergeOptions, least: int) -> None:
+        super().__init__(atlas, options)
+        self.least = least
+
+    def propose(self, atlas: Atlas) -> Glues:
+        """Glues of a small chart and a large one; pairs of large ones have been tried."""
         n, chart = atlas.charts()
-        small = (group_count(chart, n) < least)[chart]
-        # two pieces that join may fit nowhere, and large charts have been tried
-        merger.fixed = small[e[:, 0] // 3] == small[e[:, 1] // 3]
-        if not merger.round(monitor):
-            break
+        small = (group_count(chart, n) < self.least)[chart[atlas.surface.edges // 3]]
+        self.fixed = small[:, 0] == small[:, 1]
+        return super().propose(atlas)

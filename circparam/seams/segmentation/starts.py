@@ -12,6 +12,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import ROUGH
 from circparam.seams.cost import COST
+from circparam.seams.moves.glue import MergeOptions, merge
+from circparam.seams.moves.reroute import shorten
 from circparam.seams.options import Search
 from circparam.seams.segmentation.grow import (
     dual_graph,
@@ -20,8 +22,6 @@ from circparam.seams.segmentation.grow import (
     split_charts,
 )
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.merge import MergeOptions, Merger
-from circparam.seams.segmentation.shorten import propose
 
 # (size of the proxy, regions that charts are grown from) of each start of a search. Which leads to the fewest
 # charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
@@ -74,7 +74,7 @@ def grow_and_merge(
     worker: lays half of the charts out where there is nothing better for it to do.
     """
     atlas = _grown(surface, options, seeds, worker, monitor)
-    Merger(atlas, options, worker=worker).run(monitor)
+    merge(atlas, options, monitor, worker=worker)
     return atlas
 
 
@@ -89,8 +89,7 @@ def _grown(
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     first_charts(atlas, graph, seeds)
     make_disks(atlas, graph)
-    proposal = propose(atlas, 2)
-    atlas.cut = proposal.cut(np.ones(proposal.n, bool))
+    shorten(atlas, 2)
     make_disks(atlas, graph)
     layouts = lay_out_fresh(atlas, None, rough, worker, monitor)
     monitor.keep(atlas, sound=False)

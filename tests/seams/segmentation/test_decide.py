@@ -9,10 +9,10 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
+from circparam.seams.moves.glue import MergeOptions
 from circparam.seams.options import Search
 from circparam.seams.segmentation import decide, starts
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.merge import MergeOptions
 from tests.support import shapes
 from tests.support.atlases import surface_of, uncut
 

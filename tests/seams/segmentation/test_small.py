@@ -5,8 +5,8 @@ import numpy as np
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import ROUGH
+from circparam.seams.moves.glue import MergeOptions
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
-from circparam.seams.segmentation.merge import MergeOptions
 from circparam.seams.segmentation.small import absorb, small_note
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, middles, surface_of

@@ -1,20 +1,22 @@
-"""Merging charts: what is glued, what never is, and what is not tried again."""
+"""The search for cheaper seams: what is glued, what never is, and where it ends."""
 
 import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
+from circparam.seams.moves.glue import Glue, MergeOptions, merge
+from circparam.seams.search import Effort, search
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
-from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
 
 
-def merger_of(atlas: Atlas, fixed: np.ndarray | None = None, **options) -> Merger:
-    fixed = np.zeros(len(atlas.cut), bool) if fixed is None else fixed
-    return Merger(atlas, MergeOptions(**{"bound": 1.05, **options}), fixed)
+def merge_with(
+    atlas: Atlas, fixed: np.ndarray | None = None, time: Monitor | None = None, **options
+) -> None:
+    merge(atlas, MergeOptions(**{"bound": 1.05, **options}), time or Monitor(), fixed)
 
 
 def judged(atlas: Atlas) -> ChartLayouts:
@@ -34,11 +36,12 @@ def halves_of_a_ring() -> Atlas:
 def test_two_charts_that_close_a_flat_ring_are_glued_at_both_arcs_at_once() -> None:
     """One arc alone leaves both sides of the other touching: that is tried first, and fails."""
     atlas = halves_of_a_ring()
-    merger = merger_of(atlas, margin=0.05, bound=1.0001)
-    counts = []
-    while merger.round(Monitor()):
+    options = MergeOptions(1.0001, margin=0.05)
+    family, counts = Glue(atlas, options), []
+    for _ in range(3):
+        search(atlas, family, options.demands, Effort(rounds=1), Monitor())
         counts.append(atlas.charts()[0])
-    assert counts == [2, 2, 1], "one arc, the other, both; then nothing is left"
+    assert counts == [2, 2, 1], "one arc, the other, both"
     assert not atlas.cut.any()
     assert judged(atlas).energy == pytest.approx([1.0])
 
@@ -47,13 +50,11 @@ def test_seams_that_are_fixed_are_never_glued_nor_in_a_pair() -> None:
     atlas = halves_of_a_ring()
     x = atlas.surface.vertex_points[:, 0]
     right = atlas.cut & (x[atlas.ends[0]] > 0)
-    merger = merger_of(atlas, right, bound=1.0001, margin=0.0)
-    merger.run(Monitor())
+    merge_with(atlas, right, bound=1.0001, margin=0.0)
     assert atlas.cut[right].all()
     held = halves_of_a_ring()
     all_of_them = held.cut.copy()
-    merger = merger_of(held, all_of_them)
-    assert not merger.round(Monitor())
+    merge_with(held, all_of_them)
     assert np.array_equal(held.cut, all_of_them)
 
 
@@ -63,7 +64,7 @@ def test_a_cube_becomes_a_net_and_one_chart_is_left() -> None:
     atlas = cut_between(surface, normal @ [1, 3, 9])
     lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-5))
     assert atlas.charts()[0] == 6
-    merger_of(atlas, bound=1.0001).run(Monitor())
+    merge_with(atlas, bound=1.0001)
     assert atlas.charts()[0] == 1
     # seven of the twelve edges
     assert atlas.seam_length == pytest.approx(7 / np.sqrt(6))
@@ -78,22 +79,22 @@ def test_limits_of_faces_time_rounds_and_work_are_kept() -> None:
         return as_it_lies(cut_between(surface, label))
 
     atlas = strips()
-    merger_of(atlas, faces=8).run(Monitor())
+    merge_with(atlas, faces=8)
     assert np.bincount(atlas.charts()[1]).tolist() == [8, 8]
     atlas = strips()
-    merger_of(atlas, faces=7).run(Monitor())
+    merge_with(atlas, faces=7)
     assert atlas.charts()[0] == 4
     atlas = strips()
-    merger_of(atlas, rounds=0).run(Monitor())
+    merge_with(atlas, rounds=0)
     assert atlas.charts()[0] == 4
-    merger_of(atlas, rounds=1).run(Monitor())
+    merge_with(atlas, rounds=1)
     assert 1 < atlas.charts()[0] < 4
     atlas = strips()
-    merger_of(atlas).run(Monitor(timeout=0.0))
+    merge_with(atlas, time=Monitor(timeout=0.0))
     assert atlas.charts()[0] == 4
-    merger_of(atlas, work=-1.0).run(Monitor())
+    merge_with(atlas, work=-1.0)
     assert atlas.charts()[0] == 4
-    merger_of(atlas, work=0.0).run(Monitor())
+    merge_with(atlas, work=0.0)
     assert 1 < atlas.charts()[0] < 4, "a round is tried to its end"
 
 
@@ -104,7 +105,7 @@ def test_the_longest_common_seam_is_glued_first() -> None:
     x, y = middles(surface)[:, 0], middles(surface)[:, 1]
     atlas = as_it_lies(cut_between(surface, np.where(x > 4, 2, (y > 3).astype(np.int64))))
     assert atlas.charts()[0] == 3
-    merger_of(atlas, rounds=1).run(Monitor())
+    merge_with(atlas, rounds=1)
     _, chart = atlas.charts()
     low, high, side = (chart[(x < 4) & (y < 3)][0], chart[(x < 4) & (y > 3)][0], chart[x > 4][0])
     assert low == high != side

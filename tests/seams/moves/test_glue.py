@@ -5,8 +5,8 @@ import numpy as np
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.cost import COST
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.merge import MergeOptions, Merger
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import cut_between, middles, surface_of
@@ -34,8 +34,8 @@ def test_unions_that_have_to_lower_the_cost_do_so_one_by_one() -> None:
     atlas = sheet_and_ball()
     free = sheet_and_ball()
     before = COST.of_components(atlas, relaxed=True)
-    Merger(free, MergeOptions(2.0)).run(Monitor())
-    Merger(atlas, MergeOptions(2.0, cheaper=True)).run(Monitor())
+    merge(free, MergeOptions(2.0), Monitor())
+    merge(atlas, MergeOptions(2.0, cheaper=True), Monitor())
     after = COST.of_components(atlas, relaxed=True)
     assert (after < before).all()
     assert after.sum() < COST.of_components(free, relaxed=True).sum()

@@ -1,4 +1,4 @@
-"""The state that segmentation works on: arcs of the seams, charts before a change, charts laid out."""
+"""Arcs of the seams: the pieces that are glued or kept as a whole."""
 
 import numpy as np
 
@@ -6,8 +6,6 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_of_runs,
-    group_count,
     group_sum,
 )
 from circparam.core.graph import components
@@ -61,41 +59,3 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
         worth = worth * atlas.surface.price
     length = group_sum(worth[c], arc, count)
     return Arcs(c, arc, left, right, length, tip)
-
-
-@dataclass(frozen=True, eq=False)
-class LaidOut:
-    """Seams (e,), charts (m,), corners (m, 3, 2), and which charts are bad (n,)."""
-
-    cut: BoolArray
-    chart: IntArray
-    corners: FloatArray
-    bad: BoolArray
-
-    @property
-    def n_charts(self) -> int:
-        """Number of charts."""
-        return len(self.bad)
-
-    def same(self, cut: BoolArray, chart: IntArray, n: int, edges: IntArray) -> BoolArray:
-        """(n,) bool: a chart of other seams that is one of these, opened along the same edges."""
-        of = np.zeros(n, np.int64)
-        of[chart] = self.chart
-        out: BoolArray = group_count(chart, n) == group_count(self.chart, self.n_charts)[of]
-        out[chart[self.chart != of[chart]]] = False
-        out[chart[edges[self.cut != cut] // 3]] = False
-        return out
-
-
-def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArray:
-    """(m,) bool: the face was in that earlier chart from which its chart has most of its area."""
-    width = int(before.max()) + 1
-    pairs, inverse = np.unique(chart * width + before, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    area = group_sum(areas, inverse, len(pairs))
-    now = pairs // width
-    order = np.lexsort((-area, now))
-    main = np.zeros(len(pairs), bool)
-    main[order[first_of_runs(now[order])]] = True
-    result: BoolArray = main[inverse]
-    return result

@@ -1,9 +1,9 @@
-"""Arcs of the seams between junctions, and what charts were before a change."""
+"""Arcs of the seams between junctions."""
 
 import numpy as np
 import pytest
 
-from circparam.seams.segmentation.state import arcs_of, main_parts
+from circparam.seams.segmentation.arcs import arcs_of
 from tests.support import shapes
 from tests.support.atlases import cut_between, cut_where, middles, surface_of, uncut
 
@@ -43,13 +43,3 @@ def test_a_slit_has_a_tip_and_one_chart_on_both_sides() -> None:
     arcs = arcs_of(atlas, atlas.charts()[1])
     assert arcs.tip.tolist() == [True]
     assert len(arcs.edge) == 4
-
-
-def test_a_chart_comes_mainly_from_where_most_of_its_area_was() -> None:
-    chart = np.array([0, 0, 0, 1, 1, 2, 2])
-    before = np.array([0, 1, 1, 1, 2, 0, 3])
-    area = np.array([3.0, 1.0, 1.5, 1.0, 1.1, 2.0, 2.0])
-    main = main_parts(chart, before, area)
-    # 3 against 2.5; 1 against 1.1; of equals the first
-    assert main.tolist() == [True, False, False, False, True, True, False]
-    assert main_parts(chart, chart, area).all()

@@ -1,0 +1,1 @@
+"""Families of moves that the search for seams chooses from."""

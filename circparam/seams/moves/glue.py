@@ -1,0 +1,216 @@
+"""Glue charts: single arcs, all arcs of two charts at once, and those with the slits inside both."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.seams.cost import COST
+from circparam.seams.evaluate import MARGIN, Demands
+from circparam.seams.options import USUAL, Search
+from circparam.seams.search import Candidates, Effort, search
+from circparam.seams.segmentation.arcs import CONE, Arcs, arcs_of
+
+MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
+DRAFT_ROUNDS = 8  # of a draft: most charts that merge at all have done so by then
+TIE = 0.2  # candidates whose scores differ by less are tried in another order by another draw
+
+
+@dataclass(frozen=True)
+class MergeOptions:
+    """How charts are merged.
+
+    bound, margin: see ``Demands``. cone: curvature of a vertex above which arcs end there. zip: whether the two
+    sides of one chart are glued too. cheaper, work, rounds: see ``Effort``. faces: no union has more (None: any
+    may). count: so many charts are few enough. search: how much is tried, and in which order near ties are, see
+    ``Search``.
+    """
+
+    bound: float
+    margin: float = MARGIN
+    cone: float = CONE
+    zip: bool = True
+    cheaper: bool = False
+    work: float = np.inf
+    faces: int | None = None
+    count: int = 0
+    rounds: int = 1 << 32
+    search: Search = USUAL
+
+    @property
+    def demands(self) -> Demands:
+        """What every union has to meet."""
+        return Demands(self.bound, self.margin)
+
+
+def merge(
+    atlas: Atlas,
+    options: MergeOptions,
+    monitor: Monitor,
+    fixed: BoolArray | None = None,
+    worker: Worker | None = None,
+) -> None:
+    """Glue charts until no pair is left to try. fixed: (e,) bool, seams that must stay."""
+    draft = options.search.draft
+    rounds = min(DRAFT_ROUNDS, options.rounds) if draft else options.rounds
+    # the few unions of a draft on the mesh itself do not pay for an order of the whole surface
+    ordered = not draft or options.faces is None
+    effort = Effort(options.cheaper, options.work, rounds, ordered)
+    search(atlas, Glue(atlas, options, fixed), options.demands, effort, monitor, worker)
+
+
+@dataclass(frozen=True, eq=False)
+class Glues(Candidates):
+    """Candidates for gluing: every arc, every pair of charts with all its arcs, every pair with its slits too.
+
+    Two charts that close a flat ring overlap with one arc glued, and not with both. A tube, slit to unroll,
+    goes round a disk whole. length: (k,) of the seam that goes. key: (k,) what was tried is remembered by it.
+    pair: (arcs,) pair of each arc. cut: (e,) seams.
+    """
+
+    length: FloatArray
+    key: npt.NDArray[np.uint64]
+    pair: IntArray
+    arcs: Arcs
+    cut: BoolArray
+
+    @property
+    def n_arcs(self) -> int:
+        """The first so many candidates are arcs."""
+        return len(self.pair)
+
+    @property
+    def n_pairs(self) -> int:
+        """So many candidates after them are pairs, and as many again are pairs with their slits."""
+        return (len(self.left) - self.n_arcs) // 2
+
+    def seams(self, chosen: IntArray) -> BoolArray:
+        """(e,) seams that are left when the chosen candidates are glued."""
+        arcs, first = self.arcs, self.n_arcs
+        whole = np.zeros(self.n_pairs, bool)
+        whole[(chosen[chosen >= first] - first) % max(self.n_pairs, 1)] = True
+        arc = whole[self.pair]
+        arc[chosen[chosen < first]] = True
+        slit = chosen[chosen >= first + self.n_pairs]
+        charts = np.r_[self.left[slit], self.right[slit]]
+        arc |= (arcs.left == arcs.right) & np.isin(arcs.left, charts)
+        out = self.cut.copy()
+        out[arcs.edge[arc[arcs.arc]]] = False
+        return out
+
+
+class Glue:
+    """Glues charts, and remembers what failed.
+
+    A union that failed is not tried again while both charts stay as they are. fixed: (e,) bool, seams that must
+    stay.
+    """
+
+    def __init__(self, atlas: Atlas, options: MergeOptions, fixed: BoolArray | None = None) -> None:
+        self.options = options
+        self.fixed = np.zeros(len(atlas.cut), bool) if fixed is None else fixed
+        self.tried = np.zeros(0, np.uint64)
+        # (e,) energy times area of what failed along each edge
+        self.lower_bound = np.zeros(len(atlas.cut))
+
+    def propose(self, atlas: Atlas) -> Glues:
+        """All arcs and pairs of an atlas, scored by the length of the seam in shares of the boundary."""
+        options, (n, chart) = self.options, atlas.charts()
+        arcs = arcs_of(atlas, chart, options.cone)
+        glues = glues_of(atlas, arcs, chart, n)
+        one = glues.left == glues.right
+        may = self._untried(glues)
+        if n <= options.count:
+            may[:] = False
+        if not options.zip:
+            may &= ~one
+        if options.faces is not None:
+            size = np.bincount(chart)
+            may &= size[glues.left] + np.where(one, 0, size[glues.right]) <= options.faces
+        areas = group_sum(atlas.surface.areas, chart, n)
+        may &= 1 + known_excess(glues, areas, self.lower_bound) <= options.bound
+        rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
+        rim += group_sum(atlas.boundary_lengths, chart[atlas.surface.boundary // 3], n)
+        # zipping a chart up uses distortion that gluing another chart on may need: it comes last
+        score = glues.length / np.minimum(rim[glues.left], rim[glues.right])
+        score = score * _luck(glues.key, options.search.draw) - one
+        return replace(glues, score=np.where(may, score, -np.inf))
+
+    def learn(self, tried: Glues, chosen: IntArray, made: BoolArray, excess: FloatArray) -> None:
+        """Forget what was tried. Where all arcs of a pair were glued nothing is known of each alone."""
+        self.tried = np.union1d(self.tried, tried.key[chosen])
+        alone = chosen < tried.n_arcs
+        of_arc = np.zeros(tried.n_arcs)
+        of_arc[chosen[alone]] = excess[alone]
+        edge, arc = tried.arcs.edge, tried.arcs.arc
+        self.lower_bound[edge] = np.maximum(self.lower_bound[edge], of_arc[arc])
+
+    def _untried(self, glues: Glues) -> BoolArray:
+        """(candidates,) bool: what may be tried. Several arcs at once are, when each alone has failed."""
+        arcs, first = glues.arcs, glues.n_arcs
+        held = np.zeros(first, bool)
+        held[arcs.arc[self.fixed[arcs.edge]]] = True
+        waiting = np.zeros(glues.n_pairs, bool)
+        waiting[glues.pair[~np.isin(glues.key[:first], self.tried) | held]] = True
+        several = np.bincount(glues.pair, minlength=glues.n_pairs) > 1
+        several &= (glues.left != glues.right)[first : first + glues.n_pairs]
+        slit = glues.length[first + glues.n_pairs :] > 0
+        alone = ((arcs.left != arcs.right) | arcs.tip) & ~held
+        may = np.concatenate([alone, several & ~waiting, slit & ~waiting])
+        result: BoolArray = may & ~np.isin(glues.key, self.tried)
+        return result
+
+
+def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int) -> Glues:
+    """All candidates of an atlas, without scores. chart: (m,) chart of each face, n of them."""
+    pairs, pair = np.unique(arcs.left * n + arcs.right, return_inverse=True)
+    pair = pair.reshape(-1)
+    left, right = np.divmod(pairs, n)
+    together = group_sum(arcs.length, pair, len(pairs))
+    own = arcs.left == arcs.right
+    slit = group_sum(arcs.length[own], arcs.left[own], n)
+    slits = np.where(left != right, slit[left] + slit[right], 0.0)
+    length = np.concatenate([arcs.length, together, np.where(slits > 0, together + slits, 0.0)])
+    left = np.concatenate([arcs.left, left, left])
+    right = np.concatenate([arcs.right, right, right])
+    # a chart is known by its first face and its size, an arc by its first edge
+    size = np.bincount(chart, minlength=n)
+    first_face = np.full(n, len(chart))
+    np.minimum.at(first_face, chart, np.arange(len(chart)))
+    mark = np.full(len(left), len(atlas.cut) + 1)
+    mark[len(pair) + len(pairs) :] += 1
+    np.minimum.at(mark, arcs.arc, arcs.edge)
+    key = np.zeros(len(left), np.uint64)
+    for part in (first_face[left], size[left], first_face[right], size[right], mark):
+        key = (key ^ part.astype(np.uint64)) * MIX
+        key ^= key >> np.uint64(29)
+    gain = length / atlas.surface.unit + COST.chart * (left != right)
+    return Glues(left, right, np.zeros(len(left)), gain, length, key, pair, arcs, atlas.cut)
+
+
+def known_excess(glues: Glues, areas: FloatArray, lower_bound: FloatArray) -> FloatArray:
+    """(candidates,) how far above 1 the energy of each union is at least, as failed unions tell.
+
+    A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
+    a part, and arcs and charts only grow. areas: (n,) of charts. lower_bound: (e,) of the unions that failed
+    along each edge, energy times area.
+    """
+    arcs, n = glues.arcs, glues.n_pairs
+    of_arc = group_max(lower_bound[arcs.edge], arcs.arc, glues.n_arcs)
+    of_pair = group_max(of_arc, glues.pair, n)
+    union = areas[glues.left] + np.where(glues.left == glues.right, 0.0, areas[glues.right])
+    return np.concatenate([of_arc, of_pair, of_pair]) / union
+
+
+def _luck(key: npt.NDArray[np.uint64], draw: int) -> FloatArray:
+    """(k,) factors of scores, 1 for the first draw and up to TIE above and below for others."""
+    if draw == 0:
+        return np.ones(len(key))
+    mixed = (key ^ (np.full(1, draw, np.uint64) * RING)) * MIX
+    mixed = (mixed ^ (mixed >> np.uint64(31))) * RING
+    return 1 + TIE * ((mixed >> np.uint64(40)) / 2.0**23 - 1)

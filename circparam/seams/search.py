@@ -1,0 +1,186 @@
+"""One local search for all moves of seams.
+
+A family of moves proposes candidates: seams that would go and come, the one or two charts they change, and how
+much less the seams would cost. A round has four steps, all of them array operations:
+
+1. Choose a batch of independent moves: a greedy matching, in which no chart is changed by two moves.
+2. Lay all charts of the batch out in one block system (``seams.evaluate``), from cheap questions to dear ones.
+3. Make the moves whose charts are good, if they lower the cost.
+4. Tell the family, which forgets what failed until one of the charts changes.
+
+The search ends when the family proposes nothing, or when its trials have had as many faces as it may spend.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.graph import components, matching
+from circparam.core.monitor import Monitor
+from circparam.core.records import dataclass
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh, not_disks
+from circparam.seams.cost import COST
+from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
+from circparam.solvers.pattern import eliminate_as, elimination_ranks
+
+SHARE = 0.5  # of the search for charts that merging is
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates(ABC):
+    """Moves that a family proposes for an atlas.
+
+    left, right: (k,) charts that each changes, the same where it changes one. score: (k,) the highest are tried
+    first, those of −∞ never. gain: (k,) how much less the seams and the charts cost.
+    """
+
+    left: IntArray
+    right: IntArray
+    score: FloatArray
+    gain: FloatArray
+
+    @abstractmethod
+    def seams(self, chosen: IntArray) -> BoolArray:
+        """(e,) seams of the atlas after some of the moves (their numbers), no chart in two of them."""
+
+
+Some = TypeVar("Some", bound=Candidates)
+
+
+class Family(Protocol[Some]):
+    """A kind of move, and what it remembers of an atlas."""
+
+    def propose(self, atlas: Atlas) -> Some:
+        """Its moves, with their scores."""
+        ...
+
+    def learn(self, tried: Some, chosen: IntArray, made: BoolArray, excess: FloatArray) -> None:
+        """What came of a batch. made: (chosen,) bool. excess: (chosen,) at least so much is (energy − 1) · area
+        of the charts that a move leaves."""
+        ...
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a search accepts and how long it goes on.
+
+    cheaper: a move has to lower ``AtlasCost``, its distortion included; else charts have to meet the demands
+    alone. work: faces of all trials together. rounds: at most so many. ordered: systems take the order of
+    elimination of the surface, so that none looks for its own.
+    """
+
+    cheaper: bool = False
+    work: float = np.inf
+    rounds: int = 1 << 32
+    ordered: bool = True
+
+
+def search(
+    atlas: Atlas,
+    family: Family[Some],
+    demands: Demands,
+    effort: Effort,
+    monitor: Monitor,
+    worker: Worker | None = None,
+) -> None:
+    """Make moves of a family until none is left to try or the work is spent."""
+    monitor.keep(atlas)
+    work, turn = effort.work, 0
+    while turn < effort.rounds and work >= 0 and not monitor.expired:
+        candidates = family.propose(atlas)
+        left, right, score = candidates.left, candidates.right, candidates.score
+        number = np.flatnonzero(score > -np.inf)
+        if len(number) == 0:
+            break
+        n, _ = atlas.charts()
+        chosen = number[matching(score[number], left[number], right[number], n)]
+        made, excess, faces = _tried(atlas, candidates, chosen, demands, effort, monitor, worker)
+        atlas.cut = candidates.seams(chosen[made])
+        family.learn(candidates, chosen, made, excess)
+        monitor.keep(atlas)
+        work, turn = work - faces, turn + 1
+        monitor.update(SHARE * turn / (turn + 8))
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """What charts some moves leave. faces: (f,) of the surface. move: (charts,) that leaves each chart."""
+
+    cut_mesh: CutMesh
+    faces: IntArray
+    move: IntArray
+
+    def of_moves(self, value: FloatArray | BoolArray, n: int) -> FloatArray:
+        """(n,) sum of a value of charts for each move."""
+        return group_sum(value.astype(np.float64), self.move, n)
+
+
+def _tried(
+    atlas: Atlas,
+    candidates: Candidates,
+    chosen: IntArray,
+    demands: Demands,
+    effort: Effort,
+    monitor: Monitor,
+    worker: Worker | None,
+) -> tuple[BoolArray, FloatArray, int]:
+    """Lay out what the chosen moves leave, and keep the layouts of those that are good.
+
+    Returns ((chosen,) bool: the move is good, (chosen,) lower bound of its excess, faces laid out).
+    """
+    n, (_, chart) = len(chosen), atlas.charts()
+    batch = _batch(atlas, candidates, chosen, np.ones(n, bool))
+    before = 1 + (candidates.left[chosen] != candidates.right[chosen])
+    sound = np.bincount(batch.move, minlength=n) <= before
+    sound &= batch.of_moves(not_disks(batch.cut_mesh), n) == 0
+    if not sound.all():
+        batch = _batch(atlas, candidates, chosen, sound)
+    cut_mesh, faces = batch.cut_mesh, batch.faces
+    if not len(faces):
+        return sound, np.zeros(n), 0
+    if effort.ordered:
+        vertices = atlas.surface.corner_vertex[faces]
+        eliminate_as(cut_mesh, elimination_ranks(atlas.surface), vertices)
+    moves = Moves.joining(cut_mesh, atlas.corners[faces], chart[faces])
+    trial = try_moves(moves, demands, worker or Worker(1), monitor)
+    bad = batch.of_moves(~trial.good(demands.bound), n)
+    made = sound & (bad == 0)
+    if effort.cheaper:
+        more = batch.of_moves(_distortion_added(moves, trial), n)
+        made &= candidates.gain[chosen] > COST.distortion * more / atlas.surface.unit**2
+    kept = made[batch.move][cut_mesh.chart]
+    atlas.corners[faces[kept]] = trial.uv[cut_mesh.faces[kept]]
+    return made, batch.of_moves((trial.floor - 1) * cut_mesh.chart_areas, n), len(faces)
+
+
+def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolArray) -> _Batch:
+    """The charts that sound moves ((chosen,) bool) leave."""
+    n, chart = atlas.charts()
+    number = np.flatnonzero(sound)
+    move = np.full(n, -1)
+    for side in (candidates.left, candidates.right):
+        move[side[chosen[number]]] = np.arange(len(number))
+    label = move[chart]
+    cut = candidates.seams(chosen[number])
+    cut_mesh, faces = atlas.surface.part_cut_mesh(cut, label >= 0, label)
+    count, part = components(len(faces), *(cut_mesh.edges.T // 3))
+    if count > len(number):
+        key = cut_mesh.chart * count + part
+        charts, new = np.unique(key, return_inverse=True)
+        cut_mesh = replace(cut_mesh, chart=new.reshape(-1))
+        return _Batch(cut_mesh, faces, number[charts // count])
+    return _Batch(cut_mesh, faces, number)
+
+
+def _distortion_added(moves: Moves, trial: Trial) -> FloatArray:
+    """(charts,) how much more the energy times the area is than that of the layouts they had."""
+    cut_mesh = moves.cut_mesh
+    before = group_sum(moves.energies * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
+    with np.errstate(invalid="ignore"):
+        added: FloatArray = trial.energy * cut_mesh.chart_areas - before
+    return added
