@@ -216,13 +216,13 @@ def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: In
     p = np.floor(start[edge] * (1 - t) + end[edge] * t).astype(np.int64)
     size = len(page)
     texel = np.clip(p[:, 1], 0, size - 1) * size + np.clip(p[:, 0], 0, size - 1)
-    who, own = page.ravel()[texel], owner[edge].astype(np.int32)
-    last = np.empty(size * size, np.int32)
+    who, own = page.ravel()[texel], owner[edge].astype(page.dtype)
+    last = np.empty(size * size, page.dtype)
     last[texel] = own  # one of the lines through it
     if not ((last[texel] != own) | ((who >= 0) & (who != own))).any():
         return 0
-    low = np.full(size * size, np.iinfo(np.int32).max, np.int32)
-    high = np.full(size * size, -1, np.int32)
+    low = np.full(size * size, np.iinfo(page.dtype).max, page.dtype)
+    high = np.full(size * size, -1, page.dtype)
     np.minimum.at(low, texel, own)
     np.maximum.at(high, texel, own)
     touched = np.flatnonzero(high >= 0)

@@ -85,22 +85,36 @@ def painted(runs: Runs, side: int) -> tuple[LabelGrid, int]:
     head = np.flatnonzero(new)
     right = (reach - group * side)[np.r_[head[1:] - 1, len(order) - 1]] if len(order) else right
     owner, row, left = owner[head], row[head], left[head]
-    # beginnings less ends at each texel, summed row by row: after a full row the next begins with its end
+    # stretches between all beginnings and ends in the order of the texels: empty and covered ones in turn
     begin, stop = row * side + left, row * side + right + 1
-    label = _steps(begin, stop, owner + 1, side, -1)
-    first_come = np.argsort(begin, kind="stable")
+    order = np.argsort(begin, kind="stable")
+    begin, stop, owner = begin[order], stop[order], owner[order]
+    clash = bool((begin[1:] < np.maximum.accumulate(stop)[:-1]).any())
+    if clash:
+        begin, stop, owner = _disjoint(begin, stop, owner)
+    ends = np.r_[0, np.stack([begin, stop], 1).ravel(), side * side]
+    kind = np.int16 if owner.max(initial=0) < np.iinfo(np.int16).max else np.int32
+    label = np.full(len(ends) - 1, -1, kind)
+    label[1::2] = owner
+    grid: LabelGrid = np.repeat(label, np.diff(ends)).reshape(side, side)
     clashes = 0
-    if (begin[first_come][1:] < np.maximum.accumulate(stop[first_come])[:-1]).any():
-        layers = _steps(begin, stop, np.ones_like(owner), side, 0)
-        clashes = int(np.count_nonzero(layers > 1))
-        label[layers > 1] = -1
-    return label, clashes
+    if clash:
+        clashes = int(np.count_nonzero(grid == -2))
+        grid[grid == -2] = -1
+    return grid, clashes
 
 
-def _steps(begin: IntArray, stop: IntArray, value: IntArray, side: int, base: int) -> LabelGrid:
-    """(side, side) sum of the values of all stretches begin..stop−1 at each place, and ``base``."""
-    steps = np.zeros(side * side + 1, np.int32)
-    steps[0] = base
-    np.add.at(steps, begin, value.astype(np.int32))
-    np.subtract.at(steps, stop, value.astype(np.int32))
-    return np.cumsum(steps, dtype=np.int32, out=steps)[:-1].reshape(side, side)
+def _disjoint(
+    begin: IntArray, stop: IntArray, owner: IntArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Stretches begin..stop−1 cut where one begins or ends, each once; the owner of those of several is −2."""
+    ends, at = np.unique(np.concatenate([begin, stop]), return_inverse=True)
+    first, last = np.split(at, 2)
+    layers, total = np.zeros((2, len(ends)), np.int64)
+    np.add.at(layers, first, 1)
+    np.subtract.at(layers, last, 1)
+    np.add.at(total, first, owner)
+    np.subtract.at(total, last, owner)
+    layers, total = np.cumsum(layers)[:-1], np.cumsum(total)[:-1]
+    on = layers > 0
+    return ends[:-1][on], ends[1:][on], np.where(layers > 1, -2, total)[on]

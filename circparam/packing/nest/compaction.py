@@ -15,7 +15,6 @@ from circparam.core.arrays import FloatArray, cross2, dot2, norms2
 from circparam.core.linear_program import INTERIOR, SIMPLEX, least
 from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
-from circparam.packing.coverage import outline_runs, painted
 from circparam.packing.nest.contacts import (
     Contacts,
     Outlines,
@@ -31,9 +30,10 @@ from circparam.packing.straight import Straight
 # Pivots for each chart, after which the simplex counts as stalled: other programs take a tenth.
 PIVOTS_MOST = 60
 
-# Trust regions in texels of a page of 2048: the first; and the last, below which the raster shows no gain.
+# Trust regions in texels of a page of 2048: the first; and the last, below which pages are fuller by less than
+# 0.1 %.
 TRUST_FIRST = 32.0
-TRUST_LEAST = 0.5
+TRUST_LEAST = 2.0
 
 # A step that gains less than this share of the scale is followed by one half as long: 0.001 covers as much,
 # 0.01 covers 0.5 % less.
@@ -41,10 +41,6 @@ GAIN_LEAST = 2e-3
 
 # Trust regions beyond the gap within which contacts count: two charts may move towards each other.
 REACH_TRUSTS = 2.0
-
-# Side in cells of the raster on which a step is checked: gaps are about a cell wide there, overlap shows.
-# Without the check pages are equal within 0.4 %.
-OVERLAP_CELLS = 256
 
 # Room in texels for the error of the linear programs: curvature of the outlines and of the turns.
 SLACK_TEXELS = 2 * MARGIN_TEXELS
@@ -88,22 +84,6 @@ class Growth:
             self.sampled[rung] = sample_outlines(self.shapes, rung)
         reach = self.options.gap + SLACK_TEXELS + REACH_TRUSTS * trust * self.unit
         return find_contacts(placement, self.sampled[rung], reach, step)
-
-    def overlaps(self, placement: Placement) -> bool:
-        """Whether two charts overlap, up to a coarse raster; distances of outlines miss such cases."""
-        shapes, side = self.shapes, OVERLAP_CELLS
-        own = shapes.owner[shapes.start]
-        # outlines of charts that are not simple miss covered cells; the last check sees them
-        page = np.where(shapes.simple[own], placement.page[own], -1)
-        world = shapes.place(placement.angle, placement.offset, placement.scale)
-        world *= side / self.options.resolution
-        for tile in range(int(placement.page.max()) + 1):
-            on = page == tile
-            start, end = shapes.start[on], shapes.end[on]
-            runs = outline_runs(world[start], world[end], shapes.owner[start], side)
-            if painted(runs, side)[1]:
-                return True
-        return False
 
 
 def compaction_step(
@@ -202,9 +182,9 @@ class Ascent:
     def climb(self, growth: Growth, steps: float = np.inf, reached: float = 0.0) -> Placement:
         """Make steps until charts lock, at most ``steps``; stop where the scale ``reached`` is out of reach.
 
-        A step with next to no gain is followed by one half as long. A step that makes charts overlap on a
-        coarse raster is not made. A step is taken back if outlines cross afterwards, or if no further step
-        keeps all distances. The result keeps the distances up to the error of the last step: the caller checks.
+        A step with next to no gain is followed by one half as long. A step is taken back if outlines cross
+        afterwards, or if no further step keeps all distances. The result keeps the distances up to the error of
+        the last step: the caller checks.
         """
         widest = max(float(growth.shapes.radius.max()) / growth.unit, 1e-9)
         while steps > 0 and self.trust >= TRUST_LEAST and not growth.budget.late:
@@ -223,8 +203,6 @@ class Ascent:
                 if self.earlier is None:
                     break
                 self._take_back()
-            elif growth.overlaps(after):
-                self.trust /= 2
             else:
                 gain = after.scale / self.placement.scale - 1
                 self.earlier, self.placement = self.placement, after

@@ -1,11 +1,11 @@
-"""Nesting from end to end: a search on a coarse grid, then the best layouts compacted until they lock."""
+"""Nesting from end to end: a search on a coarse grid, then the best layout compacted until it locks."""
 
 import numpy as np
 
 from circparam.core import clock
 from circparam.core.arrays import FloatArray
 from circparam.packing.budget import Budget
-from circparam.packing.nest.compaction import Ascent, Growth
+from circparam.packing.nest.compaction import TRUST_LEAST, Ascent, Growth
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import sf, spectra_of
 from circparam.packing.nest.search import QUARTERS, Board, GridLayout, search, tried_angles
@@ -25,23 +25,14 @@ SPARSE_SHARE = 0.5
 # ascents together spend a third as many rows times charts.
 GRID_OPERATIONS = 1.5e7
 
-# Layouts of the search that are compacted; the third one never won.
-CANDIDATES = 2
-
-# Linear programs by which candidates are compared; the best of them then grows until it locks.
-ROUGH_STEPS = 2
-
 # Share of the covered area that straight charts along the axes may cost.
 STRAIGHT_LOSS = 0.02
-
-# First trust region of a layout that the check refuses, in texels of a page of 2048: it is all but locked.
-STRICT_TRUST = 1.0
 
 
 def nested(task: PackTask) -> Placement | None:
     """The best placement by nesting; None if the search found none.
 
-    Layouts of the search grow beside layouts of other packers, which are the better start for charts like
+    The layout of the search grows beside layouts of other packers, which are the better start for charts like
     boxes. A long step may push a thin tip through a neighbour, and no later step undoes it. The check on the
     raster (``task.sound``) sees this, and the next layout is taken.
     """
@@ -50,18 +41,18 @@ def nested(task: PackTask) -> Placement | None:
         return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
         return _alone(shapes, options)
-    layouts, straight = _layouts(task)
+    start, straight = _searched(task)
     budget = Budget(GRID_OPERATIONS / 3 * options.effort, lambda: task.monitor.expired)
     growth = Growth(shapes, options, budget, straight)
-    grown = _compacted(task, layouts + list(task.found.values()), growth)
-    for layout in layouts:
-        if grown is None or (layout.scale > grown.scale and task.sound(layout)):
-            return layout
-    return grown
+    starts = [*task.found.values()] if start is None else [start, *task.found.values()]
+    grown = _compacted(task, starts, growth)
+    if start is None or (grown is not None and grown.scale >= start.scale):
+        return grown
+    return start if grown is None or task.sound(start) else grown
 
 
-def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
-    """Layouts of the search, best first, and the charts that lie along the axes in them.
+def _searched(task: PackTask) -> tuple[Placement | None, Straight | None]:
+    """The layout of the search, and the charts that lie along the axes in it.
 
     Straight charts lie along the axes if that costs little: a layout with these charts at any angle must be so
     much better. Pages grow until there is a layout.
@@ -86,9 +77,9 @@ def _layouts(task: PackTask) -> tuple[list[Placement], Straight | None]:
             free = search(board, side, options.pages, budgets[-1])
             found, along = (free, None) if free else (found, along)
         if found:
-            return [to_placement(board, f, cell, options) for f in _different(found)], along
+            return to_placement(board, found[0], cell, options), along
         density /= 2
-    return [], None
+    return None, None
 
 
 def _work(shapes: Shapes, options: PackOptions) -> float:
@@ -174,19 +165,10 @@ def to_placement(board: Board, found: GridLayout, cell: float, options: PackOpti
     return Placement(texels / cell, angle, offset, found.page)
 
 
-def _different(found: list[GridLayout]) -> list[GridLayout]:
-    """One layout of each arrangement: those of one trial often differ in the page side only."""
-    kept: list[GridLayout] = []
-    for f in found:
-        if all(not np.array_equal(f.mask, k.mask) for k in kept):
-            kept.append(f)
-    return kept[:CANDIDATES]
-
-
 def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> Placement | None:
     """The best candidate grown until it locks; None if none passes the check.
 
-    All candidates grow by a few steps while half of the budget is left. The best of them grows on.
+    All candidates grow by a step while half of the budget is left. The best of them grows on.
     """
     ascents: list[Ascent] = []
     half = growth.budget.left / 2
@@ -195,14 +177,14 @@ def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> P
             break
         ascent = Ascent(start)
         reached = max((a.placement.scale for a in ascents), default=0.0)
-        ascent.climb(growth, ROUGH_STEPS, reached)
+        ascent.climb(growth, 1, reached)
         ascents.append(ascent)
     for ascent in sorted(ascents, key=lambda a: -a.placement.scale):
         ascent.climb(growth)
         if task.sound(ascent.placement):
             return ascent.placement
         # the straight strips were too narrow somewhere: the full gap everywhere may do
-        safe = Ascent(ascent.placement, STRICT_TRUST, strict=True).climb(growth)
+        safe = Ascent(ascent.placement, TRUST_LEAST, strict=True).climb(growth)
         if task.sound(safe):
             return safe
     return None
