@@ -125,7 +125,7 @@ def stretch_kept(
     allowed = max(_stretched(before, limits.most), SPARED)
     if _stretched(atlas, limits.most) <= allowed:
         return True
-    limit_stretch(atlas, limits, monitor, slits=False, splits=False)
+    limit_stretch(atlas, limits, monitor, turns=0)
     return _stretched(atlas, limits.most) <= allowed
 
 
