@@ -13,7 +13,7 @@ PYTHONS ?= python3.11 python3.12 python3.13
 SCALE ?=
 # options of bench-noise, such as --base REV --turns 3 --bed FOLDER
 NOISE ?=
-# options of the run of planted faults, such as --only packing/
+# options of the run of planted faults, such as "geometry solvers --sample 5 --minutes 10"
 MUTANTS ?=
 # threads of the linear algebra libraries: several processes run side by side
 export OMP_NUM_THREADS ?= 1
@@ -130,7 +130,7 @@ bench-batch: $(VENV)/.dev ## many files: rates, overhead, memory, and the tests 
 fuzz: $(VENV)/.dev ## hostile meshes and broken files: make fuzz FUZZ=5000 SEED=1
 	$(RUN) -m tests.fuzz --cases $(FUZZ) --seed $(SEED)
 
-mutants: $(VENV)/.dev ## 200 planted faults: the share that the tests notice (half an hour or more)
+mutants: $(VENV)/.dev ## planted faults in each room: the share that the tests notice (an hour; MUTANTS="geometry --minutes 5")
 	$(RUN) -m tests.tools.mutants $(MUTANTS)
 
 figures: $(VENV)/.dev ## the pictures of README and docs

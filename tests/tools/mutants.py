@@ -1,15 +1,14 @@
 """Faults planted on purpose, and the share of them that the tests of their module notice.
 
-    python -m tests.tools.mutants [--sample 200] [--seed 1] [--only packing/] [--no-report]
+    python -m tests.tools.mutants [ROOM...] [--sample 20] [--seed 1] [--minutes 60] [--no-report]
 
-A fixed sample of places in the package gets one mutant each (an operator of cosmic-ray: a changed comparison,
-sign, number, break, condition), in a copy of the tree. The tests of the mutated module run on it; a mutant is
-noticed when they fail or run out of time. The share and the survivors go to docs/benchmarks/mutants.md, where
-each survivor has a judgement that is kept from run to run. Real meshes are left out: the sample is judged by
-what every machine has.
+A sample of places in each room gets one mutant each (an operator of cosmic-ray: a changed comparison, sign,
+number, break, condition), in a copy of the tree. The tests of the mutated module run on the mutant. They notice
+it when they fail or run out of time. Rooms take turns, so a run that its minutes end has tried all rooms alike.
+The shares and the survivors go to docs/benchmarks/mutants.md, where each survivor has a judgement that is kept
+from run to run. Real meshes are left out, because the sample is judged by the tests that every machine can run.
 """
 
-import argparse
 import os
 import re
 import shutil
@@ -20,8 +19,10 @@ import tempfile
 import time
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
+from itertools import zip_longest
 from pathlib import Path
 from queue import Queue
+from threading import Lock
 from typing import Any
 
 from tests.bench.common import REPORTS, ROOT, options, section, table, write
@@ -55,11 +56,16 @@ def tests_of(module: str) -> tuple[str, ...]:
     return tuple(f.relative_to(ROOT).as_posix() for f in found)
 
 
-def modules(only: str) -> list[str]:
-    """Files that are mutated, whose names hold a text."""
-    found = [p for room in ROOMS for p in sorted((ROOT / PACKAGE / room).rglob("*.py"))]
-    names = [p.relative_to(ROOT).as_posix() for p in found if p.name != "__init__.py"]
-    return [n for n in names if only in n]
+def modules(room: str) -> list[str]:
+    """Files of a room, or of a folder in it, that are mutated."""
+    found = sorted((ROOT / PACKAGE / room).rglob("*.py"))
+    return [p.relative_to(ROOT).as_posix() for p in found if p.name != "__init__.py"]
+
+
+def planned(rooms: list[str], size: int, seed: int) -> list[Mutant]:
+    """So many mutants of each room, the first of every room before the second of any."""
+    drawn = [sample(modules(room), size, seed) for room in rooms]
+    return [m for turn in zip_longest(*drawn) for m in turn if m is not None]
 
 
 # the runs -----------------------------------------------------------------------------------------
@@ -126,29 +132,46 @@ def _pytest(
     return code, time.perf_counter() - start, tail
 
 
-def noticed(mutants: list[Mutant]) -> list[bool]:
-    """Whether the tests of its module fail with each mutant."""
+class Trial:
+    """Mutants tried one by one: each by the tests of its module, which pass without it."""
+
+    def __init__(self, folder: Path, end: float) -> None:
+        self.copies, self.end = Copies(folder), end
+        self.clean: dict[tuple[str, ...], float] = {}
+        self.locks: dict[tuple[str, ...], Lock] = defaultdict(Lock)
+
+    def seconds(self, tests: tuple[str, ...]) -> float:
+        """How long some tests take without a mutant; the first call runs them."""
+        with self.locks[tests]:
+            if tests not in self.clean:
+                code, seconds, tail = self.copies.run(tests, None)
+                if code != 0:
+                    raise SystemExit(f"{' '.join(tests)}: fails without a mutant:\n{tail}")
+                self.clean[tests] = seconds
+        return self.clean[tests]
+
+    def notices(self, mutant: Mutant) -> bool | None:
+        """Whether the tests fail with a mutant; None where no time is left to try."""
+        if time.monotonic() > self.end:
+            return None
+        tests = tests_of(mutant.file)
+        code, seconds, _ = self.copies.run(tests, 3 * self.seconds(tests) + 30, mutant)
+        word = {0: "SURVIVES", None: "out of time"}.get(code, "noticed")
+        print(f"{word} ({seconds:.0f} s) {line_of(mutant)}", flush=True)
+        return bool(code != 0)
+
+
+def tried(mutants: list[Mutant], minutes: float) -> list[tuple[Mutant, bool]]:
+    """The mutants for which there was time, and whether the tests notice each."""
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(WORKERS) as pool:
-        copies = Copies(Path(folder))
-        sets = sorted({tests_of(m.file) for m in mutants})
-        clean: dict[tuple[str, ...], float] = {}
-        for tests, (code, seconds, tail) in zip(
-            sets, pool.map(lambda tests: copies.run(tests, None), sets), strict=True
-        ):
-            if code != 0:
-                sys.exit(f"{' '.join(tests)}: fails without a mutant:\n{tail}")
-            clean[tests] = seconds
-            print(f"{' '.join(tests)}: {seconds:.0f} s", flush=True)
+        trial = Trial(Path(folder), time.monotonic() + 60 * minutes)
+        found = list(pool.map(trial.notices, mutants))
+    return [(m, seen) for m, seen in zip(mutants, found, strict=True) if seen is not None]
 
-        def seen(mutant: Mutant) -> bool:
-            tests = tests_of(mutant.file)
-            code, seconds, _ = copies.run(tests, 3 * clean[tests] + 30, mutant)
-            word = {0: "SURVIVES", None: "out of time"}.get(code, "noticed")
-            told = f"{mutant.file}:{mutant.line}: {mutant.before} -> {mutant.after}"
-            print(f"{word} ({seconds:.0f} s) {told}", flush=True)
-            return code != 0
 
-        return list(pool.map(seen, mutants))
+def line_of(mutant: Mutant) -> str:
+    """One line that names a mutant."""
+    return f"{mutant.file}:{mutant.line}: {mutant.before} -> {mutant.after}"
 
 
 # the report ---------------------------------------------------------------------------------------
@@ -170,24 +193,22 @@ def judgements(path: Path) -> dict[tuple[str, ...], str]:
     return old
 
 
-def report(mutants: list[Mutant], found: list[bool], told: argparse.Namespace) -> Path:
+def report(found: list[tuple[Mutant, bool]], seed: int) -> Path:
     """Write docs/benchmarks/mutants.md; judgements of survivors that were there before stay."""
     old = judgements(REPORTS / REPORT)
     rooms: dict[str, list[bool]] = defaultdict(list)
     rows = []
-    for mutant, seen in sorted(
-        zip(mutants, found, strict=True), key=lambda p: (p[0].file, p[0].line)
-    ):
-        rooms["/".join(mutant.file.split("/")[1:2])].append(seen)
+    for mutant, seen in sorted(found, key=lambda pair: (pair[0].file, pair[0].line)):
+        rooms[mutant.file.split("/")[1]].append(seen)
         if not seen:
             before, after = _cell(mutant.before), _cell(mutant.after)
             judged = old.get((mutant.file, before, after), "")
             rows.append([f"{mutant.file}:{mutant.line}", before, after, judged])
     share = [[room, str(len(s)), f"{sum(s) / len(s):.0%}"] for room, s in sorted(rooms.items())]
     intro = (
-        f"{len(mutants)} faults planted one at a time (seed {told.seed}), each with the tests of its module: "
-        f"{sum(found)} noticed, {sum(found) / len(found):.1%}. Made by `make mutants`; the judgements are "
-        "written by hand and kept."
+        f"{len(found)} faults planted one at a time (seed {seed}), each with the tests of its module: "
+        f"{len(found) - len(rows)} noticed, {1 - len(rows) / len(found):.1%}. Made by `make mutants`; the "
+        "judgements are written by hand and kept."
     )
     survivors = table(["place", "before", "after", "judgement"], rows)
     blocks = [table(["room", "planted", "noticed"], share), section("Survivors", survivors)]
@@ -197,26 +218,28 @@ def report(mutants: list[Mutant], found: list[bool], told: argparse.Namespace) -
 def main() -> int:
     """Plant, run, report; exit 1 where too few are noticed."""
     parser = options(__doc__)
-    parser.add_argument("--sample", type=int, default=200)
+    parser.add_argument(
+        "rooms", nargs="*", metavar="ROOM", help=f"of: {', '.join(ROOMS)}; or below"
+    )
+    parser.add_argument("--sample", type=int, default=20, help="mutants of each room")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="modules whose name holds this text")
+    parser.add_argument("--minutes", type=float, default=60.0, help="no mutant begins after them")
     parser.add_argument("--list", action="store_true", help="show the sample and run nothing")
-    told = parser.parse_args()
-    mutants = sample(modules(told.only), told.sample, told.seed)
+    chosen = parser.parse_args()
+    mutants = planned(chosen.rooms or list(ROOMS), chosen.sample, chosen.seed)
     if not mutants:
-        sys.exit(f"no module to mutate holds '{told.only}' in its name")
-    if told.list:
-        print("\n".join(f"{m.file}:{m.line}: {m.before} -> {m.after}" for m in mutants))
+        sys.exit(f"no module to mutate in {' '.join(chosen.rooms)}")
+    if chosen.list:
+        print("\n".join(map(line_of, mutants)))
         return 0
-    found = noticed(mutants)
-    if not told.no_report:
-        print(f"\n{report(mutants, found, told).relative_to(ROOT)} is written")
-    print("\nsurvivors:")
-    for mutant, seen in zip(mutants, found, strict=True):
-        if not seen:
-            print(f"  {mutant.file}:{mutant.line}: {mutant.before} -> {mutant.after}")
-    share = sum(found) / len(found)
-    print(f"\n{sum(found)} of {len(found)} mutants noticed: {share:.1%}, wanted {ENOUGH:.0%}")
+    found = tried(mutants, chosen.minutes)
+    if not found:
+        sys.exit(f"no mutant was tried within {chosen.minutes:g} minutes")
+    if not chosen.no_report:
+        print(f"\n{report(found, chosen.seed).relative_to(ROOT)} is written")
+    print("\nsurvivors:", *(f"  {line_of(m)}" for m, seen in found if not seen), sep="\n")
+    share = sum(seen for _, seen in found) / len(found)
+    print(f"\n{len(found)} of {len(mutants)} tried: {share:.1%} noticed, wanted {ENOUGH:.0%}")
     return int(share < ENOUGH)
 
 
