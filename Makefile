@@ -18,6 +18,8 @@ MUTANTS ?=
 # threads of the linear algebra libraries: several processes run side by side
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# modules are compiled once, for the many processes of tests and benches
+export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
 .PHONY: help venv dev node demo test test-browser test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-look bench-noise bench-hand fuzz mutants figures docs dist clean
