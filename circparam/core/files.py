@@ -23,10 +23,10 @@ def write_files(
 ) -> list[Path]:
     """Write several files, all or none, the last one last (it may refer to those before it).
 
-    inside: a folder below which missing folders are made. durable: flushed to the disk, so a power cut loses no
-    file; unnecessary for files written every moment. Raises OptionError if one exists and may not be
-    replaced, or where two names are one file; OutputError if the disk refuses. Nothing is left behind by an
-    error or an interrupt.
+    inside: missing folders are made below this one. durable: files are flushed to the disk, so a power cut
+    loses none; files that are rewritten often do not need it. Raises OptionError if a file exists and may not
+    be replaced, or if two names are one file; OutputError if the disk refuses. An error or an interrupt leaves
+    nothing behind.
     """
     places: dict[str, Path] = {}
     for path in contents:
@@ -74,8 +74,7 @@ def made_folders(folders: Iterable[Path]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tuple[Path, Path]]]:
-    """The contents under temporary names beside their places, flushed where they must be durable; whatever is
-    left is removed."""
+    """The contents under temporary names beside their places, flushed if durable; leftovers are removed."""
     staged: list[tuple[Path, Path]] = []
     held = contextlib.ExitStack()
     try:
@@ -113,9 +112,9 @@ def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tupl
 
 
 def lock(file: IO[bytes] | int) -> bool:
-    """Lock an open file, or folder, until it is closed or this process ends; whether nobody else has it locked.
+    """Lock an open file or folder until it closes or this process ends. Returns whether that succeeded.
 
-    False also where the system has no such locks.
+    False if another process holds the lock, or if the system has no such locks.
     """
     try:
         import fcntl
@@ -127,7 +126,7 @@ def lock(file: IO[bytes] | int) -> bool:
 
 
 def _clear_left(folder: Path, name: str) -> None:
-    """Remove temporary files of killed writers of that file: nobody holds their locks."""
+    """Remove temporary files of a file whose writers were killed, so that no process holds their locks."""
     for left in folder.glob(f".{glob.escape(name)}.*.tmp"):
         number = left.name.split(".")[-2]
         with contextlib.suppress(OSError):

@@ -83,8 +83,8 @@ def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 def lowest_of_cycles(follower: IntArray) -> IntArray:
     """(n,) the lowest element of the cycle that each element of a permutation is in, by pointer doubling.
 
-    Each round looks twice as far ahead. Once nothing changes, windows one behind the other round the cycle
-    have the same lowest element, so it is that of the cycle.
+    Each round looks twice as far ahead. Once nothing changes, consecutive windows of a cycle have the same
+    lowest element, which is then the lowest of the cycle.
     """
     lowest, jump = np.arange(len(follower)), follower
     while True:

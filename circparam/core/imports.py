@@ -7,7 +7,7 @@ from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
 from typing import Any
 
-# what an unwrap has no use for: a sixth of what it would import
+# modules that an unwrap does not use: a sixth of its imports
 UNUSED = (
     *("numpy.f2py", "numpy.testing", "numpy.polynomial", "numpy.ma"),
     *("numpy.ctypeslib", "numpy.rec", "numpy.char"),
@@ -16,7 +16,7 @@ _own = False  # whether this process is one of ours
 
 
 def put_off() -> None:
-    """Let those modules of NumPy load at their first use, where nobody has loaded them yet.
+    """Let the UNUSED modules of NumPy load at their first use, unless they are loaded already.
 
     SciPy takes every public name of NumPy (``from numpy import *``), and NumPy loads these when their names are
     asked for. For processes of our own only: the imports of a caller are the caller's choice.

@@ -1,6 +1,6 @@
 """Linear programs, by the HiGHS that SciPy holds (Huangfu and Hall 2018).
 
-``scipy.optimize.linprog`` imports 120 modules for it and takes 3 ms a program besides what the solver takes.
+``scipy.optimize.linprog`` imports 120 modules and adds 3 ms to the time of the solver for each program.
 """
 
 from functools import cache

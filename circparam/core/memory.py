@@ -40,7 +40,7 @@ def keeping_freed(worth_it: bool = True) -> Iterator[None]:
 
 
 def room_for_libraries(threads: int) -> None:
-    """Refuse a bound on the address space under which the libraries cannot work with so many threads.
+    """Refuse a bound on the address space that is too small for the libraries with this number of threads.
 
     Raises NoResultError with a sufficient bound.
     """

@@ -11,9 +11,9 @@ from typing import Any
 
 from circparam.errors import OutOfTimeError
 
-# share of the time: work without a result continues this long after loops have stopped
+# Work without a result continues after loops have stopped, for this share of the time and these seconds.
 GRACE = 0.05
-LAG = 0.2  # and so many seconds
+LAG = 0.2
 
 Listener = Callable[[str, float, str], None]
 
@@ -31,7 +31,7 @@ class Monitor:
         self.jobs = jobs
         self._listener = listener
         self._stage, self._fraction = "", 0.0
-        self._shown: str | None = None  # in place of the stages, while they are part of another
+        self._shown: str | None = None  # a stage shown instead of those that are part of it
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.timeout = timeout
         self.reserved = 0.0  # seconds before the deadline reserved for later stages
@@ -111,7 +111,7 @@ class Monitor:
 
     @contextmanager
     def shown_as(self, name: str) -> Iterator[None]:
-        """Inside, the listener sees this stage, whatever stages the work has."""
+        """Inside, the listener sees this stage instead of the stages of the work."""
         before, self._shown = self._shown, name
         try:
             yield

@@ -35,9 +35,11 @@ ENVIRONMENT = {
 
 @dataclass(eq=False)
 class Pool:
-    """The processes. executor: loky's. ready: done when one has finished its imports. lifeline: they end when
-    it closes, even if this process is killed. limit: of memory, before it was shared.
-    free: how many of them have nothing to do.
+    """The processes.
+
+    executor: of loky. ready: done when one process has finished its imports. lifeline: the processes end when
+    it closes, even if this process is killed. limit: of memory, before it was shared. free: the number of idle
+    processes.
     """
 
     executor: Any
@@ -110,10 +112,10 @@ _lock = threading.Lock()
 
 
 def start(jobs: int, *modules: str) -> None:
-    """Open processes for so many jobs in the background, each of which imports some modules.
+    """Open processes for a number of jobs in the background; each imports the modules.
 
-    The first of them before any work, the others beside it. Where that many are open already, or processes
-    cannot be started here, nothing happens.
+    The first process starts before any work, the others beside it. Nothing happens if enough are open, or if
+    processes cannot be started here.
     """
     global _opening, _asked
     jobs = min(jobs, MOST)
@@ -129,7 +131,7 @@ def start(jobs: int, *modules: str) -> None:
 
 
 def stop() -> bool:
-    """End the processes at once, whatever they are doing; whether this process has more memory now."""
+    """End the processes at once, busy or not. Returns whether this process has more memory now."""
     global _opening, _asked
     with _lock:
         opening, _opening, _asked = _opening, None, 0

@@ -2,9 +2,9 @@
 
 The processes are those of loky, which does not run the caller's main module again and notices workers that die.
 ``start`` opens them in the background while the caller still reads and prepares. They stay for the next mesh,
-and end after a while without work or when the caller ends. The caller works too, so N jobs are N − 1 processes.
-Workers change seconds, never results. The division of work does not depend on them, and the caller does the
-part of a worker that does not answer.
+and end when they are idle for a while or when the caller ends. The caller works too, so N jobs are N − 1
+processes. Workers change seconds, never results: the division of work does not depend on them, and the caller
+does the part of a worker that does not answer.
 """
 
 import contextlib
@@ -31,8 +31,8 @@ PART_FACES = 4_000  # that a part has at least, if the charts allow it
 PARTS = 8  # at most: more than processes, so that none waits long for the last one
 LARGE = 8  # charts of more than such a part of a part are dealt out one by one
 LARGE_TASK = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
-OVERLOOKED = 2.0  # seconds after which it is looked whether a process that should answer was killed
-MOST_SHARE = 0.9  # of the faces in one part, above which the others are not worth the trouble
+OVERLOOKED = 2.0  # seconds between checks whether a process that should answer was killed
+MOST_SHARE = 0.9  # of the faces in one part; above it the other parts are not worth a process
 
 
 def cores() -> int:
@@ -94,7 +94,7 @@ def environment() -> dict[str, str]:
 
 
 class Worker:
-    """``map`` on so many processes, the caller included, where ``start`` has opened some.
+    """``map`` on a number of processes, the caller included, if ``start`` has opened them.
 
     jobs: 1 does all work in this process.
     """
@@ -105,11 +105,11 @@ class Worker:
     def map(
         self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]], monitor: Monitor
     ) -> list[Any]:
-        """[function(*task, monitor) for task in tasks], in any order and by whoever is free.
+        """[function(*task, monitor) for task in tasks], computed in any order by any idle process.
 
-        tasks: a sequence; of an iterator, no task is kept longer than it takes to hand it on. function: at the
-        top level of a module. A process has a monitor of its own with the same deadline. The work of the
-        caller may hand out tasks itself, to idle processes.
+        tasks: a sequence or an iterator, whose tasks are released as soon as they are sent. function: at the
+        top level of a module. Each process has its own monitor with the same deadline. The work of the caller
+        may send tasks to idle processes too.
         """
         alone = isinstance(tasks, Sequence) and len(tasks) < 2
         pool = current() if self.jobs > 1 and not alone else None
@@ -252,7 +252,7 @@ class _Shared:
             return self._next - 1
 
     def _send(self, done: "Future[bytes] | None" = None) -> None:
-        """Give a free process the next task; called again as soon as it has answered."""
+        """Give an idle process the next task; called again when the process has answered."""
         if done is not None:
             self._pool.release()
             if done.cancelled() or done.exception() is not None:
