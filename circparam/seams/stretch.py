@@ -34,7 +34,8 @@ def stretch_asked(most: float | None, bound: float) -> bool:
 def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, int, bool]:
     """How far faces may be stretched; how often seams may be added for that, and whether charts be split.
 
-    A draft adds slits once unless a stretch is asked for: further seams cost more than the stretch that they mend.
+    A draft adds slits once, unless a stretch is asked for: further seams cost more than the stretch that they
+    mend.
     """
     quick = options.search.draft and options.max_stretch is None
     asked = stretch_asked(options.max_stretch, options.max_distortion)
