@@ -51,9 +51,14 @@ def tiny(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.fixture
-def limited(tmp_path: Path) -> Iterator[Path]:
-    """A folder in which this process can write no file of more than a few hundred bytes."""
+def limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder in which this process can write no file of more than a few hundred bytes.
+
+    Python would cut off the modules that it compiles, too, and could not load them again.
+    """
     (tmp_path / "filler").write_bytes(b"")
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (300, before[1]))
     try:
