@@ -13,7 +13,7 @@ from circparam.maps.convex import laid_in_polygons
 from circparam.maps.cover import Cover, CoverPoints, Development, own_development, whole_development
 from circparam.maps.geometries import Base, base_of, signs_of
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.layout import Layout, laid_out
+from circparam.maps.layout import laid_out
 from circparam.maps.map_input import MapInput
 from circparam.maps.mend import Mender
 from circparam.maps.places import along_boundaries
@@ -21,7 +21,6 @@ from circparam.maps.straighten import straighten
 from circparam.maps.tracing import Tracer
 
 PATCH_DISTANCE = 10.0  # distance between patches in the search for faces near a place
-SAME_PLACE = 0.15  # barycentric coordinates that differ by less are about the same place of a patch
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +54,6 @@ def common_domain(
     """
     with monitor.stage("layout"):
         layout = laid_out(a, b, marks)
-        if layout.k == 3 and not a.genus:
-            _add_helpers(layout, marks, a, b, method)
-            layout = laid_out(a, b, marks)
         for u, v in zip(*(t.marks[len(marks.a) :] for t in layout.tracers), strict=True):
             marks.add(int(u), int(v), False)
     if layout.k < 4 and not a.genus:
@@ -112,38 +108,3 @@ def composed(
     near = tree.query(np.column_stack([PATCH_DISTANCE * patch, place]))[1]
     found = two.cover.find(one.cover.vectors, np.asarray(near, np.int64))
     return found.put(*along_boundaries(a, b, marks, two.cover.mesh))
-
-
-def _add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, method: str) -> None:
-    """A helper inside each of the two patches of three landmarks: a polyhedron has four corners or more.
-
-    It is the vertex of A farthest from the landmarks. Its partner is the farthest of the vertices of B at about
-    the same place of the patch. Helpers shape the layout only: relaxation moves them like any other vertex.
-    """
-    regions = layout.regions()
-    patches = [t.regions(regions) for t in layout.tracers]
-    on_a, on_b = (
-        laid_in_polygons(t, patch, regions, np.eye(3), method).reshape(-1, 3)[t.mesh.first_out]
-        for t, patch in zip(layout.tracers, patches, strict=True)
-    )
-    far_a, far_b = (t.from_landmarks() for t in layout.tracers)
-    for n in range(len(regions)):
-        one, two = (
-            _inside(t, patch == n, side.n)
-            for t, patch, side in zip(layout.tracers, patches, (a, b), strict=True)
-        )
-        if len(one) and len(two):
-            u = one[far_a[one].argmax()]
-            near = np.abs(on_b[two] - on_a[u]).max(1) < SAME_PLACE
-            if near.any():
-                v = two[np.where(near, far_b[two], -1).argmax()]
-            else:  # the innermost of both
-                u, v = one[on_a[one].min(1).argmax()], two[on_b[two].min(1).argmax()]
-            marks.add(int(u), int(v), False)
-
-
-def _inside(tracer: Tracer, faces: IntArray, n: int) -> IntArray:
-    """Vertices of the surface inside a patch, without the tips that close boundaries."""
-    vertices = np.unique(tracer.mesh.faces[faces])
-    out: IntArray = vertices[~tracer.on[vertices] & (vertices < n)]
-    return out

@@ -19,7 +19,7 @@ DIAGONAL_OFFSET = 1e-6  # of the square: vertices of regular meshes lie on the d
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
-    """Replace the arcs from number ``first`` on by diagonals, on both meshs, in place."""
+    """Replace the arcs from number ``first`` on by diagonals, on both meshes, in place."""
     for arcs in _rounds(layout, first):
         for tracer in layout.tracers:
             _lay_diagonals(tracer, layout, arcs, weights)
@@ -88,8 +88,7 @@ def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str
             between = split_by[mesh.half_edges(old[:-1], old[1:])]
             path = np.stack([old, np.r_[between, -1]], 1).ravel()
             path = path[path >= 0]
-        tracer.replace(arc, path, *layout.ends[arc])
-    tracer.mark_arcs()
+        tracer.lay(arc, path)
 
 
 def _sides(layout: Layout, arc: int) -> list[int]:
