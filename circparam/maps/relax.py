@@ -5,7 +5,7 @@ Steps are Newton's, projected (Smith, Goes and Kim 2019), in the tangent planes 
 mesh may turn over in the domain, so the map stays one to one, and fixed vertices stay where they are.
 """
 
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sps
@@ -19,12 +19,12 @@ from circparam.maps.cover import Cover, CoverPoints, Development
 from circparam.maps.geometries import Geometry, counter_clockwise, tangents
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
+from circparam.solvers.pattern import ranks_of
 
 RIDGE = 1e-8  # added to the diagonal of the Hessian, of its trace
 WORST_RISE = 1.5  # growth of the energy of a face in one step beyond which its corners slow down
 LOCAL_HALVINGS = 8  # times that the steps of such vertices are halved,
-LOCAL_STOPS = 12  # times that they stay then, with those of the faces that turn over,
-HALVINGS = 12  # and times that the whole step is halved in the end
+HALVINGS = 12  # and times that the whole step is halved then
 HOLDS = 3  # directions that are tried in one step, each with more vertices at rest
 PATIENCE = 3  # steps without a gain after which the relaxation ends
 SHORT_STEP = 0.1  # share of a step by which faces turn over whatever its length
@@ -51,19 +51,6 @@ class TargetPoint:
         return self.on
 
 
-class Target(Protocol):
-    """A surface over the domain."""
-
-    def moved(self, at: TargetPoint, d: FloatArray) -> TargetPoint:
-        """Ends of steps d (n, 2) in the frames; unmoved vertices keep their places, bit for bit."""
-
-    def triangles(
-        self, at: TargetPoint, corners: IntArray, faces: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(3, m, d) corners of some flat faces, and (3, m, d, 2) their derivatives by the steps of the
-        vertices; corners (3, m): the vertices of faces (m,)."""
-
-
 class GeometryTarget:
     """The geometry of the domain, at a given scale; development: of the mesh that lies on it."""
 
@@ -75,7 +62,8 @@ class GeometryTarget:
         return TargetPoint(q, q * self.scale, self.geometry.tangents(q))
 
     def moved(self, at: TargetPoint, d: FloatArray) -> TargetPoint:
-        """Along the tangent, back onto the geometry."""
+        """Ends of steps d (n, 2) in the frames: along the tangent, back onto the geometry. Unmoved vertices
+        keep their places, bit for bit."""
         long = np.linalg.norm(d, axis=1) / (LONGEST_STEP * self.scale)
         step = np.einsum("nab,nb->na", at.frame, d / np.maximum(long, 1.0)[:, None]) / self.scale
         still = (d == 0).all(1)[:, None]
@@ -84,7 +72,9 @@ class GeometryTarget:
     def triangles(
         self, at: TargetPoint, corners: IntArray, faces: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Chords of the sphere, else seen from the middle of every face."""
+        """(3, m, d) corners of some flat faces, and (3, m, d, 2) their derivatives by the steps of the
+        vertices; corners (3, m): the vertices of faces (m,). Chords of the sphere, else seen from the middle of
+        every face."""
         own = (self.development.corners(x)[faces] for x in (at.vectors, at.frame))
         places, moves = self.geometry.flat(*own)
         return places.transpose(1, 0, 2) * self.scale, moves.transpose(1, 0, 2, 3)
@@ -115,11 +105,12 @@ class MeshTarget:
     def triangles(
         self, at: TargetPoint, corners: IntArray, faces: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """As they lie in space."""
+        """The same, as they lie in space."""
         return at.points[corners], at.frame[corners]
 
     def moved(self, at: TargetPoint, d: FloatArray) -> TargetPoint:
-        """The path is straight: at every edge it continues as if the two faces were one plane."""
+        """Ends of steps as above. The path is straight: at every edge it continues as if the two faces were one
+        plane."""
         on = at.cover_points
         face, w, turn = on.face.copy(), on.weights.copy(), on.turn.copy()
         way = np.einsum("nab,nb->na", at.frame, d)
@@ -163,6 +154,9 @@ class MeshTarget:
         return np.asarray(along + (way * out_of).sum(1)[:, None] * into, np.float64)
 
 
+Target: TypeAlias = GeometryTarget | MeshTarget
+
+
 @dataclass(frozen=True, eq=False)
 class Moved:
     """at: where the vertices came to lie; energy: mean over the area, 1 for an isometry; steps made."""
@@ -201,11 +195,7 @@ class Relaxation:
 
     def _order(self) -> None:
         """An order of the vertices in which the Hessian fills little, and where its entries stand in it."""
-        i, j = self.faces.ravel(), self.faces[:, [1, 2, 0]].ravel()
-        graph = sps.csc_matrix((np.full(len(i), -1.0), (i, j)), shape=(self.n, self.n))
-        degree = -np.asarray(graph.sum(0)).ravel()
-        position = Factor(graph + sps.diags(degree + 1.0)).position
-        self.order = np.argsort(position, kind="stable")
+        self.order = np.argsort(ranks_of(self.development.mesh.cut_mesh), kind="stable")
         rank = np.argsort(self.order)
         index = (2 * rank[self.corners][:, None] + np.arange(2)[:, None]).astype(np.int32)
         whole = (3, 2, 3, 2, index.shape[-1])
@@ -328,12 +318,11 @@ class Relaxation:
     def _line_search(
         self, at: TargetPoint, d: FloatArray, energy: float
     ) -> tuple[TargetPoint, float] | None:
-        """The step d, of single vertices shortened where faces turn over or get much worse, then without
-        these, then as a whole."""
+        """The step d, of single vertices shortened where faces turn over or get much worse, then as a whole."""
         whole, d = d, d.copy()
         before, good = self.face_energy(at), self.unflipped(at)
-        for k in range(LOCAL_HALVINGS + LOCAL_STOPS + HALVINGS):
-            if k == LOCAL_HALVINGS + LOCAL_STOPS:
+        for k in range(LOCAL_HALVINGS + HALVINGS):
+            if k == LOCAL_HALVINGS:
                 d = whole
             there = self.target.moved(at, d)
             bad = ~self.unflipped(there) & good
@@ -341,10 +330,9 @@ class Relaxation:
             after = float((value * self.weight).sum())
             if not bad.any() and after < energy:
                 return there, after
-            if k < LOCAL_HALVINGS + LOCAL_STOPS:
-                bad[self.counts[value > WORST_RISE * before + 1]] = True
-            if bad.any() and k < LOCAL_HALVINGS + LOCAL_STOPS:
-                d[np.unique(self.faces[bad])] *= 0.5 if k < LOCAL_HALVINGS else 0.0
+            bad[self.counts[value > WORST_RISE * before + 1]] = True
+            if bad.any() and k < LOCAL_HALVINGS:
+                d[np.unique(self.faces[bad])] *= 0.5
             else:
                 d = d / 2
         return None

@@ -43,10 +43,15 @@ def elimination_ranks(surface: Surface) -> IntArray:
     if kept is not None:
         return kept
     whole = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    pattern = VertexPattern(whole, None)
-    matrix = pattern.numbers(np.ones(3 * len(whole.faces)), np.ones(whole.n_vertices))
-    kept = surface.__dict__["_ranks"] = Factor(matrix).position
+    kept = surface.__dict__["_ranks"] = ranks_of(whole)
     return kept
+
+
+def ranks_of(cut_mesh: CutMesh) -> IntArray:
+    """(n_vertices,) when elimination takes each vertex of a cut mesh."""
+    pattern = VertexPattern(cut_mesh, None)
+    weight, added = np.ones(3 * len(cut_mesh.faces)), np.ones(cut_mesh.n_vertices)
+    return Factor(pattern.numbers(weight, added)).position
 
 
 def eliminate_as(cut_mesh: CutMesh, ranks: IntArray, vertices: IntArray) -> None:

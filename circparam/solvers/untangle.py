@@ -91,6 +91,8 @@ def _polished(
     """A few Newton steps where faces have moved: untangling leaves them upright, and the steps restore their
     shape. Groups with a flipped face do not change."""
     part = moving_region(cut_mesh, touched, hold, uv)
+    if part.fixed.all():
+        return uv
     options = RelaxOptions(tolerance=1e-3, max_iterations=POLISH, fixed=part.fixed, blend=blend)
     x = relax(part.cut_mesh, uv[part.source], options).uv
     out = uv.copy()
