@@ -1,11 +1,12 @@
 """Convex combination maps: every free vertex is a weighted mean of its neighbours (Tutte, Floater)."""
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.linalg import Factor
 from circparam.maps.tracing import Tracer
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.tutte.embed import assemble
 from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
 
 
@@ -18,34 +19,27 @@ def laid_in_polygons(
     laid along its sides by arc length; no polygon has a landmark twice. Inner vertices are one linear system.
     weights: row of WEIGHTS.
     """
-    mesh = tracer.mesh
-    flat, ends = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    key, known = _on_sides(tracer, arcs, corners)
-
-    def around(corner: IntArray, vertex: IntArray) -> FloatArray:
-        return known[np.searchsorted(key, polygon[corner // 3] * mesh.n + vertex)]
-
-    of = np.repeat(polygon, 3)
-    low, high = np.full(mesh.n, len(arcs)), np.full(mesh.n, -1)
-    np.minimum.at(low, flat, of)
-    np.maximum.at(high, flat, of)
-    free = (low == high) & (high >= 0)
-    free[tracer.marks] = False
-    w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function)
-    w = w / group_sum(w, flat, mesh.n)[flat]  # of sum 1 at each vertex
-    inner, edge = (np.flatnonzero(free[flat] & (free[ends] == beside)) for beside in (True, False))
-    number, n = np.cumsum(free) - 1, int(free.sum())
-    rows, columns = number[flat[inner]], number[ends[inner]]
-    means = sps.csr_matrix((w[inner], (rows, columns)), shape=(n, n))
-    known_ends = around(edge, ends[edge]) * w[edge][:, None]
-    pull = np.stack([group_sum(column, number[flat[edge]], n) for column in known_ends.T], 1)
-    inside = Factor(sps.identity(n, format="csr") - means).solve(pull)
-    places = np.zeros((len(flat), corners.shape[1]))
-    use = free[flat]
-    places[use] = inside[number[flat[use]]]
-    on = np.flatnonzero(~use & (of >= 0))
-    places[on] = around(on, flat[on])
-    return places.reshape(-1, 3, corners.shape[1])
+    mesh, own = tracer.mesh, np.flatnonzero(polygon >= 0)
+    # a vertex between two polygons has a place in each
+    labels = polygon[own][:, None] * mesh.n + mesh.faces[own]
+    key, faces = np.unique(labels, return_inverse=True)
+    part = CutMesh(
+        faces.reshape(-1, 3),
+        mesh.cut_mesh.rest_triangles[own],
+        polygon[own],
+        np.zeros((0, 2), np.int64),
+    )
+    w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function).reshape(-1, 3)[own]
+    side, along = _on_sides(tracer, arcs, corners)
+    places = np.zeros((len(key), corners.shape[1]))
+    free = np.ones(len(key), bool)
+    at = np.searchsorted(key, side)
+    places[at], free[at] = along, False
+    matrix, to_fixed = assemble(part, w.ravel(), free)
+    places[free] = Factor(matrix).solve(to_fixed @ places[~free])
+    out = np.zeros((len(mesh.faces), 3, corners.shape[1]))
+    out[own] = places[part.faces]
+    return out
 
 
 def _on_sides(

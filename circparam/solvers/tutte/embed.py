@@ -85,7 +85,7 @@ def tutte_embedding(
             w = clamp_negative(fixed.cut_mesh, w)
         fixed_uv = np.zeros((fixed.cut_mesh.n_vertices, 2))
         fixed_uv[fixed.vertices] = fixed.uv
-        matrix, to_fixed = _assemble(fixed.cut_mesh, w, free)
+        matrix, to_fixed = assemble(fixed.cut_mesh, w, free)
     with monitor.stage("solve"):
         factor = Factor(matrix)
         system = TutteSystem(fixed.cut_mesh, free, matrix, to_fixed, fixed_uv[~free], factor)
@@ -110,7 +110,7 @@ def _graded(cut_mesh: CutMesh, w: FloatArray, grade: FloatArray) -> FloatArray:
     return w * np.exp(full[i] - full[j])
 
 
-def _assemble(
+def assemble(
     cut_mesh: CutMesh, w: FloatArray, free: BoolArray
 ) -> tuple[sps.csr_matrix, sps.csr_matrix]:
     """(I − W on the free vertices, W from free to fixed), the rows of W scaled to sum 1.
@@ -124,23 +124,14 @@ def _assemble(
     w = w / group_sum(w, i, cut_mesh.n_vertices)[i]
     number = np.where(free, np.cumsum(free), np.cumsum(~free)) - 1
     n = int(free.sum())
-    inside = free[j]
-    diagonal = np.arange(n)
-    matrix = sps.csr_matrix(
-        (
-            np.concatenate([np.ones(n), -w[inside]]),
-            (
-                np.concatenate([diagonal, number[i[inside]]]),
-                np.concatenate([diagonal, number[j[inside]]]),
-            ),
-        ),
-        shape=(n, n),
+    inside, own = free[j], np.arange(n)
+    rows, columns = np.r_[own, number[i[inside]]], np.r_[own, number[j[inside]]]
+    entries = np.r_[np.ones(n), -w[inside]]
+    ends = number[i[~inside]], number[j[~inside]]
+    return (
+        sps.csr_matrix((entries, (rows, columns)), shape=(n, n)),
+        sps.csr_matrix((w[~inside], ends), shape=(n, cut_mesh.n_vertices - n)),
     )
-    to_fixed = sps.csr_matrix(
-        (w[~inside], (number[i[~inside]], number[j[~inside]])),
-        shape=(n, cut_mesh.n_vertices - n),
-    )
-    return matrix, to_fixed
 
 
 def require_boundary(cut_mesh: CutMesh) -> None:
