@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import IntArray, group_count
+from circparam.core.arrays import BoolArray, IntArray, group_count, next_half_edge
 from circparam.core.graph import cycles
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
@@ -94,18 +94,12 @@ def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGra
     on = np.zeros(mesh.n, bool)
     on[mesh.faces.ravel()[cut]] = True
     of_face, euler = mesh.pieces(cut, on)
-    paths = _traced(side, cut, landmarks)
-    twin_of = {(int(p[0]), int(p[1])): d for d, p in enumerate(paths)}
-    after = [0] * len(paths)
-    for d, p in enumerate(paths):
-        ring = mesh.ring(int(p[-1]))
-        at = ring.index(int(p[-2]))
-        for back in range(1, len(ring) + 1):  # clockwise from where it came
-            follower = twin_of.get((int(p[-1]), ring[at - back]))
-            if follower is not None:
-                after[d] = follower
-                break
-    left = np.array([int(mesh.half_edges(p[:1], p[1:2])[0]) // 3 for p in paths])
+    chains, follower = _traced(side, cut, landmarks)
+    flat = mesh.faces.ravel()
+    paths = [np.r_[flat[chain], flat[next_half_edge(chain[-1:])]] for chain in chains]
+    arc = {int(chain[0]): d for d, chain in enumerate(chains)}
+    after = [arc[int(follower[chain[-1]])] for chain in chains]
+    left = np.array([chain[0] // 3 for chain in chains])
     chart = np.where(mesh.parent[left] < 0, -1, of_face[left])
     number = {v: k for k, v in enumerate(landmarks)}
     graph = ChartGraph(side, paths, after, chart, of_face, number)
@@ -113,35 +107,38 @@ def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGra
     return graph
 
 
-def _traced(side: MapInput, cut: IntArray, landmarks: list[int]) -> list[IntArray]:
-    """Paths of cut edges between nodes, each beside itself backwards."""
+def _traced(
+    side: MapInput, cut: BoolArray, landmarks: list[int]
+) -> tuple[list[IntArray], IntArray]:
+    """(the arcs as chains of cut half-edges between nodes, each beside itself backwards; (3m,) the cut
+    half-edge that follows each one round the piece on its left)."""
     mesh = side.closed
     h = np.flatnonzero(cut)
-    start, end = mesh.faces.ravel()[h], mesh.faces[:, [1, 2, 0]].ravel()[h]
+    start = mesh.faces.ravel()[h]
+    follower = next_half_edge(np.arange(len(cut)))
+    while not cut[follower[h]].all():  # on round the end of each
+        follower = np.where(cut[follower], follower, next_half_edge(mesh.twin[follower]))
     degree = group_count(start, mesh.n)
     node = (degree > 0) & (degree != 2)
     node[[v for v in landmarks if degree[v]]] = True
-    order = np.argsort(start, kind="stable")
-    begin = np.searchsorted(start[order], np.arange(mesh.n + 1))
-    neighbours = end[order]
-    used: set[tuple[int, int]] = set()
-    paths = []
-    for v in np.flatnonzero(node).tolist():
-        for w in neighbours[begin[v] : begin[v + 1]].tolist():
-            if (v, w) in used:
-                continue
-            path = [v, w]
-            while not node[path[-1]]:
-                one, two = neighbours[begin[path[-1]] : begin[path[-1]] + 2].tolist()
-                path.append(two if one == path[-2] else one)
-            used |= {(path[0], path[1]), (path[-1], path[-2])}
-            paths += [np.array(path), np.array(path[::-1])]
-    if sum(len(p) - 1 for p in paths) != len(h):
+    begins = node[mesh.faces.ravel()]
+    used: set[int] = set()
+    chains: list[IntArray] = []
+    for first in h[np.argsort(start, kind="stable")].tolist():
+        if not begins[first] or first in used:
+            continue
+        chain = [first]
+        while not begins[follower[chain[-1]]]:
+            chain.append(int(follower[chain[-1]]))
+        back = mesh.twin[chain[::-1]]
+        used |= {first, int(back[0])}
+        chains += [np.array(chain), back]
+    if sum(map(len, chains)) != len(h):
         raise TopologyError(
             f"{side.name}: a seam or boundary is a closed loop that meets no other: join it to another seam, "
             "or give a landmark on it"
         )
-    return paths
+    return chains, follower
 
 
 def _require_disks(graph: ChartGraph, euler: IntArray) -> None:
@@ -216,7 +213,7 @@ def _add(marks: Landmarks, a: ChartGraph, b: ChartGraph, goes: list[int]) -> Non
         pair = frozenset(ends[d])
         parts = 3 if len(pair) == 1 or rim else 2 if pair in taken else 1
         taken.add(pair)
-        cut_a, cut_b = (_cut(side, p, parts) for side, p in ((a.side, one), (b.side, two)))
+        cut_a, cut_b = (g.side.closed.divided(p, parts) for g, p in ((a, one), (b, two)))
         marked = [
             marks.add(int(one[x]), int(two[y]), False) for x, y in zip(cut_a, cut_b, strict=True)
         ]
@@ -237,13 +234,3 @@ def _pieces(path: IntArray, cut: IntArray) -> list[IntArray]:
     """A path in pieces that share their ends."""
     at = [0, *cut.tolist(), len(path) - 1]
     return [path[i : j + 1] for i, j in itertools.pairwise(at)]
-
-
-def _cut(side: MapInput, path: IntArray, parts: int) -> IntArray:
-    """The entries of a path that divide it into so many parts by length, none at its ends."""
-    if len(path) <= parts:
-        raise TopologyError(
-            f"{side.name}: a seam of {counted(len(path) - 1, 'edge')} is too short to be divided: "
-            "subdivide the mesh"
-        )
-    return side.closed.divided(path, parts)

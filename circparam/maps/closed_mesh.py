@@ -6,7 +6,9 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, next_half_edge
 from circparam.core.graph import components
+from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 
 
@@ -110,8 +112,15 @@ class ClosedMesh:
         return result
 
     def divided(self, path: IntArray, parts: int) -> IntArray:
-        """The entries of a path that divide it into so many parts by length, none at its ends; it has more
-        vertices than parts."""
+        """The entries of a path that divide it into so many parts by length, none at its ends.
+
+        Raises TopologyError if it has no more vertices than parts.
+        """
+        if len(path) <= parts:
+            raise TopologyError(
+                f"a seam or boundary of {counted(len(path) - 1, 'edge')} between two landmarks or nodes is too "
+                "short to be divided: subdivide the mesh, or move a landmark"
+            )
         share = self.shares(path)
         out: list[int] = []
         for k in range(1, parts):

@@ -5,6 +5,7 @@ from dataclasses import field
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import percent
@@ -232,11 +233,6 @@ def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list
 def _between(side: MapInput, start: int, end: int, parts: int) -> list[int]:
     """Vertices that divide a boundary from one vertex to another (or round) into so many parts by length."""
     path = side.along_boundary(start, end)
-    if len(path) <= parts:
-        raise TopologyError(
-            "a boundary has too few vertices between two landmarks to be divided: "
-            "subdivide the mesh, or move a landmark"
-        )
     out: list[int] = path[side.closed.divided(path, parts)].tolist()
     return out
 
@@ -303,17 +299,15 @@ def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
     """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest
     points.
     """
-    axes_p, axes_q = (np.linalg.svd(x - x.mean(0), full_matrices=False)[2] for x in (p, q))
+    axes_p, axes_q = (
+        axes * np.linalg.det(axes)
+        for axes in (np.linalg.svd(x - x.mean(0), full_matrices=False)[2] for x in (p, q))
+    )
     step_p, step_q = (x[:: max(1, len(x) // 2000)] for x in (p, q))
     tree = cKDTree(q)
     best, motion = np.inf, np.column_stack([np.eye(3), np.zeros(3)])
-    turns = [np.eye(3)]
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1, -1), repeat=3):
-            turns.append(axes_q.T @ (np.array(signs)[:, None] * axes_p[list(order)]))
-    for turn in turns:
-        if np.linalg.det(turn) < 0:
-            continue
+    cube = Rotation.create_group("O").as_matrix()
+    for turn in (np.eye(3), *(axes_q.T @ swap @ axes_p for swap in cube)):
         now = np.column_stack([turn, q.mean(0) - turn @ p.mean(0)])
         for _ in range(ALIGNMENT_ROUNDS):
             moved = step_p @ now[:, :3].T + now[:, 3]
