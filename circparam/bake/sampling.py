@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from circparam.bake.texels import flat_areas
 from circparam.core.arrays import FloatArray, IntArray, slices
 from circparam.formats.materials import Textures, decode
-from circparam.geometry.closest import closest_on_triangles
+from circparam.geometry.closest import Found, closest_on_triangles, samples_of, walked
 from circparam.geometry.shading import unit
 from circparam.mesh.halfedge import shared_edges
 from circparam.mesh.mesh import Mesh, UVMap
@@ -98,15 +98,10 @@ class Closest:
         self.normals = unit(normal)
         self.beside = neighbours(points, faces)
         self.longest = float(np.sqrt(max((s * s).sum(1).max() for s in (a, b, b - a))))
-        whole = np.cumsum(np.linalg.norm(normal, axis=1))
         samples = int(np.clip(SAMPLES_A_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
-        spread = np.searchsorted(whole, (np.arange(samples) + 0.5) / samples * whole[-1])
-        self.face = np.concatenate([np.arange(len(faces)), np.minimum(spread, len(faces) - 1)])
-        r = np.random.default_rng(3).random((samples, 2))
-        r[r.sum(1) > 1] = 1 - r[r.sum(1) > 1]
-        r = np.concatenate([np.full((len(faces), 2), 1 / 3), r])
+        self.face, r = samples_of(np.linalg.norm(normal, axis=1), samples)
         self.tree = cKDTree(
-            self.corners[self.face, 0] + r[:, :1] * a[self.face] + r[:, 1:] * b[self.face]
+            self.corners[self.face, 0] + r[:, 1:2] * a[self.face] + r[:, 2:] * b[self.face]
         )
 
     def find(
@@ -127,33 +122,20 @@ class Closest:
         face, bary, distance = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return face, bary, distance
 
-    def _find(
-        self, places: FloatArray, normals: FloatArray | None, far: float
-    ) -> tuple[IntArray, FloatArray, FloatArray]:
+    def _find(self, places: FloatArray, normals: FloatArray | None, far: float) -> Found:
         """One block: the best face of the nearest samples, then its neighbours while one is nearer."""
         number = CANDIDATES if normals is None else FACING
         # a face that is within reach has all its samples within its longest side of that
         bound = far + self.longest
         _, near = self.tree.query(places, k=min(number, len(self.face)), distance_upper_bound=bound)
         found = self.face[np.minimum(near, len(self.face) - 1).reshape(len(places), -1)]
-        face, bary, distance = self._best(places, found, normals)
-        moving = np.arange(len(places))
-        for _ in range(MOST_STEPS):
-            look = None if normals is None else normals[moving]
-            new_face, new_bary, new_distance = self._best(
-                places[moving], self.beside[face[moving]], look
-            )
-            nearer = new_distance < distance[moving]
-            moving = moving[nearer]
-            if len(moving) == 0:
-                break
-            face[moving], bary[moving] = new_face[nearer], new_bary[nearer]
-            distance[moving] = new_distance[nearer]
-        return face, bary, distance
 
-    def _best(
-        self, places: FloatArray, candidates: IntArray, normals: FloatArray | None
-    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        def best(rows: IntArray, faces: IntArray) -> Found:
+            return self._best(places[rows], faces, None if normals is None else normals[rows])
+
+        return walked(best(np.arange(len(places)), found), self.beside, best, MOST_STEPS)
+
+    def _best(self, places: FloatArray, candidates: IntArray, normals: FloatArray | None) -> Found:
         """The closest of candidate faces (p, k) of each place, the point on it, and its distance."""
         bary, d2 = closest_on_triangles(places[:, None], self.corners[candidates])
         if normals is not None:

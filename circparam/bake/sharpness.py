@@ -11,6 +11,7 @@ from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.limits import RESOLUTION
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
+from circparam.geometry.distortion import Tail
 from circparam.mesh.mesh import UVMap
 
 LEAST_DENSITY_SHARE = (
@@ -86,7 +87,9 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
             some = mine & source.places(use)[1]
             dense = density(source.in_texels(use), new)[some]
             tiled = source.repeats(use, mine)
-            value = _quantile(dense, area[some])
+            known = np.isfinite(dense)
+            value = Tail.of(dense[known], area[some][known]).percentile(100 * (1 - TAIL))
+            value = value if known.any() else 0.0
             before, repeats = worst.get(use.image, (0.0, False))
             worst[use.image] = max(before, value), repeats or tiled
     return [(looks.names[k], *value) for k, value in sorted(worst.items())]
@@ -100,14 +103,3 @@ def _flat(area: FloatArray, shows: BoolArray) -> FloatArray:
     out = np.zeros((len(area), 3, 2))
     out[:, 1, 0] = out[:, 2, 1] = side
     return out
-
-
-def _quantile(values: FloatArray, weight: FloatArray) -> float:
-    """The value that all but TAIL of the weight keeps below; 0 if there are none."""
-    some = np.isfinite(values)
-    if not some.any():
-        return 0.0
-    order = np.argsort(values[some])
-    share = np.cumsum(weight[some][order])
-    at = int(np.searchsorted(share, (1 - TAIL) * share[-1]))
-    return float(values[some][order][min(at, len(order) - 1)])

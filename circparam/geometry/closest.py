@@ -1,8 +1,13 @@
-"""Closest points of triangles."""
+"""Closest points of triangles and of surfaces."""
+
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
+from circparam.core.arrays import FloatArray, IntArray
+
+Found: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 
 
 def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -35,3 +40,34 @@ def _gap(p: FloatArray, corners: FloatArray, bary: FloatArray) -> FloatArray:
     d = p - (bary[..., None] * corners).sum(-2)
     result: FloatArray = (d * d).sum(-1)
     return result
+
+
+def samples_of(areas: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
+    """(face (s,), barycentric (s, 3)): the middle of every face, and ``count`` more places by area."""
+    m, whole = len(areas), np.cumsum(areas)
+    spread = np.searchsorted(whole, (np.arange(count) + 0.5) / count * whole[-1])
+    face = np.concatenate([np.arange(m), np.minimum(spread, m - 1)])
+    r = np.random.default_rng(3).random((count, 2))
+    r[r.sum(1) > 1] = 1 - r[r.sum(1) > 1]
+    return face, np.concatenate([np.full((m, 3), 1 / 3), np.c_[1 - r.sum(1), r]])
+
+
+def walked(
+    found: Found, beside: IntArray, best: Callable[[IntArray, IntArray], Found], steps: int
+) -> Found:
+    """Walk to neighbouring faces for as long as one is nearer.
+
+    found: face (p,), barycentric (p, 3), distance (p,) of points. beside (m, 3): the neighbours of each face.
+    best: (rows of the points, candidate faces of each) → the nearest of them, as ``found``.
+    """
+    face, bary, distance = found[0].copy(), found[1].copy(), found[2].copy()
+    moving = np.arange(len(face))
+    for _ in range(steps):
+        new_face, new_bary, new_distance = best(moving, beside[face[moving]])
+        nearer = new_distance < distance[moving]
+        moving = moving[nearer]
+        if len(moving) == 0:
+            break
+        face[moving], bary[moving] = new_face[nearer], new_bary[nearer]
+        distance[moving] = new_distance[nearer]
+    return face, bary, distance

@@ -26,7 +26,8 @@ from circparam.core.arrays import (
 )
 from circparam.core.records import dataclass
 from circparam.errors import NoResultError
-from circparam.geometry.closest import closest_on_triangles
+from circparam.geometry.closest import Found, closest_on_triangles, samples_of, walked
+from circparam.geometry.distortion import Tail
 from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas
 from circparam.maps.least_drift import LEAST_HEIGHT_PAGES, faults, heights, meetings, mend
@@ -91,7 +92,7 @@ class SourceCharts:
         flat = self.beside.reshape(-1)
         flat[h[:, 0]], flat[h[:, 1]] = h[:, 1] // 3, h[:, 0] // 3
         self.scale = _scale(atlas)
-        self.sample, bary = samples_of(surface.areas)
+        self.sample, bary = spread_samples(surface.areas)
         self.places = np.einsum("pk,pkc->pc", bary, self.corners[self.sample])
         uv = np.einsum("pk,pkc->pc", bary, atlas.corners[self.sample])
         self.free = cKDTree(self.places)
@@ -143,19 +144,15 @@ class SourceCharts:
 
         other: points with distances. They stay where the walk ends no nearer.
         """
-        face, bary, d2 = start.face.copy(), start.bary.copy(), start.distance.copy()
-        moving = np.arange(len(places))
-        for _ in range(WALK_STEPS):
-            around = self.beside[face[moving]]
-            at, gap = closest_on_triangles(places[moving][:, None], self.corners[around])
-            best = gap.argmin(1)
-            rows = np.arange(len(moving))
-            nearer = gap[rows, best] < d2[moving]
-            rows, best, moving = rows[nearer], best[nearer], moving[nearer]
-            if len(moving) == 0:
-                break
-            face[moving], bary[moving] = around[rows, best], at[rows, best]
-            d2[moving] = gap[rows, best]
+
+        def best(rows: IntArray, faces: IntArray) -> Found:
+            bary, gap = closest_on_triangles(places[rows][:, None], self.corners[faces])
+            first = np.arange(len(rows)), gap.argmin(1)
+            return faces[first], bary[first], gap[first]
+
+        face, bary, d2 = walked(
+            (start.face, start.bary, start.distance), self.beside, best, WALK_STEPS
+        )
         out = SurfacePoints(face, bary, np.sqrt(d2))
         if other is not None:
             stay = np.flatnonzero(other.distance <= out.distance)
@@ -204,23 +201,13 @@ def _scale(atlas: Atlas) -> float:
     d = atlas.corners[:, 1:] - atlas.corners[:, :1]
     areas = atlas.surface.areas
     ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
-    order = np.argsort(ratio)
-    whole = np.cumsum(areas[order])
-    middle = ratio[order][np.searchsorted(whole, whole[-1] / 2)]
-    return float(np.sqrt(max(middle, 1e-300)))
+    return float(np.sqrt(max(Tail.of(ratio, areas).percentile(50), 1e-300)))
 
 
-def samples_of(areas: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Samples of a surface: (face (s,), barycentric (s, 3)), at least one per face, more on large faces."""
-    m = len(areas)
-    count = int(np.clip(SAMPLES_A_FACE * m, FEWEST_SAMPLES, MOST_SAMPLES))
-    whole = np.cumsum(areas)
-    spread = np.searchsorted(whole, (np.arange(count) + 0.5) / count * whole[-1])
-    face = np.concatenate([np.arange(m), np.minimum(spread, m - 1)])
-    r = np.random.default_rng(3).random((count, 2))
-    r[r.sum(1) > 1] = 1 - r[r.sum(1) > 1]
-    bary = np.concatenate([np.full((m, 3), 1 / 3), np.c_[1 - r.sum(1), r]])
-    return face, bary
+def spread_samples(areas: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Samples of a surface, as ``samples_of``: some for each face, within bounds."""
+    count = np.clip(SAMPLES_A_FACE * len(areas), FEWEST_SAMPLES, MOST_SAMPLES)
+    return samples_of(areas, int(count))
 
 
 @dataclass(frozen=True, eq=False)

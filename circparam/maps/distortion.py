@@ -4,6 +4,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.geometry.distortion import Tail
 from circparam.mesh.cut_mesh import rest_triangles_of
 
 LEAST_AREA_RATIO = 1e-12  # area over the square of the longest edge below which a face has no shape
@@ -33,12 +34,9 @@ def distortion(points: FloatArray, faces: IntArray, images: FloatArray) -> Disto
     if not (area > 0).any():
         return Distortion(1.0, 1.0, 1.0, 1.0)
     energy, area = energy[area > 0], area[area > 0]
-    order = np.argsort(energy, kind="stable")
-    share = np.cumsum(area[order]) / area.sum()
-    at = [energy[order[min(int(np.searchsorted(share, s)), len(order) - 1)]] for s in (0.95, 0.99)]
-    return Distortion(
-        float((energy * area).sum() / area.sum()), float(at[0]), float(at[1]), float(energy.max())
-    )
+    tail = Tail.of(energy, area)
+    mean = float((energy * area).sum() / area.sum())
+    return Distortion(mean, tail.percentile(95), tail.percentile(99), float(energy.max()))
 
 
 def face_energies(

@@ -14,7 +14,8 @@ from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
-from circparam.maps.carried_charts import CarriedLayout, SourceCharts, carry_charts, samples_of
+from circparam.geometry.distortion import Tail
+from circparam.maps.carried_charts import CarriedLayout, SourceCharts, carry_charts, spread_samples
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
@@ -144,7 +145,7 @@ def _source_charts(document: Document, options: Options) -> SourceCharts:
 def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:
     """The largest distance of both surfaces, in diagonals of the first. Raises NoResultError if large."""
     there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
-    face, bary = samples_of(target.areas)
+    face, bary = spread_samples(target.areas)
     places = np.einsum("pk,pkc->pc", bary, target.points[target.faces[face]])
     back = np.asarray(cKDTree(places).query(there)[0])
     some = places[:: max(1, len(places) // SHAPE_SAMPLES)]
@@ -196,14 +197,12 @@ def _fitted(job: Job, layout: CarriedLayout) -> Fitted:
 def _transferred(
     result: Result, layout: CarriedLayout, apart: float, resolution: int
 ) -> Transferred:
-    order = np.argsort(layout.inside)
-    whole = np.cumsum(layout.atlas.surface.areas[order])
-    p95 = layout.inside[order][np.searchsorted(whole, 0.95 * whole[-1])]
+    p95 = Tail.of(layout.inside, layout.atlas.surface.areas).percentile(95)
     return Transferred(
         result,
         resolution * float(layout.drift.max()),
         resolution * float(layout.drift.mean()),
-        resolution * float(p95),
+        resolution * p95,
         resolution * float(layout.inside.max()),
         apart,
         layout.farthest,
