@@ -24,7 +24,7 @@ from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput, map_input_of, require_same
 from circparam.maps.overlay import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
-from circparam.maps.solution import solve_map
+from circparam.maps.solution import MapSolution, solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.solvers.tutte.weights import WEIGHTS
@@ -72,141 +72,23 @@ class MapResult:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Given:
-    """Inputs beside two surfaces.
+@dataclass(frozen=True)
+class MapOptions:
+    """Further arguments of ``map_surfaces``, documented there."""
 
-    pairs: (k, 2) vertices of a and b that correspond, counted from 0; None: guessed where the surfaces lie
-    alike. paths: sequences of vertices of a among the pairs; shortest paths between them are the first arcs on
-    both. layouts: of a and b, whose charts correspond. method: row of WEIGHTS that is positive. mirrored: b is
-    read as its mirror image. relax: False keeps the composed convex maps. overlay: also the common refinement.
-    """
-
-    pairs: IntArray | None = None
-    paths: list[list[int]] | None = None
-    layouts: tuple[UVMap, UVMap] | None = None
     method: str = "mean-value"
     mirrored: bool = False
     relax: bool = True
     overlay: bool = False
 
 
-STANDARD = Given()
-
-
 class Keywords(TypedDict, total=False):
-    """Further arguments of ``map_surfaces``, documented there."""
+    """The fields of ``MapOptions``."""
 
     method: str
     mirrored: bool
     relax: bool
     overlay: bool
-
-
-def map_meshes(
-    a: Mesh, b: Mesh, given: Given = STANDARD, monitor: Monitor | None = None
-) -> MapResult:
-    """A one-to-one map between two surfaces with as many handles and boundaries.
-
-    Raises TopologyError, InputError, OptionError, NoResultError.
-    """
-    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
-    if given.method not in good:
-        raise OptionError(
-            f"a map needs weights that are positive on every mesh, not {given.method!r}: "
-            f"choose one of {', '.join(good)}"
-        )
-    monitor = monitor or Monitor()
-    with monitor.stage("repair"):
-        side_a, side_b = map_input_of(a, "A"), map_input_of(b, "B", given.mirrored)
-        require_same(side_a, side_b)
-    with monitor.stage("landmarks"):
-        marks = _landmarks(given, side_a, side_b)
-    notes = [f"{s.name}: {line}" for s in (side_a, side_b) for line in s.notes] + marks.notes
-    solution = solve_map(side_a, side_b, marks, given.method, given.relax, monitor)
-    if given.relax and not solution.relaxed:
-        notes.append(
-            "relaxation turns faces over in the common domain: "
-            "the map is the composition of the convex maps without it"
-        )
-    with monitor.stage("check"):
-        exact = np.stack([marks.a, marks.b], 1)[np.array(marks.exact, bool)].reshape(-1, 2)
-        to_b = _places(side_b, solution.on_b, solution.covers[1].mesh, exact)
-        to_a = _places(side_a, solution.on_a, solution.covers[0].mesh, exact[:, ::-1])
-        (pa, fa), (pb, fb) = (
-            (s.surface.vertex_points, s.surface.corner_vertex) for s in (side_a, side_b)
-        )
-        there = to_b.take(side_a.n).of(pb, fb)
-        a_to_b = distortion(pa, fa, there)
-        b_to_a = distortion(pb, fb, to_a.take(side_b.n).of(pa, fa))
-        off = np.linalg.norm(there[exact[:, 0]] - pb[exact[:, 1]], axis=1)
-        notes += _warnings(side_a, there, max(a_to_b.mean, b_to_a.mean))
-        mapped = SurfaceMap(
-            for_file(to_b, side_a, side_b),
-            for_file(to_a, side_b, side_a),
-            fingerprint(a),
-            fingerprint(b),
-        )
-    if given.overlay:
-        with monitor.stage("overlay"):
-            mapped = replace(mapped, overlay=refinement(side_a, side_b, solution))
-    return MapResult(
-        mapped,
-        a_to_b,
-        b_to_a,
-        solution.start,
-        solution.inversions,
-        len(exact),
-        float(off.max(initial=0.0)) / side_b.size,
-        given.method,
-        dict(monitor.seconds),
-        notes,
-    )
-
-
-def _landmarks(given: Given, a: MapInput, b: MapInput) -> Landmarks:
-    if given.paths and given.layouts:
-        raise OptionError(
-            "paths between landmarks and --charts both say where to cut: leave one out"
-        )
-    if given.pairs is not None:
-        marks = marking.given_landmarks(given.pairs, a, b)
-        if not given.mirrored:
-            marking.refuse_mirrored(marks, a, b)
-    elif (a.loops and not a.genus) or given.layouts:
-        marks = Landmarks()
-    else:
-        marks = marking.guess(a, b)
-    if given.paths:
-        marking.add_paths(marks, given.paths, a)
-    if given.layouts:
-        add_charts(marks, given.layouts, a, b)
-    else:
-        marking.add_boundaries(marks, a, b)
-    if len(marks.a) < 3:
-        raise InputError(
-            f"{len(marks.a)} landmarks are too few for closed surfaces: give 3 or more pairs of vertices"
-        )
-    return marks
-
-
-def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -> Places:
-    """Where vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
-    places = on_surface(on_b.face, on_b.weights, mesh)
-    return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)
-
-
-def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
-    """Advice on a map far from an isometry; there (n, 3): the images of the vertices of A."""
-    if worst <= POOR_DISTORTION:
-        return []
-    energy, _ = face_energies(a.surface.vertex_points, a.surface.corner_vertex, there)
-    vertex = a.surface.corner_vertex[int((energy * a.surface.areas).argmax()), 0]
-    number = int(np.flatnonzero(a.vertex == vertex)[0])
-    return [
-        f"the map is far from an isometry (mean distortion {worst:.3g}; 1 is perfect), worst near vertex "
-        f"{number} of A: add a landmark there and at the end of every long thin part"
-    ]
 
 
 def map_surfaces(
@@ -236,25 +118,142 @@ def map_surfaces(
     if the surfaces differ, look mirrored, or the landmarks have no common layout. Raises OptionError for a
     method with negative weights, NoResultError if double precision cannot hold the map.
     """
-    pairs, routes = None, [[int(v) for v in path] for path in paths or []]
-    if isinstance(landmarks, (str, os.PathLike)):
-        pairs = read_landmarks(landmarks)
-        routes += read_paths(landmarks)
-    elif landmarks is not None:
-        given = np.asarray(landmarks)
-        if given.ndim != 2 or given.shape[1] != 2 or not np.issubdtype(given.dtype, np.integer):
-            raise InputError(
-                f"landmarks have shape {given.shape} and type {given.dtype}: (k, 2) whole numbers are needed"
-            )
-        pairs = given.astype(np.int64)
-    if routes and pairs is None:
-        raise InputError("paths lead from landmark to landmark, and no landmarks are given")
-    meshes = _mesh(a), _mesh(b)
-    layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
     unknown = set(keywords) - set(Keywords.__annotations__)
     if unknown:
         raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
-    return map_meshes(*meshes, Given(pairs, routes, layouts, **keywords), Monitor(listener))
+    options = MapOptions(**keywords)
+    pairs, routes = _pairs(landmarks, paths)
+    meshes = _mesh(a), _mesh(b)
+    layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
+    if routes and layouts:
+        raise OptionError(
+            "paths between landmarks and --charts both say where to cut: leave one out"
+        )
+    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
+    if options.method not in good:
+        raise OptionError(
+            f"a map needs weights that are positive on every mesh, not {options.method!r}: "
+            f"choose one of {', '.join(good)}"
+        )
+    monitor = Monitor(listener)
+    with monitor.stage("repair"):
+        side_a, side_b = (
+            map_input_of(meshes[0], "A"), map_input_of(meshes[1], "B", options.mirrored)
+        )  # fmt: skip
+        require_same(side_a, side_b)
+    with monitor.stage("landmarks"):
+        marks = _landmarks(pairs, layouts, side_a, side_b, options.mirrored)
+        if routes:
+            marking.add_paths(marks, routes, side_a)
+        if layouts:
+            add_charts(marks, layouts, side_a, side_b)
+        else:
+            marking.add_boundaries(marks, side_a, side_b)
+        if len(marks.a) < 3:
+            raise InputError(
+                f"{len(marks.a)} landmarks are too few for closed surfaces: give 3 or more pairs of vertices"
+            )
+    solution = solve_map(side_a, side_b, marks, options.method, options.relax, monitor)
+    return _result(side_a, side_b, marks, solution, options, monitor)
+
+
+def _pairs(
+    landmarks: npt.ArrayLike | str | os.PathLike[str] | None, paths: Sequence[Sequence[int]] | None
+) -> tuple[IntArray | None, list[list[int]]]:
+    """(landmarks (k, 2), paths) as arguments or files give them."""
+    routes = [[int(v) for v in path] for path in paths or []]
+    if landmarks is None:
+        if routes:
+            raise InputError("paths lead from landmark to landmark, and no landmarks are given")
+        return None, routes
+    if isinstance(landmarks, (str, os.PathLike)):
+        return read_landmarks(landmarks), routes + read_paths(landmarks)
+    given = np.asarray(landmarks)
+    if given.ndim != 2 or given.shape[1] != 2 or not np.issubdtype(given.dtype, np.integer):
+        raise InputError(
+            f"landmarks have shape {given.shape} and type {given.dtype}: (k, 2) whole numbers are needed"
+        )
+    return given.astype(np.int64), routes
+
+
+def _landmarks(
+    pairs: IntArray | None,
+    layouts: tuple[UVMap, UVMap] | None,
+    a: MapInput,
+    b: MapInput,
+    mirrored: bool,
+) -> Landmarks:
+    """The pairs as landmarks, or guessed ones where others than boundaries and charts are needed."""
+    if pairs is None:
+        return Landmarks() if (a.loops and not a.genus) or layouts else marking.guess(a, b)
+    marks = marking.given_landmarks(pairs, a, b)
+    if not mirrored:
+        marking.refuse_mirrored(marks, a, b)
+    return marks
+
+
+def _result(
+    a: MapInput,
+    b: MapInput,
+    marks: Landmarks,
+    solution: MapSolution,
+    options: MapOptions,
+    monitor: Monitor,
+) -> MapResult:
+    """The map by vertices and faces of the files, with its overlay, and its quality."""
+    notes = [f"{side.name}: {line}" for side in (a, b) for line in side.notes] + marks.notes
+    if options.relax and not solution.relaxed:
+        notes.append(
+            "relaxation turns faces over in the common domain: "
+            "the map is the composition of the convex maps without it"
+        )
+    with monitor.stage("check"):
+        exact = np.stack([marks.a, marks.b], 1)[np.array(marks.exact, bool)].reshape(-1, 2)
+        to_b = _places(b, solution.on_b, solution.covers[1].mesh, exact)
+        to_a = _places(a, solution.on_a, solution.covers[0].mesh, exact[:, ::-1])
+        (pa, fa), (pb, fb) = ((s.surface.vertex_points, s.surface.corner_vertex) for s in (a, b))
+        there = to_b.take(a.n).of(pb, fb)
+        a_to_b = distortion(pa, fa, there)
+        b_to_a = distortion(pb, fb, to_a.take(b.n).of(pa, fa))
+        off = np.linalg.norm(there[exact[:, 0]] - pb[exact[:, 1]], axis=1)
+        notes += _warnings(a, there, max(a_to_b.mean, b_to_a.mean))
+        mapped = SurfaceMap(
+            for_file(to_b, a, b), for_file(to_a, b, a), fingerprint(a.mesh), fingerprint(b.mesh)
+        )
+    if options.overlay:
+        with monitor.stage("overlay"):
+            mapped = replace(mapped, overlay=refinement(a, b, solution))
+    return MapResult(
+        mapped,
+        a_to_b,
+        b_to_a,
+        solution.start,
+        solution.inversions,
+        len(exact),
+        float(off.max(initial=0.0)) / b.size,
+        options.method,
+        dict(monitor.seconds),
+        notes,
+    )
+
+
+def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -> Places:
+    """Where vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
+    places = on_surface(on_b.face, on_b.weights, mesh)
+    return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)
+
+
+def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
+    """Advice on a map far from an isometry; there (n, 3): the images of the vertices of A."""
+    if worst <= POOR_DISTORTION:
+        return []
+    energy, _ = face_energies(a.surface.vertex_points, a.surface.corner_vertex, there)
+    vertex = a.surface.corner_vertex[int((energy * a.surface.areas).argmax()), 0]
+    number = int(np.flatnonzero(a.vertex == vertex)[0])
+    return [
+        f"the map is far from an isometry (mean distortion {worst:.3g}; 1 is perfect), worst near vertex "
+        f"{number} of A: add a landmark there and at the end of every long thin part"
+    ]
 
 
 def _layout(surface: Surface, name: str) -> UVMap:

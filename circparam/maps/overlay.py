@@ -10,13 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, next_half_edge, ranges
+from circparam.core.arrays import FloatArray, IntArray, group_min, next_half_edge, ranges
 from circparam.core.graph import components, cycles
 from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import Textures, moved_layout
 from circparam.formats.memory import PlainDocument
+from circparam.geometry.closest import closest_on_triangles
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.geometries import counter_clockwise, determinants, signs_of
@@ -40,39 +41,42 @@ class Crossings:
     share_b: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Overlay:
-    """faces (m, 3) of the refinement; the faces of both meshes that each is a part of, a (m,) and b (m,). Its
-    vertices are the vertices of A, the vertices of B, and the crossings."""
+def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
+    """The common refinement of both files.
 
-    faces: IntArray
-    a: IntArray
-    b: IntArray
-    crossings: Crossings
-
-
-def overlay(a: Cover, b: Cover, on_b: CoverPoints) -> Overlay:
-    """The common refinement; on_b: places of all vertices of A over B.
-
-    Raises NoResultError if double precision cannot tell edges apart.
+    Raises OptionError for surfaces with boundaries, NoResultError if double precision cannot tell edges
+    apart.
     """
-    edge = np.linalg.norm(a.cones - np.roll(a.cones, 1, 1), axis=2).min(1)
-    least = np.full((a.mesh.n, 1), np.inf)
-    np.minimum.at(least[:, 0], a.mesh.faces.ravel(), np.repeat(edge, 3))
-    shake = least * np.random.default_rng(0).uniform(-1, 1, a.vectors.shape)
+    if a.loops:
+        raise OptionError(
+            "--overlay: it is made for closed surfaces, and these have boundaries: close them, or leave it out"
+        )
+    one, two = found.covers
+    edge = np.linalg.norm(one.cones - np.roll(one.cones, 1, 1), axis=2).min(1)
+    least = group_min(np.repeat(edge, 3), one.mesh.faces.ravel(), one.mesh.n)[:, None]
+    shake = least * np.random.default_rng(0).uniform(-1, 1, one.vectors.shape)
     for noise in EDGE_NOISES:
-        moved = replace(a, vectors=a.geometry.normal(a.vectors + noise * shake))
-        if not counter_clockwise(moved.cones).all():
-            continue
-        there = b.found_again(moved.vectors, on_b)
-        found = None if (there.weights <= 0).any() else _crossings(moved, b, there)
-        out = None if found is None else _assembled(a.mesh, b.mesh, found)
-        if out is not None:
-            return out
-    raise NoResultError(
-        "the edges of the two surfaces lie on each other beyond double precision: no overlay; "
-        "map without --overlay, or move one of the meshes"
-    )
+        moved = replace(one, vectors=one.geometry.normal(one.vectors + noise * shake))
+        there = two.found_again(moved.vectors, found.on_b)
+        sound = counter_clockwise(moved.cones).all() and (there.weights > 0).all()
+        x = _crossings(moved, two, there) if sound else None
+        made = None if x is None else _assembled(one.mesh, two.mesh, x)
+        if x is not None and made is not None:
+            break
+    else:
+        raise NoResultError(
+            "the edges of the two surfaces lie on each other beyond double precision: no overlay; "
+            "map without --overlay, or move one of the meshes"
+        )
+    on_a = _joined(_corners(one.mesh), found.on_a, x.edge_a, x.share_a), one.mesh, a
+    on_b = _joined(found.on_b, _corners(two.mesh), x.edge_b, x.share_b), two.mesh, b
+    faces, *own = made
+    parents = [
+        side.surface.source[mesh.parent[f]]
+        for f, (_, mesh, side) in zip(own, (on_a, on_b), strict=True)
+    ]
+    on_both = [on_file(on_surface(*places, mesh), side) for places, mesh, side in (on_a, on_b)]
+    return Refinement(faces, np.stack(parents, 1), *on_both)
 
 
 def _crossings(a: Cover, b: Cover, at: CoverPoints) -> Crossings | None:
@@ -125,72 +129,74 @@ def _crossings(a: Cover, b: Cover, at: CoverPoints) -> Crossings | None:
     return Crossings(edge[order], share[order], h[order], part[order])
 
 
-def _assembled(m_a: ClosedMesh, m_b: ClosedMesh, x: Crossings) -> Overlay | None:
-    """The faces between the parts of all edges; None if they do not close."""
+def _assembled(
+    m_a: ClosedMesh, m_b: ClosedMesh, x: Crossings
+) -> tuple[IntArray, IntArray, IntArray] | None:
+    """(faces (m, 3) between the parts of all edges; the faces of A and of B that they lie in); None if they do
+    not close. Vertices: those of A, those of B, the crossings."""
     n, count = m_a.n + m_b.n, len(x.edge_a)
-    own = np.arange(count)
     lower = np.minimum(x.edge_b, m_b.twin[x.edge_b])
     share = np.where(lower == x.edge_b, x.share_b, 1 - x.share_b)
     along = np.lexsort((share, lower))
     if (np.diff(share[along])[lower[along][1:] == lower[along][:-1]] <= 0).any():
         return None
-    first = _Chains(m_a.faces, m_a.twin, 0, x.edge_a, own + n)
-    second = _Chains(m_b.faces, m_b.twin, m_a.n, lower[along], along + n)
-    follower = _followers(first, second, x)
+    first = _Chains(m_a, 0, x.edge_a, np.arange(count) + n)
+    second = _Chains(m_b, m_a.n, lower[along], along + n)
     start = np.concatenate([first.start, second.start])
-    label, order, size = cycles(follower)
+    label, order, size = cycles(_followers(first, second, x, n))
     euler = n + count - len(start) // 2 + len(size)
     if euler != m_a.n - len(m_a.faces) // 2 or (size < 3).any():
         return None
-    return _triangles((first, second), (label, order, size), start, x)
+    on_a, on_b = np.split(np.arange(len(label)), [len(first.start)])
+    parents = []
+    for chains, own, across in ((first, on_a, on_b), (second, on_b, on_a)):
+        # parts connected across the edges of the other mesh lie in one face of this mesh
+        pieces, group = components(len(size), label[across], label[across ^ 1])
+        face = np.full(pieces, -1)
+        face[group[label[own]]] = chains.of // 3
+        parents.append(face[group])
+    begin = np.cumsum(size) - size
+    fans, step = np.repeat(np.arange(len(size)), size - 2), ranges(size - 2)
+    corner, at = start[order], begin[fans]
+    faces = np.stack([corner[at], corner[at + step + 1], corner[at + step + 2]], 1)
+    return faces, parents[0][fans], parents[1][fans]
 
 
 class _Chains:
     """The parts of the edges of one mesh: part s of an edge has the half-edges 2s along its lower half-edge and
-    2s + 1 back. of (2p,): the half-edge of the mesh that each lies on; start (2p,): the vertex it leaves."""
+    2s + 1 back. of (2p,): the half-edge of the mesh that each lies on; start (2p,): the vertex it leaves; part:
+    the first along each half-edge of the mesh; before: the part that ends in a crossing, the next begins there.
+    """
 
-    def __init__(
-        self, faces: IntArray, twin: IntArray, shift: int, edge: IntArray, crossing: IntArray
-    ) -> None:
-        h = np.arange(len(twin))
-        edges = np.flatnonzero(h < twin)
+    def __init__(self, mesh: ClosedMesh, shift: int, edge: IntArray, crossing: IntArray) -> None:
+        flat, twin = mesh.faces.ravel(), mesh.twin
+        edges = np.flatnonzero(np.arange(len(twin)) < twin)
         number = np.searchsorted(edges, edge)
         counts = np.bincount(number, minlength=len(edges))
-        parts = counts + 1
-        self.first = np.cumsum(parts) - parts  # part of each edge
-        self.last = self.first + counts
-        self.edges, self.total = edges, int(parts.sum())
-        where = np.repeat(np.arange(len(edges)), parts)
-        begin = faces.ravel()[edges][where] + shift
-        end = faces.ravel()[next_half_edge(edges)][where] + shift
-        # crossing k of an edge ends its part k and begins part k + 1
-        at = self.first[number] + ranges(counts)
-        begin[at + 1] = crossing
-        end[at] = crossing
+        first = np.cumsum(counts + 1) - counts - 1
+        along = np.repeat(edges, counts + 1)
+        begin, end = flat[along] + shift, flat[next_half_edge(along)] + shift
+        at = first[number] + ranges(counts)
+        begin[at + 1] = end[at] = crossing
         self.before = np.empty(int(crossing.max(initial=-1)) + 1, np.int64)
-        self.before[crossing] = at  # the part that ends in a crossing; the next one begins there
+        self.before[crossing] = at
         self.start = np.stack([begin, end], 1).ravel()
-        self.of = np.stack([edges[where], twin[edges[where]]], 1).ravel()
-        self.part = np.full(len(twin), -1)  # first part along each half-edge, and last one
-        self.part[edges] = 2 * self.first
-        self.part[twin[edges]] = 2 * self.last + 1
-        self.final = np.full(len(twin), -1)
-        self.final[edges] = 2 * self.last
-        self.final[twin[edges]] = 2 * self.first + 1
+        self.of = np.stack([along, twin[along]], 1).ravel()
+        self.twin, self.part = twin, np.empty(len(twin), np.int64)
+        self.part[edges] = 2 * first
+        self.part[twin[edges]] = 2 * (first + counts) + 1
 
 
-def _followers(a: _Chains, b: _Chains, x: Crossings) -> IntArray:
+def _followers(a: _Chains, b: _Chains, x: Crossings, n: int) -> IntArray:
     """(2p,) the next half-edge round the face on the left of each; half-edges of B are numbered behind those of
-    A."""
-    shift = 2 * a.total
-    out = np.empty(shift + 2 * b.total, np.int64)
+    A. n: vertices before the crossings."""
+    shift = len(a.start)
+    out = np.empty(shift + len(b.start), np.int64)
     for chains, move in ((a, 0), (b, shift)):
-        h = np.arange(len(chains.part))
-        out[chains.final[h] + move] = chains.part[next_half_edge(h)] + move
-    n = len(a.before) - len(x.edge_a)
-    vertex = n + np.arange(len(x.edge_a))
-    a_in = 2 * a.before[vertex]  # forward into the crossing; + 2 forward out of it
-    b_in = 2 * b.before[vertex] + shift
+        last = chains.part[chains.twin] ^ 1
+        out[last + move] = chains.part[next_half_edge(np.arange(len(last)))] + move
+    a_in = 2 * a.before[n:]  # forward into each crossing; + 2 forward out of it
+    b_in = 2 * b.before[n:] + shift
     # B's lower half-edge leads from the right of A to its left where it is the one that A leaves the face by
     left = b.of[b_in - shift] == x.edge_b
     to_left, to_right = np.where(left, b_in + 2, b_in + 1), np.where(left, b_in + 1, b_in + 2)
@@ -200,56 +206,6 @@ def _followers(a: _Chains, b: _Chains, x: Crossings) -> IntArray:
     out[a_in + 3] = to_right
     out[from_left] = a_in + 2
     return out
-
-
-def _triangles(
-    chains: tuple[_Chains, _Chains],
-    walks: tuple[IntArray, IntArray, IntArray],
-    start: IntArray,
-    x: Crossings,
-) -> Overlay:
-    """The polygons in fans of triangles, with the faces of both meshes round each."""
-    label, order, size = walks
-    parents = []
-    shift = 2 * chains[0].total
-    half = (np.arange(shift), np.arange(shift, len(label)))
-    for k in (0, 1):
-        own, across = half[k], half[1 - k]
-        # parts connected across the edges of the other mesh lie in one face of this mesh
-        count, group = components(len(size), label[across], label[across ^ 1])
-        face = np.full(count, -1)
-        face[group[label[own]]] = chains[k].of // 3
-        parents.append(face[group])
-    begin = np.cumsum(size) - size
-    fans = np.repeat(np.arange(len(size)), size - 2)
-    step = ranges(size - 2)
-    corner = start[order]
-    faces = np.stack(
-        [corner[begin[fans]], corner[begin[fans] + step + 1], corner[begin[fans] + step + 2]], 1
-    )
-    return Overlay(faces, parents[0][fans], parents[1][fans], x)
-
-
-def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
-    """The common refinement of both files.
-
-    Raises OptionError for surfaces with boundaries, NoResultError if double precision cannot tell edges
-    apart.
-    """
-    if a.loops:
-        raise OptionError(
-            "--overlay: it is made for closed surfaces, and these have boundaries: close them, or leave it out"
-        )
-    made = overlay(*found.covers, found.on_b)
-    one, two = (cover.mesh for cover in found.covers)
-    x = made.crossings
-    on_a = _joined(_corners(one), found.on_a, x.edge_a, x.share_a), one, a
-    on_b = _joined(found.on_b, _corners(two), x.edge_b, x.share_b), two, b
-    parents = np.stack(
-        [s.surface.source[m.parent[f]] for f, m, s in ((made.a, one, a), (made.b, two, b))], 1
-    )
-    on_both = [on_file(on_surface(*places, mesh), side) for places, mesh, side in (on_a, on_b)]
-    return Refinement(made.faces, parents, *on_both)
 
 
 def _corners(mesh: ClosedMesh) -> CoverPoints:
@@ -294,7 +250,8 @@ def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, Fl
         )
     points = made.on_a.of(a.mesh.points, a.mesh.faces)
     parent = made.parents[:, 0]
-    w = _weights(points[made.faces], a.mesh.points[a.mesh.faces[parent]])
+    corners = a.mesh.points[a.mesh.faces[parent]]
+    w = closest_on_triangles(points[made.faces], corners[:, None])[0]
     textures = a.textures()
     layout = a.uv(0 if textures is None else textures.uv_set) or a.uv(0)
     if textures is not None and layout is not None:
@@ -332,15 +289,3 @@ def _layout(layout: UVMap | None, made: Refinement, w: FloatArray) -> UVMap | No
     _, first, row = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     known = np.asarray((index >= 0).all(1)).repeat(3)
     return UVMap(uv[first], np.where(known, row.reshape(-1), -1).reshape(-1, 3))
-
-
-def _weights(places: FloatArray, corners: FloatArray) -> FloatArray:
-    """(m, 3, 3) barycentric weights of three places each, (m, 3, 3), in the planes of triangles (m, 3, 3)."""
-    d, e = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(d, e)
-    size = np.maximum((normal * normal).sum(1), 1e-300)[:, None]
-    x = places - corners[:, :1]
-    one = (np.cross(x, e[:, None]) * normal[:, None]).sum(2) / size
-    two = (np.cross(d[:, None], x) * normal[:, None]).sum(2) / size
-    w = np.clip(np.stack([1 - one - two, one, two], 2), 0, 1)
-    return np.asarray(w / w.sum(2, keepdims=True), np.float64)

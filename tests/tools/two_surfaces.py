@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from PIL import Image, ImageDraw
 
+import circparam
 from circparam import samples
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
@@ -87,11 +88,8 @@ def baked_colour(document: Document, baked: Baked) -> Colour:
 
 def known(a: str, b: str, landmarks: str) -> SurfaceMap:
     """The map between two samples."""
-    from circparam.maps.map_surfaces import Given, map_meshes
-
     (path,) = [p for p in samples.files(landmarks) if p.name.endswith(".landmarks.txt")]
-    pairs = np.loadtxt(path, dtype=np.int64)
-    return map_meshes(samples.load(a).mesh, samples.load(b).mesh, Given(pairs)).map
+    return circparam.map_surfaces(samples.load(a), samples.load(b), landmarks=path).map
 
 
 def morphed(
