@@ -10,18 +10,34 @@ import pytest
 import circparam
 from circparam import samples
 from circparam.errors import OptionError
-from circparam.formats.io import read
+from circparam.formats.io import read, read_data
 from circparam.formats.joined import join
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.result import Result
 from circparam.pipeline.selection import find_groups, group_rows
 from circparam.pipeline.summary import summarise
 from circparam.pipeline.unwrap import repack
-from tests.support import shapes
+from tests.support import shapes, writers
 from tests.support.named import named_scene
+from tests.support.parts import extrude
 
 QUICK: dict[str, Any] = {"effort": "draft", "resolution": 512, "hide_seams": 0}
-BRACKET = samples.path("bracket")
+
+
+def bracket() -> circparam.Document:
+    """A plate of steel and a painted wall on it, each a group of its own."""
+    profile = np.array([[0, 0], [7, 0], [7, 0.6], [0.6, 0.6], [0.6, 2.4], [0, 2.4]])
+    part = extrude(profile, height=3.0)
+    points, faces = shapes.subdivide(part.points[:, [2, 0, 1]], part.faces)
+    wall = points[faces].mean(1)[:, 2] > 0.6
+    data = writers.obj(points, faces, materials={"steel": ~wall, "paint": wall})
+    data = data.replace(b"v ", b"o bracket\nv ", 1)
+    for name, group in ((b"steel", b"plate"), (b"paint", b"wall")):
+        data = data.replace(b"usemtl " + name, b"g " + group + b"\nusemtl " + name)
+    return read_data(data, format="obj")
+
+
+BRACKET = bracket()
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +117,7 @@ def sheets(path: Path, count: int) -> Path:
 
 def test_names_are_needed_and_fit_the_pages(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="all faces are of node 'bracket'"):
-        find_groups(read(BRACKET), "node", True)
+        find_groups(BRACKET, "node", True)
     points, faces = shapes.grid(3, 3)
     with pytest.raises(OptionError, match="names no materials"):
         find_groups(from_arrays(points, faces), "material", False)
@@ -176,7 +192,7 @@ def test_quarter_turns_keep_up_along_an_axis() -> None:
 
 
 def test_up_is_that_of_the_file_or_of_the_user() -> None:
-    result = circparam.unwrap(BRACKET, orient="up", up="z", **QUICK)
+    result = circparam.unwrap(samples.path("bracket"), orient="up", up="z", **QUICK)
     found = rise(result, axis=2)
     steep = found[np.hypot(*found.T) > 0.3]
     assert len(steep) > 0
@@ -221,12 +237,12 @@ def test_orient_tells_what_it_costs_of_the_page(plain: tuple[Result, Path]) -> N
 
 
 def test_several_files_on_one_page_keep_their_names() -> None:
-    joined = join([read(BRACKET), read(samples.path("knot")), read(BRACKET)])
+    joined = join([BRACKET, read(samples.path("knot")), BRACKET])
     found = joined.named("material")
     names = {label: name for name, label in found.names}
     counts = np.bincount(found.label)
     steel = sum(n for label, n in enumerate(counts.tolist()) if names.get(label) == "steel")
-    assert steel == 2 * 1134
+    assert steel == 2 * (BRACKET.named("material").label == 1).sum()
     assert (found.label == 0).sum() == len(read(samples.path("knot")).mesh.faces)
 
 
@@ -262,10 +278,9 @@ def test_other_formats_name_their_pages_too(tmp_path: Any, ending: str) -> None:
     if ending.startswith("usd"):
         pytest.importorskip("pxr")
     new, named = tmp_path / f"new.{ending}", {"1001": "steel", "1002": "paint"}
-    mesh = read(BRACKET)
     result = circparam.unwrap(BRACKET, new, pages_by="material", **QUICK)
     assert pages_named(new) == named
-    assert np.array_equal(read(new).mesh.faces.shape, mesh.mesh.faces.shape)
+    assert read(new).mesh.faces.shape == BRACKET.mesh.faces.shape
     assert result.status == "ok"
     repack(new, new, overwrite=True, resolution=256)
     assert pages_named(new) == {}
