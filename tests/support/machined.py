@@ -9,9 +9,9 @@ from tests.support import parts
 from tests.support.parts import Builder, Floats, Part, add_walls, circle, extrude, fill, lift
 
 
-def perforated() -> Part:
+def perforated(columns: int = 7) -> Part:
     """A plate with two rows of holes and a pocket: the ears of its flats are slivers from hole to hole."""
-    holes = [circle(12, 0.09, x, y) for y in (-0.8, 0.8) for x in np.arange(-3, 4) * 0.5]
+    holes = [circle(12, 0.09, x, y) for y in (-0.8, 0.8) for x in np.linspace(-1.5, 1.5, columns)]
     outer = parts.rectangle(4.0, 2.4)
     return extrude(outer, holes, 0.3, [(parts.rectangle(3.0, 0.7), 0.15)])
 
