@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from circparam.core import workers
+from tests.support.clock import Clock
 from tests.support.corpus import CORPUS
 
 # One profile for all tests. No deadline and no complaint about slow examples: how long one takes says how busy
@@ -49,6 +50,12 @@ def corpus() -> Path:
 def rng() -> np.random.Generator:
     """Random numbers that are the same in every run and every order of tests."""
     return np.random.default_rng(20190607)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """A clock that stands still unless the test turns it."""
+    return Clock(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -1,13 +1,11 @@
 """The report: its size, its figures, names that could do harm, pictures of results."""
 
 import csv
-import errno
 import json
-import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +17,7 @@ from circparam.batch.report import BINS, report_page, save_report
 from circparam.batch.store import Folder
 from circparam.errors import OutputError
 from tests.support.batch_faults import QUICK, write_disk
+from tests.support.full_disk import fill_up
 
 
 def line(name: str, **more: Any) -> dict[str, Any]:
@@ -123,11 +122,8 @@ def test_results_have_pictures(tmp_path: Path) -> None:
 def test_a_report_that_cannot_be_written_is_one_error_and_leaves_nothing(
     index: Index, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> NoReturn:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     index.add_lines([line("a.obj")])
-    monkeypatch.setattr(os, "replace", full)
+    fill_up(monkeypatch, "replace")
     with pytest.raises(OutputError, match=r"^[^:]*report\.csv: cannot be written") as caught:
         save_report(Folder(str(tmp_path)), index)
     assert str(caught.value).count("cannot be written") == 1

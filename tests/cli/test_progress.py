@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import circparam
 from circparam.cli import progress
 from tests.support import shapes
+from tests.support.clock import Clock
 
 
 def test_lines_for_people_and_none_with_quiet(capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,16 +47,16 @@ def test_a_program_hears_each_per_cent_once(
 
 
 def test_a_bar_appears_on_a_terminal_after_the_delay(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    clock: Clock, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with progress.listener("m.obj", True) as listener:
         assert isinstance(listener, progress.Status)
-    clock = iter([0.0, progress.DELAY - 0.1, progress.DELAY, progress.DELAY + 1])
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock, 99.0))
     with progress.listener("m.obj", False, (2, 6)) as listener:
+        clock.now = progress.DELAY - 0.1
         listener("solve", 0.1, "")
         assert listener.bar is None
+        clock.now = progress.DELAY
         listener("solve", 0.5, "half way")
         (task,) = listener.bar.tasks
         assert (task.fields["stage"], task.fields["note"]) == ("solve", "half way")
@@ -146,14 +147,13 @@ def test_what_is_told_follows_the_work() -> None:
 
 @pytest.mark.parametrize("groups", [progress.GROUPS, progress.OTHERS["level"]])
 def test_the_time_left_is_right_where_stages_take_what_they_should(
-    groups: tuple[dict[str, int], ...], monkeypatch: pytest.MonkeyPatch
+    groups: tuple[dict[str, int], ...], clock: Clock
 ) -> None:
     """After the first fifth it is within a factor of two, also where a stage takes half as long again."""
-    rng, now = np.random.default_rng(0), [0.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    rng = np.random.default_rng(0)
     costs = {name: cost for group in groups for name, cost in group.items()}
     for _ in range(20):
-        now[0] = 0.0
+        clock.now = 0.0
         status = progress.Status("m.ply")
         taken = {name: cost * rng.uniform(0.7, 1.4) for name, cost in costs.items()}
         whole = sum(taken.values())
@@ -162,8 +162,8 @@ def test_the_time_left_is_right_where_stages_take_what_they_should(
                 status(name, part, "")
                 share = status.forward.fraction
                 known = groups is progress.GROUPS or status.forward.groups is groups
-                if now[0] >= whole / 5 and known and whole - now[0] > 0.05 * whole:
-                    left = now[0] * (1 - share) / share
-                    assert 0.5 <= left / (whole - now[0]) <= 2
+                if clock.now >= whole / 5 and known and whole - clock.now > 0.05 * whole:
+                    left = clock.now * (1 - share) / share
+                    assert 0.5 <= left / (whole - clock.now) <= 2
                     assert f"about {left:.0f} s left" in status.line()
-                now[0] += seconds / 2 if part < 1 else 0.0
+                clock.now += seconds / 2 if part < 1 else 0.0

@@ -4,9 +4,9 @@ import time
 
 import pytest
 
-from circparam.core import monitor as module
 from circparam.core.monitor import Monitor
 from circparam.errors import OutOfTimeError
+from tests.support.clock import Clock
 
 
 def test_seconds_of_inner_stages_count_for_themselves_only(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,12 +46,11 @@ def test_a_stage_that_fails_is_measured_and_left() -> None:
         monitor.check()
 
 
-def test_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = [100.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: clock[0])
+def test_the_deadline(clock: Clock) -> None:
+    clock.now = 100.0
     monitor, unbound = Monitor(timeout=5.0), Monitor()
     for now, late in ((104.9, False), (105.0, True), (106.0, True)):
-        clock[0] = now
+        clock.now = now
         assert monitor.expired is late
         assert not unbound.expired
         unbound.check()
@@ -61,7 +60,7 @@ def test_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
                     monitor.check()
             else:
                 monitor.check()
-    clock[0] = 100.0
+    clock.now = 100.0
     monitor = Monitor(timeout=10.0)
     for seconds, held, short in (
         (9.0, 0.0, False),
@@ -71,7 +70,7 @@ def test_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         with monitor.holding(held):
             assert monitor.short(seconds) is short
-    clock[0] = 108.0
+    clock.now = 108.0
     assert monitor.short(3.0)
     assert not unbound.short(1e9)
     assert not monitor.hurried, "nobody was told that time is up"

@@ -1,7 +1,5 @@
 """One dial for the search: a draft keeps all promises, more effort never costs more."""
 
-import itertools
-import time
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ from circparam import errors
 from circparam.pipeline.options import HOUR, Options
 from circparam.seams.cost import COST
 from tests.support import shapes
+from tests.support.clock import Clock
 
 PAGE = {"resolution": 256, "hide_seams": 0.0}
 
@@ -76,17 +75,13 @@ def test_a_draft_keeps_every_promise(shape: shapes.Shape) -> None:
     assert measures["gap_texels"] is None or measures["gap_texels"] >= 4
 
 
-def test_time_chooses_the_effort_where_nothing_else_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a clock that goes on by 1 whenever somebody asks: searches are made as long as one more is likely to
-    end."""
-    asked = itertools.count(1)
-    monkeypatch.setattr(time, "monotonic", lambda: float(next(asked)))
-    start = next(asked)
+def test_time_chooses_the_effort_where_nothing_else_does(clock: Clock) -> None:
+    """By a clock that counts its calls: searches are made as long as one more is likely to end."""
+    clock.step = 1.0
     unwrapped(shapes.icosphere(1), effort=1, timeout=1e9)
-    limit = 3 * (next(asked) - start)
-    start = next(asked)
+    limit, clock.now = 3 * clock.now, 0.0
     found = unwrapped(shapes.icosphere(1), timeout=limit).effort
-    assert next(asked) - start < 1.1 * limit
+    assert clock.now < 1.1 * limit
     assert 1 < found.searches < HOUR
     assert found.searches + found.more == HOUR
     assert min(found.costs) == found.costs[found.best]

@@ -1,6 +1,5 @@
 """A search that runs out of time gives what it has reached; a longer time never gives a worse answer."""
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,6 +16,7 @@ from circparam.pipeline.unwrap import Result, unwrap_document
 from circparam.seams.reached import Reached, in_time
 from tests.support import parts, shapes
 from tests.support.atlases import surface_of
+from tests.support.clock import Clock
 
 FRACTIONS = (0.1, 0.25, 0.5, 0.75, 1.1)
 
@@ -33,21 +33,15 @@ def assembly() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], tuple[Result, int]]:
-    """Unwraps the assembly by a clock that goes on by 1 whenever somebody asks: (result, how often)."""
-    asked = [0]
-
-    def ticking() -> float:
-        asked[0] += 1
-        return float(asked[0])
-
-    monkeypatch.setattr(time, "monotonic", ticking)
+def run(clock: Clock) -> Callable[[float], tuple[Result, int]]:
+    """Unwraps the assembly by a clock that counts its calls: (result, how many)."""
+    clock.step = 1.0
     document = from_arrays(*assembly())
 
     def unwrapped(limit: float) -> tuple[Result, int]:
-        asked[0] = 0
+        clock.now = 0.0
         options = Options(jobs=1, effort=1, pack_splits=0)
-        return unwrap_document(document, None, options, Monitor(timeout=limit)), asked[0]
+        return unwrap_document(document, None, options, Monitor(timeout=limit)), int(clock.now)
 
     return unwrapped
 
