@@ -69,7 +69,7 @@ def test_seams_go_back_to_the_surface_itself() -> None:
 
 
 def test_a_wavy_sheet_full_of_holes_is_unwrapped_like_one_without() -> None:
-    result = unwrap(wavy(shapes.holed_sheet(100, 4), 0.25))
+    result = unwrap(wavy(shapes.holed_sheet(36, 4), 0.25), pack_splits=0)
     assert result.status == "ok"
     assert result.measures["flips"] == 0
     assert result.measures["overlap"] == 0
