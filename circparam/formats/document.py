@@ -170,6 +170,11 @@ class Document:
             return None
         return Named(groups, tuple((name, k) for k, name in enumerate(self.group_names)))
 
+    def group_name(self, label: int) -> str:
+        """The name of a group of faces by its label, numbered where the file has none; '' without groups."""
+        name = self.group_names[label] if label < len(self.group_names) else ""
+        return name or ("" if self.mesh.groups is None else f"group_{label}")
+
     def polygons(self) -> Polygons:
         """The polygons of the file with their triangles, for writing into another format."""
         m = len(self.mesh.faces)

@@ -6,8 +6,6 @@ materials of a file, face by face. ``Carried`` replaces them after their images 
 linear light, and v points down, as rows of images do.
 """
 
-import io
-import warnings
 from dataclasses import field
 from typing import Literal, TypeAlias
 
@@ -16,7 +14,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
-from circparam.errors import InputError
+from circparam.formats.materials import opened_image
 
 Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
 # How texel t and factor f make a value: f·t; 1 + f·(t − 1); f₀ + (f₁ − f₀)·t; a normal whose x and y f
@@ -122,38 +120,10 @@ class Carried:
 def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
     """(h, w, 4) the pixels of an image, 8 or 16 bit; no alpha is opaque.
 
-    Raises InputError, in one line, where the image is empty, broken, of an unknown kind or too large.
+    Raises InputError as ``opened_image``.
     """
-    from PIL import Image, UnidentifiedImageError
-
-    if not data:
-        raise InputError(f"the texture {name} is empty (0 bytes): export it again")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # large, and read
-            image = Image.open(io.BytesIO(data))
-            image.load()
-    except Image.DecompressionBombError:
-        most = int((2 * (Image.MAX_IMAGE_PIXELS or 0)) ** 0.5) // 1000 * 1000
-        raise InputError(
-            f"the texture {name} is too large: scale it down to {most:,} pixels a side at most"
-        ) from None
-    except (OSError, ValueError, SyntaxError) as error:
-        unknown = isinstance(error, UnidentifiedImageError)
-        cause = _kind_of(data) if unknown else str(error)
-        raise InputError(
-            f"the texture {name} cannot be read ({cause}): export PNG or JPEG"
-        ) from None
+    image = opened_image(data, name)
     if image.mode.startswith("I"):  # grey of 16 bit; converting would clip it to 8
         grey = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
         return np.stack([grey, grey, grey, np.full_like(grey, 65535)], 2)
     return np.asarray(image.convert("RGBA"))
-
-
-def _kind_of(data: bytes) -> str:
-    """Kind of a file that Pillow does not know."""
-    if data[:7] == b"\xabKTX 20":
-        return "KTX2, which is not decoded"
-    if data[4:8] == b"ftyp" or data[:4] == b"\x1aE\xdf\xa3":
-        return "a video"
-    return "no known format"

@@ -6,6 +6,7 @@ Each format finds its own (``obj/materials.py``, ``ply/materials.py``, ``gltf/ma
 
 import io
 import re
+import warnings
 from dataclasses import field
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,16 @@ from circparam.mesh.mesh import UVMap
 if TYPE_CHECKING:
     from PIL import Image
 
-MEDIA_TYPES = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp", "GIF": "image/gif"}
+# place and first bytes of a file, and its media type
+_MAGIC = (
+    *((0, b"\x89PNG", "image/png"), (0, b"\xff\xd8\xff", "image/jpeg"), (8, b"WEBP", "image/webp")),
+    *((0, b"\xabKTX 20", "image/ktx2"), (0, b"DDS ", "image/vnd-ms.dds")),
+    *((4, b"ftyp", "video/mp4"), (0, b"\x1aE\xdf\xa3", "video/webm")),
+)
+# what Pillow does not know, in words
+_UNREAD = {"image/ktx2": "KTX2, which is not decoded"} | dict.fromkeys(
+    ("video/mp4", "video/webm"), "a video"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +97,14 @@ class ImageFiles:
             try:
                 self._known[name] = self.add(name, self._content(name))
             except OSError:
-                line = f"texture {name} is missing: put it beside the mesh"
-                if self.strict:
-                    raise self.source.error(line) from None
-                self.notes.append(line)
+                self.missing(f"texture {name} is missing: put it beside the mesh")
         return self._known[name]
+
+    def missing(self, line: str) -> None:
+        """Note an image that cannot be had; strict: raise InputError."""
+        if self.strict:
+            raise self.source.error(line)
+        self.notes += [line] if line not in self.notes else []
 
     def _content(self, name: str) -> bytes:
         """The bytes of an image. The last part of a path on the exporter's machine is looked for here. Text
@@ -134,27 +147,38 @@ def linear(colour: FloatArray) -> FloatArray:
 
 
 def decode(data: bytes, name: str) -> "Image.Image":
-    """An image as RGB or RGBA. Raises InputError if it is broken, unknown, or absurdly large."""
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        image = Image.open(io.BytesIO(data))
-        image.load()
-    except Image.DecompressionBombError as error:
-        raise InputError(f"{name}: the texture is too large ({error}): scale it down") from None
-    except (OSError, ValueError, SyntaxError) as error:
-        cause = "no known format" if isinstance(error, UnidentifiedImageError) else error
-        raise InputError(f"{name}: the texture cannot be read ({cause}): save it as PNG") from None
+    """An image as RGB or RGBA. Raises InputError as ``opened_image``."""
+    image = opened_image(data, name)
     has_alpha = "A" in image.getbands() or "transparency" in image.info
     return image.convert("RGBA" if has_alpha else "RGB")
 
 
-def media_type(data: bytes) -> str | None:
-    """The media type that a page can show an image's bytes as; None for a format that browsers lack."""
-    from PIL import Image
+def opened_image(data: bytes, name: str) -> "Image.Image":
+    """An image in memory. Raises InputError, in one line, if it is empty, broken, unknown or too large."""
+    from PIL import Image, UnidentifiedImageError
 
+    if not data:
+        raise InputError(f"the texture {name} is empty (0 bytes): export it again")
     try:
-        kind = Image.open(io.BytesIO(data)).format or ""
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return None
-    return MEDIA_TYPES.get(kind)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # large, and read
+            image = Image.open(io.BytesIO(data))
+            image.load()
+    except Image.DecompressionBombError:
+        most = int((2 * (Image.MAX_IMAGE_PIXELS or 0)) ** 0.5) // 1000 * 1000
+        raise InputError(
+            f"the texture {name} is too large: scale it down to {most:,} pixels a side at most"
+        ) from None
+    except (OSError, ValueError, SyntaxError) as error:
+        unknown = isinstance(error, UnidentifiedImageError)
+        cause = _UNREAD.get(media_type(data), "no known format") if unknown else error
+        raise InputError(
+            f"the texture {name} cannot be read ({cause}): export PNG or JPEG"
+        ) from None
+    return image
+
+
+def media_type(data: bytes) -> str:
+    """The media type of an image or a video by its first bytes; '' for an unknown one."""
+    kinds = (kind for at, magic, kind in _MAGIC if data[at : at + len(magic)] == magic)
+    return next(kinds, "")

@@ -186,8 +186,9 @@ def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes,
     image = decode(data, name)
     kind = media_type(data)
     if move is not None and not np.array_equal(move, np.eye(2, 3)):
-        image, kind = unmoved(image, move), None
-    if kind is not None and max(image.size) <= LARGEST and len(data) <= 3_000_000:
+        image, kind = unmoved(image, move), ""
+    known = kind in ("image/png", "image/jpeg", "image/webp")
+    if known and max(image.size) <= LARGEST and len(data) <= 3_000_000:
         return data, kind
     image.thumbnail((LARGEST, LARGEST))
     out = io.BytesIO()

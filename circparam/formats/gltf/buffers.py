@@ -20,7 +20,6 @@ from circparam.formats.gltf.model import (
     Json,
     Primitive,
     index_type,
-    media_type_of,
 )
 from circparam.formats.gltf.reading import Tree, element_size
 from circparam.formats.gltf.unused import (
@@ -33,6 +32,7 @@ from circparam.formats.gltf.unused import (
     short_views,
     view_span,
 )
+from circparam.formats.materials import media_type
 from circparam.formats.source import bytes_beside
 from circparam.formats.tokens import ByteArray
 
@@ -175,8 +175,9 @@ class Packing:
                     data = bytes_beside(self.tree.source.folder, uri)
                 except OSError:
                     data = b""
-                kind = media_type_of(data)
-                known[uri] = {"bufferView": self.view(data), "mimeType": kind} if kind else {}
+                kind = media_type(data)
+                inside = kind.startswith("image/")
+                known[uri] = {"bufferView": self.view(data), "mimeType": kind} if inside else {}
             if known[uri]:
                 image.pop("uri")
                 image |= known[uri]

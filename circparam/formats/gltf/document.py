@@ -1,6 +1,6 @@
 """glTF and GLB: the whole tree kept, primitives stay primitives, uv as TEXCOORD_n."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from urllib.parse import unquote
 
@@ -60,10 +60,18 @@ class GltfDocument(Document):
         meshes = [p.mesh for p in self.primitives]
         return len(meshes) + sum(meshes.count(again.mesh) for again in self.again)
 
+    def users(self) -> list[list[Primitive]]:
+        """The primitives of each pool that has any."""
+        of_pool = [[p for p in self.primitives if p.pool == k] for k in range(len(self.pools))]
+        return [users for users in of_pool if users]
+
+    def of_faces(self, values: Sequence[int]) -> IntArray:
+        """(m,) of values of the primitives that of each face."""
+        return np.repeat(np.array(values, np.int64), [len(p.triangles) for p in self.primitives])
+
     def instance_transforms(self) -> list[tuple[IntArray, FloatArray]]:
         """The meshes that further nodes show, where those put them."""
-        size = np.array([len(p.triangles) for p in self.primitives])
-        mesh = np.repeat([p.mesh for p in self.primitives], size)
+        mesh = self.of_faces([p.mesh for p in self.primitives])
         return [(np.flatnonzero(mesh == a.mesh), a.matrix) for a in self.again]
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
@@ -90,9 +98,8 @@ class GltfDocument(Document):
     def labels(self, kind: str) -> IntArray:
         """(m,) label of each face by primitive, mesh or scene."""
         if kind in ("primitive", "mesh"):
-            size = np.array([len(p.triangles) for p in self.primitives])
-            of = np.arange(len(size)) if kind == "primitive" else [p.mesh for p in self.primitives]
-            return relabel(np.repeat(of, size))[1]
+            of = [k if kind == "primitive" else p.mesh for k, p in enumerate(self.primitives)]
+            return relabel(self.of_faces(of))[1]
         return super().labels(kind)
 
     def named(self, kind: str) -> Named | None:
@@ -105,10 +112,7 @@ class GltfDocument(Document):
                 of = [p.mesh for p in self.primitives]
                 meshes = entry_names(self.tree, "meshes", of)
                 names = meshes if kind == "group" else node_names(self.tree)
-        if not names:
-            return None
-        size = [len(p.triangles) for p in self.primitives]
-        return Named(np.repeat(np.array(of, np.int64), size), names)
+        return Named(self.of_faces(of), names) if names else None
 
     def colours(self) -> FloatArray | None:
         """COLOR_0 of the vertices."""
@@ -221,25 +225,22 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
         shown = walk(tree)
     parts = read_meshes(tree, shown)
     faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
-    groups, names = _materials(tree, parts.primitives)
+    groups, names = None, []
+    used = [material_of(tree, p) for p in parts.primitives]
+    order = list(dict.fromkeys(used))
+    if len(order) > 1:
+        label = [order.index(k) for k in used]
+        groups = np.repeat(label, [len(p.triangles) for p in parts.primitives])
+        given = [
+            tree.item("materials", k).get("name", f"material_{k}") if k >= 0 else "" for k in order
+        ]
+        names = [str(name) for name in given]
     sets = sorted({int(k[9:]) for p in parts.pools for k in p.attributes if k[:9] == "TEXCOORD_"})
     return GltfDocument(
         source, "glb" if tree.is_glb else "gltf", Mesh(parts.points, faces, groups=groups),
-        tuple(sets), parts.notes, _features(tree), names,
+        tuple(sets), parts.notes, _features(tree), tuple(names),
         tree=tree, primitives=parts.primitives, pools=parts.pools, again=shown_again(shown),
     )  # fmt: skip
-
-
-def _materials(tree: Tree, primitives: list[Primitive]) -> tuple[IntArray | None, tuple[str, ...]]:
-    used = [material_of(tree, p) for p in primitives]
-    if len(set(used)) < 2:
-        return None, ()
-    _, label = relabel(np.array(used, np.int64))
-    order = list(dict.fromkeys(used))
-    names = [
-        "" if k < 0 else str(tree.item("materials", k).get("name", f"material_{k}")) for k in order
-    ]
-    return np.repeat(label, [len(p.triangles) for p in primitives]), tuple(names)
 
 
 def features_of(data: bytes, source: Source) -> tuple[str, ...]:

@@ -2,8 +2,8 @@
 
 import io
 from collections.abc import Callable
-from dataclasses import field, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -29,10 +29,9 @@ from circparam.formats.gltf.model import (
     ELEMENT_BUFFER,
     Json,
     index_type,
-    media_type_of,
 )
 from circparam.formats.gltf.scene import unit_rows
-from circparam.formats.materials import Textures, decode, linear
+from circparam.formats.materials import Textures, decode, linear, media_type
 from circparam.formats.source import Source
 from circparam.formats.upright import y_up
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
@@ -51,12 +50,12 @@ class Appearance:
 
     label: IntArray
     materials: list[Json]
-    images: list[tuple[bytes, str]] = field(default_factory=list)
-    uv: UVMap | None = None
-    colours: FloatArray | None = None
-    normals: FloatArray | None = None
-    warnings: list[str] = field(default_factory=list)
-    carried: tuple[str, ...] = ()
+    images: list[tuple[bytes, str]]
+    uv: UVMap | None
+    colours: FloatArray | None
+    normals: FloatArray | None
+    warnings: list[str]
+    carried: list[str]
 
 
 def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
@@ -65,38 +64,41 @@ def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
     A bad description in the document becomes a warning, because the mesh can still be written.
     """
     warnings: list[str] = []
-    found = colours = None
+    found = colours = uv = None
+    images: list[tuple[bytes, str]] = []
     if with_colours:
         try:
             found = document.textures()
             colours = document.colours()
         except InputError as error:
             warnings.append(str(error))
-    uv = None if found is None or not found.images else document.uv(found.uv_set)
-    if found is not None and found.images and uv is None:
-        warnings.append("its textures refer to uv that it lacks, and were left out")
-        found = None
-    label, materials, images, missing = material_table(found, document)
-    carried = ["materials"] if with_colours else []
-    carried += ["textures"] if images else []
+    if found is not None and found.images:
+        uv = document.uv(found.uv_set)
+        if uv is None:
+            warnings.append("its textures refer to uv that it lacks, and were left out")
+            found = None
+    if found is not None:
+        warnings += found.notes
+        for data, name in zip(found.images, found.names, strict=True):
+            try:
+                images.append(_image(data, name))
+            except InputError as error:
+                warnings.append(str(error))
+                images.append((_WHITE_PNG, "image/png"))
     if images:  # a viewer multiplies colours and images; no other format means that
         colours = None
-    carried += [name for name in document.features if "colours" in name and colours is not None]
     normals = document.normals()
-    carried += [] if normals is None else ["normals"]
-    return Appearance(
-        label, materials, images, uv, None if colours is None else linear(colours), normals,
-        [*warnings, *missing], tuple(carried),
-    )  # fmt: skip
+    has = {"materials": with_colours, "textures": images, "normals": normals is not None}
+    carried = [name for name, there in has.items() if there]
+    carried += [name for name in document.features if "colours" in name and colours is not None]
+    label, materials = material_table(found, document)
+    colours = None if colours is None else linear(colours)
+    return Appearance(label, materials, images, uv, colours, normals, warnings, carried)
 
 
-def material_table(
-    found: Textures | None, document: Document
-) -> tuple[IntArray, list[Json], list[tuple[bytes, str]], list[str]]:
-    """(material of each face, materials, images with their media types, missing parts).
-
-    The groups of the document stay apart, and materials get their names.
-    """
+def material_table(found: Textures | None, document: Document) -> tuple[IntArray, list[Json]]:
+    """(material of each face, materials). The groups of the document stay apart, and materials get their
+    names."""
     groups, faces = document.mesh.groups, len(document.mesh.faces)
     group = np.zeros(faces, np.int64) if groups is None else groups
     image, colour = np.full(faces, -1), np.ones((faces, 4))
@@ -107,45 +109,23 @@ def material_table(
         colour[:, 3] = 1.0 if found.alpha is None else found.alpha
         rows = np.column_stack([group, image, colour])
     _, first, label = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    given = document.group_names
     materials = []
     for k in first.tolist():
-        shown = int(image[k]) if image[k] >= 0 else None
-        name = given[group[k]] if group[k] < len(given) else ""
-        if groups is not None and not name:
-            name = f"group_{group[k]}"
-        materials.append(({"name": name} if name else {}) | material(colour[k], shown))
-    images, notes = _images(found)
-    return label.reshape(-1), materials, images, notes
-
-
-def material(colour: FloatArray, image: int | None) -> Json:
-    """A rough material that shows an image or a colour (sRGB, alpha); by default glTF has metal."""
-    pbr: Json = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
-    if image is not None:
-        pbr["baseColorTexture"] = {"index": image}
-    if (colour < 1).any():
-        pbr["baseColorFactor"] = [*np.round(linear(colour[:3]), 6).tolist(), float(colour[3])]
-    return {"pbrMetallicRoughness": pbr} | ({"alphaMode": "BLEND"} if colour[3] < 1 else {})
-
-
-def _images(found: Textures | None) -> tuple[list[tuple[bytes, str]], list[str]]:
-    """Images as glTF takes them, with their media types, and unreadable ones."""
-    if found is None:
-        return [], []
-    images, notes = [], list(found.notes)
-    for data, name in zip(found.images, found.names, strict=True):
-        try:
-            images.append(_image(data, name))
-        except InputError as error:
-            notes.append(str(error))
-            images.append((_white(), "image/png"))
-    return images, notes
+        name = document.group_name(group[k])
+        pbr: Json = {"metallicFactor": 0.0, "roughnessFactor": 0.9}  # by default glTF has metal
+        if image[k] >= 0:
+            pbr["baseColorTexture"] = {"index": int(image[k])}
+        if (colour[k] < 1).any():
+            shown = np.round(linear(colour[k, :3]), 6).tolist()
+            pbr["baseColorFactor"] = [*shown, float(colour[k, 3])]
+        blend = {"alphaMode": "BLEND"} if colour[k, 3] < 1 else {}
+        materials.append(({"name": name} if name else {}) | {"pbrMetallicRoughness": pbr} | blend)
+    return label.reshape(-1), materials
 
 
 def _image(data: bytes, name: str) -> tuple[bytes, str]:
     """An image as glTF takes it: PNG and JPEG as they are, all others as PNG."""
-    kind = media_type_of(data)
+    kind = media_type(data)
     if kind in ("image/png", "image/jpeg"):
         return data, kind
     out = io.BytesIO()
@@ -153,15 +133,11 @@ def _image(data: bytes, name: str) -> tuple[bytes, str]:
     return out.getvalue(), "image/png"
 
 
-def _white() -> bytes:
-    """A white texel: stands for an image that cannot be read."""
-    from PIL import Image
-
-    out = io.BytesIO()
-    Image.new("RGB", (1, 1), "white").save(out, "PNG")
-    return out.getvalue()
-
-
+# a white texel: stands for an image that cannot be read
+_WHITE_PNG = (
+    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\b\2\0\0\0\x90wS\xde\0\0\0\fIDATx\x9cc\xf8\xff\xff?"
+    b"\0\5\xfe\2\xfe\r\xefF\xb8\0\0\0\0IEND\xaeB`\x82"
+)
 FAR = 16  # sizes from the origin up to which float32 keeps a shape to a millionth of its size
 LINES = "seams, sharp edges and borders of colours"
 OLD_SET = "its textures keep the old uv, as set 1: circparam bake --from texture carries them into the new set"
@@ -178,31 +154,30 @@ def to_glb(
     check_new_set(options, "glb")
     shown = appearance_of(document, options.colours)
     up = options.up or "y"
-    placed = _placed(document.mesh, up)
+    points, at, changes = _placed(document.mesh, up)
     attributes = _attributes(document.mesh.faces, uvmap or shown.uv or document.uv(), shown, up)
     split = _split(document.mesh, attributes)
     notes, warnings = not_carried(document, "glb", *shown.carried)
-    notes += placed.notes
+    notes += changes
     if split.added:
         notes.append(duplicated(split.added, "seams" if len(attributes) == 1 else LINES))
     warnings += shown.warnings
-    if "TEXCOORD_1" in (a.name for a in attributes):
+    if "TEXCOORD_1" in attributes:
         warnings.append(OLD_SET)
         for material in shown.materials:
             material["pbrMetallicRoughness"].get("baseColorTexture", {})["texCoord"] = 1
     tree = _new_tree(document, shown.materials)
     store_grouping(tree, 0, exported_grouping(document, options.group_by))
     store_pages(tree, 0, options.pages)
-    if placed.at.any():
-        tree["nodes"][0]["translation"] = placed.at.tolist()
+    if at.any():
+        tree["nodes"][0]["translation"] = at.tolist()
     writer = _Writer(tree)
-    named = {"POSITION": writer.vectors(placed.points[split.source], bounds=True)}
+    named = {"POSITION": writer.vectors(points[split.source], bounds=True)}
     column = 0
-    for attribute in attributes:
-        width = attribute.rows.shape[1]
-        rows = attribute.in_file(split.uv[:, column : column + width])
-        named[attribute.name] = writer.vectors(rows)
-        column += width
+    for name, (table, _) in attributes.items():
+        rows = split.uv[:, column : column + table.shape[1]]
+        named[name] = writer.vectors(_IN_FILE.get(name, np.asarray)(rows))
+        column += table.shape[1]
     order = np.argsort(shown.label, kind="stable")
     corner = split.corner.reshape(-1, 3)[order].ravel()
     writer.primitives(corner, np.bincount(shown.label), named, len(split.source))
@@ -210,17 +185,11 @@ def to_glb(
     return Encoded(writer.glb(), "glb", split.source, order, notes=notes, warnings=warnings)
 
 
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """points: (n, 3) as stored. at: (3,) of the node. notes: changes by storing."""
+def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, list[str]]:
+    """((n, 3) points with y up as float32, (3,) place of their node, changes by storing).
 
-    points: npt.NDArray[np.float32]
-    at: FloatArray
-    notes: list[str]
-
-
-def _placed(mesh: Mesh, up: str) -> _Placed:
-    """The points with y up, in numbers that float32 has. Raises OutputError if it has none."""
+    Raises OutputError for points beyond float32.
+    """
     given = y_up(mesh.points, up)
     used = np.zeros(len(given), bool)
     used[mesh.faces.ravel()] = True
@@ -233,16 +202,13 @@ def _placed(mesh: Mesh, up: str) -> _Placed:
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
         )
-    notes = []
-    if up != "y":
-        notes.append("turned from z up to y up, as glTF has it: --up y keeps the axes")
-    if (points.astype(np.float64) + at != given)[used].any():
-        notes.append("positions were rounded to float32, all that glTF stores")
-    if at.any():
-        notes.append(
-            "the mesh lies far from the origin: its node holds the place, its positions the shape"
-        )
-    return _Placed(points, at, notes)
+    rounded = (points.astype(np.float64) + at != given)[used].any()
+    notes = {
+        "turned from z up to y up, as glTF has it: --up y keeps the axes": up != "y",
+        "positions were rounded to float32, all that glTF stores": rounded,
+        "the mesh lies far from the origin: its node holds the place, its positions the shape": at.any(),
+    }
+    return points, at, [note for note, said in notes.items() if said]
 
 
 def _origin(points: FloatArray) -> FloatArray:
@@ -269,65 +235,49 @@ def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str =
     return replace(encoded, data=out.data, extra=out.extra, format="gltf")
 
 
-@dataclass(frozen=True, eq=False)
-class _Attribute:
-    """Rows (k, w) of an attribute as stored, and the row of each corner (m, 3), −1 for zeros.
-
-    in_file: rows as float32 of the file.
-    """
-
-    name: str
-    rows: FloatArray
-    index: IntArray
-    in_file: Callable[[FloatArray], npt.NDArray[np.float32]]
+# rows (k, w) of an attribute as stored, and the row of each corner (m, 3), −1 for zeros
+_Attribute: TypeAlias = tuple[FloatArray, IntArray]
+# how rows of these stand in the file
+_IN_FILE: dict[str, Callable[[FloatArray], Any]] = {
+    "TEXCOORD_0": file_uv, "TEXCOORD_1": file_uv, "NORMAL": unit_rows,
+}  # fmt: skip
 
 
 def _attributes(
     faces: IntArray, uvmap: UVMap | None, shown: Appearance, up: str
-) -> list[_Attribute]:
+) -> dict[str, _Attribute]:
     """The uv, where there are any, and what else vertices have: old uv of images, normals, colours."""
-    out, each = [], np.arange(faces.size).reshape(-1, 3)
+    out: dict[str, _Attribute] = {}
+    each = np.arange(faces.size).reshape(-1, 3)
     if uvmap is not None:
-        out = [_Attribute("TEXCOORD_0", stored_uv(uvmap.uv), uvmap.uv_faces, file_uv)]
+        out["TEXCOORD_0"] = stored_uv(uvmap.uv), uvmap.uv_faces
     if shown.uv is not None:
-        old = _Attribute("TEXCOORD_1", stored_uv(shown.uv.uv), shown.uv.uv_faces, file_uv)
-        if not np.array_equal(_of_corners(out[0]), _of_corners(old)):
-            out.append(old)
-    if shown.normals is not None:
-        rows = _single(y_up(shown.normals, up).reshape(-1, 3))
-        out.append(_Attribute("NORMAL", rows, each, _unit))
-    if shown.colours is not None:
-        rows = _single(shown.colours.reshape(-1, 3))
-        out.append(_Attribute("COLOR_0", rows, each, _narrow))
+        old = stored_uv(shown.uv.uv), shown.uv.uv_faces
+        if not np.array_equal(_of_corners(out["TEXCOORD_0"]), _of_corners(old)):
+            out["TEXCOORD_1"] = old
+    for name, rows in (
+        ("NORMAL", None if shown.normals is None else y_up(shown.normals, up)),
+        ("COLOR_0", shown.colours),
+    ):
+        if rows is not None:
+            out[name] = rows.reshape(-1, 3).astype(np.float32).astype(np.float64), each
     return out
 
 
 def _of_corners(attribute: _Attribute) -> FloatArray:
     """(3 m, w) the row of each corner."""
-    rows = np.concatenate([attribute.rows, np.zeros((1, attribute.rows.shape[1]))])
-    return rows[attribute.index.ravel()]
+    rows, index = attribute
+    return np.concatenate([rows, np.zeros((1, rows.shape[1]))])[index.ravel()]
 
 
-def _single(rows: FloatArray) -> FloatArray:
-    """Numbers as float32 holds them."""
-    return rows.astype(np.float32).astype(np.float64)
-
-
-def _narrow(rows: FloatArray) -> npt.NDArray[np.float32]:
-    return rows.astype(np.float32)
-
-
-def _unit(rows: FloatArray) -> npt.NDArray[np.float32]:
-    return _narrow(unit_rows(rows))
-
-
-def _split(mesh: Mesh, attributes: list[_Attribute]) -> Split:
+def _split(mesh: Mesh, attributes: dict[str, _Attribute]) -> Split:
     """A vertex for each set of attributes that a vertex has."""
     n, vertex = len(mesh.points), mesh.faces.ravel()
     if len(attributes) == 1:
-        return split_vertices(n, vertex, attributes[0].rows, attributes[0].index.ravel())
-    rows = [_of_corners(a) for a in attributes] or [np.zeros((len(vertex), 1))]
-    return split_vertices(n, vertex, np.concatenate(rows, axis=1), np.arange(len(vertex)))
+        ((rows, index),) = attributes.values()
+        return split_vertices(n, vertex, rows, index.ravel())
+    columns = [_of_corners(a) for a in attributes.values()] or [np.zeros((len(vertex), 1))]
+    return split_vertices(n, vertex, np.concatenate(columns, axis=1), np.arange(len(vertex)))
 
 
 class _Writer:
@@ -352,7 +302,7 @@ class _Writer:
         self.tree["accessors"].append(entry)
         return len(self.tree["accessors"]) - 1
 
-    def vectors(self, rows: npt.NDArray[np.float32], bounds: bool = False) -> int:
+    def vectors(self, rows: npt.NDArray[Any], bounds: bool = False) -> int:
         """The accessor of a vertex attribute (k, w)."""
         view = self.view(np.ascontiguousarray(rows, "<f4").tobytes(), target=ARRAY_BUFFER)
         ends = {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()} if bounds else {}

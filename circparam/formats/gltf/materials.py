@@ -11,10 +11,9 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.gltf.slots import factors_of, places_of, texture_info, unlike
+from circparam.formats.gltf.slots import GLOSS, factors_of, places_of, texture_info, unlike
 from circparam.formats.looks import Looks, Material, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint
-from circparam.formats.source import found_beside, regular_bytes
 
 TRANSFORM, WEBP, VARIANTS = "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_variants"
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
@@ -38,35 +37,25 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
 
     Raises the errors of Python for a tree of the wrong shape.
     """
-    files = ImageFiles(tree.source)
-    faces, plain = [], []
+    files = _Images(tree)
+    faces, plain, sets, tints = [], [], [], []
     known: dict[tuple[int, bytes], int] = {}
     moves: dict[int, FloatArray] = {}
-    sets: list[int] = []
-    tints: list[str] = []
     for p in primitives:
         entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
         pbr = _base_colour(material)
         texture = pbr.get("baseColorTexture")
-        image = -1
-        if texture is not None:
-            shown = tree.item("textures", texture["index"])
-            source, moved = _texture_source(shown), _moved(texture)
-            if source is None:
-                note = _unread(shown)
-                files.notes += [note] if note and note not in files.notes else []
-            else:
-                move = affine(moved)
-                key = source, move.tobytes()
-                if key not in known:
-                    known[key] = image = _image(tree, files, source)
-                    # parts with further instances
-                    if not np.array_equal(moves.get(image, move), move):
-                        known[key] = files.add(files.names[image], files.images[image])
-                    moves[known[key]] = move
-                image = known[key]
-                sets.append(_uv_set(texture))
+        image = -1 if texture is None else files.of(tree.item("textures", texture["index"]))
+        if texture is not None and image >= 0:
+            move = affine(_moved(texture))
+            key = image, move.tobytes()
+            if key not in known:  # an image that is moved in two ways is two
+                again = not np.array_equal(moves.get(image, move), move)
+                known[key] = files.add(files.names[image], files.images[image]) if again else image
+                moves[known[key]] = move
+            image = known[key]
+            sets.append(_uv_set(texture))
         factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
         faces.append(np.full(len(p.triangles), image))
@@ -100,7 +89,7 @@ def _base_colour(material: Json) -> Json:
     Older exports, Sketchfab's among them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first
     where a reader knows it.
     """
-    gloss = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+    gloss = material.get("extensions", {}).get(GLOSS)
     if gloss is None:
         found: Json = material.get("pbrMetallicRoughness", {})
         return found
@@ -111,23 +100,6 @@ def _base_colour(material: Json) -> Json:
 def texture_sets(entries: Any) -> set[int]:
     """The uv sets that texture infos anywhere in a tree refer to."""
     return {_uv_set(info) for key, info in texture_infos(entries) if key.endswith("Texture")}
-
-
-def _texture_source(texture: Json) -> int | None:
-    """The image of a texture, WebP extension included."""
-    for holder in (texture, texture.get("extensions", {}).get("EXT_texture_webp", {})):
-        if "source" in holder:
-            return int(holder["source"])
-    return None
-
-
-def _unread(texture: Json) -> str:
-    """A note on a texture whose image only an extension knows; empty for other textures."""
-    named = texture.get("extensions", {})
-    known = [str(n) for n, held in named.items() if isinstance(held, dict) and "source" in held]
-    return (
-        f"a texture is compressed ({known[0]}): it is not read, export PNG or JPEG" if known else ""
-    )
 
 
 def _moved(info: Json) -> Json:
@@ -141,18 +113,6 @@ def _uv_set(info: Json) -> int:
     return int((info | _moved(info)).get("texCoord", 0))
 
 
-def _image(tree: Tree, files: ImageFiles, number: int) -> int:
-    """The number in ``files`` of an image of the tree: from a buffer view, a data URI or a file."""
-    image = tree.item("images", number)
-    name = str(image.get("name") or f"image {number}")
-    try:
-        inside = _inside(tree, image, name)
-    except binascii.Error:
-        files.notes.append(f"texture {name} is malformed")
-        return -1
-    return files.read(str(image.get("uri", ""))) if inside is None else files.add(name, inside)
-
-
 def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
     """The materials that triangles show.
 
@@ -160,7 +120,7 @@ def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
     for a tree of the wrong shape.
     """
     entries = materials_of(tree.json)
-    files = _Images(tree)
+    files = _Images(tree, strict=True)
     used = [material_number(tree.json, p, len(entries) - 1) for p in primitives]
     shown = set(used)
     materials = tuple(
@@ -218,57 +178,45 @@ def _use(tree: Tree, info: Json, files: "_Images") -> Use:
     wrap = tuple(_WRAPS[sampler.get(key, 10497)] for key in ("wrapS", "wrapT"))
     nearest = sampler.get("magFilter") == _NEAREST
     move = uv_transform(_moved(info))
-    return Use(files.image(texture), _uv_set(info), move, (wrap[0], wrap[1]), nearest)
+    return Use(files.of(texture), _uv_set(info), move, (wrap[0], wrap[1]), nearest)
 
 
 class _Images(ImageFiles):
-    """The images of a tree, each read once; one that cannot be had is an InputError."""
+    """The images of a tree, each read once."""
 
-    def __init__(self, tree: Tree) -> None:
-        super().__init__(tree.source)
+    def __init__(self, tree: Tree, strict: bool = False) -> None:
+        super().__init__(tree.source, strict)
         self.tree = tree
         self.numbers: dict[int, int] = {}
 
-    def image(self, texture: Json) -> int:
-        """The number of the image of a texture, in a format that can be decoded."""
-        webp = texture.get("extensions", {}).get(WEBP, {})
-        number = webp.get("source", texture.get("source"))
-        if number is None:
-            held = [k for k, v in texture.get("extensions", {}).items() if "source" in v]
-            how = f"is there by {held[0]} alone" if held else "has no image"
-            raise self.tree.error(f"a texture {how}: export its image as PNG or JPEG")
+    def of(self, texture: Json) -> int:
+        """The number of the image of a texture, −1 (and a note) for one that cannot be had."""
+        extensions = texture.get("extensions", {})
+        held = [k for k, v in extensions.items() if isinstance(v, dict) and "source" in v]
+        holder = texture if "source" in texture else extensions.get(WEBP, {})
+        if "source" not in holder:
+            if held or self.strict:
+                how = f"is there by {held[0]} alone" if held else "has no image"
+                self.missing(f"a texture {how}: export its image as PNG or JPEG")
+            return -1
+        number = int(holder["source"])
         if number not in self.numbers:
-            self.numbers[number] = self.add(*self.content(number))
+            self.numbers[number] = self._read(number)
         return self.numbers[number]
 
-    def content(self, number: int) -> tuple[str, bytes]:
-        """(name, bytes) of an image: from a buffer view, a data URI or a file beside the tree."""
+    def _read(self, number: int) -> int:
+        """The number of an image here: from a buffer view, a data URI or a file beside the tree."""
         image = self.tree.item("images", number)
-        uri = str(image.get("uri", ""))
-        name = str(image.get("name") or uri[:80] or f"image {number}")
+        name, uri = str(image.get("name") or f"image {number}"), str(image.get("uri", ""))
+        if "bufferView" in image:
+            return self.add(name, bytes(self.tree.view(image["bufferView"], name)[0]))
+        if not uri.startswith("data:"):
+            return self.read(uri)
         try:
-            inside = _inside(self.tree, image, name)
+            return self.add(name, base64.b64decode(uri.partition(",")[2]))
         except binascii.Error:
-            raise self.tree.error(f"image {number} holds malformed base64") from None
-        if inside is not None:
-            return name if "bufferView" in image else f"image {number}", inside
-        path = found_beside(self.tree.source.folder, uri)
-        try:
-            if path is None:
-                raise FileNotFoundError(2, "No such file or directory")
-            return uri, regular_bytes(path)
-        except OSError as error:
-            raise self.tree.error(
-                f"the texture {uri} cannot be read ({error.strerror}): put it beside the file"
-            ) from None
-
-
-def _inside(tree: Tree, image: Json, name: str) -> bytes | None:
-    """The bytes of an image in a buffer view or a data URI; None for one in a file of its own."""
-    if "bufferView" in image:
-        return bytes(tree.view(image["bufferView"], name)[0])
-    uri = str(image.get("uri", ""))
-    return base64.b64decode(uri.partition(",")[2]) if uri.startswith("data:") else None
+            self.missing(f"texture {name} holds malformed base64: export it again")
+        return -1
 
 
 def uv_transform(moved: Json) -> FloatArray:

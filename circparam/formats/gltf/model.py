@@ -14,13 +14,6 @@ WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MA
 COMPONENT_OF = {np.dtype(code): number for number, code in COMPONENTS.items()}
 TRIANGLES, STRIP, FAN = 4, 5, 6  # primitive.mode
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963  # bufferView.target
-# the first bytes of an image file → its media type; WebP names itself behind the length
-_MAGIC = {
-    b"\x89PNG": "image/png",
-    b"\xff\xd8\xff": "image/jpeg",
-    b"\xabKTX 20": "image/ktx2",
-    b"DDS ": "image/vnd-ms.dds",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +51,3 @@ def index_type(n: int, least: int = 5123) -> int:
     The highest value of a type is kept free: it restarts strips (glTF 2.0, 3.7.2.1).
     """
     return next(k for k in (5121, 5123, 5125) if k >= least and n <= np.iinfo(COMPONENTS[k]).max)
-
-
-def media_type_of(data: bytes) -> str:
-    """The media type of an image by its first bytes; '' for one that glTF has no name for."""
-    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        return "image/webp"
-    return next((kind for magic, kind in _MAGIC.items() if data.startswith(magic)), "")

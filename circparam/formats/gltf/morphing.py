@@ -40,10 +40,8 @@ def with_morph(document: GltfDocument, target: Target) -> bytes:
                 "it has morph targets of its own: take them out, or give the meshes the other way round"
             )
         matrix = mesh_matrices(tree)
-        for k in range(len(document.pools)):
-            users = [p for p in document.primitives if p.pool == k]
-            if users:
-                _pool(edit, document, users, target, matrix[users[0].mesh])
+        for users in document.users():
+            _pool(edit, document, users, target, matrix[users[0].mesh])
         meshes = {p.mesh for p in document.primitives}
         for mesh in meshes:
             _mesh(edit, edit.json["meshes"][mesh], target.name)
@@ -124,10 +122,8 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
     edit = Packing(document.tree)
     with sound_tree(source):
         matrix = mesh_matrices(document.tree)
-        for k, pool in enumerate(document.pools):
-            users = [p for p in document.primitives if p.pool == k]
-            if not users:
-                continue
+        for users in document.users():
+            pool = document.pools[users[0].pool]
             part = rows[pool.part]
             whole = matrix[users[0].mesh][:3, :3]
             along = unit_rows(times(part[:, 3:6], np.linalg.pinv(whole).T))

@@ -33,13 +33,7 @@ class Place:
 
 
 def _place(holder: str, name: str, slot: Slot, *factors: tuple[str, tuple[float, ...]]) -> Place:
-    path = (
-        ()
-        if not holder
-        else (holder,)
-        if holder == "pbrMetallicRoughness"
-        else ("extensions", holder)
-    )
+    path = ("extensions", holder) if "_" in holder else (holder,) if holder else ()
     return Place(slot, path, name, factors)
 
 

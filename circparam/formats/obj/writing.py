@@ -188,9 +188,5 @@ def _polygon_groups(
         return [], np.zeros(0, np.int64)
     label = np.zeros(count, np.int64)
     label[owner] = groups
-    given = document.group_names
-    names = [
-        ("_".join(given[k].split()) if k < len(given) else "") or f"group_{k}"
-        for k in range(int(groups.max()) + 1)
-    ]
-    return [name.encode() for name in names], label
+    names = map(document.group_name, range(int(groups.max()) + 1))
+    return ["_".join(name.split()).encode() for name in names], label

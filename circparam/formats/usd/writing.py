@@ -176,12 +176,14 @@ def to_usd(
     if groups is not None:
         label = np.full(len(size), -1)
         label[polys.owner] = groups
-        given = document.group_names
         for k in np.unique(groups).tolist():
-            name = given[k] if k < len(given) else ""
             faces = Vt.IntArray.FromNumpy(np.flatnonzero(label == k).astype(np.int32))
             UsdGeom.Subset.CreateUniqueGeomSubset(
-                mesh, _identifier(name or f"group_{k}"), UsdGeom.Tokens.face, faces, "materialBind"
+                mesh,
+                _identifier(document.group_name(k)),
+                UsdGeom.Tokens.face,
+                faces,
+                "materialBind",
             )
     layer = stage.GetRootLayer()
     name_pages(layer, options.pages)
