@@ -5,9 +5,9 @@ kept. Each format has its own subclass; ``circparam.formats`` is the only door t
 """
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -89,12 +89,14 @@ class Document:
     mesh: the triangles in world space (points bit-exact, polygons and groups as labels). uv_sets: numbers of
     the uv sets in the file. notes: of interest from reading. warnings: losses of reading. features: data of the
     file beyond triangles, as short nouns, for the losses in another format. group_names: name of each label in
-    ``mesh.groups``. own_formats: formats that the document writes itself, by editing. only_first: whether these
-    have a single uv set.
+    ``mesh.groups``. carried: new materials and images for writing, None for those of the file. own_formats:
+    formats that the document writes itself, by editing. only_first: whether these have a single uv set.
+    holds_images: whether they have a place for ``carried``.
     """
 
     own_formats: ClassVar[tuple[str, ...]] = ()
     only_first: ClassVar[bool] = False
+    holds_images: ClassVar[bool] = False
     source: Source
     format: str
     mesh: Mesh
@@ -103,6 +105,7 @@ class Document:
     features: tuple[str, ...] = ()
     group_names: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    carried: Carried | None = None
 
     @property
     def path(self) -> Path | None:
@@ -219,10 +222,14 @@ class Document:
         """
         return None
 
-    def dressed(self, carried: Carried) -> "Document":
+    def dressed(self, carried: Carried) -> Self:
         """The same file, to be written with images that were carried into the layout of its next
         ``rewrite``."""
-        raise NoResultError(f"{self.source.name}: {self.format.upper()} has no place for images")
+        if not self.holds_images:
+            raise NoResultError(
+                f"{self.source.name}: {self.format.upper()} has no place for images"
+            )
+        return replace(self, carried=carried)
 
     def textured_sets(self) -> set[int]:
         """The uv sets that images of the file refer to, whether the images are there or not."""
@@ -254,30 +261,56 @@ class Document:
     def check_target(self, options: WriteOptions, format: str) -> bool:
         """Whether the document writes ``format`` itself; asked before the work.
 
-        Raises OptionError if ``rewrite`` would.
+        Raises OptionError if ``rewrite`` would: the format has one set only, the set exists and may not be
+        replaced, or the file has no place for an option.
         """
         if format not in self.own_formats:
             return False
         self.check_edit(options, format)
-        free_set(self, options, only_first=self.only_first)
+        number = options.uv_set or 0
+        if number < 0:
+            raise OptionError(f"uv set {number}: sets are numbered from 0")
+        if self.only_first and number:
+            raise OptionError(
+                f"uv set {number}: {self.format.upper()} holds one uv set; leave {options.set_flag} out, "
+                "or unwrap a .glb or .gltf, which hold several"
+            )
+        if number in self.uv_sets and options.uv_set is not None and not options.overwrite_uv:
+            raise OptionError(
+                f"{self.source.name}: uv set {number} exists; replace it with --overwrite-uv"
+            )
         return True
 
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
-        """The file again with uv, in ``format``; None if this document can't write that format itself."""
+        """The file again with uv, in ``format``; None if this document can't write that format itself.
+
+        A set that is replaced is noted, and is a warning where images of the file use that one.
+        """
         if not self.check_target(options, format):
             return None
-        replaced = check_uv_set(self, options, only_first=self.only_first)
-        return self.edited(uvmap, replaced, options, format, stem)
+        number = options.uv_set or 0
+        encoded = self.edited(uvmap, number, options, format, stem)
+        if number not in self.uv_sets:
+            return encoded
+        text = f"uv set {number} of the file was replaced"
+        if number not in self.textured_sets():
+            return replace(encoded, notes=[text, *encoded.notes])
+        if self.carried is not None:  # the images go along
+            return encoded
+        keep = "" if self.only_first else ", or keep that set with --lightmap"
+        cure = f"carry them over with circparam unwrap --rebake{keep}"
+        warning = f"{text}, which its textures use: {cure}"
+        return replace(encoded, warnings=[warning, *encoded.warnings])
 
     def check_edit(self, options: WriteOptions, format: str) -> None:
         """Raise OptionError for options that this file has no place for."""
 
     def edited(
-        self, uvmap: UVMap, replaced: "Replaced", options: WriteOptions, format: str, stem: str
+        self, uvmap: UVMap, number: int, options: WriteOptions, format: str, stem: str
     ) -> Encoded:
-        """The file with uv in the set ``replaced.number`` and everything else kept, in one of own_formats."""
+        """The file with uv in the set of a number and everything else kept, in one of own_formats."""
         raise NotImplementedError
 
 
@@ -294,52 +327,6 @@ def check_layout(document: Document, uvmap: UVMap) -> UVMap:
     if not np.isfinite(used).all():
         raise NoResultError("the layout holds NaN or infinite uv: nothing was written")
     return UVMap(uv + 0.0, np.maximum(faces, -1))
-
-
-@dataclass(frozen=True)
-class Replaced:
-    """number: the uv set to write. notes, warnings: where one that is there goes."""
-
-    number: int
-    notes: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-
-
-def free_set(document: Document, options: WriteOptions, *, only_first: bool) -> int:
-    """The number of the uv set to write.
-
-    Raises OptionError if the format has one set only, or the set exists and may not be replaced.
-    """
-    number = 0 if options.uv_set is None else options.uv_set
-    if number < 0:
-        raise OptionError(f"uv set {number}: sets are numbered from 0")
-    if only_first and number:
-        raise OptionError(
-            f"uv set {number}: {document.format.upper()} holds one uv set; leave {options.set_flag} out, "
-            "or unwrap a .glb or .gltf, which hold several"
-        )
-    there = number in document.uv_sets
-    if there and options.uv_set is not None and not options.overwrite_uv:
-        raise OptionError(
-            f"{document.source.name}: uv set {number} exists; replace it with --overwrite-uv"
-        )
-    return number
-
-
-def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool) -> Replaced:
-    """The uv set to write, a note where one is replaced, and a warning where a texture uses that one.
-
-    Raises OptionError as ``free_set``.
-    """
-    number = free_set(document, options, only_first=only_first)
-    if number not in document.uv_sets:
-        return Replaced(number)
-    text = f"uv set {number} of the file was replaced"
-    if number not in document.textured_sets():
-        return Replaced(number, [text])
-    keep = "" if only_first else ", or keep that set with --lightmap"
-    cure = f"carry them over with circparam unwrap --rebake{keep}"
-    return Replaced(number, [], [f"{text}, which its textures use: {cure}"])
 
 
 def exported_grouping(document: Document, group_by: str | None) -> str | None:

@@ -3,7 +3,7 @@
 A word takes 16 bytes beside its own, so a line of gigabytes takes tens of them, and no mesh has such a line.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import BinaryIO
 
 from circparam.formats.source import Source
@@ -40,18 +40,13 @@ class LineLimit:
         self._read += len(block)
 
 
-def check_lines(blocks: Iterator[bytes], source: Source) -> None:
+def blocks_in(file: BinaryIO) -> Iterator[bytes]:
+    """The rest of a file, block by block."""
+    return iter(lambda: file.read(BLOCK), b"")
+
+
+def check_lines(blocks: Iterable[bytes], source: Source) -> None:
     """Refuse a text with an endless line. Raises InputError; nothing behind that line is asked for."""
     limit = LineLimit(source)
     for block in blocks:
         limit.follow(block)
-
-
-def blocks_of(data: bytes) -> Iterator[bytes]:
-    """Bytes in memory, block by block."""
-    return (data[at : at + BLOCK] for at in range(0, len(data), BLOCK))
-
-
-def blocks_in(file: BinaryIO) -> Iterator[bytes]:
-    """The rest of a file, block by block."""
-    return iter(lambda: file.read(BLOCK), b"")

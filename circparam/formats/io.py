@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import io
 import itertools
 import os
 import sys
@@ -18,10 +19,18 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import check_needed, find_assets, unresolved
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout, check_new_set
-from circparam.formats.endless import LONGEST_LINE, LineLimit, blocks_in, blocks_of, check_lines
+from circparam.formats.endless import LONGEST_LINE, LineLimit, blocks_in, check_lines
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes, regular_bytes
-from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, Format, RoundUV, sniff, up_of, writable
+from circparam.formats.table import (
+    DEFAULT_OUTPUT,
+    FORMATS,
+    Format,
+    format_by_suffix,
+    sniff,
+    up_of,
+    writable,
+)
 from circparam.mesh.mesh import UVMap
 
 PEEKED = 1 << 20  # bytes of each end of a large file that are looked at before it is read
@@ -71,11 +80,10 @@ _FOREIGN = {
 def output_format(path: str | os.PathLike[str]) -> str:
     """The format of an output by the suffix of its name. Raises OptionError for one that holds no uv."""
     suffix = Path(path).suffix.lower()
-    rows = {row.name: row.function for row in FORMATS}
-    for name in writable():
-        if suffix in rows[name].suffixes:
-            return name
-    *most, last = [s for name in writable() for s in rows[name].suffixes[:1]]
+    row = format_by_suffix(suffix)
+    if row is not None and row.function.export is not None:
+        return row.name
+    *most, last = [FORMATS[name].function.suffixes[0] for name in writable()]
     what = f"{suffix[1:].upper()} holds no uv here" if suffix else "no suffix tells the format"
     raise OptionError(
         f"{os.fspath(path)}: {what}; the name must end in {', '.join(most)} or {last}"
@@ -85,13 +93,11 @@ def output_format(path: str | os.PathLike[str]) -> str:
 def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
     """The format by name: as given, else by the suffix. Raises OptionError if neither tells."""
     if format is not None:
-        FORMATS[format.lower()]
-        return format.lower()
+        return FORMATS[format.lower()].name
     suffix = Path(path).suffix.lower()
-    for row in FORMATS:
-        if suffix in row.function.suffixes:
-            return row.name
-    known = ", ".join(s for row in FORMATS for s in row.function.suffixes[:1])
+    if row := format_by_suffix(suffix):
+        return row.name
+    known = ", ".join(row.function.suffixes[0] for row in FORMATS)
     what = f"the suffix {suffix!r} is not a mesh format" if suffix else "no suffix tells the format"
     raise OptionError(f"{os.fspath(path)}: {what}; end it in {known} or give --format")
 
@@ -149,9 +155,8 @@ def _blocks_of_input(file: BinaryIO, format: str | None) -> Iterator[bytes]:
 def _row_of(head: bytes, format: str | None, suffix: str) -> Format | None:
     """The reader of a file that begins so, judged by these bytes and its suffix."""
     name = sniff(head) if format is None else format_of("", format)
-    if name is None:
-        return next((r.function for r in FORMATS if suffix.lower() in r.function.suffixes), None)
-    return FORMATS[name].function
+    row = FORMATS[name] if name is not None else format_by_suffix(suffix)
+    return None if row is None else row.function
 
 
 def read_data(
@@ -162,7 +167,7 @@ def read_data(
     source = source or Source("the given data")
     name = _format_of_content(data, source) if format is None else format_of("", format)
     if FORMATS[name].function.lined(data[:PEEKED]):
-        check_lines(blocks_of(data), source)
+        check_lines(blocks_in(io.BytesIO(data)), source)
     if reader == "trimesh":
         return read_through_trimesh(data, source, name)
     row = FORMATS[name].function
@@ -180,29 +185,26 @@ def read_data(
 
 def _format_of_content(data: bytes, source: Source) -> str:
     """The format by content, or else by suffix. Raises InputError if they differ or neither tells."""
-    name = sniff(data)
-    by_suffix = None
-    try:
-        by_suffix = format_of(source.path) if source.path is not None else None
-    except OptionError as error:
-        if name is None:
-            kind = "" if source.path is None else source.path.suffix.lower()
-            raise InputError(
-                f"{source.name}: {_FOREIGN[kind]}" if kind in _FOREIGN else str(error)
-            ) from None
-    shared = (
-        name is not None
-        and source.path is not None
-        and (source.path.suffix.lower() in FORMATS[name].function.also)
-    )
-    if name and by_suffix and name != by_suffix and not shared:
+    name, suffix = sniff(data), "" if source.path is None else source.path.suffix.lower()
+    row = format_by_suffix(suffix)
+    if row is None and name is not None:
+        return name
+    if row is None:
+        if source.path is None:
+            raise source.error("the content tells no mesh format; give --format")
+        if suffix in _FOREIGN:
+            raise InputError(f"{source.name}: {_FOREIGN[suffix]}")
+        try:
+            return format_of(source.path)
+        except OptionError as error:
+            raise InputError(str(error)) from None
+    if name is None:
+        return row.name
+    if name != row.name and suffix not in FORMATS[name].function.also:
         raise source.error(
-            f"the name says {by_suffix.upper()}, the content is {name.upper()}: "
-            "rename it to what it holds"
+            f"the name says {row.name.upper()}, the content is {name.upper()}: rename it to what it holds"
         )
-    if found := name or by_suffix:
-        return found
-    raise source.error("the content tells no mesh format; give --format")
+    return name
 
 
 def stored(uvmap: UVMap, format: str, document: Document | None = None) -> UVMap:
@@ -225,13 +227,13 @@ def rounding(
     round_uv = row.round_double if double and row.round_double is not None else row.round_uv
     if round_uv is None:
         raise _no_place(format)
-    return functools.partial(_rounded, round_uv, document)
 
+    def rounded(uv: FloatArray) -> FloatArray:
+        uv = np.ascontiguousarray(uv, np.float64) + 0.0
+        own = None if document is None else document.rounded(uv)
+        return round_uv(uv, document) if own is None else own
 
-def _rounded(round_uv: RoundUV, document: Document | None, uv: FloatArray) -> FloatArray:
-    uv = np.ascontiguousarray(uv, np.float64) + 0.0
-    own = None if document is None else document.rounded(uv)
-    return round_uv(uv, document) if own is None else own
+    return rounded
 
 
 def has_doubles(format: str) -> bool:
@@ -252,6 +254,7 @@ def encode(
         return encoded
     if export is None:
         raise _no_place(format)
+    check_new_set(options, format)
     up = options.up or document.up or up_of(document.format) or "y"
     return export(document, uvmap, replace(options, up=up), stem)
 

@@ -101,10 +101,6 @@ def _is_obj(data: bytes) -> bool:
     return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:OBJ_HEAD], re.M) is not None
 
 
-def _is_ply(data: bytes) -> bool:
-    return re.match(rb"ply[ \t]*[\r\n]", data[:HEAD]) is not None
-
-
 def _always(head: bytes) -> bool:
     return True
 
@@ -134,25 +130,16 @@ def _foreign(
     also: tuple[str, ...] = (),
 ) -> Format:
     """A format that trimesh reads: geometry and uv only."""
-    suffixes = (f".{name}", *also)
     read = partial(read_through_trimesh, kind=name)
-    return Format(read, suffixes, sniff, rank, output="glb", foreign=True, up=up)
+    return Format(read, (f".{name}", *also), sniff, rank, output="glb", foreign=True, up=up)
 
 
 def _usd(
     kind: str, suffixes: tuple[str, ...], sniff: Callable[[bytes], bool], also: tuple[str, ...] = ()
 ) -> Format:
     """A kind of USD file, read and written with usd-core."""
-    export = partial(to_usd, kind=kind)
-    return Format(
-        read_usd,
-        suffixes,
-        sniff,
-        export=export,
-        round_uv=_as_float32,
-        also=also,
-        require=require_usd,
-    )
+    return Format(read_usd, suffixes, sniff, export=partial(to_usd, kind=kind), round_uv=_as_float32,
+                  also=also, require=require_usd)  # fmt: skip
 
 
 FORMATS: Table[Format] = Table(
@@ -160,7 +147,7 @@ FORMATS: Table[Format] = Table(
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is,
                       lined=_always),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
-    Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
+    Row("ply", Format(read_ply, (".ply",), _begins(rb"ply[ \t]*[\r\n]"), export=to_ply, round_uv=round_ply,
                       round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _begins(rb'\{.*"'), rank=1, export=to_gltf,
@@ -194,11 +181,12 @@ class _Outputs(Mapping[str, str]):
     """The format that a document of a format is written to when nothing is said, from the rows as they are."""
 
     def __getitem__(self, name: str) -> str:
-        if name == "arrays":  # a document from memory
-            return "glb"
-        if name not in FORMATS:
+        if name not in self:
             raise KeyError(name)
-        return FORMATS[name].function.output or name
+        return "glb" if name == "arrays" else FORMATS[name].function.output or name
+
+    def __contains__(self, name: object) -> bool:
+        return name == "arrays" or name in FORMATS  # arrays: a document from memory
 
     def __iter__(self) -> Iterator[str]:
         return iter([*FORMATS.names(), "arrays"])
@@ -210,12 +198,15 @@ class _Outputs(Mapping[str, str]):
 DEFAULT_OUTPUT: Mapping[str, str] = _Outputs()
 
 
+def format_by_suffix(suffix: str) -> Row[Format] | None:
+    """The row of the format whose names end so; None if there is none."""
+    return next((row for row in FORMATS if suffix.lower() in row.function.suffixes), None)
+
+
 def output_suffix(suffix: str) -> str:
     """The default suffix of an output: the suffix of the input if its format has uv."""
-    for row in FORMATS:
-        if suffix.lower() in row.function.suffixes and row.function.output:
-            return f".{row.function.output}"
-    return suffix
+    row = format_by_suffix(suffix)
+    return f".{row.function.output}" if row is not None and row.function.output else suffix
 
 
 def up_of(format: str) -> str:

@@ -8,16 +8,16 @@ import pytest
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import (
     Document,
-    Replaced,
+    Encoded,
     WriteOptions,
     check_layout,
-    check_uv_set,
     not_carried,
 )
 from circparam.formats.io import read, read_data
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
+from tests.support.formats_tools import smooth_layout
 from tests.support.gltf_files import full_mesh
 
 MESH = Mesh(np.eye(3), np.array([[0, 1, 2]]), groups=np.array([0]))
@@ -48,22 +48,39 @@ def test_layouts_that_do_not_fit() -> None:
         check_layout(document(), UVMap(uv, np.array([[0, 1, 1]])))  # a row that no corner uses
 
 
+class Kept(Document):
+    """A document whose edit changes nothing."""
+
+    own_formats = ("obj",)
+
+    def edited(self, uvmap: UVMap, number: int, *_: object) -> Encoded:
+        return Encoded(b"", "obj", np.arange(3), np.arange(1))
+
+
+def replaced(document: Document, *options: WriteOptions) -> list[tuple[list[str], list[str]]]:
+    """Notes and warnings on the set that is replaced."""
+    layout = UVMap(UV, np.array([[0, 1, 2]]))
+    out = [document.rewrite(layout, o, document.own_formats[-1], "") for o in options]
+    return [(e.notes, e.warnings) for e in out]
+
+
 def test_uv_sets_are_replaced_only_when_asked() -> None:
-    two = document(uv_sets=(0, 1))
+    source = Source("m.x", Path("m.x"))
+    two = Kept(source, "obj", MESH, uv_sets=(0, 1))
     said = "uv set {} of the file was replaced"
-    assert check_uv_set(document(), WriteOptions(), only_first=True) == Replaced(0)
-    assert check_uv_set(two, WriteOptions(), only_first=True) == Replaced(0, [said.format(0)])
-    assert check_uv_set(two, WriteOptions(uv_set=2), only_first=False) == Replaced(2)
-    replaced = check_uv_set(two, WriteOptions(uv_set=1, overwrite_uv=True), only_first=False)
-    assert replaced == Replaced(1, [said.format(1)])
-    for options, only_first, says in (
-        (WriteOptions(uv_set=1), False, "uv set 1 exists"),
-        (WriteOptions(uv_set=0), True, "uv set 0 exists"),
-        (WriteOptions(uv_set=1), True, "OBJ holds one uv set"),
-        (WriteOptions(uv_set=-1), False, "numbered from 0"),
+    assert replaced(Kept(source, "obj", MESH), WriteOptions()) == [([], [])]
+    asked = WriteOptions(), WriteOptions(uv_set=2), WriteOptions(uv_set=1, overwrite_uv=True)
+    got = [([said.format(0)], []), ([], []), ([said.format(1)], [])]
+    assert replaced(two, *asked) == got
+    one = read_data(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
+    for doc, options, says in (
+        (two, WriteOptions(uv_set=1), "uv set 1 exists"),
+        (one, WriteOptions(uv_set=0), "uv set 0 exists"),
+        (one, WriteOptions(uv_set=1), "OBJ holds one uv set"),
+        (two, WriteOptions(uv_set=-1), "numbered from 0"),
     ):
         with pytest.raises(OptionError, match=says):
-            check_uv_set(two, options, only_first=only_first)
+            doc.check_target(options, "obj")
 
 
 def test_what_changes_the_looks_is_a_warning(tmp_path: Path) -> None:
@@ -91,15 +108,17 @@ def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> N
     )
     (tmp_path / "m.obj").write_text(text)
     obj = read(tmp_path / "m.obj")
-    (warning,) = check_uv_set(obj, WriteOptions(), only_first=True).warnings
+    ((notes, (warning,)),) = replaced(obj, WriteOptions())
+    assert not notes
     assert "uv set 0" in warning
     assert "--rebake" in warning
     assert "--lightmap" not in warning  # OBJ has one set only
     glb = read_data(full_mesh().glb())  # a normal map on set 0, nothing on set 1
-    (warning,) = check_uv_set(glb, WriteOptions(), only_first=False).warnings
-    assert "--lightmap" in warning
-    lightmap = WriteOptions(uv_set=1, overwrite_uv=True)
-    assert check_uv_set(glb, lightmap, only_first=False).warnings == []
+    layout = smooth_layout(glb)
+    for options, count in ((WriteOptions(), 1), (WriteOptions(uv_set=1, overwrite_uv=True), 0)):
+        warnings = glb.rewrite(layout, options, "glb", "").warnings
+        assert len(warnings) == count
+        assert all("--lightmap" in warning for warning in warnings)
 
 
 def test_textures_need_the_uv_set_that_they_name() -> None:

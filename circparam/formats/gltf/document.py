@@ -8,7 +8,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.core.records import dataclass
-from circparam.formats.document import Document, Encoded, Named, Replaced, WriteOptions
+from circparam.formats.document import Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, store_pages, stored_grouping
@@ -29,7 +29,7 @@ from circparam.formats.gltf.scene import (
     walk,
 )
 from circparam.formats.gltf.unused import short_views
-from circparam.formats.looks import Carried, Looks
+from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -37,17 +37,13 @@ from circparam.mesh.mesh import Mesh, UVMap
 
 @dataclass(frozen=True, eq=False)
 class GltfDocument(Document):
-    """A glTF or GLB file: its tree, its primitives in the order of the faces, and their vertex pools.
+    """A glTF or GLB file: its tree, its primitives in the order of the faces, and their vertex pools."""
 
-    carried: new materials and images for writing, None for those of the file.
-    """
-
-    own_formats = ("gltf", "glb")
+    own_formats, holds_images = ("gltf", "glb"), True
     tree: Tree = field(kw_only=True)
     primitives: list[Primitive] = field(kw_only=True)
     pools: list[Pool] = field(kw_only=True)
     again: list[Again] = field(default_factory=list)
-    carried: Carried | None = None
 
     @property
     def instances(self) -> int:
@@ -163,26 +159,20 @@ class GltfDocument(Document):
         with sound_tree(self.source, "a material"):
             return materials.read_looks(self.tree, self.primitives)
 
-    def dressed(self, carried: Carried) -> "GltfDocument":
-        """The same tree with other images."""
-        return replace(self, carried=carried)
-
     def edited(
-        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+        self, uvmap: UVMap, number: int, options: WriteOptions, format: str, stem: str
     ) -> Encoded:
         """The same tree with TEXCOORD_n of every triangle primitive."""
         with sound_tree(self.source):
             edit = TreeEdit(self.tree)
             if self.carried is not None:
                 edit.dress(self.primitives, self.carried)
-            store_grouping(edit.json, replaced.number, options.group_by)
-            store_pages(edit.json, replaced.number, options.pages)
+            store_grouping(edit.json, number, options.group_by)
+            store_pages(edit.json, number, options.pages)
             out = write_uv(
-                edit, self.primitives, self.pools, uvmap, replaced.number, format=format, stem=stem
+                edit, self.primitives, self.pools, uvmap, number, format=format, stem=stem
             )
-        notes = [*replaced.notes, *out.notes]
-        warnings = replaced.warnings if self.carried is None else []  # the images go along
-        return replace(out, notes=notes, needed=self.needs(format), warnings=warnings)
+        return replace(out, needed=self.needs(format))
 
     def textured_sets(self) -> set[int]:
         """The uv sets that textures of the materials refer to, those of extensions too."""
@@ -191,11 +181,12 @@ class GltfDocument(Document):
 
     def flaws(self) -> list[str]:
         """Views that end inside their last row: three.js and assimp refuse such a file."""
-        views = self.tree.json.get("bufferViews", [])
-        return [
-            f"bufferView {k} ends {size - views[k]['byteLength']} bytes before its last row does"
-            for k, size in short_views(self.tree.json).items()
-        ]
+        views = self.tree.entries("bufferViews")
+        with sound_tree(self.source):
+            return [
+                f"bufferView {k} ends {size - views[k]['byteLength']} bytes before its last row does"
+                for k, size in short_views(self.tree.json).items()
+            ]
 
     def needs(self, format: str) -> list[str]:
         """The buffers that lie beside the file; a GLB holds its own."""

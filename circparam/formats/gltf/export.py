@@ -15,7 +15,6 @@ from circparam.formats.document import (
     Document,
     Encoded,
     WriteOptions,
-    check_new_set,
     exported_grouping,
     not_carried,
 )
@@ -109,7 +108,7 @@ def material_table(found: Textures | None, document: Document) -> tuple[IntArray
         colour[:, 3] = 1.0 if found.alpha is None else found.alpha
         rows = np.column_stack([group, image, colour])
     _, first, label = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    materials = []
+    materials: list[Json] = []
     for k in first.tolist():
         name = document.group_name(group[k])
         pbr: Json = {"metallicFactor": 0.0, "roughnessFactor": 0.9}  # by default glTF has metal
@@ -118,8 +117,11 @@ def material_table(found: Textures | None, document: Document) -> tuple[IntArray
         if (colour[k] < 1).any():
             shown = np.round(linear(colour[k, :3]), 6).tolist()
             pbr["baseColorFactor"] = [*shown, float(colour[k, 3])]
-        blend = {"alphaMode": "BLEND"} if colour[k, 3] < 1 else {}
-        materials.append(({"name": name} if name else {}) | {"pbrMetallicRoughness": pbr} | blend)
+        entry: Json = {"name": name} if name else {}
+        entry["pbrMetallicRoughness"] = pbr
+        if colour[k, 3] < 1:
+            entry["alphaMode"] = "BLEND"
+        materials.append(entry)
     return label.reshape(-1), materials
 
 
@@ -151,7 +153,6 @@ def to_glb(
 
     uvmap: None keeps the uv of the document.
     """
-    check_new_set(options, "glb")
     shown = appearance_of(document, options.colours)
     up = options.up or "y"
     points, at, changes = _placed(document.mesh, up)

@@ -4,19 +4,19 @@ In the output every line of the input stays byte for byte, except ``vt`` lines a
 ``vt`` lines go. New ones stand in place of the first, or before the first face.
 """
 
-from dataclasses import field, replace
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.core.records import dataclass
-from circparam.formats.document import Document, Encoded, Named, Replaced, WriteOptions
-from circparam.formats.looks import Carried, Looks
+from circparam.formats.document import Document, Encoded, Named, WriteOptions
+from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
 from circparam.formats.obj import materials
 from circparam.formats.obj.reading import Scan
-from circparam.formats.obj.writing import compact, element_edits, groupings, with_uv
+from circparam.formats.obj.writing import GROUPING, comments, compact, element_edits, with_uv
 from circparam.formats.polygons import Polygons, triangulate
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -26,11 +26,10 @@ from circparam.mesh.mesh import Mesh, UVMap
 class ObjDocument(Document):
     """An OBJ file: its bytes, where its lines are, and the corners of its faces."""
 
-    own_formats, only_first = ("obj",), True
+    own_formats, only_first, holds_images = ("obj",), True, True
     scan: Scan = field(kw_only=True)
     polys: Polygons = field(kw_only=True)
     corner_vt: IntArray = field(kw_only=True)
-    carried: Carried | None = None
 
     def polygons(self) -> Polygons:
         """The faces of the file."""
@@ -50,7 +49,7 @@ class ObjDocument(Document):
 
     def group_by(self, uv_set: int = 0) -> str | None:
         """Owner of an atlas, from a comment before the vt lines."""
-        said = groupings(self.scan)
+        said = comments(self.scan, GROUPING)
         return None if not said else said[-1].group(1).decode()
 
     def labels(self, kind: str) -> IntArray:
@@ -98,29 +97,24 @@ class ObjDocument(Document):
         """The materials of the libraries that ``mtllib`` names."""
         return materials.read_looks(self.scan, self.polys.owner, self.source)
 
-    def dressed(self, carried: Carried) -> "ObjDocument":
-        """The same file with a library and images of its own."""
-        return replace(self, carried=carried)
-
     def edited(
-        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+        self, uvmap: UVMap, number: int, options: WriteOptions, format: str, stem: str
     ) -> Encoded:
         """The same file with new vt lines and vt fields."""
-        notes = list(replaced.notes)
         corner = self.polys.corner_uv(uvmap, self.source.name)
         used, corner = compact(corner, len(uvmap.uv))
         data = with_uv(self.scan, uvmap.uv[used], corner, options.group_by, options.pages)
-        if len(element_edits(self.scan)[0]):
-            notes.append("l elements lost their vt: they named points of the old uv set")
-        n, m = len(self.mesh.points), len(self.mesh.faces)
+        lost = "l elements lost their vt: they named points of the old uv set"
+        notes = [lost] if len(element_edits(self.scan)) else []
+        assets, extra = self.scan.libraries(), dict[str, bytes]()
         found = None if self.carried is None else self.looks()
-        if self.carried is None or found is None:
-            return Encoded(
-                data, "obj", np.arange(n), np.arange(m), assets=self.scan.libraries(), notes=notes,
-                warnings=replaced.warnings,
-            )  # fmt: skip
-        data, extra = materials.redressed(data, self.scan, self.source, found, self.carried, stem)
-        return Encoded(data, "obj", np.arange(n), np.arange(m), extra, notes=notes)
+        if self.carried is not None and found is not None:
+            assets = []
+            data, extra = materials.redressed(
+                data, self.scan, self.source, found, self.carried, stem
+            )
+        n, m = len(self.mesh.points), len(self.mesh.faces)
+        return Encoded(data, "obj", np.arange(n), np.arange(m), extra, assets, notes)
 
 
 def read_obj(data: bytes, source: Source) -> ObjDocument:
@@ -184,6 +178,6 @@ def _groups(scan: Scan) -> tuple[IntArray | None, list[str]]:
     count, groups = relabel(of_face)
     if count == 1:
         return None, []
+    first = np.sort(np.unique(of_face, return_index=True)[1])
     ordered = list(number)
-    first = {int(g): int(f) for f, g in zip(of_face[::-1], groups[::-1], strict=True)}
-    return groups, [ordered[first[g]].decode("utf-8", "replace") for g in range(count)]
+    return groups, [ordered[k].decode("utf-8", "replace") for k in of_face[first].tolist()]

@@ -148,16 +148,19 @@ class Scan:
         """Corner numbers (L, 2) as written, and the byte range of each vt field."""
         return self.fields(self.corner_tokens, 2)
 
+    def _counted(self, number: IntArray, word: bytes) -> IntArray:
+        """(L,) numbers of corners counted from 0; negative ones count back from the last above their face."""
+        if not (number < 0).any():
+            return number - 1
+        before = np.repeat(
+            np.searchsorted(self.of(word), self.face_lines), np.diff(self.corner_start)
+        )
+        return np.where(number < 0, number + before, number - 1)
+
     def resolve(self, column: int, word: bytes, count: int) -> IntArray:
         """(L,) corner indices from 0; −1 if vt is empty. Raises InputError for 0 or beyond the end."""
         number = self.cuts[0][:, column]
-        negative = number < 0
-        index = number - 1
-        if negative.any():  # counts back from the last one defined above the face
-            before = np.searchsorted(self.of(word), self.face_lines)
-            index = np.where(
-                negative, number + np.repeat(before, np.diff(self.corner_start)), index
-            )
+        negative, index = number < 0, self._counted(number, word)
         bad = (index >= count) | (negative & (index < 0))
         if column == 0:
             bad |= number == 0
@@ -178,9 +181,7 @@ class Scan:
         lines = self.of(b"vn")
         if len(lines) == 0:
             return None
-        number = self.fields(self.corner_tokens, 3)[0][:, 2]
-        before = np.repeat(np.searchsorted(lines, self.face_lines), np.diff(self.corner_start))
-        index = np.where(number < 0, number + before, number - 1)
+        index = self._counted(self.fields(self.corner_tokens, 3)[0][:, 2], b"vn")
         if (index < 0).any() or (index >= len(lines)).any():
             return None
         rows = self.numbers(lines, 3)
@@ -191,8 +192,5 @@ class Scan:
 
     def libraries(self) -> list[str]:
         """The files that mtllib lines name."""
-        names = [
-            rest.decode("utf-8", "surrogateescape")
-            for _, rest in zip(*self.lines(b"mtllib"), strict=True)
-        ]
-        return list(dict.fromkeys(name for name in names if name))
+        names = (rest.decode("utf-8", "surrogateescape") for rest in self.lines(b"mtllib")[1])
+        return list(dict.fromkeys(filter(None, names)))

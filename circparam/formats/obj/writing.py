@@ -10,67 +10,64 @@ from circparam.formats.document import (
     Document,
     Encoded,
     WriteOptions,
-    check_new_set,
     exported_grouping,
     not_carried,
 )
 from circparam.formats.obj.reading import Scan
 from circparam.formats.page_names import START, page_lines
 from circparam.formats.polygons import polygon_of_corner
-from circparam.formats.tokens import NEWLINE, SLASH, ByteArray, as_bytes, digits, interleave, splice
+from circparam.formats.tokens import SLASH, ByteArray, as_bytes, digits, interleave, splice
 from circparam.mesh.mesh import UVMap
 
-_GROUPING = b"# circparam group_by "  # a comment on its own line; behind it: primitive or mesh
-_PAGE = f"# {START}".encode()
+# comments on lines of their own: the owner of an atlas, and a page of a layout
+GROUPING = rb"# circparam group_by (primitive|mesh)[ \t]*"
+PAGE = f"# {START}".encode() + rb"\d+[^\r\n]*"
 
 
-def groupings(scan: Scan) -> list[re.Match[bytes]]:
-    """The lines that name the owner of an atlas."""
-    if _GROUPING not in scan.data:
+def comments(scan: Scan, kinds: bytes) -> list[re.Match[bytes]]:
+    """The lines that match GROUPING, PAGE, or an alternative of both."""
+    if b"# circparam " not in scan.data:
         return []
-    line = rb"^" + _GROUPING + rb"(primitive|mesh)[ \t]*(?:\r\n|\r|\n|\Z)"
+    line = rb"^(?:" + kinds + rb")(?:\r\n|\r|\n|\Z)"
     return list(re.finditer(line, scan.data, re.MULTILINE))
 
 
-def grouping_line(group_by: str | None, newline: str) -> bytes:
-    """The line that names the owner of an atlas; none for the whole file."""
-    return b"" if group_by is None else _GROUPING + f"{group_by}{newline}".encode()
-
-
-def _page_comments(scan: Scan) -> list[re.Match[bytes]]:
-    """The lines that name pages of an earlier layout."""
-    if _PAGE not in scan.data:
-        return []
-    line = rb"^" + _PAGE + rb"\d+[^\r\n]*(?:\r\n|\r|\n|\Z)"
-    return list(re.finditer(line, scan.data, re.MULTILINE))
-
-
-def page_comments(pages: Sequence[str], newline: str) -> bytes:
-    """The lines that name the pages of a layout, as ``# circparam page 1001 steel``."""
-    return "".join(f"# {line}{newline}" for line in page_lines(pages)).encode()
+def new_comments(group_by: str | None, pages: Sequence[str], newline: str) -> bytes:
+    """The lines that name the owner of an atlas, none for the whole file, and the pages of a layout."""
+    lines = [f"circparam group_by {group_by}"] if group_by is not None else []
+    return "".join(f"# {line}{newline}" for line in [*lines, *page_lines(pages)]).encode()
 
 
 def with_uv(
-    scan: Scan,
-    uv: FloatArray,
-    corner: IntArray,
-    group_by: str | None = None,
-    pages: Sequence[str] = (),
-) -> bytes:
+    scan: Scan, uv: FloatArray, corner: IntArray, group_by: str | None = None, pages: Sequence[str] = ()
+) -> bytes:  # fmt: skip
     """The file with the given uv (k, 2) and, for every face corner, (L,) its number (from 0; −1: none).
 
     group_by: owner of an atlas, 'primitive' or 'mesh'; None is the whole file. pages: names of the pages.
     """
+    t = scan.tokens
+    head = scan.raw[: int(t.line_start[1])].tobytes() if len(t.line_start) > 1 else b""
+    newline = "\r\n" if head.endswith(b"\r\n") else "\r" if head and b"\n" not in head else "\n"
+    block = as_bytes(new_comments(group_by, pages, newline) + vt_lines(uv, newline))
+    # what goes: old vt lines, comments on the old layout, and vt of elements
+    old = scan.of(b"vt")
+    ends = np.append(t.line_start, len(scan.raw))
+    spans = [found.span() for found in comments(scan, GROUPING + b"|" + PAGE)]
+    gone = np.concatenate(
+        [
+            np.stack([ends[old], ends[old + 1]], 1),
+            np.array(spans, np.int64).reshape(-1, 2),
+            element_edits(scan),
+        ]
+    )
+    # the new lines stand in place of the first vt, or before the first face
+    where = min([int(t.line_start[scan.face_lines[0]]), *t.line_start[old[:1]].tolist()])
     start, end, text, length = corner_edits(scan, corner)
-    block, drop_start, drop_end, where = vt_edits(scan, uv, group_by, pages)
-    e_start, e_end = element_edits(scan)
-    empty = np.zeros(len(drop_start) + len(e_start), np.int64)
-    starts = np.concatenate([[where], drop_start, e_start, start])
-    ends = np.concatenate([[where], drop_end, e_end, end])
-    lengths = np.concatenate([[len(block)], empty, length])
+    starts = np.concatenate([[where], gone[:, 0], start])
+    ends = np.concatenate([[where], gone[:, 1], end])
+    lengths = np.concatenate([[len(block)], np.zeros(len(gone), np.int64), length])
     order = np.argsort(starts, kind="stable")  # the block comes before lines that are removed there
-    # the block stands before every face, so its text comes first
-    inserted = np.concatenate([as_bytes(block), text])
+    inserted = np.concatenate([block, text])
     return splice(scan.raw, starts[order], ends[order], inserted, lengths[order])
 
 
@@ -105,43 +102,19 @@ def corner_edits(scan: Scan, uv: IntArray) -> tuple[IntArray, IntArray, ByteArra
     return start, end, text, length
 
 
-def vt_edits(
-    scan: Scan, uv: FloatArray, group_by: str | None, pages: Sequence[str]
-) -> tuple[bytes, IntArray, IntArray, int]:
-    """The new vt lines and their comment, the byte ranges of the old ones, and where the new ones go."""
-    t = scan.tokens
-    old = scan.of(b"vt")
-    start = t.line_start[old]
-    end = np.append(t.line_start, len(scan.raw))[old + 1]
-    where = int(t.line_start[scan.face_lines[0]])
-    if len(start) and start[0] < where:
-        where = int(start[0])
-    head = scan.raw[: int(t.line_start[1])] if len(t.line_start) > 1 else scan.raw[:0]
-    newline = "\r\n" if head[-2:].tobytes() == b"\r\n" else "\n"
-    if NEWLINE not in head and len(head):
-        newline = "\r"
-    lines = (*groupings(scan), *_page_comments(scan))
-    said = np.array([found.span() for found in lines], np.int64).reshape(-1, 2)
-    start, end = np.concatenate([start, said[:, 0]]), np.concatenate([end, said[:, 1]])
-    named = page_comments(pages, newline)
-    return grouping_line(group_by, newline) + named + vt_lines(uv, newline), start, end, where
-
-
-def element_edits(scan: Scan) -> tuple[IntArray, IntArray]:
-    """Byte ranges of the vt fields of ``l`` elements: they name points that are gone."""
+def element_edits(scan: Scan) -> IntArray:
+    """(k, 2) byte ranges of the vt fields of ``l`` elements: they name points that are gone."""
     lines = scan.of(b"l")
     count = scan.last[lines] - scan.first[lines] - 1
     tokens = np.repeat(scan.first[lines] + 1, count) + ranges(count)
     if len(tokens) == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        return np.zeros((0, 2), np.int64)
     _, start, end = scan.fields(tokens, 2)
-    some = end > start
-    return start[some], end[some]
+    return np.stack([start, end], 1)[end > start]
 
 
 def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
     """OBJ: points in order, polygons kept, a ``usemtl`` line where the group changes."""
-    check_new_set(options, "obj")
     polys = document.polygons()
     corner = polys.corner_uv(uvmap, document.source.name)
     used, corner = compact(corner, len(uvmap.uv))
@@ -162,17 +135,12 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
         for f in np.flatnonzero(some)[change].tolist():
             head_text[f] = b"usemtl " + names[label[f]] + b"\nf"
         head = np.array([len(h) for h in head_text])
-    newline = np.full(len(size), 1)
-    body, lengths = interleave(
-        [
-            (as_bytes(b"".join(head_text)), head),
-            (text, per_face),
-            (as_bytes(b"\n" * len(size)), newline),
-        ]
-    )
+    one = np.ones(len(size), np.int64)
+    ends = as_bytes(b"\n" * len(size)), one
+    heads = as_bytes(b"".join(head_text)), head
+    body, lengths = interleave([heads, (text, per_face), ends])
     lines = body[np.repeat(some, lengths)].tobytes() if not some.all() else body.tobytes()
-    said = grouping_line(exported_grouping(document, options.group_by), "\n")
-    said += page_comments(options.pages, "\n")
+    said = new_comments(exported_grouping(document, options.group_by), options.pages, "\n")
     data = points.encode() + said + vt_lines(uvmap.uv[used], "\n") + lines
     n, m = len(document.mesh.points), len(document.mesh.faces)
     notes, warnings = not_carried(document, "obj", "polygons", "groups")

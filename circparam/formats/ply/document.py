@@ -12,12 +12,10 @@ from circparam.errors import OptionError
 from circparam.formats.document import (
     Document,
     Encoded,
-    Replaced,
     WriteOptions,
-    check_new_set,
     not_carried,
 )
-from circparam.formats.looks import Carried, Looks
+from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
 from circparam.formats.page_names import in_ply_header
 from circparam.formats.ply import materials, writing
@@ -32,10 +30,9 @@ from circparam.mesh.mesh import Mesh, UVMap
 class PlyDocument(Document):
     """A PLY file: its bytes, the place of every value, and its polygons and strips."""
 
-    own_formats, only_first = ("ply",), True
+    own_formats, only_first, holds_images = ("ply",), True, True
     layout: Layout = field(kw_only=True)
     lists: FaceLists = field(kw_only=True)
-    carried: Carried | None = None
 
     def polygons(self) -> Polygons:
         """The faces of the file, and the triangles of its strips."""
@@ -88,10 +85,6 @@ class PlyDocument(Document):
         """The image that a TextureFile comment names, as one material."""
         return materials.looks(self.layout, len(self.mesh.faces))
 
-    def dressed(self, carried: Carried) -> "PlyDocument":
-        """The same file with another image beside it."""
-        return replace(self, carried=carried)
-
     def textures(self) -> Textures | None:
         """The image that a TextureFile comment names."""
         return materials.textures(self.layout, len(self.mesh.faces))
@@ -104,37 +97,31 @@ class PlyDocument(Document):
             )
 
     def edited(
-        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+        self, uvmap: UVMap, number: int, options: WriteOptions, format: str, stem: str
     ) -> Encoded:
         """The same file with uv in its vertices or faces, and its image."""
-        encoded = self._with_uv(uvmap, replaced, options)
-        encoded = replace(encoded, data=in_ply_header(encoded.data, options.pages))
-        if self.carried is None:
-            return encoded
-        data, extra = materials.redressed(encoded.data, self.carried, stem)
-        return replace(encoded, data=data, extra=extra, assets=[], warnings=[])
-
-    def _with_uv(self, uvmap: UVMap, replaced: Replaced, options: WriteOptions) -> Encoded:
-        notes = list(replaced.notes)
-        warnings, assets = replaced.warnings, self._images()
-        at_faces = writing.uv_at_faces(options.ply_uv)
-        kind, polys = "f8" if options.uv_double else self.uv_type, self.lists.polys
+        kind, polys, layout = (
+            "f8" if options.uv_double else self.uv_type,
+            self.lists.polys,
+            self.layout,
+        )
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
-        n = len(self.mesh.points)
-        vertices = np.arange(n)
-        if at_faces:
+        vertices = np.arange(len(self.mesh.points))
+        notes, extra = list[str](), dict[str, bytes]()
+        if writing.uv_at_faces(options.ply_uv):
             own = corner_uv[: self.lists.n_corners]
-            data = writing.with_face_uv(self.layout, self.lists, uv, own, kind)
+            data = writing.with_face_uv(layout, self.lists, uv, own, kind)
         else:
-            split = split_vertices(n, polys.corners, uv, corner_uv)
-            notes += [duplicated(split.added)] if split.added else []
-            data, vertices = (
-                writing.with_vertex_uv(self.layout, self.lists, split, kind),
-                split.source,
-            )
-        return Encoded(data, "ply", vertices, np.arange(len(self.mesh.faces)), assets=assets,
-                       notes=notes, warnings=warnings)  # fmt: skip
+            split = split_vertices(len(vertices), polys.corners, uv, corner_uv)
+            data, vertices = writing.with_vertex_uv(layout, self.lists, split, kind), split.source
+            notes = [duplicated(split.added)] if split.added else []
+        data, assets = in_ply_header(data, options.pages), self._images()
+        if self.carried is not None:
+            assets = []
+            data, extra = materials.redressed(data, self.carried, stem)
+        faces = np.arange(len(self.mesh.faces))
+        return Encoded(data, "ply", vertices, faces, extra, assets, notes)
 
     def _images(self) -> list[str]:
         """The image files that comments name."""
@@ -180,18 +167,18 @@ def round_ply(uv: FloatArray, document: Document | None) -> FloatArray:
 
 def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
     """Binary PLY: polygons kept, uv at the vertices, duplicated along seams, or at the faces."""
-    check_new_set(options, "ply")
     polys = document.polygons()
-    longest = (
-        127 if writing.uv_at_faces(options.ply_uv) else 255
-    )  # a list of uv has two numbers a corner
-    data = writing.plain(document.mesh.points, polys, longest, options.pages)
+    # a list of uv has two numbers a corner
+    longest = 127 if writing.uv_at_faces(options.ply_uv) else 255
+    data = writing.plain(document.mesh.points, polys, longest)
     none = np.zeros((0, 3), np.int64)
     plain = PlyDocument(
         document.source, "ply", document.mesh, layout=Layout(data, document.source),
         lists=FaceLists(polys, len(polys.start) - 1, len(polys.corners), none, none[:, 0]),
     )  # fmt: skip
-    return plain._with_uv(uvmap, Replaced(0, *not_carried(document, "ply", "polygons")), options)
+    out = plain.edited(uvmap, 0, options, "ply", stem)
+    notes, warnings = not_carried(document, "ply", "polygons")
+    return replace(out, notes=[*notes, *out.notes], warnings=warnings)
 
 
 def _lists(layout: Layout, name: str) -> tuple[IntArray, IntArray]:

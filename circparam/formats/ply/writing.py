@@ -1,6 +1,5 @@
 """Rows of a PLY file written again, with uv at vertices or faces, and a new file without uv."""
 
-from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -8,7 +7,6 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import OptionError
-from circparam.formats.page_names import page_lines
 from circparam.formats.ply.reading import INDICES, Element, FaceLists, Layout, Property, vertex_uv
 from circparam.formats.polygons import Polygons, list_start
 from circparam.formats.tokens import ByteArray, as_bytes, interleave, take_ranges
@@ -235,7 +233,7 @@ def break_strips(corner: IntArray, place: IntArray, start: IntArray) -> tuple[In
     return np.bincount(row, length, len(start) - 1).astype(np.int64), out
 
 
-def plain(points: FloatArray, polys: Polygons, longest: int, pages: Sequence[str]) -> bytes:
+def plain(points: FloatArray, polys: Polygons, longest: int) -> bytes:
     """A new binary PLY without uv. longest: corners of a polygon up to which bytes count them."""
     with np.errstate(over="ignore", invalid="ignore"):
         exact = bool((points.astype(np.float32) == points)[np.isfinite(points)].all())
@@ -248,7 +246,6 @@ def plain(points: FloatArray, polys: Polygons, longest: int, pages: Sequence[str
         "ply",
         "format binary_little_endian 1.0",
         "comment written by circparam",
-        *(f"comment {line}" for line in page_lines(pages)),
         f"element vertex {len(points)}",
         *(f"property {number} {c}" for c in "xyz"),
         f"element face {len(size)}",

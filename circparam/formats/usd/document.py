@@ -10,12 +10,12 @@ import numpy as np
 from circparam.core.arrays import IntArray
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.formats.document import Document, Encoded, Replaced, WriteOptions
+from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import Arrays, read_stage
 from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, referred, silent
-from circparam.formats.usd.writing import Parts, embedded, packaged, stronger
+from circparam.formats.usd.writing import Layer
 from circparam.mesh.mesh import Mesh, UVMap
 
 KINDS = (TEXT, CRATE, PACKAGE)
@@ -73,31 +73,29 @@ class UsdDocument(Document):
             )
 
     def edited(
-        self, uvmap: UVMap, replaced: Replaced, options: WriteOptions, format: str, stem: str
+        self, uvmap: UVMap, number: int, options: WriteOptions, format: str, stem: str
     ) -> Encoded:
         """A layer with the uv over the unchanged layers of the file."""
         sets = self.arrays.sets
-        name = sets[replaced.number] if replaced.number < len(sets) else f"st{replaced.number}"
+        name = sets[number] if number < len(sets) else f"st{number}"
         corner = self.arrays.polys.corner_uv(uvmap, self.source.name)
-        parts = Parts(
+        layer = Layer(
             self.data, self.source, self.arrays.prims, name, uvmap.uv, corner, options.pages
         )
-        files: list[str] = []
+        files = [*self.layers, *self.assets]
+        path = self.path
+        # no layer can lie over a file of its own name
+        same = (
+            path is not None and path.stem == stem and path.suffix.lower() in (f".{format}", ".usd")
+        )
         if format == PACKAGE:
-            data = packaged(parts, stem, [*self.layers, *self.assets])
-        elif (
-            self.path is None
-            or not stem
-            or (
-                # no layer can lie over a file of its own name
-                self.path.stem == stem and self.path.suffix.lower() in (f".{format}", ".usd")
-            )
-        ):
-            data, files = embedded(parts, format), [*self.layers, *self.assets]
+            data, files = layer.packaged(stem, files), []
+        elif path is None or not stem or same:
+            data = layer.copied(format)
         else:
-            data, files = stronger(parts, format), [self.path.name, *self.layers, *self.assets]
+            data, files = layer.over(path.name, format), [path.name, *files]
         needed = [f for f in files if f not in self.assets]
-        warnings = list(replaced.warnings)
+        warnings = []
         if self.outside:
             warnings.append(
                 f"it refers to files of other folders ({', '.join(self.outside[:3])}): "
@@ -113,7 +111,6 @@ class UsdDocument(Document):
             *(data, format, np.arange(n), np.arange(m)),
             assets=files,
             needed=needed,
-            notes=replaced.notes,
             warnings=warnings,
         )
 
@@ -131,6 +128,14 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
         del stage
     layers, assets, outside, missing = _files(source) if kind != PACKAGE else ([], [], [], [])
     several = len(arrays.names) > 1
+    warnings = []
+    if arrays.variants:
+        warnings.append(
+            f"it has variants: those in effect are unwrapped ({', '.join(arrays.variants[:4])}), "
+            "others that show the same meshes get the same uv"
+        )
+    if missing:
+        warnings.append(f"it refers to files that are not there: {', '.join(missing[:3])}")
     mesh = Mesh(
         arrays.points,
         arrays.polys.corners[arrays.polys.triangles],
@@ -145,25 +150,13 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
         notes=["points are animated: those of the earliest time are unwrapped"] * arrays.moving,
         features=("the tree of prims", *(("materials",) if arrays.materials else ())),
         group_names=tuple(arrays.names) if several else (),
-        warnings=tuple(_warnings(arrays, missing)),
+        warnings=tuple(warnings),
         data=data,
         arrays=arrays,
         layers=tuple(layers),
         assets=tuple(assets),
         outside=tuple(outside),
     )
-
-
-def _warnings(arrays: Arrays, missing: list[str]) -> list[str]:
-    out = []
-    if arrays.variants:
-        out.append(
-            f"it has variants: those in effect are unwrapped ({', '.join(arrays.variants[:4])}), "
-            "others that show the same meshes get the same uv"
-        )
-    if missing:
-        out.append(f"it refers to files that are not there: {', '.join(missing[:3])}")
-    return out
 
 
 def _check_alone(stage: Any, source: Source) -> None:

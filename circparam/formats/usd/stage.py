@@ -9,6 +9,7 @@ import glob
 import importlib.util
 import os
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import field
 from pathlib import Path
@@ -178,7 +179,8 @@ def _tiles(place: str) -> list[str]:
     return [place]
 
 
-DATE = 1_767_225_600  # 2026-01-01: the same files make the same package
+# 2026-01-01 in local time, as packages store it: the same files make the same package
+DATE = (2026, 1, 1, 0, 0, 0, 0, 1, -1)
 EXTRA = "pip install 'circparam[usd]'"
 TEXT, CRATE, PACKAGE = "usda", "usdc", "usdz"
 
@@ -250,8 +252,10 @@ def opened(data: bytes, source: Source) -> Iterator[Any]:
             with silent():
                 layers = composed_of(path, source).opened
                 stage = Usd.Stage.Open(str(path.resolve()))
-        except Tf.ErrorException as error:
-            said = " ".join(str(error).split("--")[-1].split())[:160]
+        except (Tf.ErrorException, UnicodeDecodeError) as error:
+            said = "a name in it is not UTF-8"
+            with contextlib.suppress(UnicodeDecodeError):  # errors of USD quote the file
+                said = " ".join(str(error).split("--")[-1].split())[:160]
             raise source.error(f"USD can't open it ({said})") from None
         del layers
         yield stage
@@ -281,7 +285,7 @@ def package_bytes(files: dict[str, bytes]) -> bytes:
         for number, (name, data) in enumerate(files.items()):
             part = Path(folder) / f"{number}{Path(name).suffix}"
             part.write_bytes(data)
-            os.utime(part, (DATE, DATE))
+            os.utime(part, (time.mktime(DATE),) * 2)
             writer.AddFile(str(part), name)
         writer.Save()
         return path.read_bytes()

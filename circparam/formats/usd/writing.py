@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
-from circparam.formats.document import Document, Encoded, WriteOptions, check_new_set, not_carried
+from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
 from circparam.formats.page_names import FIRST
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import MeshPrim
@@ -30,8 +30,8 @@ NOT_COPIED = {"subLayers", "subLayerOffsets", "primOrder"}
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """Parts of a layer with uv.
+class Layer:
+    """The uv of a file, to be written as a layer over the file, in a copy of its root, or in a package.
 
     data, source: the file. prims: its meshes. name: of the primvar. uv: (k, 2); corner: (L,) into it, −1 for
     none. pages: names of the pages.
@@ -45,70 +45,60 @@ class Parts:
     corner: IntArray
     pages: tuple[str, ...] = ()
 
+    def over(self, below: str, kind: str) -> bytes:
+        """A layer with the uv alone over a file. Stage metadata of the root layer stand in both."""
+        from pxr import Sdf
 
-def stronger(parts: Parts, kind: str, below: str = "") -> bytes:
-    """A layer with the uv alone, stronger than the file; it repeats the stage metadata of the root layer.
+        layer = Sdf.Layer.CreateAnonymous(f".{kind}")
+        with opened(self.data, self.source) as stage:
+            root = stage.GetRootLayer().pseudoRoot
+            for key in sorted(
+                root.ListInfoKeys()
+            ):  # USD lists them in another order in each process
+                if key not in NOT_COPIED:
+                    layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
+            del stage, root
+        layer.subLayerPaths.append(f"./{below}")
+        return self._written(layer, kind)
 
-    below: the name of the layer under it, that of the file where none is given.
-    """
-    from pxr import Sdf
+    def copied(self, kind: str) -> bytes:
+        """A copy of the root layer that says the uv itself."""
+        from pxr import Sdf
 
-    layer = Sdf.Layer.CreateAnonymous(f".{kind}")
-    with opened(parts.data, parts.source) as stage:
-        root = stage.GetRootLayer().pseudoRoot
-        for key in sorted(root.ListInfoKeys()):  # USD lists them in another order in each process
-            if key not in NOT_COPIED:
-                layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
-        del stage, root
-    name = below or (parts.source.path.name if parts.source.path is not None else "")
-    layer.subLayerPaths.append(f"./{name}")
-    _write_uv(layer, parts)
-    return layer_bytes(layer, kind)
+        layer = Sdf.Layer.CreateAnonymous(f".{kind}")
+        with opened(self.data, self.source) as stage:
+            layer.TransferContent(stage.GetRootLayer())
+            del stage
+        return self._written(layer, kind)
 
+    def packaged(self, stem: str, names: list[str]) -> bytes:
+        """A usdz: the layer with uv first, then the files of the package, or the file and its references."""
+        folder, path = self.source.folder, self.source.path
+        if kind_of(self.data) == PACKAGE:
+            files = package_files(self.data)
+        elif folder is not None and path is not None:
+            files = {path.name: self.data} | {name: (folder / name).read_bytes() for name in names}
+        else:
+            files = {f"input.{kind_of(self.data)}": self.data}
+        below = next(iter(files))
+        name = f"{stem or 'uv'}.{CRATE}"
+        while name in files:
+            name = f"{Path(name).stem}_uv.{CRATE}"
+        return package_bytes({name: self.over(below, CRATE)} | files)
 
-def embedded(parts: Parts, kind: str) -> bytes:
-    """A copy of the root layer that says the uv itself."""
-    from pxr import Sdf
+    def _written(self, layer: Any, kind: str) -> bytes:
+        """The layer with the uv of every mesh, and the names of the pages."""
+        from pxr import Sdf
 
-    layer = Sdf.Layer.CreateAnonymous(f".{kind}")
-    with opened(parts.data, parts.source) as stage:
-        layer.TransferContent(stage.GetRootLayer())
-        del stage
-    _write_uv(layer, parts)
-    return layer_bytes(layer, kind)
-
-
-def packaged(parts: Parts, stem: str, names: list[str]) -> bytes:
-    """A usdz: the layer with uv first, then the files of the package, or the file and its references."""
-    folder, path = parts.source.folder, parts.source.path
-    if kind_of(parts.data) == "usdz":
-        files = package_files(parts.data)
-    elif folder is not None and path is not None:
-        files = {path.name: parts.data} | {name: (folder / name).read_bytes() for name in names}
-    else:
-        files = {f"input.{kind_of(parts.data)}": parts.data}
-    below = next(iter(files))
-    name = f"{stem or 'uv'}.{CRATE}"
-    while name in files:
-        name = f"{Path(name).stem}_uv.{CRATE}"
-    return package_bytes({name: stronger(parts, CRATE, below)} | files)
-
-
-def _write_uv(layer: Any, parts: Parts) -> None:
-    """Say the uv of every mesh in a layer, and the names of the pages."""
-    from pxr import Sdf, Vt
-
-    name_pages(layer, parts.pages)
-    with Sdf.ChangeBlock():
-        for path in dict.fromkeys(p for prim in parts.prims for p in prim.instances):
-            Sdf.CreatePrimInLayer(layer, path).SetInfo("instanceable", False)
-        for prim in parts.prims:
-            corner = parts.corner[prim.first : prim.first + prim.corners]
-            table, index = rows_of(parts.uv, corner)
-            spec = Sdf.CreatePrimInLayer(layer, prim.path)
-            write_primvar(
-                spec, parts.name, Vt.Vec2fArray.FromNumpy(table), Vt.IntArray.FromNumpy(index)
-            )
+        name_pages(layer, self.pages)
+        with Sdf.ChangeBlock():
+            for path in dict.fromkeys(p for prim in self.prims for p in prim.instances):
+                Sdf.CreatePrimInLayer(layer, path).SetInfo("instanceable", False)
+            for prim in self.prims:
+                corner = self.corner[prim.first : prim.first + prim.corners]
+                spec = Sdf.CreatePrimInLayer(layer, prim.path)
+                write_primvar(spec, self.name, self.uv, corner)
+        return layer_bytes(layer, kind)
 
 
 def name_pages(layer: Any, names: Sequence[str]) -> None:
@@ -124,29 +114,28 @@ def name_pages(layer: Any, names: Sequence[str]) -> None:
     layer.customLayerData = {**data, **({"circparam": own} if own else {})}
 
 
-def rows_of(uv: FloatArray, corner: IntArray) -> tuple[Any, Any]:
-    """(rows (k, 2) float32, (L,) int32 into them): the uv that the corners use; (0, 0) where one has none."""
+def write_primvar(spec: Any, name: str, uv: FloatArray, corner: IntArray) -> None:
+    """Say a uv primvar at the corners of a mesh, in place of one that is there.
+
+    uv: (k, 2). corner: (L,) into it; (0, 0) where it is −1.
+    """
+    from pxr import Sdf, Vt
+
     used, index = np.unique(corner, return_inverse=True)
     table = np.where(used[:, None] >= 0, uv[np.maximum(used, 0)], 0.0).astype(np.float32)
-    return np.ascontiguousarray(table), index.reshape(-1).astype(np.int32)
-
-
-def write_primvar(spec: Any, name: str, table: Any, index: Any) -> None:
-    """Say a uv primvar at the corners of a mesh, in place of one that is there."""
-    from pxr import Sdf
-
-    kinds = Sdf.ValueTypeNames
-    for suffix, kind, value in (
-        ("", kinds.TexCoord2fArray, table),
-        (":indices", kinds.IntArray, index),
+    rows = Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(table))
+    numbers = Vt.IntArray.FromNumpy(index.reshape(-1).astype(np.int32))
+    kinds, full = Sdf.ValueTypeNames, f"primvars:{name}"
+    for part, kind, value in (
+        (full, kinds.TexCoord2fArray, rows),
+        (f"{full}:indices", kinds.IntArray, numbers),
     ):
-        full = f"primvars:{name}{suffix}"
-        attribute = spec.attributes.get(full)
+        attribute = spec.attributes.get(part)
         if attribute is not None:  # its type, interpolation and samples are those of another layout
             spec.RemoveProperty(attribute)
-        attribute = Sdf.AttributeSpec(spec, full, kind)
+        attribute = Sdf.AttributeSpec(spec, part, kind)
         attribute.default = value
-        if not suffix:
+        if part == full:
             attribute.SetInfo("interpolation", "faceVarying")
 
 
@@ -155,7 +144,6 @@ def to_usd(
 ) -> Encoded:
     """USD as text, binary or a package: one mesh with its polygons, a subset for each group, primvars:st at
     the corners."""
-    check_new_set(options, kind)
     from pxr import Sdf, Usd, UsdGeom, Vt
 
     polys = document.polygons()
@@ -187,10 +175,9 @@ def to_usd(
             )
     layer = stage.GetRootLayer()
     name_pages(layer, options.pages)
-    table, index = rows_of(uvmap.uv, corner)
     with Sdf.ChangeBlock():
         spec = layer.GetPrimAtPath(mesh.GetPath())
-        write_primvar(spec, "st", Vt.Vec2fArray.FromNumpy(table), Vt.IntArray.FromNumpy(index))
+        write_primvar(spec, "st", uvmap.uv, corner)
     data = layer_bytes(layer, TEXT if kind == TEXT else CRATE)
     if kind == PACKAGE:
         data = package_bytes({f"{stem or 'mesh'}.{CRATE}": data})

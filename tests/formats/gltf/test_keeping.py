@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument
@@ -374,3 +375,7 @@ def test_a_view_without_its_last_row_is_a_flaw() -> None:
     (flaw,) = read_data(cut_short()).flaws()
     assert "bufferView 0 ends 24 bytes" in flaw
     assert not read_data(interleaved()).flaws()
+    g = full_mesh()
+    del next(view for view in g.tree["bufferViews"] if "byteStride" in view)["byteLength"]
+    with pytest.raises(InputError, match="byteLength"):  # of colours, which nobody has asked for
+        read_data(g.glb()).flaws()

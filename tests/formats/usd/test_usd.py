@@ -1,5 +1,6 @@
 """USD in and out, judged by USD itself: what is composed, which layers changed, what uv each mesh shows."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -280,10 +281,11 @@ def test_each_process_writes_the_same_bytes(tmp_path: Path) -> None:
     )
     scene(tmp_path)
     pipes = []
-    for name in ("a", "b", "c"):
+    for name, zone in (("a", "UTC"), ("b", "Asia/Tokyo"), ("c", "America/Lima")):
         (tmp_path / name).mkdir()
         line = [sys.executable, "-c", code, f"{name}/o.usdz"]
-        pipes.append(subprocess.Popen(line, stdout=subprocess.PIPE, cwd=tmp_path))
+        env = {**os.environ, "TZ": zone}  # packages store local times
+        pipes.append(subprocess.Popen(line, stdout=subprocess.PIPE, cwd=tmp_path, env=env))
     assert len({pipe.communicate()[0] for pipe in pipes}) == 1
     assert all(pipe.returncode == 0 for pipe in pipes)
 
@@ -326,11 +328,13 @@ def test_meshes_of_other_formats_become_usd(suffix: str, tmp_path: Path) -> None
          "point3f[] points = [(0,0,0)]\n}\n", "3 corners, 2 are there"),
         ('#usda 1.0\ndef Mesh "m" {\nint[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0, 1, 9]\n'
          "point3f[] points = [(0,0,0)]\n}\n", "names point 9, there are 1"),
+        ('#usda 1.0\ndef "a" (references = @./\udcff.usda@) {}\n', "not UTF-8"),
     ],
 )  # fmt: skip
 def test_a_broken_file_is_one_line(text: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / "x.usda").write_text(text)
-    for reading in (lambda: read(tmp_path / "x.usda"), lambda: read_data(text.encode())):
+    data = text.encode("utf-8", "surrogateescape")
+    (tmp_path / "x.usda").write_bytes(data)
+    for reading in (lambda: read(tmp_path / "x.usda"), lambda: read_data(data)):
         with pytest.raises(InputError, match=said) as caught:
             reading()
         assert "\n" not in str(caught.value)
