@@ -169,33 +169,23 @@ def clip_ears(p: FloatArray) -> IntArray:
     return np.array(Ears(q).clip(), np.int64)
 
 
-def polygon_of_corner(start: IntArray) -> IntArray:
-    """(L,) polygon of each corner."""
-    return np.repeat(np.arange(len(start) - 1), np.diff(start))
-
-
-def strips(corners: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
-    """Triangles of strips in which −1 restarts. Returns ((m, 3) into ``corners``, (m,) strip).
+def strips(corners: IntArray, start: IntArray) -> IntArray:
+    """(m, 3) triangles of strips in which −1 restarts, as places in ``corners``.
 
     Every second triangle of a run is reversed; triangles that repeat a vertex only join strips and are left
     out.
     """
-    strip = polygon_of_corner(start)
     first = np.zeros(len(corners), bool)
     first[start[:-1][start[:-1] < len(corners)]] = True
     first[1:] |= corners[:-1] < 0
     index = np.arange(len(corners))
     run = np.maximum.accumulate(np.where(first, index, 0))
-    n = max(len(corners) - 2, 0)
-    i = index[:n]
-    same = (run[i] == run[i + 2]) & (corners[i] >= 0) & (corners[i + 1] >= 0)
-    same &= corners[i + 2] >= 0
+    i = index[: max(len(corners) - 2, 0)]
     a, b, c = corners[i], corners[i + 1], corners[i + 2]
-    same &= (a != b) & (b != c) & (c != a)
-    i = i[same]
+    whole = (run[i] == run[i + 2]) & (np.minimum(np.minimum(a, b), c) >= 0)
+    i = i[whole & (a != b) & (b != c) & (c != a)]
     odd = (i - run[i]) % 2 == 1
-    tri = np.stack([np.where(odd, i + 1, i), np.where(odd, i, i + 1), i + 2], 1)
-    return tri, strip[i]
+    return np.stack([np.where(odd, i + 1, i), np.where(odd, i, i + 1), i + 2], 1)
 
 
 def list_start(counts: IntArray) -> IntArray:

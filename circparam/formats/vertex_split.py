@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 
@@ -48,13 +48,11 @@ def split_vertices(n: int, vertex: IntArray, uv: FloatArray, corner_uv: IntArray
     kept[vertex[::-1]] = mine[::-1]
     other = np.flatnonzero(mine != kept[vertex])
     key = vertex[other] * len(table) + mine[other]
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    count, rank = relabel(key)
     corner = vertex.copy()
-    corner[other] = n + rank[inverse.reshape(-1)]
-    duplicate = np.empty(len(first), np.int64)
-    duplicate[rank] = other[first]
+    corner[other] = n + rank
+    duplicate = np.empty(count, np.int64)
+    duplicate[rank[::-1]] = other[::-1]  # the first of each
     source = np.concatenate([np.arange(n), vertex[duplicate]])
     number = np.concatenate([np.where(kept < 0, same[-1], kept), mine[duplicate]])
     return Split(corner, source, table[value[number]])

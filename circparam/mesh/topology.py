@@ -120,7 +120,7 @@ def _component_list(
             euler=int(euler[c]),
             genus=int(genus[c]) if plain[c] else None,
             boundaries=int(boundaries[c]),
-            lengths=lengths[c],
+            boundary_lengths=lengths[c],
             nonmanifold_edges=int(crowded[c]),
             nonmanifold_vertices=int(pinched[c]),
             inconsistent_edges=int(against[c]),

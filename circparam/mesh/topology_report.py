@@ -12,7 +12,7 @@ class Component:
 
     faces, vertices: numbers. pieces: parts that hang together across edges (more than one where parts meet
     in single points only). euler, genus: with every non-manifold vertex split, genus None if it is not
-    defined. boundaries: number of boundary loops; lengths: of each, in units of the mesh, longest first.
+    defined. boundaries: number of boundary loops; boundary_lengths: of each, longest first.
     nonmanifold_edges, inconsistent_edges: edges of more than two faces; edges whose two faces are
     inconsistently oriented. orientable: whether it has two sides. first_face: the lowest face.
     """
@@ -23,7 +23,7 @@ class Component:
     euler: int
     genus: int | None
     boundaries: int
-    lengths: list[float]
+    boundary_lengths: list[float]
     nonmanifold_edges: int
     nonmanifold_vertices: int
     inconsistent_edges: int
@@ -56,23 +56,8 @@ class Component:
 
     def as_dict(self) -> dict[str, Any]:
         """For a report."""
-        return {
-            "verdict": self.verdict,
-            "faces": self.faces,
-            "vertices": self.vertices,
-            "pieces": self.pieces,
-            "euler": self.euler,
-            "genus": self.genus,
-            "boundaries": self.boundaries,
-            "boundary_lengths": self.lengths,
-            "borders": self.boundaries,  # the older name
-            "border_lengths": self.lengths,
-            "nonmanifold_edges": self.nonmanifold_edges,
-            "nonmanifold_vertices": self.nonmanifold_vertices,
-            "inconsistent_edges": self.inconsistent_edges,
-            "orientable": self.orientable,
-            "first_face": self.first_face,
-        }
+        older = {"borders": self.boundaries, "border_lengths": self.boundary_lengths}
+        return {"verdict": self.verdict, **vars(self), **older}
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,22 +122,16 @@ class TopologyReport:
 
     def as_dict(self) -> dict[str, Any]:
         """For a report: plain numbers, strings and lists."""
+        own = (
+            *("vertices", "vertices_in_file", "edges", "faces", "euler", "genus", "boundaries"),
+            *("nonmanifold_edges", "nonmanifold_vertices", "inconsistent_edges"),
+            *("degenerate_faces", "duplicate_faces"),
+        )
         return {
-            "vertices": self.vertices,
-            "vertices_in_file": self.vertices_in_file,
+            **{name: getattr(self, name) for name in own},
             "unreferenced_vertices": self.unreferenced,
-            "edges": self.edges,
-            "faces": self.faces,
-            "components": len(self.components),
-            "euler": self.euler,
-            "genus": self.genus,
-            "boundaries": self.boundaries,
             "borders": self.boundaries,  # the older name
-            "nonmanifold_edges": self.nonmanifold_edges,
-            "nonmanifold_vertices": self.nonmanifold_vertices,
-            "inconsistent_edges": self.inconsistent_edges,
-            "degenerate_faces": self.degenerate_faces,
-            "duplicate_faces": self.duplicate_faces,
+            "components": len(self.components),
             "disk": self.is_disks,
             "component_list": [c.as_dict() for c in self.components],
         }

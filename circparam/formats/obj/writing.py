@@ -15,7 +15,6 @@ from circparam.formats.document import (
 )
 from circparam.formats.obj.reading import Scan
 from circparam.formats.page_names import START, page_lines
-from circparam.formats.polygons import polygon_of_corner
 from circparam.formats.tokens import SLASH, ByteArray, as_bytes, digits, interleave, splice
 from circparam.mesh.mesh import UVMap
 
@@ -125,7 +124,8 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     if (corner < 0).any():
         t, t_size = t[np.repeat(corner >= 0, t_size)], np.where(corner < 0, 0, t_size)
     text, length = interleave([(v, v_size), (t, t_size)])
-    per_face = np.bincount(polygon_of_corner(polys.start), length, len(size)).astype(np.int64)
+    of_corner = np.repeat(np.arange(len(size)), size)
+    per_face = np.bincount(of_corner, length, len(size)).astype(np.int64)
     head = np.full(len(size), 1)
     head_text = [b"f"] * len(size)
     some = size > 2  # fewer corners are no face

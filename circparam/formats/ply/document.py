@@ -138,23 +138,25 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
     if vertex is None or not all(map(vertex.find, "xyz")):
         raise source.error("it has no vertices with x, y and z")
     points = layout.columns(vertex, ("x", "y", "z"))
-    corners, size = _lists(layout, "face")
-    strip_values, strip_counts = _lists(layout, "tristrips")
-    _check(source, corners, len(points), 0)
-    _check(source, strip_values, len(points), -1)
+    corners, size = _lists(layout, "face", len(points), 0)
+    strip_values, strip_counts = _lists(layout, "tristrips", len(points), -1)
     polys = triangulate(points, corners, list_start(size))
-    tri, _ = strips(strip_values, list_start(strip_counts))
+    tri = strips(strip_values, list_start(strip_counts))
     if len(polys.triangles) + len(tri) == 0:
         raise source.error("it has no faces (a point cloud?): there is nothing to unwrap")
-    n_faces, n_corners = len(size), len(corners)
-    if len(tri):
-        polys = _append(polys, strip_values[tri].ravel())
+    if k := len(tri):  # behind the faces
+        polys = Polygons(
+            np.concatenate([corners, strip_values[tri].ravel()]),
+            np.concatenate([polys.start, len(corners) + 3 * np.arange(1, k + 1)]),
+            np.concatenate([polys.triangles, len(corners) + np.arange(3 * k).reshape(-1, 3)]),
+            np.concatenate([polys.owner, len(size) + np.arange(k)]),
+        )
     mesh = Mesh(points, polys.corners[polys.triangles], polygons=polys.labels)
     face = layout.element("face")
     has_uv = vertex_uv(vertex) is not None or (face is not None and face.find("texcoord"))
     return PlyDocument(
         source, "ply", mesh, (0,) if has_uv else (), [], _features(layout, polys),
-        layout=layout, lists=FaceLists(polys, n_faces, n_corners, tri, strip_counts),
+        layout=layout, lists=FaceLists(polys, len(size), len(corners), tri, strip_counts),
     )  # fmt: skip
 
 
@@ -181,34 +183,26 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     return replace(out, notes=[*notes, *out.notes], warnings=warnings)
 
 
-def _lists(layout: Layout, name: str) -> tuple[IntArray, IntArray]:
-    none = np.zeros(0, np.int64)
+def _lists(layout: Layout, name: str, points: int, least: int) -> tuple[IntArray, IntArray]:
+    """The vertices that the lists of an element name, and (n,) the length of each list.
+
+    Raises InputError for a number below ``least``, or from ``points`` on.
+    """
     element = layout.element(name)
     if element is None or element.count == 0:
-        return none, none
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
     p = element.find(*INDICES)
     if p is None or not p.count_type:
         raise layout.source.error(f"element {name!r} has no list vertex_indices")
     values, counts = layout.list(element, p.name)
-    return values.astype(np.int64), counts
-
-
-def _check(source: Source, index: npt.NDArray[Any], n: int, least: int) -> None:
-    bad = (index < least) | (index >= n)
+    index = values.astype(np.int64)
+    bad = (index < least) | (index >= points)
     if bad.any():
         wrong = int(index[bad][0])
-        raise source.error(f"a face names vertex {wrong}: there are {n} (counted from 0)")
-
-
-def _append(polys: Polygons, corners: IntArray) -> Polygons:
-    """The polygons, and behind them triangles given by their corners."""
-    old, k = len(polys.corners), len(corners) // 3
-    return Polygons(
-        np.concatenate([polys.corners, corners]),
-        np.concatenate([polys.start, polys.start[-1] + 3 * np.arange(1, k + 1)]),
-        np.concatenate([polys.triangles, old + np.arange(3 * k).reshape(-1, 3)]),
-        np.concatenate([polys.owner, len(polys.start) - 1 + np.arange(k)]),
-    )
+        raise layout.source.error(
+            f"a face names vertex {wrong}: there are {points} (counted from 0)"
+        )
+    return index, counts
 
 
 def _features(layout: Layout, polys: Polygons) -> tuple[str, ...]:

@@ -171,15 +171,19 @@ def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) ->
         replace = {}
         indices = e.find(*INDICES)
         if split.added and indices is not None:
-            sizes, values = new_indices(lists, split, name)
-            code_of_count, kind = index_types(indices, sizes, len(split.source))
+            corner, sizes = split.corner, np.diff(lists.polys.start)[: lists.n_faces]
+            values = corner[: lists.n_corners]
+            if name == "tristrips":
+                triangles = corner[lists.n_corners :].reshape(-1, 3)
+                sizes, values = break_strips(
+                    triangles, lists.strips, list_start(lists.strip_lengths)
+                )
+            count_code, kind = index_types(indices, sizes, len(split.source))
             retype[name, indices.name] = (
-                f"property list {_NAMES[code_of_count]} {_NAMES[kind]} {indices.name}"
+                f"property list {_NAMES[count_code]} {_NAMES[kind]} {indices.name}"
             )
-            replace[indices.name] = list_piece(
-                scalars(layout, sizes[:, None], code_of_count), sizes,
-                scalars(layout, values[:, None], kind),
-            )  # fmt: skip
+            heads = scalars(layout, sizes[:, None], count_code)
+            replace[indices.name] = list_piece(heads, sizes, scalars(layout, values[:, None], kind))
         if replace or drop.get(name):
             blocks[name] = rebuild(layout, e, drop.get(name, set()), replace=replace)
     add = {"vertex": [f"property {_NAMES[code]} {name}" for name in names]}
@@ -194,14 +198,6 @@ def index_types(p: Property, sizes: IntArray, n: int) -> tuple[str, str]:
     if kind[0] != "f" and n - 1 > np.iinfo(kind).max:
         kind = "i4"
     return count, kind
-
-
-def new_indices(lists: FaceLists, split: Split, name: str) -> tuple[IntArray, IntArray]:
-    """Index lists after a split: (length of each row, all values). Strips are broken where a seam runs."""
-    if name == "face":
-        return np.diff(lists.polys.start)[: lists.n_faces], split.corner[: lists.n_corners]
-    corner = split.corner[lists.n_corners :].reshape(-1, 3)
-    return break_strips(corner, lists.strips, list_start(lists.strip_lengths))
 
 
 def break_strips(corner: IntArray, place: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
