@@ -29,13 +29,6 @@ SHARED_PAGES = {
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedLooks(Looks):
-    """The materials of several files. first: the number of the first material of each file, and of all."""
-
-    first: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
 class JoinedDocument(Document):
     """Files in one document: the faces of the first, then those of the second, and so on.
 
@@ -108,29 +101,28 @@ class JoinedDocument(Document):
         pairs = zip(self.parts, found, strict=True)
         return np.concatenate([instead(part.mesh) if one is None else one for part, one in pairs])
 
-    def looks(self) -> JoinedLooks:
+    def looks(self) -> Looks:
         """The materials of all files."""
-        return self._looks
+        return self._looks[0]
 
     @cached_property
-    def _looks(self) -> JoinedLooks:
-        """The same; of a file without materials one that shows no image."""
+    def _looks(self) -> tuple[Looks, list[int]]:
+        """The same, of a file without materials one that shows no image; first material of each file, and of
+        all."""
         images: list[bytes] = []
         names: list[str] = []
         materials: list[Material] = []
-        face, first = [], []
+        face, first = [], [0]
         for k, part in enumerate(self.parts):
             m = len(part.mesh.faces)
             own = part.looks() or Looks((), (), (Material(""),), np.zeros(m, np.int64))
-            first.append(len(materials))
             face.append(own.face + len(materials))
             materials += [_moved(one, k, len(images), part.format) for one in own.materials]
             images += own.images
             names += own.names
-        return JoinedLooks(
-            tuple(images), tuple(names), tuple(materials), np.concatenate(face),
-            (*first, len(materials)),
-        )  # fmt: skip
+            first.append(len(materials))
+        looks = Looks(tuple(images), tuple(names), tuple(materials), np.concatenate(face))
+        return looks, first
 
     def rounded(self, uv: FloatArray) -> FloatArray:
         """uv (k, 2) that every format stores to the bit: u, v and 1 − v are float32."""
@@ -153,7 +145,7 @@ class JoinedDocument(Document):
 
         stem: prefix of the names of the images.
         """
-        part, (start, end) = self.parts[k], self._looks.first[k : k + 2]
+        part, (start, end) = self.parts[k], self._looks[1][k : k + 2]
         own = {new: old for old, new in SHARED_PAGES.get(part.format, {}).items()}
         groups = tuple(
             replace(

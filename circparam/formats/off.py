@@ -8,7 +8,7 @@ from circparam.core.arrays import ranges
 from circparam.formats.memory import PlainDocument
 from circparam.formats.polygons import list_start, triangulate
 from circparam.formats.source import Source
-from circparam.formats.tokens import BYTE_ORDER_MARK, gather, parse_floats, parse_ints, tokenize
+from circparam.formats.tokens import BYTE_ORDER_MARK, tokenize
 from circparam.mesh.mesh import Mesh
 
 
@@ -23,12 +23,11 @@ def read_off(data: bytes, source: Source) -> PlainDocument:
         raise source.error("this is not a text OFF file of three-dimensional points")
     t = tokenize(text[found.end() :])
     try:
-        head = parse_ints(gather(t.clean, t.start[:2], t.end[:2]), 2)
+        n, m = t.ints(np.arange(len(t.start))[:2]).tolist()
     except ValueError:
         raise source.error("the counts of vertices and faces are malformed") from None
     line = t.line[:-1][np.diff(t.line) > 0]
     line = line[line > 1]  # the counts stand on one line, with or without a count of edges
-    n, m = head.tolist()
     if n < 0 or m <= 0 or n + m > len(line):
         raise source.error(
             f"the header promises {n} vertices and {m} faces, the file has {len(line)} rows"
@@ -38,15 +37,13 @@ def read_off(data: bytes, source: Source) -> PlainDocument:
     if (end[:n] < line[:n] + 3).any():
         raise source.error("a vertex has fewer than three coordinates")
     try:
-        points = parse_floats(
-            gather(t.clean, t.start[column.ravel()], t.end[column.ravel()]), 3 * n
-        )
+        points = t.floats(column.ravel())
         rows = line[n : n + m]
-        size = parse_ints(gather(t.clean, t.start[rows], t.end[rows]), m)
+        size = t.ints(rows)
         if (size < 0).any() or (rows + 1 + size > end[n : n + m]).any():
             raise ValueError("a face has fewer corners than it says")
         at = np.repeat(rows + 1, size) + ranges(size)
-        corners = parse_ints(gather(t.clean, t.start[at], t.end[at]), len(at))
+        corners = t.ints(at)
     except ValueError as error:
         raise source.error(f"a row is malformed ({error})") from None
     points = points.reshape(-1, 3)

@@ -40,38 +40,32 @@ def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str
     bound = BYTES + BYTES_PER_BYTE * len(data)
     command = [sys.executable, "-P", "-m", "circparam.formats.second_reader", kind]
     command += [str(source.folder or ""), str(int(seconds)), str(bound)]
-    one = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    with tempfile.TemporaryDirectory(
-        prefix="circparam-"
-    ) as scratch:  # the reader of STEP wants a file
+    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    # the reader of STEP wants a file
+    with tempfile.TemporaryDirectory(prefix="circparam-") as scratch:
         places = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), scratch)
         try:
             done = subprocess.run(
                 command, env={**environment(), **one, **places}, input=data, stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL, timeout=PATIENCE * seconds, check=False,
             )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            raise source.error(_over(kind, seconds, bound)) from None
+            answer = io.BytesIO(done.stdout)
+            said = json.loads(message(answer))
+            packed = io.BytesIO(message(answer))
+        except (subprocess.TimeoutExpired, EOFError):  # a bound, or a crash of a compiled parser
+            raise source.error(
+                f"trimesh can't read it as {kind.upper()} within {seconds:.0f} s and {bound / 1e9:.2g} GB: "
+                "it is broken, or unfolds to far more than its size; export a .glb or .obj from the program "
+                "that made it"
+            ) from None
         except OSError as error:
             raise source.error(
                 f"the process that reads {kind.upper()} cannot be started ({error.strerror})"
             ) from None
-    answer = io.BytesIO(done.stdout)
-    try:
-        said = json.loads(message(answer))
-        if said["error"] is not None:
-            raise source.error(f"trimesh can't read it as {kind.upper()}{said['error']}")
-        with np.load(io.BytesIO(message(answer)), allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}, said["names"]
-    except EOFError:  # ended by a bound, or by a crash of a compiled parser
-        raise source.error(_over(kind, seconds, bound)) from None
-
-
-def _over(kind: str, seconds: float, bound: int) -> str:
-    return (
-        f"trimesh can't read it as {kind.upper()} within {seconds:.0f} s and {bound / 1e9:.2g} GB: it is "
-        "broken, or unfolds to far more than its size; export a .glb or .obj from the program that made it"
-    )
+    if said["error"] is not None:
+        raise source.error(f"trimesh can't read it as {kind.upper()}{said['error']}")
+    with np.load(packed, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}, said["names"]
 
 
 def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, list[str]]:

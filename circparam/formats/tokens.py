@@ -1,6 +1,6 @@
 """Text and bytes as arrays: tokens, numbers, and edits of a file at many places at once."""
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +38,24 @@ class Tokens:
         """(n,) number of words of each line."""
         return np.diff(self.line)
 
+    def text(self, words: IntArray) -> ByteArray:
+        """The given words, ascending, each with the blank behind it."""
+        if not words.size:
+            return np.zeros(0, np.uint8)
+        mark = np.zeros(len(self.clean) + 1, np.int8)
+        mark[self.start[words]] = 1
+        mark[self.end[words] + 1] -= 1
+        result: ByteArray = self.clean[np.cumsum(mark, dtype=np.int8, out=mark)[:-1].view(np.bool_)]
+        return result
+
+    def floats(self, words: IntArray) -> FloatArray:
+        """The given words as decimal numbers, correctly rounded. Raises ValueError if they are others."""
+        return parsed(self.text(words), words.size, np.float64)
+
+    def ints(self, words: IntArray) -> IntArray:
+        """The given words as whole numbers. Raises ValueError if they are others."""
+        return parsed(self.text(words), words.size, np.int64)
+
 
 def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
     """Split a text into words and lines. ``continuation``: a backslash before a line's end joins lines.
@@ -73,34 +91,12 @@ def line_number(data: bytes, position: int) -> int:
     return 1 + (head.count(b"\n") or head.count(b"\r"))
 
 
-def gather(clean: ByteArray, start: IntArray, end: IntArray) -> ByteArray:
-    """The given ascending words, each with the blank behind it, as one text."""
-    if len(start) == 0:
-        return np.zeros(0, np.uint8)
-    mark = np.zeros(len(clean) + 1, np.int8)
-    mark[start] = 1
-    mark[end + 1] -= 1
-    inside = np.cumsum(mark, dtype=np.int8, out=mark)[:-1].view(np.bool_)
-    result: ByteArray = clean[inside]
-    return result
-
-
-def parse_floats(text: ByteArray, count: int) -> FloatArray:
-    """``count`` decimal numbers, correctly rounded; raises ValueError if the text holds others."""
-    out = np.fromstring(text.tobytes(), dtype=np.float64, sep=" ")
+def parsed(text: ByteArray, count: int, kind: type) -> npt.NDArray[Any]:
+    """``count`` numbers of a text; raises ValueError if the text holds others."""
+    out: npt.NDArray[Any] = np.fromstring(text.tobytes(), dtype=kind, sep=" ")
     if len(out) != count:
         raise ValueError(f"{count} numbers expected, {len(out)} found")
-    result: FloatArray = out
-    return result
-
-
-def parse_ints(text: ByteArray, count: int) -> IntArray:
-    """``count`` whole numbers; raises ValueError if the text holds others."""
-    out = np.fromstring(text.tobytes(), dtype=np.int64, sep=" ")
-    if len(out) != count:
-        raise ValueError(f"{count} whole numbers expected, {len(out)} found")
-    result: IntArray = out
-    return result
+    return out
 
 
 def bad_token(tokens: Tokens, index: IntArray, kind: type[int] | type[float]) -> int:

@@ -15,7 +15,6 @@ from circparam.formats.gltf.groups import store_grouping, store_pages, stored_gr
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
 from circparam.formats.gltf.scene import (
-    Again,
     entry_names,
     material_of,
     mesh_matrices,
@@ -43,7 +42,7 @@ class GltfDocument(Document):
     tree: Tree = field(kw_only=True)
     primitives: list[Primitive] = field(kw_only=True)
     pools: list[Pool] = field(kw_only=True)
-    again: list[Again] = field(default_factory=list)
+    again: list[tuple[int, FloatArray]] = field(default_factory=list)
 
     @property
     def instances(self) -> int:
@@ -54,7 +53,7 @@ class GltfDocument(Document):
     def draw_calls(self) -> int:
         """The primitives of all nodes that show them."""
         meshes = [p.mesh for p in self.primitives]
-        return len(meshes) + sum(meshes.count(again.mesh) for again in self.again)
+        return len(meshes) + sum(meshes.count(shown) for shown, _ in self.again)
 
     def users(self) -> list[list[Primitive]]:
         """The primitives of each pool that has any."""
@@ -68,7 +67,7 @@ class GltfDocument(Document):
     def instance_transforms(self) -> list[tuple[IntArray, FloatArray]]:
         """The meshes that further nodes show, where those put them."""
         mesh = self.of_faces([p.mesh for p in self.primitives])
-        return [(np.flatnonzero(mesh == a.mesh), a.matrix) for a in self.again]
+        return [(np.flatnonzero(mesh == shown), matrix) for shown, matrix in self.again]
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """TEXCOORD_n as float64, v upwards; corners of primitives without that set have −1."""
@@ -216,7 +215,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
         shown = walk(tree)
     parts = read_meshes(tree, shown)
     faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
-    groups, names = None, []
+    points, groups, names = np.concatenate(parts.points), None, []
     used = [material_of(tree, p) for p in parts.primitives]
     order = list(dict.fromkeys(used))
     if len(order) > 1:
@@ -228,7 +227,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
         names = [str(name) for name in given]
     sets = sorted({int(k[9:]) for p in parts.pools for k in p.attributes if k[:9] == "TEXCOORD_"})
     return GltfDocument(
-        source, "glb" if tree.is_glb else "gltf", Mesh(parts.points, faces, groups=groups),
+        source, "glb" if tree.is_glb else "gltf", Mesh(points, faces, groups=groups),
         tuple(sets), parts.notes, _features(tree), tuple(names),
         tree=tree, primitives=parts.primitives, pools=parts.pools, again=shown_again(shown),
     )  # fmt: skip

@@ -102,21 +102,17 @@ class Tree:
     # buffers ---------------------------------------------------------------------------------
 
     def _check_uri(self, number: int, buffer: Json) -> None:
-        uri = buffer.get("uri")
+        uri, folder = buffer.get("uri"), self.source.folder
         if uri is None or (isinstance(uri, str) and uri.startswith("data:")):
             return
-        if not isinstance(uri, str) or safe_path(Path("/x"), uri) is None:
+        # a name, or a link, that leads out
+        if not isinstance(uri, str) or safe_path(folder or Path("/x"), uri) is None:
             raise self.error(
                 f"buffer {number} lies outside the file's folder ({str(uri)[:80]!r}): refused"
             )
-        folder = self.source.folder
         if folder is None:
             raise self.error(
                 f"buffer {number} is the file {uri[:80]!r}: give the path instead of standard input"
-            )
-        if safe_path(folder, uri) is None:  # through a link
-            raise self.error(
-                f"buffer {number} lies outside the file's folder ({uri[:80]!r}): refused"
             )
 
     def _buffer(self, number: int) -> bytes:
@@ -197,37 +193,29 @@ class Tree:
         name = f"accessor {index}"
         count, size = _whole(a["count"]), element_size(a)
         if "bufferView" in a:
-            data, stride = self.view(a["bufferView"], name)
-            out = self._strided(
-                data, _whole(a.get("byteOffset", 0)), count, size, stride or size, name
-            )
+            out = self._elements(a, count, size, name, strided=True)
+        elif count > self.limit:
+            raise self.error(f"{name} promises {count} elements and has no data")
         else:
-            if count > self.limit:
-                raise self.error(f"{name} promises {count} elements and has no data")
             out = np.zeros((count, size), np.uint8)
         if "sparse" not in a:
             return out
         sparse = a["sparse"]
-        n = _whole(sparse["count"])
-        kind = component(sparse["indices"])
-        data, _ = self.view(sparse["indices"]["bufferView"], name)
-        width = kind.itemsize
-        at = self._strided(
-            data, _whole(sparse["indices"].get("byteOffset", 0)), n, width, width, name
-        )
+        n, kind = _whole(sparse["count"]), component(sparse["indices"])
+        at = self._elements(sparse["indices"], n, kind.itemsize, name)
         place = at.copy().view(kind)[:, 0].astype(np.int64)
         if len(place) and place.max() >= count:
             raise self.error(f"{name} has a sparse index beyond its {count} elements")
-        data, _ = self.view(sparse["values"]["bufferView"], name)
         out = out.copy()
-        out[place] = self._strided(
-            data, _whole(sparse["values"].get("byteOffset", 0)), n, size, size, name
-        )
+        out[place] = self._elements(sparse["values"], n, size, name)
         return out
 
-    def _strided(
-        self, data: ByteArray, offset: int, count: int, size: int, stride: int, name: str
+    def _elements(
+        self, holder: Json, count: int, size: int, name: str, strided: bool = False
     ) -> ByteArray:
+        """(count, size) the bytes of elements in the view that an accessor, or a part of one, names."""
+        data, given = self.view(holder["bufferView"], name)
+        stride, offset = given if strided and given else size, _whole(holder.get("byteOffset", 0))
         if count and offset + (count - 1) * stride + size > len(data):
             have = max(len(data) - offset + stride - size, 0) // stride
             raise self.error(f"{name} promises {count} elements, its buffer view has {have}")

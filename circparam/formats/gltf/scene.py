@@ -18,9 +18,9 @@ Shown: TypeAlias = tuple[int, int, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Content of meshes: (n, 3) points in the world, primitives with triangles, their pools, and notes."""
+    """Content of meshes: (n, 3) points of each pool in the world, primitives with triangles, pools, notes."""
 
-    points: FloatArray
+    points: list[FloatArray]
     primitives: list[Primitive]
     pools: list[Pool]
     notes: list[str]
@@ -131,65 +131,48 @@ def read_meshes(tree: Tree, shown: list[Shown]) -> Parts:
 
     Raises InputError if a mesh is compressed, names vertices that are not there, or none has triangles.
     """
-    parts: dict[int, Parts] = {}
-    first = pool = 0
+    out = Parts([], [], [], [])
+    read: set[int] = set()
     for _, mesh, matrix in shown:
-        if mesh not in parts:
-            parts[mesh] = found = _read_mesh(tree, mesh, matrix, first, pool)
-            first, pool = first + len(found.points), pool + len(found.pools)
-    primitives = [p for part in parts.values() for p in part.primitives]
-    if not primitives:
+        if mesh not in read:
+            read.add(mesh)
+            _read_mesh(tree, mesh, matrix, out)
+    if not out.primitives:
         raise tree.error("it has no triangles: there is nothing to unwrap")
-    return Parts(
-        np.concatenate([part.points for part in parts.values()]),
-        primitives,
-        [p for part in parts.values() for p in part.pools],
-        [note for part in parts.values() for note in part.notes],
-    )
+    return out
 
 
-def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, first: int, first_pool: int) -> Parts:
-    """One mesh; its points are numbered from ``first`` and its pools from ``first_pool`` on."""
+def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, out: Parts) -> None:
+    """Put one mesh behind those that are there."""
     known: dict[object, int] = {}
-    points: list[FloatArray] = [np.zeros((0, 3))]
-    primitives: list[Primitive] = []
-    pools: list[Pool] = []
-    notes: list[str] = []
     for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
         packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
         if packed:
             raise tree.error(f"mesh {mesh} is compressed with {packed[0]}: {DECODE}")
         mode, attributes = p.get("mode", TRIANGLES), p["attributes"]
+        what = f"mesh {mesh}, primitive {number}"
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
-            notes.append(f"mesh {mesh}, primitive {number} has no triangles and was left as it is")
+            out.notes.append(f"{what} has no triangles and was left as it is")
             continue
         targets = p.get("targets", [])
         key = (*sorted(attributes.items()), *(tuple(sorted(t.items())) for t in targets))
         if key not in known:
-            known[key] = len(pools)
+            known[key] = len(out.pools)
             position = tree.values(attributes["POSITION"])
             if position.shape[1] != 3:
                 raise tree.error(f"mesh {mesh}: POSITION is not a VEC3")
+            first = out.pools[-1].part.stop if out.pools else 0
             if first + len(position) > tree.limit:
                 raise tree.error("its meshes expand to more vertices than its data can describe")
-            pools.append(Pool(attributes, targets, first, len(position)))
-            points.append(transform(position, matrix))
-            first += len(position)
-        pool = known[key]
-        index = _indices(tree, p, pools[pool].count, f"mesh {mesh}, primitive {number}")
+            out.pools.append(Pool(attributes, targets, first, len(position)))
+            out.points.append(transform(position, matrix))
+        n = out.pools[known[key]].count
+        index = tree.integers(p["indices"]) if "indices" in p else np.arange(n)
+        if len(index) and index.max() >= n:
+            raise tree.error(f"{what} names vertex {int(index.max())} of {n}")
         triangles = triangles_of(index, mode)
         if len(triangles):
-            primitives.append(Primitive(mesh, number, first_pool + pool, mode, triangles))
-    return Parts(np.concatenate(points), primitives, pools, notes)
-
-
-def _indices(tree: Tree, primitive: Json, n: int, what: str) -> IntArray:
-    if "indices" not in primitive:
-        return np.arange(n)
-    index = tree.integers(primitive["indices"])
-    if len(index) and index.max() >= n:
-        raise tree.error(f"{what} names vertex {int(index.max())} of {n}")
-    return index
+            out.primitives.append(Primitive(mesh, number, known[key], mode, triangles))
 
 
 def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
@@ -226,16 +209,11 @@ def triangles_of(index: IntArray, mode: int) -> IntArray:
     return index[np.stack([k + odd, k + 1 - odd, k + 2], 1)]
 
 
-@dataclass(frozen=True, eq=False)
-class Again:
-    """A mesh that a further node shows. matrix: (4, 4) from where its first node puts it to this place."""
+def shown_again(shown: list[Shown]) -> list[tuple[int, FloatArray]]:
+    """Meshes that further nodes (from ``walk``) show, with (4, 4) from the place of the first node to theirs.
 
-    mesh: int
-    matrix: FloatArray
-
-
-def shown_again(shown: list[Shown]) -> list[Again]:
-    """Further instances by nodes (from ``walk``); a mesh that its first node flattens stays in place."""
+    A mesh that its first node flattens stays in place.
+    """
     first: dict[int, FloatArray] = {}
     out = []
     for _, mesh, matrix in shown:
@@ -243,9 +221,9 @@ def shown_again(shown: list[Shown]) -> list[Again]:
             first[mesh] = matrix
             continue
         try:
-            out.append(Again(mesh, matrix @ np.linalg.inv(first[mesh])))
+            out.append((mesh, matrix @ np.linalg.inv(first[mesh])))
         except np.linalg.LinAlgError:
-            out.append(Again(mesh, np.eye(4)))
+            out.append((mesh, np.eye(4)))
     return out
 
 

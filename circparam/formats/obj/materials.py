@@ -56,27 +56,20 @@ def named(line: str, folder: Path | None) -> list[str]:
     return line.split() if several else [line]
 
 
-def libraries(scan: Scan, source: Source, notes: list[str] | None = None) -> list[Statements]:
-    """Every material of the libraries that a file names. One that is missing is noted; InputError without
-    ``notes``."""
+def libraries(scan: Scan, files: ImageFiles) -> list[Statements]:
+    """Every material of the libraries that a file names; one that is missing is told as a missing image is."""
     out: list[Statements] = []
-    for library in (one for line in scan.libraries() for one in named(line, source.folder)):
-        path = found_beside(source.folder, library)
-        if source.folder is None:  # a file from a pipe
+    folder = files.source.folder
+    for library in (one for line in scan.libraries() for one in named(line, folder)):
+        path = found_beside(folder, library)
+        if folder is None:  # a file from a pipe
             continue
         try:
             if path is None:
                 raise FileNotFoundError(library)
-            text = regular_bytes(path).decode(
-                "utf-8", "replace" if notes is not None else "surrogateescape"
-            )
+            out += read_mtl(regular_bytes(path).decode("utf-8", "surrogateescape"))
         except OSError:
-            missing = f"material file {library} is missing: put it beside the mesh"
-            if notes is None:
-                raise source.error(missing) from None
-            notes.append(missing)
-        else:
-            out += read_mtl(text)
+            files.missing(f"material file {library} is missing: put it beside the mesh")
     return out
 
 
@@ -84,14 +77,14 @@ def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
     """The images and colours of the materials. owner: (m,) polygon of each face. None if there are none."""
     files = ImageFiles(source)
     known: dict[str, tuple[int, FloatArray, float]] = {}
-    for m in libraries(scan, source, files.notes):
+    for m in libraries(scan, files):
         values = m.values
         shown = split_options(values.get("map_kd", ""))[1]
         colour, opacity = colour_of(values.get("kd", "1 1 1")), alpha_of(values.get("d", "1"))
         known[m.name] = files.read(shown) if shown else -1, colour, opacity
     if not known and not files.notes:
         return None
-    names, at = _materials_of_faces(scan, owner, list(known), "replace")
+    names, at = _materials_of_faces(scan, owner, list(known))
     held = [known.get(name, (-1, np.ones(3), 1.0)) for name in names]
     image, plain, alpha = (np.array(column) for column in zip(*held, strict=True))
     tints = [
@@ -105,14 +98,14 @@ def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
 
 
 def _materials_of_faces(
-    scan: Scan, owner: IntArray, known: list[str], errors: str
+    scan: Scan, owner: IntArray, known: list[str]
 ) -> tuple[list[str], IntArray]:
     """(names of materials, (m,) the one of each face): those of ``usemtl``, first the one before any.
 
     A file that forgets usemtl, but has one material only, shows that one.
     """
     lines, used = scan.lines(b"usemtl")
-    names = ["", *(name.decode("utf-8", errors) for name in used)]
+    names = ["", *(name.decode("utf-8", "surrogateescape") for name in used)]
     if not used and len(known) == 1:
         names[0] = known[0]
     return names, np.searchsorted(lines, scan.face_lines)[owner]
@@ -125,9 +118,9 @@ def read_looks(scan: Scan, owner: IntArray, source: Source) -> Looks | None:
     """
     if source.folder is None or not scan.libraries():
         return None
-    given = {m.name: m for m in libraries(scan, source)}
     files = ImageFiles(source, strict=True)
-    names, at = _materials_of_faces(scan, owner, list(given), "surrogateescape")
+    given = {m.name: m for m in libraries(scan, files)}
+    names, at = _materials_of_faces(scan, owner, list(given))
     shown = dict.fromkeys(names[k] for k in np.unique(at).tolist())
     known = [_material(given.get(name, Statements(name)), files) for name in shown]
     number = {name: k for k, name in enumerate(shown)}
@@ -234,7 +227,7 @@ def redressed(
         first, *others = (looks.materials[k].name for k in group.members)
         leads |= {first: group} | dict.fromkeys(others)
         renamed |= dict.fromkeys(others, first)
-    text = library_text(libraries(scan, source), leads, names)
+    text = library_text(libraries(scan, ImageFiles(source, strict=True)), leads, names)
     library = f"{stem}.mtl"
     extra = {library: text.encode("utf-8", "surrogateescape")}
     extra |= {names[page]: image for page, image in carried.pages.items()}

@@ -13,10 +13,8 @@ from circparam.formats.tokens import (
     SPACE,
     as_bytes,
     bad_token,
-    gather,
     line_number,
-    parse_floats,
-    parse_ints,
+    parsed,
     tokenize,
 )
 
@@ -82,7 +80,7 @@ class Scan:
         words = index[there]
         out = np.zeros(index.shape)
         try:
-            out[there] = parse_floats(gather(t.clean, t.start[words], t.end[words]), len(words))
+            out[there] = t.floats(words)
         except ValueError:
             raise self.error(bad_token(t, words, float), "a number is malformed") from None
         return out
@@ -110,7 +108,7 @@ class Scan:
         """
         t = self.tokens
         start, end = t.start[tokens], t.end[tokens]
-        text = gather(t.clean, start, end)
+        text = t.text(tokens)
         stop = np.flatnonzero((text == SPACE) | (text == SLASH))
         size = np.diff(stop, prepend=-1) - 1
         last_field = np.flatnonzero(text[stop] == SPACE)
@@ -118,7 +116,7 @@ class Scan:
         number = np.zeros(len(stop), np.int64)
         text[text == SLASH] = SPACE
         try:
-            number[size > 0] = parse_ints(text, int((size > 0).sum()))
+            number[size > 0] = parsed(text, int((size > 0).sum()), np.int64)
         except ValueError:
             raise self._bad_corner(tokens) from None
         many = last_field - first_field + 1

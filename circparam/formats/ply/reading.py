@@ -12,7 +12,7 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
-from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, parse_ints, tokenize
+from circparam.formats.tokens import Tokens, as_bytes, tokenize
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -348,9 +348,7 @@ class Layout:
     def read(self, at: IntArray, code: str) -> npt.NDArray[Any]:
         """Values of a type at ascending places. Raises ValueError if an ascii word is not a number."""
         if self.tokens is not None:
-            t = self.tokens
-            text = gather(t.clean, t.start[at], t.end[at])
-            return parse_floats(text, len(at)) if code[0] == "f" else parse_ints(text, len(at))
+            return self.tokens.floats(at) if code[0] == "f" else self.tokens.ints(at)
         width = int(code[1])
         if len(at) == 0:
             return np.zeros(0, code)

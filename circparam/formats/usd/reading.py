@@ -119,13 +119,25 @@ def read_stage(stage: Any, source: Source) -> Arrays:
 
 
 def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
-    """A mesh, wound as it is seen; none if it has no faces."""
-    from pxr import UsdGeom
+    """A mesh, wound as it is seen; none if it has no faces. Raises InputError if its numbers do not fit."""
+    from pxr import Usd, UsdGeom
 
-    mesh = UsdGeom.Mesh(prim)
-    points, size, corners = _geometry(mesh, source)
-    if not len(size):
+    mesh, time = UsdGeom.Mesh(prim), Usd.TimeCode.EarliestTime()
+    counts, indices = mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()
+    values = [a.Get(time) for a in (mesh.GetPointsAttr(), counts, indices)]
+    if any(v is None or not len(v) for v in values):
         return []
+    points = np.array(values[0], np.float64).reshape(-1, 3)
+    size, corners = (np.array(v, np.int64) for v in values[1:])
+    if (size < 0).any() or size.sum() != len(corners):
+        raise source.error(
+            f"{mesh.GetPath()}: its faces have {size.sum()} corners, {len(corners)} are there"
+        )
+    wrong = corners[(corners < 0) | (corners >= len(points))]
+    if len(wrong):
+        raise source.error(
+            f"{mesh.GetPath()}: a face names point {wrong[0]}, there are {len(points)}"
+        )
     matrix = np.array(cache.GetLocalToWorldTransform(prim))
     if not np.array_equal(matrix, np.eye(4)):
         points = points @ matrix[:3, :3] + matrix[3, :3]
@@ -133,44 +145,18 @@ def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
     label, names = _subsets(mesh, len(size))
     return [
         _Part(
-            str(prim.GetPath()),
-            points,
-            size,
-            corners,
-            label,
-            names,
-            _uv(prim, corners),
-            bool(left) != bool(np.linalg.det(matrix[:3, :3]) < 0),
-            _instances(prim),
-            bool(mesh.GetPointsAttr().ValueMightBeTimeVarying()),
+            path=str(prim.GetPath()),
+            points=points,
+            size=size,
+            corners=corners,
+            label=label,
+            names=names,
+            uv=_uv(prim, corners),
+            turned=bool(left) != bool(np.linalg.det(matrix[:3, :3]) < 0),
+            instances=_instances(prim),
+            moving=bool(mesh.GetPointsAttr().ValueMightBeTimeVarying()),
         )
     ]
-
-
-def _geometry(mesh: Any, source: Source) -> tuple[FloatArray, IntArray, IntArray]:
-    """Points (n, 3), sizes of the faces and their corners. Raises InputError if these do not fit."""
-    from pxr import Usd
-
-    time = Usd.TimeCode.EarliestTime()
-    attributes = (
-        mesh.GetPointsAttr(),
-        mesh.GetFaceVertexCountsAttr(),
-        mesh.GetFaceVertexIndicesAttr(),
-    )
-    values = [a.Get(time) for a in attributes]
-    if any(v is None or not len(v) for v in values):
-        none = np.zeros(0, np.int64)
-        return np.zeros((0, 3)), none, none
-    points = np.array(values[0], np.float64).reshape(-1, 3)
-    size, index = (np.array(v, np.int64) for v in values[1:])
-    if (size < 0).any() or size.sum() != len(index):
-        raise source.error(
-            f"{mesh.GetPath()}: its faces have {size.sum()} corners, {len(index)} are there"
-        )
-    if index.min() < 0 or index.max() >= len(points):
-        bad = int(index.max() if index.max() >= len(points) else index.min())
-        raise source.error(f"{mesh.GetPath()}: a face names point {bad}, there are {len(points)}")
-    return points, size, index
 
 
 def _instances(prim: Any) -> list[str]:

@@ -60,7 +60,7 @@ def test_what_float32_cannot_hold() -> None:
     assert rounded == ["positions were rounded to float32, all that glTF stores"]
     unused = from_arrays(points[[0, 1, 2, 4]], faces)  # a vertex that no face has may round
     assert encode(unused, uvmap, "glb").notes == []
-    with pytest.raises(OptionError, match="uv set 1: a new GLB file"):
+    with pytest.raises(OptionError, match="uv set 1: a new GLTF file"):
         encode(unused, uvmap, "gltf", options=WriteOptions(uv_set=1))
 
 
