@@ -14,7 +14,7 @@ from circparam.core.arrays import (
     ranges,
     stable_order,
 )
-from circparam.core.graph import components, follower_components
+from circparam.core.graph import components, follower_components, matching
 
 FAN_LIMIT = 16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
 TURN_COST = 1.5  # how much straightness a pair must gain to join inconsistently oriented faces
@@ -172,7 +172,8 @@ class _Fans(NamedTuple):
         """(p, 2) indices into h: inside a polygon first, then side by side in the layout, then the cheapest."""
         # coplanar rivals differ by rounding only: round, so that their order is that of the file
         cost = np.round(self.straight - 20.0 * self.together - 10.0 * self.drawn + extra, 9)
-        return np.concatenate([_greedy(cost, self.x, self.y, len(self.h)), self.large])
+        best = matching(-cost, self.x, self.y, len(self.h))
+        return np.concatenate([np.stack([self.x[best], self.y[best]], 1), self.large])
 
 
 def _same_uv(faces: IntArray, uv: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
@@ -241,25 +242,6 @@ def point_corners(faces: IntArray, pairs: IntArray) -> IntArray:
         faces.size, np.r_[i, ni], np.r_[np.where(alike, nj, j), np.where(alike, j, nj)]
     )
     return label
-
-
-def _greedy(cost: FloatArray, x: IntArray, y: IntArray, n: int) -> IntArray:
-    """Disjoint pairs among candidates, cheapest first: rounds that take all locally best ones at once."""
-    rank = np.empty(len(cost), np.int64)
-    rank[np.lexsort((y, x, cost))] = np.arange(len(cost))
-    taken: list[IntArray] = []
-    while len(rank):
-        best = np.full(n, len(cost))
-        np.minimum.at(best, x, rank)
-        np.minimum.at(best, y, rank)
-        win = (best[x] == rank) & (best[y] == rank)
-        taken.append(np.stack([x[win], y[win]], 1))
-        done = np.zeros(n, bool)
-        done[x[win]] = True
-        done[y[win]] = True
-        left = ~done[x] & ~done[y]
-        x, y, rank = x[left], y[left], rank[left]
-    return np.concatenate(taken) if taken else np.zeros((0, 2), np.int64)
 
 
 def boundary_half_edges(n_faces: int, edges: IntArray) -> IntArray:
