@@ -9,7 +9,7 @@ from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded
 from circparam.formats.obj.mtl import image_names
-from circparam.formats.source import Source, regular_bytes, safe_path
+from circparam.formats.source import Source, names_in, regular_bytes, safe_path
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def find_assets(
     folder, out = source.folder, target.resolve().parent
     if folder is None:
         return Assets()
-    named = dict.fromkeys(n for name in encoded.assets for n in _named(name, folder))
+    named = dict.fromkeys(n for name in encoded.assets for n in names_in(name, folder))
     needed = set(encoded.needed)
     for name in list(named):
         path = safe_path(folder, name)
@@ -78,7 +78,7 @@ def find_assets(
 
 def unresolved(encoded: Encoded, source: Source) -> list[str]:
     """Warnings on the files that an output without a place, such as a pipe, refers to."""
-    names = [n for name in encoded.assets for n in _named(name, source.folder)]
+    names = [n for name in encoded.assets for n in names_in(name, source.folder)]
     return [f"{name!r} is named by the output and is not part of it" for name in names]
 
 
@@ -89,18 +89,6 @@ def _same(origin: Path, place: Path) -> bool:
     return os.path.samefile(origin, place) or regular_bytes(place) == regular_bytes(origin)
 
 
-def _named(text: str, folder: Path | None) -> list[str]:
-    """The files that an OBJ or MTL line names: one name that may hold blanks, or several words.
-
-    Windows exporters write backslashes; readers everywhere take them for slashes.
-    """
-    text = text.replace("\\", "/")
-    if folder is None or " " not in text:
-        return [text]
-    whole = safe_path(folder, text)
-    return [text] if whole is not None and whole.is_file() else text.split()
-
-
 def _textures(library: Path, folder: Path) -> Iterable[str]:
     """The image files that a material library names, relative to the folder."""
     try:
@@ -108,4 +96,4 @@ def _textures(library: Path, folder: Path) -> Iterable[str]:
     except OSError:
         return []
     # one name: the whole, or its last word where only that is a file
-    return dict.fromkeys(_named(name, folder)[-1] for name in image_names(text))
+    return dict.fromkeys(names_in(name, folder)[-1] for name in image_names(text))

@@ -121,6 +121,16 @@ def found_beside(folder: Path | None, uri: str) -> Path | None:
     return min((p for p in alike if p.is_file()), default=None)
 
 
+def names_in(text: str, folder: Path | None) -> list[str]:
+    """The files that an OBJ or MTL line names: one name, perhaps in quotes and with blanks, or several.
+
+    Windows exporters write backslashes; readers everywhere take them for slashes.
+    """
+    text = text.replace("\\", "/").strip().strip('"')
+    several = folder is not None and " " in text and found_beside(folder, text) is None
+    return text.split() if several else [text]
+
+
 def _inside(folder: Path, name: str) -> Path | None:
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or name.startswith(("/", "\\")):
         return None

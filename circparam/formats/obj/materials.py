@@ -8,7 +8,6 @@ stands behind a keyword such as ``map_Kd``, with options before its name. ``-s``
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, 
 from circparam.formats.materials import ImageFiles, Textures, linear, srgb, tint
 from circparam.formats.obj.mtl import Statements, alpha_of, colour_of, read_mtl, split_options
 from circparam.formats.obj.reading import Scan
-from circparam.formats.source import Source, found_beside, regular_bytes
+from circparam.formats.source import Source, found_beside, names_in, regular_bytes
 
 RGB = (0, 1, 2)
 BUMP = ("map_bump", "bump", "norm")
@@ -49,18 +48,11 @@ def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
     return np.clip(values / (255.0 if values.max(initial=0) > 1.0 else 1.0), 0, 1)[faces]
 
 
-def named(line: str, folder: Path | None) -> list[str]:
-    """The files of one mtllib line: a name with blanks, perhaps in quotes, where it is there, else several."""
-    line = line.strip().strip('"')
-    several = " " in line and found_beside(folder, line) is None
-    return line.split() if several else [line]
-
-
 def libraries(scan: Scan, files: ImageFiles) -> list[Statements]:
     """Every material of the libraries that a file names; one that is missing is told as a missing image is."""
     out: list[Statements] = []
     folder = files.source.folder
-    for library in (one for line in scan.libraries() for one in named(line, folder)):
+    for library in (one for line in scan.libraries() for one in names_in(line, folder)):
         path = found_beside(folder, library)
         if folder is None:  # a file from a pipe
             continue
