@@ -101,6 +101,10 @@ def _is_obj(data: bytes) -> bool:
     return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:OBJ_HEAD], re.M) is not None
 
 
+def _is_ply(data: bytes) -> bool:
+    return re.match(rb"ply[ \t]*[\r\n]", data[:HEAD]) is not None
+
+
 def _always(head: bytes) -> bool:
     return True
 
@@ -147,7 +151,7 @@ FORMATS: Table[Format] = Table(
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is,
                       lined=_always),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
-    Row("ply", Format(read_ply, (".ply",), _begins(rb"ply[ \t]*[\r\n]"), export=to_ply, round_uv=round_ply,
+    Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
                       round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _begins(rb'\{.*"'), rank=1, export=to_gltf,

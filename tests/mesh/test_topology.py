@@ -71,11 +71,11 @@ def test_boundary_lengths_are_in_units_of_the_mesh_longest_first():
         q, g = shapes.grid(3, 3, width=1.0, height=1.0)
         report = describe(Mesh(*shapes.join((p * unit, f), ((q + np.array([9, 0, 0])) * unit, g))))
         assert [c.boundaries for c in report.components] == [1, 1]
-        assert np.allclose(report.components[0].lengths, [12 * unit], rtol=1e-12)
-        assert np.allclose(report.components[1].lengths, [4 * unit], rtol=1e-12)
+        assert np.allclose(report.components[0].boundary_lengths, [12 * unit], rtol=1e-12)
+        assert np.allclose(report.components[1].boundary_lengths, [4 * unit], rtol=1e-12)
     ring = describe(Mesh(*shapes.annulus(64, 4, inner=0.25))).components[0]
     side = 2 * np.sin(np.pi / 64) * 64
-    assert np.allclose(ring.lengths, [side, side / 4])
+    assert np.allclose(ring.boundary_lengths, [side, side / 4])
 
 
 def test_components_come_in_the_order_of_their_first_face():
@@ -147,7 +147,7 @@ def test_any_soup_is_described_and_genus_is_whole(faces):
     assert sum(c.vertices for c in report.components) == report.vertices
     for c in report.components:
         assert c.verdict
-        assert len(c.lengths) == c.boundaries
+        assert len(c.boundary_lengths) == c.boundaries
         if c.genus is not None:
             assert c.genus >= 0
             assert 2 * c.pieces - 2 * c.genus - c.boundaries == c.euler

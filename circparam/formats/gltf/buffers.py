@@ -25,12 +25,17 @@ from circparam.formats.gltf.reading import Tree, element_size
 from circparam.formats.gltf.unused import (
     Span,
     Unused,
+    accessor_slots,
+    close_gaps,
     cut,
     drop_buffers,
     drop_unused,
     extensions_hold_data,
     short_views,
+    used_accessors,
+    view_slots,
     view_span,
+    views_of,
 )
 from circparam.formats.materials import media_type
 from circparam.formats.source import bytes_beside
@@ -38,12 +43,11 @@ from circparam.formats.tokens import ByteArray
 
 
 class Packing:
-    """A copy of a tree, the new data for it, and the accessors that lost their last user."""
+    """A copy of a tree, and the new data for it."""
 
     def __init__(self, tree: Tree) -> None:
         self.tree, self.json = tree, copy.deepcopy(tree.json)
         self.data: list[tuple[Json, bytes]] = []  # (bufferView, bytes)
-        self.touched: set[int] = set()
         self.images: dict[int, bytes] = {}  # new images, by their number
         # files of images that other outputs use too, by name
         self.image_files: dict[str, str] = {}
@@ -54,13 +58,6 @@ class Packing:
         """The entry of a primitive in the new tree."""
         entry: Json = self.json["meshes"][p.mesh]["primitives"][p.number]
         return entry
-
-    def replace(self, holder: dict[str, int], name: str, accessor: int | None = None) -> None:
-        """Let an attribute name another accessor, or take it away; the old one loses a user."""
-        if name in holder:
-            self.touched.add(holder[name] if accessor is not None else holder.pop(name))
-        if accessor is not None:
-            holder[name] = accessor
 
     def view(self, data: bytes, **entry: int) -> int:
         """Append a buffer view and its bytes; returns its number."""
@@ -184,12 +181,21 @@ class Packing:
                 image.setdefault("name", Path(unquote(uri)).stem)
 
     def _drop(self) -> Unused:
-        """Remove entries that lost their last user."""
-        gone = _image_views(self.tree.json) - _image_views(self.json)
-        if self.careful or not (self.touched or gone):
+        """Remove accessors, views and images that lost their last user, and new accessors that have none."""
+        old, new = self.tree.json, self.json
+        if self.careful:
             return Unused([], [])
-        accessors, views = (len(self.tree.json.get(k, [])) for k in ("accessors", "bufferViews"))
-        return drop_unused(self.json, self.touched, accessors, views, gone)
+        accessors, views = new.get("accessors", []), new.get("bufferViews", [])
+        counts = [len(old.get(kind, [])) for kind in ("accessors", "bufferViews")]
+        before, now = used_accessors(old), used_accessors(new)
+        spare = set(range(counts[0], len(accessors))) - now
+        spare_views = views_of(accessors, spare)
+        without = {id(views[k]) for k in spare_views}
+        self.data = [(view, body) for view, body in self.data if id(view) not in without]
+        close_gaps(accessors, spare, accessor_slots(new))
+        close_gaps(views, spare_views, view_slots(new))
+        images = _image_views(old) - _image_views(new)
+        return drop_unused(new, before - now, counts[0], counts[1], images)
 
     def _fill_rows(self, unused: Unused) -> Unused:
         """Store views anew with their whole last row, if they end inside it; loaders refuse such views."""

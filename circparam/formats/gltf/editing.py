@@ -128,11 +128,11 @@ class TreeEdit(Packing):
         )
         if lost:
             for holder in (attributes, *targets):
-                self.replace(holder, "TANGENT")
+                holder.pop("TANGENT", None)
         old = self.json["accessors"][attributes[name]] if name in attributes else {}
         new = self.array(rows, keep={k: v for k, v in old.items() if k in ("name", "extras")})
         for n in changed:
-            self.replace(attributes, f"TEXCOORD_{n}", new)
+            attributes[f"TEXCOORD_{n}"] = new
             for target in targets:
                 target.pop(f"TEXCOORD_{n}", None)
         if split.added:
@@ -178,13 +178,12 @@ class TreeEdit(Packing):
         rows[split.corner] = np.c_[local, new_tangents[:, 3]]
         new = self.array(rows)
         for entry in entries:
-            self.replace(entry["attributes"], "TANGENT", new)
+            entry["attributes"]["TANGENT"] = new
             for target in entry.get("targets", []):
-                self.replace(target, "TANGENT")
+                target.pop("TANGENT", None)
 
     def extended(self, index: int, source: IntArray) -> int:
         """An accessor with its rows in a new order, raw. Sparse values stand in the rows, and not twice."""
-        self.touched.add(index)
         entry = {
             k: v
             for k, v in self.json["accessors"][index].items()
@@ -205,7 +204,7 @@ class TreeEdit(Packing):
             if "min" in old or "max" in old:
                 keep |= {"max": [int(corner.max())], "min": [int(corner.min())]}
             least = old.get("componentType", 5123)
-            self.replace(entry, "indices", self.indices(corner, len(split.source), least, keep))
+            entry["indices"] = self.indices(corner, len(split.source), least, keep)
             if entry.get("mode", TRIANGLES) != TRIANGLES:
                 entry["mode"] = TRIANGLES
                 relisted += 1

@@ -13,7 +13,6 @@ import numpy as np
 
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.model import COMPONENTS, TRIANGLES, Json, Primitive
-from circparam.formats.gltf.unused import accessor_slots, close_gaps, view_slots
 
 
 def join_primitives(
@@ -44,8 +43,9 @@ def join_primitives(
             _join(edit, [primitives[i] for i in group])
             blocks[group[0]] = group
     gone = {i for group in blocks.values() for i in group[1:]}
-    _remove(edit, [primitives[i] for i in gone])
-    _drop_new(edit)
+    dropped = {id(edit.primitive(primitives[i])) for i in gone}
+    for mesh in edit.json["meshes"]:
+        mesh["primitives"] = [e for e in mesh["primitives"] if id(e) not in dropped]
     return [blocks.get(i, [i]) for i in range(len(primitives)) if i not in gone]
 
 
@@ -89,7 +89,6 @@ def _join(edit: Packing, group: list[Primitive]) -> None:
         if "targets" in head:
             head["targets"] = joined[1:]
     lists = [entry["indices"] for entry in entries if "indices" in entry]
-    edit.touched |= set(lists)
     least = max((edit.json["accessors"][k]["componentType"] for k in lists), default=5123)
     head["indices"] = edit.indices(np.concatenate(index), sum(size), least)
 
@@ -108,37 +107,9 @@ def _index(edit: Packing, entry: Json, start: int) -> Any:
 def _concatenated(edit: Packing, numbers: tuple[int, ...]) -> int:
     """A new accessor with the rows of several, one after the other."""
     entries = [edit.json["accessors"][k] for k in numbers]
-    edit.touched |= set(numbers)
     keys = ("componentType", "type", "normalized")
     entry = {key: entries[0][key] for key in keys if key in entries[0]}
     for key, best in (("min", np.min), ("max", np.max)):
         if all(key in e for e in entries):
             entry[key] = best([e[key] for e in entries], axis=0).tolist()
     return edit.accessor(entry, np.concatenate([edit.rows(k) for k in numbers]))
-
-
-def _remove(edit: Packing, primitives: list[Primitive]) -> None:
-    """Take primitives out of their meshes; their accessors lose a user."""
-    gone = {id(edit.primitive(p)) for p in primitives}
-    for p in primitives:
-        entry = edit.primitive(p)
-        for holder in (entry["attributes"], *entry.get("targets", [])):
-            edit.touched |= set(holder.values())
-    for mesh in edit.json["meshes"]:
-        mesh["primitives"] = [e for e in mesh["primitives"] if id(e) not in gone]
-
-
-def _drop_new(edit: Packing) -> None:
-    """Take out new accessors without users, with their views and bytes."""
-    accessors, views = edit.json["accessors"], edit.json["bufferViews"]
-    used = {container[key] for container, key in accessor_slots(edit.json)}
-    old = len(edit.tree.json["accessors"])
-    dead = set(range(old, len(accessors))) - used
-    edit.touched = {k for k in edit.touched if k < old}
-    if not dead:
-        return
-    dead_views = {accessors[k]["bufferView"] for k in dead}
-    without = {id(views[k]) for k in dead_views}
-    edit.data = [(view, body) for view, body in edit.data if id(view) not in without]
-    close_gaps(accessors, dead, accessor_slots(edit.json))
-    close_gaps(views, dead_views, view_slots(edit.json))

@@ -131,7 +131,6 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
             if "NORMAL" not in pool.attributes:
                 new["NORMAL"] = edit.array(unit_rows(times(part[:, :3], whole)))
             for p in users:
-                for name, number in new.items():
-                    edit.replace(edit.primitive(p)["attributes"], name, number)
+                edit.primitive(p)["attributes"] |= new
         data, _, _ = edit.finish("glb", "")
     return data

@@ -57,19 +57,24 @@ def view_slots(tree: Json) -> Slots:
     yield from ((i, "bufferView") for i in tree.get("images", []) if "bufferView" in i)
 
 
+def used_accessors(tree: Json) -> set[int]:
+    """The accessors that something refers to."""
+    return {container[key] for container, key in accessor_slots(tree)}
+
+
 def drop_unused(
-    tree: Json, touched: set[int], accessors: int, views: int, images: Iterable[int] = ()
+    tree: Json, gone: Iterable[int], accessors: int, views: int, images: Iterable[int] = ()
 ) -> Unused:
-    """Take out the accessors among ``touched`` that nothing refers to, and the views that only they used.
+    """Take out the accessors ``gone``, and the views that only they used.
 
     accessors, views: their numbers before new ones were appended. images: views of images that went. Entries
     that nothing used at first stay, because they belong to the file.
     """
     old, all_views = tree.get("accessors", []), tree.get("bufferViews", [])
-    free = sorted(touched - {c[k] for c, k in accessor_slots(tree)})
-    mine = _views_of(old, free) | set(images)
+    free = sorted(gone)
+    mine = views_of(old, free) | set(images)
     others = set(range(len(old))) - set(free)
-    alive = _views_of(old, others) | {i.get("bufferView") for i in tree.get("images", [])}
+    alive = views_of(old, others) | {i.get("bufferView") for i in tree.get("images", [])}
     dead = sorted(mine - alive)
     spans = [view_span(all_views[k]) for k in dead]
     spans += [s for k in free for s in accessor_spans(tree, old[k])]
@@ -188,7 +193,8 @@ def _parts(accessor: Json) -> list[Json]:
     return [x for x in parts if "bufferView" in x]
 
 
-def _views_of(accessors: list[Json], numbers: Iterable[int]) -> set[int]:
+def views_of(accessors: list[Json], numbers: Iterable[int]) -> set[int]:
+    """The views that some accessors name."""
     return {x["bufferView"] for k in numbers for x in _parts(accessors[k])}
 
 

@@ -327,7 +327,7 @@ def test_meshes_of_other_formats_become_usd(suffix: str, tmp_path: Path) -> None
         ('#usda 1.0\ndef Mesh "m" {\nint[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0, 1]\n'
          "point3f[] points = [(0,0,0)]\n}\n", "3 corners, 2 are there"),
         ('#usda 1.0\ndef Mesh "m" {\nint[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0, 1, 9]\n'
-         "point3f[] points = [(0,0,0)]\n}\n", "names point 9, there are 1"),
+         "point3f[] points = [(0,0,0)]\n}\n", "names point 1, there are 1"),
         ('#usda 1.0\ndef "a" (references = @./\udcff.usda@) {}\n', "not UTF-8"),
     ],
 )  # fmt: skip
