@@ -13,7 +13,7 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
-AT_ONCE = 8192  # rows of a large array per slice
+SLICE_ROWS = 8192  # rows of a large array per slice
 
 
 def next_half_edge(h: IntArray) -> IntArray:
@@ -21,7 +21,7 @@ def next_half_edge(h: IntArray) -> IntArray:
     return np.where(h % 3 == 2, h - 2, h + 1)
 
 
-def slices(count: int, size: int = AT_ONCE) -> list[slice]:
+def slices(count: int, size: int = SLICE_ROWS) -> list[slice]:
     """Slices through ``count`` rows, a fixed number at a time, so that intermediate arrays stay in the cache.
 
     Work on all faces of a large mesh takes a half to a fifth of the time, and no further memory.

@@ -23,13 +23,13 @@ from circparam.core.arrays import (
 from circparam.core.clock import tick
 from circparam.core.compiled import connected_components, dijkstra, minimum_spanning_tree
 
-SMALL = 30_000  # edges up to which graphs are assembled without SciPy's conversion
+SMALL_GRAPH_EDGES = 30_000  # edges up to which graphs are assembled without SciPy's conversion
 
 
 def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     """Connected components of n nodes joined by i–j: (number, (n,) label in order of the lowest node)."""
     tick()
-    if len(i) > SMALL:
+    if len(i) > SMALL_GRAPH_EDGES:
         graph = sps.coo_matrix((np.ones(len(i), bool), (i, j)), shape=(n, n)).tocsr()
     else:  # SciPy's conversion would take longer than the search
         start = np.zeros(n + 1, np.int32)

@@ -12,9 +12,11 @@ TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h has them
 KEPT_BYTES = 1 << 30  # of freed arrays, and of free space at the end of the heap, that are kept
 # bytes of address space for NumPy and SciPy with the work space of their two OpenBLAS, and for each of its
 # threads: with less, OpenBLAS tries without end, or ends the process
-LIBRARIES, THREAD = 250_000_000, 100_000_000
-SQUARE = 300  # rows of matrices whose product takes all work space, in all threads
-USUAL = 32 << 20  # the value that glibc reaches by itself for arrays; twice as much for the heap
+LIBRARY_BYTES, THREAD_BYTES = 250_000_000, 100_000_000
+SQUARE_ROWS = 300  # rows of matrices whose product takes all work space, in all threads
+USUAL_BYTES = (
+    32 << 20
+)  # the value that glibc reaches by itself for arrays; twice as much for the heap
 
 
 @contextlib.contextmanager
@@ -34,8 +36,8 @@ def keeping_freed(worth_it: bool = True) -> Iterator[None]:
     try:
         yield
     finally:
-        libc.mallopt(MMAP_THRESHOLD, USUAL)
-        libc.mallopt(TRIM_THRESHOLD, 2 * USUAL)
+        libc.mallopt(MMAP_THRESHOLD, USUAL_BYTES)
+        libc.mallopt(TRIM_THRESHOLD, 2 * USUAL_BYTES)
         libc.malloc_trim(0)
 
 
@@ -48,7 +50,7 @@ def room_for_libraries(threads: int) -> None:
         import resource
     except ImportError:
         return
-    bound, least = resource.getrlimit(resource.RLIMIT_AS)[0], LIBRARIES + THREAD * threads
+    bound, least = resource.getrlimit(resource.RLIMIT_AS)[0], LIBRARY_BYTES + THREAD_BYTES * threads
     if bound != resource.RLIM_INFINITY and bound < least:
         raise NoResultError(
             f"the memory is bounded to {bound / 1e9:.2f} GB, and the libraries alone take {least / 1e9:.2f}: "
@@ -61,7 +63,7 @@ def claim_work_space() -> None:
     import numpy as np
     from scipy.linalg import blas
 
-    square = np.ones((SQUARE, SQUARE))
+    square = np.ones((SQUARE_ROWS, SQUARE_ROWS))
     np.dot(square, square)
     blas.dgemm(1.0, square, square)
 

@@ -2,18 +2,18 @@
 
 from typing import IO
 
-LENGTH = 8  # bytes that hold the length of a message
+LENGTH_BYTES = 8  # bytes that hold the length of a message
 
 
 def send(stream: IO[bytes], data: bytes) -> None:
     """Write one message."""
-    stream.write(len(data).to_bytes(LENGTH, "little") + data)
+    stream.write(len(data).to_bytes(LENGTH_BYTES, "little") + data)
     stream.flush()
 
 
 def message(stream: IO[bytes]) -> bytes:
     """The next message of a stream; raises EOFError if it has ended."""
-    return _exactly(stream, int.from_bytes(_exactly(stream, LENGTH), "little"))
+    return _exactly(stream, int.from_bytes(_exactly(stream, LENGTH_BYTES), "little"))
 
 
 def _exactly(stream: IO[bytes], size: int) -> bytes:

@@ -12,8 +12,8 @@ from typing import Any
 from circparam.errors import OutOfTimeError
 
 # Work without a result continues after loops have stopped, for this share of the time and these seconds.
-GRACE = 0.05
-LAG = 0.2
+GRACE_SHARE = 0.05
+GRACE_SECONDS = 0.2
 
 Listener = Callable[[str, float, str], None]
 
@@ -95,7 +95,7 @@ class Monitor:
         """The moment at which work without a result is broken off: a little after the loops stop."""
         if self.deadline is None or self.timeout is None:
             return None
-        return self.deadline - self.reserved + GRACE * max(self.timeout, 0.0) + LAG
+        return self.deadline - self.reserved + GRACE_SHARE * max(self.timeout, 0.0) + GRACE_SECONDS
 
     @contextmanager
     def holding(self, seconds: float, least: float = 0.0) -> Iterator[None]:
@@ -141,7 +141,7 @@ class Monitor:
         late = self.deadline is not None and time.monotonic() >= self.deadline
         if seconds > 0 and self.deadline is not None and self.timeout is not None:
             end = time.monotonic() + seconds
-            late |= end > self.deadline + 2 * (GRACE * max(self.timeout, 0.0) + LAG)
+            late |= end > self.deadline + 2 * (GRACE_SHARE * max(self.timeout, 0.0) + GRACE_SECONDS)
         if late:
             raise OutOfTimeError(
                 f"out of time during {self._stage or 'the work'} with no valid result yet: "

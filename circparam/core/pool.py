@@ -17,9 +17,11 @@ from circparam.core.records import dataclass
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-MOST = 4  # processes, the caller included: work is done in no more parts than that
-IDLE = 20.0  # seconds without work after which a worker ends
-LEAST_MEMORY = 1 << 29  # bytes of address space that a worker needs: 300 MB of them are libraries
+MAX_PROCESSES = 4  # processes, the caller included: work is done in no more parts than that
+IDLE_SECONDS = 20.0  # seconds without work after which a worker ends
+LEAST_MEMORY_BYTES = (
+    1 << 29
+)  # bytes of address space that a worker needs: 300 MB of them are libraries
 WORKER_SHARE = 4  # of a bound on the address space one such part goes to all workers together
 INSIDE = "CIRCPARAM_WORKER"  # set in the environment of a worker, which starts no further ones
 # one thread each: the processes are as many as the cores. A growing worker is no leaking one.
@@ -118,7 +120,7 @@ def start(jobs: int, *modules: str) -> None:
     processes cannot be started here.
     """
     global _opening, _asked
-    jobs = min(jobs, MOST)
+    jobs = min(jobs, MAX_PROCESSES)
     if jobs < 2 or not possible():
         return
     with _lock:
@@ -164,7 +166,7 @@ def _open(count: int, modules: tuple[str, ...], opening: _Opening) -> None:
 def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
     limit = _memory_bound()
     share = None if limit is None else limit[0] // (WORKER_SHARE * count)
-    if share is not None and share < LEAST_MEMORY:
+    if share is not None and share < LEAST_MEMORY_BYTES:
         return None
     with quiet_start():
         import multiprocessing
@@ -176,7 +178,7 @@ def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
         theirs, lifeline = multiprocessing.Pipe(duplex=False)
         executor = ProcessPoolExecutor(
             count,
-            timeout=IDLE,
+            timeout=IDLE_SECONDS,
             initializer=_begin,
             initargs=(theirs, share, modules),
             env={**ENVIRONMENT, INSIDE: "1"},

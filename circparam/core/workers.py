@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
-PARTS = 8  # at most: more than processes, so that none waits long for the last one
-LARGE = 8  # charts of more than such a part of a part are dealt out one by one
-LARGE_TASK = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
-OVERLOOKED = 2.0  # seconds between checks whether a process that should answer was killed
-MOST_SHARE = 0.9  # of the faces in one part; above it the other parts are not worth a process
+MAX_PARTS = 8  # at most: more than processes, so that none waits long for the last one
+LARGE_CHARTS_PER_PART = 8  # charts of more than such a part of a part are dealt out one by one
+LARGE_TASK_BYTES = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
+OVERLOOKED_SECONDS = 2.0  # seconds between checks whether a process that should answer was killed
+LARGEST_PART_SHARE = 0.9  # of the faces in one part; above it the other parts are not worth a process
 
 
 def cores() -> int:
@@ -67,10 +67,10 @@ def in_parts(label: "IntArray") -> "list[BoolArray]":
     m = len(label)
     if m < PARTED:
         return [np.ones(m, bool)]
-    n_parts = min(PARTS, m // PART_FACES)
+    n_parts = min(MAX_PARTS, m // PART_FACES)
     size = np.bincount(label)
     order = np.argsort(-size, kind="stable")
-    large = int((size > m / (LARGE * n_parts)).sum())
+    large = int((size > m / (LARGE_CHARTS_PER_PART * n_parts)).sum())
     # small charts in turns by falling size: A B C C B A A B …
     turn = np.arange(len(size)) % (2 * n_parts)
     of_chart = np.zeros(len(size), np.int64)
@@ -80,7 +80,7 @@ def in_parts(label: "IntArray") -> "list[BoolArray]":
     for chart in order[:large].tolist():
         of_chart[chart] = load.argmin()
         load[of_chart[chart]] += size[chart]
-    if load.max() > MOST_SHARE * m:
+    if load.max() > LARGEST_PART_SHARE * m:
         return [np.ones(m, bool)]
     part = of_chart[label]
     return [part == k for k in np.argsort(-load, kind="stable") if load[k]]
@@ -192,7 +192,7 @@ def _waited(pool: Pool, future: "Future[bytes]") -> bytes:
     """The result of a process. Raises TimeoutError if one was killed, which loky overlooks at times."""
     while True:
         try:
-            return future.result(OVERLOOKED)
+            return future.result(OVERLOOKED_SECONDS)
         except TimeoutError:
             if not future.done() and pool.lost:
                 raise
@@ -274,7 +274,7 @@ class _Shared:
 def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
     """In a worker: one task. seconds, last: until its loops stop, and until it is broken off."""
     bounded = clock.bounded(None if last is None else time.monotonic() + last)
-    with keeping_freed(len(packed) > LARGE_TASK), bounded:
+    with keeping_freed(len(packed) > LARGE_TASK_BYTES), bounded:
         function, task = pickle.loads(packed)
         return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
 

@@ -7,16 +7,18 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
 
-RUN = 8  # corners in the smallest boxes
-GRID = 1 << 16  # cells along a side of the polygon, along which corners are put in order
+LEAF_CORNERS = 8  # corners in the smallest boxes
+CURVE_CELLS = 1 << 16  # cells along a side of the polygon, along which corners are put in order
 # Corners from which the ear with the shortest diagonal goes first. Small triangles hold only near corners;
 # triangles along a side of many corners meet the boxes of all these.
-LARGE = 1000
-SLIVER = 1e-9  # area over the square of the length below which such an ear waits for a better one
-MOST_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
+SHORTEST_FIRST_CORNERS = 1000
+SLIVER_AREA_SHARE = (
+    1e-9  # area over the square of the length below which such an ear waits for a better one
+)
+MAX_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
 # Looks at a corner, for each corner of a polygon and in addition, before the rest is cut in order. Three
 # looks each are enough for polygons that do not cross themselves.
-LOOKS_PER_CORNER, LOOKS_AT_LEAST = 4, 100_000
+LOOKS_PER_CORNER, LEAST_LOOKS = 4, 100_000
 
 
 class Ears:
@@ -32,7 +34,7 @@ class Ears:
     def __init__(self, q: FloatArray) -> None:
         """q: (n, 2) corners."""
         n = len(q)
-        self.large = n > LARGE
+        self.large = n > SHORTEST_FIRST_CORNERS
         self.x: list[float] = q[:, 0].tolist()
         self.y: list[float] = q[:, 1].tolist()
         self.before = [n - 1, *range(n - 1)]
@@ -51,19 +53,21 @@ class Ears:
         blocks = np.flatnonzero(self.blocks)
         blocks = blocks[_along_a_curve(q[blocks])]
         n = len(blocks)
-        self.leaves = 1 << max((n - 1) // RUN, 0).bit_length()
-        self.run: list[list[int]] = [blocks[k : k + RUN].tolist() for k in range(0, n, RUN)]
+        self.leaves = 1 << max((n - 1) // LEAF_CORNERS, 0).bit_length()
+        self.run: list[list[int]] = [
+            blocks[k : k + LEAF_CORNERS].tolist() for k in range(0, n, LEAF_CORNERS)
+        ]
         leaf = np.full(len(q), -1)
-        leaf[blocks] = self.leaves + np.arange(n) // RUN
+        leaf[blocks] = self.leaves + np.arange(n) // LEAF_CORNERS
         self.leaf: list[int] = leaf.tolist()
-        shape = (self.leaves, RUN, 2)
+        shape = (self.leaves, LEAF_CORNERS, 2)
         low, high = (
-            np.full((self.leaves * RUN, 2), np.inf),
-            np.full((self.leaves * RUN, 2), -np.inf),
+            np.full((self.leaves * LEAF_CORNERS, 2), np.inf),
+            np.full((self.leaves * LEAF_CORNERS, 2), -np.inf),
         )
         low[:n] = high[:n] = q[blocks]
         lows, highs = [low.reshape(shape).min(1)], [high.reshape(shape).max(1)]
-        counts = [(np.arange(self.leaves * RUN) < n).reshape(-1, RUN).sum(1)]
+        counts = [(np.arange(self.leaves * LEAF_CORNERS) < n).reshape(-1, LEAF_CORNERS).sum(1)]
         while len(counts[0]) > 1:
             lows.insert(0, np.minimum(lows[0][::2], lows[0][1::2]))
             highs.insert(0, np.maximum(highs[0][::2], highs[0][1::2]))
@@ -75,11 +79,11 @@ class Ears:
     def clip(self) -> list[tuple[int, int, int]]:
         """The n − 2 triangles. Where nothing is an ear, the second corner that is left is clipped.
 
-        Raises InputError for a polygon that takes more than ``MOST_BOXES``.
+        Raises InputError for a polygon that takes more than ``MAX_BOXES``.
         """
         out: list[tuple[int, int, int]] = []
         left, first, looks = len(self.x), 0, 0
-        most = LOOKS_AT_LEAST + LOOKS_PER_CORNER * left
+        most = LEAST_LOOKS + LOOKS_PER_CORNER * left
         waiting, every = sorted(map(self._turn, range(left))), True
         while left > 3:
             while not self.there[first]:
@@ -87,7 +91,7 @@ class Ears:
             if waiting:
                 _, k = heapq.heappop(waiting)
                 looks += 1
-                if self.looked > MOST_BOXES:
+                if self.looked > MAX_BOXES:
                     raise InputError("its outline is too intricate: triangulate it first")
                 if not self.there[k] or not self._is_ear(k):
                     continue
@@ -113,7 +117,7 @@ class Ears:
             return 0.0, k
         i, m = self.before[k], self.after[k]
         length = abs(self.x[m] - self.x[i]) + abs(self.y[m] - self.y[i])
-        return (np.inf if self._area(k) <= SLIVER * length**2 else length), k
+        return (np.inf if self._area(k) <= SLIVER_AREA_SHARE * length**2 else length), k
 
     def _area(self, k: int) -> float:
         """Twice the area of the triangle of a corner and its neighbours, above 0 if it turns left."""
@@ -184,7 +188,7 @@ def _along_a_curve(q: FloatArray) -> IntArray:
     """(k,) an order of points (k, 2) in which near ones follow each other: that of Morton, by mixed bits."""
     low = q.min(0, initial=np.inf)
     width = max(float((q.max(0, initial=-np.inf) - low).max()), 1e-300)
-    bits = ((q - low) / width * (GRID - 1)).astype(np.int64)
+    bits = ((q - low) / width * (CURVE_CELLS - 1)).astype(np.int64)
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         bits = (bits | bits << shift) & mask
     result: IntArray = np.argsort(bits[:, 0] | bits[:, 1] << 1, kind="stable")

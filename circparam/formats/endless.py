@@ -8,11 +8,11 @@ from typing import BinaryIO
 
 from circparam.formats.source import Source
 
-BLOCK = 1 << 20  # bytes that are looked at in one go
-LONGEST_LINE = 1 << 24  # bytes; a polygon of a million corners takes as many
+BLOCK_BYTES = 1 << 20  # bytes that are looked at in one go
+LONGEST_LINE_BYTES = 1 << 24  # bytes; a polygon of a million corners takes as many
 # Bytes of a line for each byte before it. A row of a mesh names vertices whose own rows, longer than
 # their numbers, stand before it. A strip of a whole mesh names each about six times, as triangles do.
-LINE_SHARE = 6
+LINE_BYTES_PER_BYTE = 6
 
 
 class LineLimit:
@@ -23,11 +23,11 @@ class LineLimit:
         self._read = self._begin = self._newlines = self._returns = 0
 
     def follow(self, block: bytes) -> None:
-        """Take the next block, of at most ``BLOCK`` bytes. Raises InputError if its first line began too
+        """Take the next block, of at most ``BLOCK_BYTES`` bytes. Raises InputError if its first line began too
         far before."""
         ends = block.find(b"\n"), block.find(b"\r")
         first = min((k for k in ends if k >= 0), default=len(block))
-        longest = max(LONGEST_LINE, LINE_SHARE * self._begin)
+        longest = max(LONGEST_LINE_BYTES, LINE_BYTES_PER_BYTE * self._begin)
         if self._read + first - self._begin > longest:
             line = 1 + (self._newlines or self._returns)
             raise self._source.error(
@@ -42,7 +42,7 @@ class LineLimit:
 
 def blocks_in(file: BinaryIO) -> Iterator[bytes]:
     """The rest of a file, block by block."""
-    return iter(lambda: file.read(BLOCK), b"")
+    return iter(lambda: file.read(BLOCK_BYTES), b"")
 
 
 def check_lines(blocks: Iterable[bytes], source: Source) -> None:

@@ -30,7 +30,7 @@ ENTRY = {"3mf": ".model", "zae": ".dae", "3dxml": ""}
 LOST = ("materials", "names", "the tree of nodes")
 # Bytes that any archive may declare, and bytes for each packed byte: text packs 5 to 20 times, no real file a
 # hundred times.
-UNPACKED, UNPACKED_PER_BYTE = 50_000_000, 50
+UNPACKED_BYTES, UNPACKED_PER_BYTE = 50_000_000, 50
 
 
 def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocument:
@@ -89,7 +89,7 @@ def check_archive(data: bytes, source: Source, kind: str) -> None:
     if not any(entry.filename.lower().endswith(ENTRY[kind]) for entry in entries):
         raise source.error(f"the archive holds no {ENTRY[kind]} file: it is not a {kind.upper()}")
     size = sum(entry.file_size for entry in entries)
-    if size > max(UNPACKED, UNPACKED_PER_BYTE * len(data)):
+    if size > max(UNPACKED_BYTES, UNPACKED_PER_BYTE * len(data)):
         raise source.error(
             f"its {len(data) / 1e6:.3g} MB unpack to {size / 1e6:.3g} MB: no mesh packs that well: "
             "unpack it, and look what is in it"

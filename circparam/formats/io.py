@@ -19,7 +19,7 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import check_needed, find_assets, unresolved
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout, check_new_set
-from circparam.formats.endless import LONGEST_LINE, LineLimit, blocks_in, check_lines
+from circparam.formats.endless import LONGEST_LINE_BYTES, LineLimit, blocks_in, check_lines
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes, regular_bytes
 from circparam.formats.table import (
@@ -33,7 +33,7 @@ from circparam.formats.table import (
 )
 from circparam.mesh.mesh import UVMap
 
-PEEKED = 1 << 20  # bytes of each end of a large file that are looked at before it is read
+PEEKED_BYTES = 1 << 20  # bytes of each end of a large file that are looked at before it is read
 
 
 @dataclass(frozen=True)
@@ -125,16 +125,16 @@ def _peek(path: Path, format: str | None) -> None:
     memory with it first."""
     with contextlib.suppress(OSError, ValueError):  # reading will say it
         size = os.stat(path).st_size
-        if size < LONGEST_LINE or not path.is_file():
+        if size < LONGEST_LINE_BYTES or not path.is_file():
             return
         source = Source(os.fspath(path), path)
         with path.open("rb") as file:
-            head = file.read(PEEKED)
+            head = file.read(PEEKED_BYTES)
             row = _row_of(head, format, path.suffix)
             if row is None:
                 return
             if row.peek is not None:
-                file.seek(max(size - PEEKED, 0))
+                file.seek(max(size - PEEKED_BYTES, 0))
                 row.peek(head, file.read(), size, source)
             if row.lined(head):
                 file.seek(0)
@@ -143,7 +143,7 @@ def _peek(path: Path, format: str | None) -> None:
 
 def _blocks_of_input(file: BinaryIO, format: str | None) -> Iterator[bytes]:
     """Standard input block by block; InputError as soon as a line has no end."""
-    head = file.read(PEEKED)
+    head = file.read(PEEKED_BYTES)
     row = _row_of(head, format, "")
     limit = LineLimit(Source("standard input")) if row is not None and row.lined(head) else None
     for block in itertools.chain([head], blocks_in(file)):
@@ -166,7 +166,7 @@ def read_data(
     """Read a mesh from bytes; see ``read``."""
     source = source or Source("the given data")
     name = _format_of_content(data, source) if format is None else format_of("", format)
-    if FORMATS[name].function.lined(data[:PEEKED]):
+    if FORMATS[name].function.lined(data[:PEEKED_BYTES]):
         check_lines(blocks_in(io.BytesIO(data)), source)
     if reader == "trimesh":
         return read_through_trimesh(data, source, name)

@@ -13,7 +13,7 @@ from circparam.formats.ears import Ears
 from circparam.mesh.mesh import UVMap
 
 # Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes 0.1 ms for each corner.
-MAX_CONCAVE = 100_000
+MAX_CONCAVE_CORNERS = 100_000
 MAX_CORNERS = 1_000_000  # of any polygon: its triangles would be needles round one corner
 
 
@@ -70,7 +70,7 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
 
     Polygons of fewer than three corners give no triangle. Triangles come in the order of the polygons.
     Raises InputError for a polygon of more than ``MAX_CORNERS`` corners, and for one that no fan fits and that
-    has more than ``MAX_CONCAVE``.
+    has more than ``MAX_CONCAVE_CORNERS``.
     """
     size = np.diff(start)
     if len(size) and size.max() > MAX_CORNERS:
@@ -106,7 +106,7 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
         )
         triangles[at[of_size][:, None] + np.arange(n - 2)] = fan + start[of_size][:, None, None]
         for i in np.flatnonzero(~fits).tolist():  # concave ones are few
-            if n > MAX_CONCAVE:
+            if n > MAX_CONCAVE_CORNERS:
                 raise InputError(
                     f"polygon {int(of_size[i])} is concave and has {n} corners: triangulate it first"
                 )

@@ -27,17 +27,19 @@ from circparam.formats.source import Source, bytes_beside
 
 # Processor seconds and bytes of address space for any file, and more for each byte of the file: STEP takes most
 # time, text most memory. The libraries alone take 370 MB.
-SECONDS, SECONDS_PER_BYTE = 12.0, 30e-6
-BYTES, BYTES_PER_BYTE = 750_000_000, 60
-PATIENCE = 5.0  # seconds on the clock for each processor second: the machine may be busy
+PROCESSOR_SECONDS, SECONDS_PER_BYTE = 12.0, 30e-6
+ADDRESS_BYTES, ADDRESS_BYTES_PER_BYTE = 750_000_000, 60
+CLOCK_SECONDS_PER_SECOND = (
+    5.0  # seconds on the clock for each processor second: the machine may be busy
+)
 
 Arrays = dict[str, Any]
 
 
 def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str]]:
     """As ``triangles_of``, by another process. Raises InputError with the cause."""
-    seconds = SECONDS + SECONDS_PER_BYTE * len(data)
-    bound = BYTES + BYTES_PER_BYTE * len(data)
+    seconds = PROCESSOR_SECONDS + SECONDS_PER_BYTE * len(data)
+    bound = ADDRESS_BYTES + ADDRESS_BYTES_PER_BYTE * len(data)
     command = [sys.executable, "-P", "-m", "circparam.formats.second_reader", kind]
     command += [str(source.folder or ""), str(int(seconds)), str(bound)]
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -47,7 +49,7 @@ def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str
         try:
             done = subprocess.run(
                 command, env={**environment(), **one, **places}, input=data, stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL, timeout=PATIENCE * seconds, check=False,
+                stderr=subprocess.DEVNULL, timeout=CLOCK_SECONDS_PER_SECOND * seconds, check=False,
             )  # fmt: skip
             answer = io.BytesIO(done.stdout)
             said = json.loads(message(answer))

@@ -17,9 +17,9 @@ from circparam.core.files import write_files
 from circparam.errors import InputError
 
 # Bytes; ten million lines of numbers, more than any mesh that is read has vertices to pin.
-LIMIT = 1 << 28
+LARGEST_FILE_BYTES = 1 << 28
 AnyPath: TypeAlias = str | os.PathLike[str]
-HIGHEST = 2**53  # of a vertex; beyond it numbers with a point skip some
+HIGHEST_VERTEX = 2**53  # of a vertex; beyond it numbers with a point skip some
 
 
 def read_pins(path: AnyPath) -> FloatArray:
@@ -50,7 +50,7 @@ def read_faces(path: AnyPath) -> IntArray:
     """(k,) face numbers, any number of them a line. Raises InputError if a line holds something else."""
     out: list[int] = []
     for line, words in _lines(path):
-        if not all(word.isdecimal() and int(word) <= HIGHEST for word in words):
+        if not all(word.isdecimal() and int(word) <= HIGHEST_VERTEX for word in words):
             raise InputError(f"{line} is no list of face numbers")
         out += map(int, words)
     if not out:
@@ -83,7 +83,7 @@ def read_seams(path: AnyPath) -> IntArray:
         try:
             chain = [int(word.split("/")[0]) for word in words[1:]]
             chain = [k - 1 if k > 0 else n + k for k in chain]
-            if any(abs(k) > HIGHEST for k in chain):
+            if any(abs(k) > HIGHEST_VERTEX for k in chain):
                 raise ValueError
         except ValueError:
             raise InputError(f"{path}: 'l {' '.join(words[1:])}' is not a line element") from None
@@ -128,7 +128,7 @@ def write_bytes(path: AnyPath, data: bytes, overwrite: bool = False) -> None:
 
 def _text(path: AnyPath) -> str:
     try:
-        if os.path.getsize(path) > LIMIT:
+        if os.path.getsize(path) > LARGEST_FILE_BYTES:
             raise InputError(
                 f"{path}: {os.path.getsize(path)} bytes are too many for a list of numbers"
             )
@@ -155,7 +155,7 @@ def _floats(words: list[str]) -> list[float]:
 
 
 def _is_vertex(value: float) -> bool:
-    return value.is_integer() and abs(value) <= HIGHEST
+    return value.is_integer() and abs(value) <= HIGHEST_VERTEX
 
 
 def _numbers(

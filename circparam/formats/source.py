@@ -13,7 +13,7 @@ from urllib.parse import unquote
 from circparam.core.records import dataclass
 from circparam.errors import InputError
 
-HEAD = 4096  # bytes in which anything but blanks stands at first
+TEXT_START_BYTES = 4096  # bytes in which anything but blanks stands at first
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def read_bytes(
         except MemoryError:
             size = os.stat(path).st_size / 1e9
             raise source.error(f"its {size:.1f} GB are more memory than there is") from None
-    if not data[:HEAD].strip() and not data.strip():  # else a copy of gigabytes of text
+    if not data[:TEXT_START_BYTES].strip() and not data.strip():  # else a copy of gigabytes of text
         raise source.error("the file is empty")
     return data, source
 

@@ -13,7 +13,7 @@ from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh
 
-HEADER = 84  # bytes before the first facet: a title, and the number of facets
+HEADER_BYTES = 84  # bytes before the first facet: a title, and the number of facets
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -25,9 +25,9 @@ def read_stl(data: bytes, source: Source) -> PlainDocument:
     """
     if is_text_stl(data):
         return _through_trimesh(data, source)
-    facets = np.frombuffer(data, FACET, _promised(data, len(data), source), HEADER)
+    facets = np.frombuffer(data, FACET, _promised(data, len(data), source), HEADER_BYTES)
     corners = doubles(facets["corners"].reshape(-1, 3))
-    behind = len(data) - HEADER - facets.nbytes
+    behind = len(data) - HEADER_BYTES - facets.nbytes
     warnings = (f"{counted(behind, 'byte')} behind the last facet were left out",) if behind else ()
     return PlainDocument(source, "stl", _welded(corners), warnings=warnings)
 
@@ -49,12 +49,12 @@ def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
 def _promised(head: bytes, size: int, source: Source) -> int:
     """The number of facets of a binary file of so many bytes. Raises InputError if it holds more or fewer
     than its header promises."""
-    if size < HEADER:
+    if size < HEADER_BYTES:
         raise source.error(
             f"its {counted(size, 'byte')} are shorter than the header of an STL: it is cut short"
         )
-    count = int.from_bytes(head[HEADER - 4 : HEADER], "little")
-    there = (size - HEADER) // FACET.itemsize
+    count = int.from_bytes(head[HEADER_BYTES - 4 : HEADER_BYTES], "little")
+    there = (size - HEADER_BYTES) // FACET.itemsize
     if there != count:
         short = "it is cut short, or " if there < count else ""
         raise source.error(

@@ -29,8 +29,8 @@ from circparam.formats.usd.stage import is_crate, is_package, is_text, require_u
 from circparam.formats.usd.writing import to_usd
 from circparam.mesh.mesh import UVMap
 
-HEAD = 2048  # bytes at the beginning that most formats are recognised by
-OBJ_HEAD = 1 << 20  # an OBJ may begin with a long comment before its first v line
+SNIFFED_BYTES = 2048  # bytes at the beginning that most formats are recognised by
+SNIFFED_OBJ_BYTES = 1 << 20  # an OBJ may begin with a long comment before its first v line
 
 Read = Callable[[bytes, Source], Document]
 Export = Callable[[Document, UVMap, WriteOptions, str], Encoded]
@@ -96,13 +96,13 @@ def _is_stl(data: bytes) -> bool:
 
 def _is_obj(data: bytes) -> bool:
     """By the first line with a vertex: OBJ has no beginning of its own."""
-    if b"\0" in data[:HEAD]:
+    if b"\0" in data[:SNIFFED_BYTES]:
         return False
-    return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:OBJ_HEAD], re.M) is not None
+    return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:SNIFFED_OBJ_BYTES], re.M) is not None
 
 
 def _is_ply(data: bytes) -> bool:
-    return re.match(rb"ply[ \t]*[\r\n]", data[:HEAD]) is not None
+    return re.match(rb"ply[ \t]*[\r\n]", data[:SNIFFED_BYTES]) is not None
 
 
 def _always(head: bytes) -> bool:
@@ -111,7 +111,7 @@ def _always(head: bytes) -> bool:
 
 def _text(data: bytes) -> bytes:
     """The beginning of a file without byte order mark and blanks."""
-    return data[:HEAD].removeprefix(BYTE_ORDER_MARK).lstrip(b" \t\r\n")
+    return data[:SNIFFED_BYTES].removeprefix(BYTE_ORDER_MARK).lstrip(b" \t\r\n")
 
 
 def _as_it_is(uv: FloatArray, document: Document | None) -> FloatArray:

@@ -16,10 +16,12 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components, follower_components, matching
 
-FAN_LIMIT = 16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
+COMPARED_FACES = (
+    16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
+)
 TURN_COST = 1.5  # how much straightness a pair must gain to join inconsistently oriented faces
 AVOID_COST = 4.0  # of a pair that was tried and made two vertices the ends of two edges
-REPAIRINGS = 3  # other pairs tried at edges that coincide, before such pairs are let go
+REPAIR_ROUNDS = 3  # other pairs tried at edges that coincide, before such pairs are let go
 
 
 class Pairs(NamedTuple):
@@ -147,7 +149,7 @@ class _Fans(NamedTuple):
         first = np.repeat(np.cumsum(size) - size, size)
         n = np.repeat(size, size)
         rank = np.arange(len(h)) - first
-        small = n <= FAN_LIMIT
+        small = n <= COMPARED_FACES
         later = np.where(small, n - 1 - rank, 0)
         x = np.repeat(np.arange(len(h)), later)
         y = x + 1 + ranges(later)
@@ -196,7 +198,7 @@ def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
     extra = np.where(fans.against, TURN_COST, 0.0)
     chosen = fans.pairs(extra)
     tried = np.zeros(len(fans.x), bool)
-    for _ in range(REPAIRINGS):
+    for _ in range(REPAIR_ROUNDS):
         double = _doubled(faces, others, fans, chosen)
         if not double.any():
             break

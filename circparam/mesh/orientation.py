@@ -10,7 +10,7 @@ from circparam.core.compiled import breadth_first_order
 from circparam.core.graph import components
 from circparam.mesh.halfedge import Pairs
 
-FLAT = np.cos(np.radians(0.5))  # of the angle between faces of one flat
+FLAT_COSINE = np.cos(np.radians(0.5))  # of the angle between faces of one flat
 
 
 class Orientation(NamedTuple):
@@ -45,7 +45,7 @@ def orient(normals: FloatArray, pairs: Pairs) -> Orientation:
         e = faces[i]
         # as wound alike, the faces of a flat have one normal
         along = (normals[i] * normals[j]).sum(1) * np.where(pairs.against, -1, 1)
-        whole = pairs.locked | (along > FLAT * areas[i] * areas[j])
+        whole = pairs.locked | (along > FLAT_COSINE * areas[i] * areas[j])
         backwards[faces] = _along_tree(
             int(faces.sum()), local[i[e]], local[j[e]], pairs.against[e], pairs.locked[e], whole[e]
         )

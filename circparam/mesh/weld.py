@@ -8,9 +8,13 @@ from circparam.core.graph import components
 from circparam.errors import OptionError
 from circparam.mesh.mesh import Mesh
 
-DEGENERATE = 1e-12  # a face with area <= this x longest edge² is degenerate
-TINY = 1e-50  # also one whose edges are this much shorter than the longest: its squares underflow
-POINT_PAIRS = 64  # more pairs within the weld tolerance than this a vertex: the tolerance is absurd
+DEGENERATE_AREA_SHARE = 1e-12  # a face with area <= this x longest edge² is degenerate
+TINY_EDGE_SHARE = (
+    1e-50  # also one whose edges are this much shorter than the longest: its squares underflow
+)
+MAX_PAIRS_PER_VERTEX = (
+    64  # more pairs within the weld tolerance than this a vertex: the tolerance is absurd
+)
 
 
 def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
@@ -30,7 +34,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
     scale = mesh_scale(mesh)
     tree = kd_tree(mesh.points[points] * scale)
     radius = eps * scale
-    if tree.count_neighbors(tree, radius) > (2 * POINT_PAIRS + 1) * len(points):
+    if tree.count_neighbors(tree, radius) > (2 * MAX_PAIRS_PER_VERTEX + 1) * len(points):
         raise OptionError(
             f"the weld tolerance {eps:g} joins whole neighbourhoods of vertices: give a smaller one"
         )
@@ -56,9 +60,11 @@ def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     e1, e2 = np.ldexp(e1, -exponent[:, None]), np.ldexp(e2, -exponent[:, None])
     area = 0.5 * np.linalg.norm(np.cross(e1, e2), axis=1)
     longest = np.max([(e1**2).sum(1), (e2**2).sum(1), ((e2 - e1) ** 2).sum(1)], 0)
-    tiny = span <= TINY * span.max(initial=0.0)
+    tiny = span <= TINY_EDGE_SHARE * span.max(initial=0.0)
     a, b, c = faces.T
-    result: BoolArray = (area <= DEGENERATE * longest) | tiny | (a == b) | (b == c) | (c == a)
+    result: BoolArray = (
+        (area <= DEGENERATE_AREA_SHARE * longest) | tiny | (a == b) | (b == c) | (c == a)
+    )
     return result
 
 

@@ -11,7 +11,12 @@ from types import SimpleNamespace
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats.endless import BLOCK, LINE_SHARE, LONGEST_LINE, check_lines
+from circparam.formats.endless import (
+    BLOCK_BYTES,
+    LINE_BYTES_PER_BYTE,
+    LONGEST_LINE_BYTES,
+    check_lines,
+)
 from circparam.formats.io import read
 from circparam.formats.source import Source
 
@@ -26,7 +31,7 @@ HEADS = {
     "ply": PLY + ROWS + b"999999999 ",
     "stl": b"solid x\nfacet normal 0 0 1\nouter loop\nvertex ",
 }
-REST = b"1 2 3 " * (BLOCK // 5)
+REST = b"1 2 3 " * (BLOCK_BYTES // 5)
 
 
 @pytest.mark.parametrize("format", HEADS)
@@ -39,7 +44,7 @@ def test_a_line_of_gigabytes_is_refused_before_it_is_in_memory(tmp_path: Path, f
     try:
         with pytest.raises(InputError, match=rf"line {line} is longer than 16 MB") as caught:
             read(path)
-        assert tracemalloc.get_traced_memory()[1] < 10 * BLOCK
+        assert tracemalloc.get_traced_memory()[1] < 10 * BLOCK_BYTES
     finally:
         tracemalloc.stop()
     assert str(caught.value).startswith(f"{path}: ")
@@ -54,7 +59,7 @@ def test_an_endless_line_of_a_pipe_is_refused_while_it_comes(
 
     def more(size: int = -1) -> bytes:
         assert size > 0, "all of an endless pipe was asked for"
-        assert next(asked) < 2 * LONGEST_LINE // BLOCK, "it was read on and on"
+        assert next(asked) < 2 * LONGEST_LINE_BYTES // BLOCK_BYTES, "it was read on and on"
         return (REST * (size // len(REST) + 1))[:size]
 
     head = iter([HEADS[format] + REST])
@@ -66,23 +71,25 @@ def test_an_endless_line_of_a_pipe_is_refused_while_it_comes(
 
 def vertices_and_a_line(share: float) -> Iterator[bytes]:
     """Ten blocks of rows, and then a line so many times as long."""
-    yield from itertools.repeat(b"0 0 0 \n" * (BLOCK // 7), 10)
-    yield from itertools.repeat(b"12345 \t" * (BLOCK // 7), round(share * 10))
+    yield from itertools.repeat(b"0 0 0 \n" * (BLOCK_BYTES // 7), 10)
+    yield from itertools.repeat(b"12345 \t" * (BLOCK_BYTES // 7), round(share * 10))
 
 
 def test_a_strip_may_name_every_vertex_of_a_mesh_six_times() -> None:
-    check_lines(vertices_and_a_line(LINE_SHARE), Source("strip.ply"))
-    with pytest.raises(InputError, match=rf"^strip.ply: line {10 * (BLOCK // 7) + 1} is longer"):
-        check_lines(vertices_and_a_line(LINE_SHARE + 0.1), Source("strip.ply"))
+    check_lines(vertices_and_a_line(LINE_BYTES_PER_BYTE), Source("strip.ply"))
+    with pytest.raises(
+        InputError, match=rf"^strip.ply: line {10 * (BLOCK_BYTES // 7) + 1} is longer"
+    ):
+        check_lines(vertices_and_a_line(LINE_BYTES_PER_BYTE + 0.1), Source("strip.ply"))
 
 
 def test_binary_files_have_no_lines(tmp_path: Path) -> None:
     """Zeros for twice the length of a line: of a binary PLY and STL they are values."""
-    count = LONGEST_LINE // 6
+    count = LONGEST_LINE_BYTES // 6
     head = PLY.replace(b"ascii", b"binary_little_endian").replace(b"vertex 3", b"vertex %d" % count)
     head = head.replace(b"tristrips 1", b"face 1").replace(b"list int int", b"list uchar uchar")
     ply = head + bytes(12 * count) + bytes([3, 0, 1, 2])
-    facets = 2 * LONGEST_LINE // 50
+    facets = 2 * LONGEST_LINE_BYTES // 50
     for name, data in (
         ("zeros.ply", ply),
         ("solid.stl", b"solid x".ljust(80) + facets.to_bytes(4, "little") + bytes(50 * facets)),

@@ -228,7 +228,7 @@ def test_a_missing_package_names_its_cure(monkeypatch: pytest.MonkeyPatch) -> No
 def test_trimesh_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A 3MF of 4 kB in which every component is twice the one before has 2^39 meshes."""
     pytest.importorskip("lxml")
-    monkeypatch.setattr(second_reader, "SECONDS", 2.0)
+    monkeypatch.setattr(second_reader, "PROCESSOR_SECONDS", 2.0)
     with pytest.raises(InputError, match="unfolds to far more than its size") as caught:
         read_data(hostile.three_mf(objects=hostile.doubling(40), item=40), format="3mf")
     assert "\n" not in str(caught.value)

@@ -112,7 +112,7 @@ def test_a_polygon_that_closes_round_nothing_is_refused() -> None:
 
 
 def test_large_concave_polygons_are_refused() -> None:
-    n = polygons.MAX_CONCAVE + 2
+    n = polygons.MAX_CONCAVE_CORNERS + 2
     a = np.arange(n) * 2 * np.pi / n
     r = np.where(np.arange(n) % 2, 0.2, 1.0)
     p = np.stack([r * np.cos(a), r * np.sin(a), 0 * a], 1)
@@ -195,6 +195,6 @@ def test_thousands_of_spikes_are_refused_in_bounded_work(monkeypatch: pytest.Mon
     text = "".join(f"v {x} {y} {z}\n" for x, y, z in star.tolist())
     text += "f " + " ".join(str(k + 1) for k in range(2000)) + "\n"
     assert len(read_data(text.encode(), format="obj").mesh.faces) == 1998
-    monkeypatch.setattr("circparam.formats.ears.MOST_BOXES", 10_000)
+    monkeypatch.setattr("circparam.formats.ears.MAX_BOXES", 10_000)
     with pytest.raises(InputError, match="too intricate: triangulate it first"):
         read_data(text.encode(), format="obj")

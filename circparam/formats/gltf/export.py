@@ -140,10 +140,10 @@ _WHITE_PNG = (
     b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\b\2\0\0\0\x90wS\xde\0\0\0\fIDATx\x9cc\xf8\xff\xff?"
     b"\0\5\xfe\2\xfe\r\xefF\xb8\0\0\0\0IEND\xaeB`\x82"
 )
-FAR = 16  # sizes from the origin up to which float32 keeps a shape to a millionth of its size
-LINES = "seams, sharp edges and borders of colours"
+FAR_SIZES = 16  # sizes from the origin up to which float32 keeps a shape to a millionth of its size
+LINES_NOTE = "seams, sharp edges and borders of colours"
 OLD_SET = "its textures keep the old uv, as set 1: circparam bake --from texture carries them into the new set"
-LARGEST = float(np.finfo(np.float32).max)
+LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
 
 
 def to_glb(
@@ -161,7 +161,7 @@ def to_glb(
     notes, warnings = not_carried(document, "glb", *shown.carried)
     notes += changes
     if split.added:
-        notes.append(duplicated(split.added, "seams" if len(attributes) == 1 else LINES))
+        notes.append(duplicated(split.added, "seams" if len(attributes) == 1 else LINES_NOTE))
     warnings += shown.warnings
     if "TEXCOORD_1" in attributes:
         warnings.append(OLD_SET)
@@ -198,7 +198,7 @@ def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, l
     at = _origin(given[used])
     with np.errstate(over="ignore"):
         points = (np.nan_to_num(given, posinf=0.0, neginf=0.0) - at).astype(np.float32)
-    if not far <= LARGEST or not np.isfinite(points).all():
+    if not far <= LARGEST_FLOAT32 or not np.isfinite(points).all():
         raise OutputError(
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
@@ -217,7 +217,7 @@ def _origin(points: FloatArray) -> FloatArray:
     rounding would spoil its shape, as in scans with map coordinates."""
     low, high = points.min(0), points.max(0)
     with np.errstate(over="ignore", invalid="ignore"):
-        near = not np.maximum(-low, high).max() > FAR * (high - low).max()
+        near = not np.maximum(-low, high).max() > FAR_SIZES * (high - low).max()
         middle = np.zeros(3) if near else ((low + high) / 2).astype(np.float32).astype(np.float64)
     return np.where(np.isfinite(middle), middle, 0.0)
 

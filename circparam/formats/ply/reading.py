@@ -70,21 +70,21 @@ def vertex_uv(vertex: Element) -> tuple[str, str] | None:
     return next((names for names in UV_NAMES if all(map(vertex.find, names))), None)
 
 
-UNFILLED = 1 << 12  # bytes
-CHUNK = 1 << 22  # rows that are looked at at once
+UNFILLED_BYTES = 1 << 12  # bytes
+CHUNK_ROWS = 1 << 22  # rows that are looked at at once
 KEYWORDS = {"ply", "format", "comment", "obj_info", "element", "property", "end_header"}
-MAX_HEADER = 1 << 20  # bytes: a thousand times the longest header of a real file
+MAX_HEADER_BYTES = 1 << 20  # bytes: a thousand times the longest header of a real file
 
 
 def is_ascii(head: bytes) -> bool:
     """Whether the header in the first bytes of a file says that its rows are text."""
-    return re.search(rb"[\r\n][ \t]*format[ \t]+ascii\b", head[:MAX_HEADER]) is not None
+    return re.search(rb"[\r\n][ \t]*format[ \t]+ascii\b", head[:MAX_HEADER_BYTES]) is not None
 
 
 def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
     """Refuse a binary file too short for its header, before the file is read.
 
-    head, tail: its first and last bytes, as many as a header may have and more than ``UNFILLED``. size: of the
+    head, tail: its first and last bytes, at least as many as a header has and UNFILLED_BYTES. size: of the
     whole, in bytes. Raises InputError; later checks may refuse further files.
     """
     layout = Layout.__new__(Layout)
@@ -96,7 +96,7 @@ def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
         room -= layout.promised(e, room)
     last = layout.elements[-1] if layout.elements else Element("", 0)
     lists = any(p.count_type for p in last.properties)
-    if last.count and lists and not tail[-UNFILLED:].strip(b"\0"):
+    if last.count and lists and not tail[-UNFILLED_BYTES:].strip(b"\0"):
         raise layout.unfilled(last)
 
 
@@ -128,7 +128,9 @@ class Layout:
 
     def begin(self) -> int:
         """Read the header; where it ends."""
-        found = re.search(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r)", self.data[:MAX_HEADER])
+        found = re.search(
+            rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r)", self.data[:MAX_HEADER_BYTES]
+        )
         if found is None:
             raise self.source.error("the PLY header has no end_header line: the file is cut short")
         self.newline = found.group(1)
@@ -242,8 +244,8 @@ class Layout:
 
     def _unfilled(self, at: int) -> bool:
         """Whether a long end of the file is zeros, as a stopped download leaves it: no row with a list is."""
-        end = self.raw[max(at, self._size - UNFILLED) :]
-        return len(end) == UNFILLED and not end.any()
+        end = self.raw[max(at, self._size - UNFILLED_BYTES) :]
+        return len(end) == UNFILLED_BYTES and not end.any()
 
     def _cut_short(self, e: Element, at: int, stride: int) -> bool:
         """Whether all rows of the file are alike, and the bytes behind them are too few for the others.
@@ -254,8 +256,8 @@ class Layout:
         least = self._least(e)
         if (e.count - whole) * least <= left:
             return False
-        for first in range(0, whole, CHUNK):
-            count = min(CHUNK, whole - first)
+        for first in range(0, whole, CHUNK_ROWS):
+            count = min(CHUNK_ROWS, whole - first)
             part = Element(e.name, count, e.properties)
             part.row = at + stride * np.arange(first, first + count + 1, dtype=np.int64)
             if not self._fits(part):

@@ -19,7 +19,9 @@ from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.source import Source
 
-CLIPS = 100_000  # files that one template of value clips may name: an hour at 24 frames a second
+MAX_CLIP_FILES = (
+    100_000  # files that one template of value clips may name: an hour at 24 frames a second
+)
 CURE = "put it beside the file, or flatten the file (usdcat --flatten)"
 
 
@@ -161,8 +163,10 @@ def _of_template(layer: Any, clips: dict[str, Any], root: Path, source: Source) 
     first, last, stride = (
         float(clips.get(f"template{k}", 1.0)) for k in ("StartTime", "EndTime", "Stride")
     )
-    if not last - first <= CLIPS * stride:
-        raise source.error(f"the template {name[:80]!r} names more than {CLIPS} files of clips")
+    if not last - first <= MAX_CLIP_FILES * stride:
+        raise source.error(
+            f"the template {name[:80]!r} names more than {MAX_CLIP_FILES} files of clips"
+        )
     if any(c in "*?[" for c in place.name):
         return []
     return sorted(glob.glob(f"{glob.escape(str(place.parent))}/{place.name.replace('#', '*')}"))

@@ -11,7 +11,7 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.io import read, read_data
-from circparam.formats.usd.stage import CLIPS, package_bytes
+from circparam.formats.usd.stage import MAX_CLIP_FILES, package_bytes
 
 pytest.importorskip("pxr", reason="usd-core is not installed (the extra usd)")
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes are of POSIX")
@@ -206,7 +206,7 @@ def test_a_template_of_a_billion_clips_is_refused(folder: Path) -> None:
     path = folder / "many.usda"
     for end in (1e9, float("inf")):
         path.write_text(clipped(TEMPLATE, end=end))
-        with pytest.raises(InputError, match=f"more than {CLIPS} files"):
+        with pytest.raises(InputError, match=f"more than {MAX_CLIP_FILES} files"):
             read(path)
 
 
