@@ -32,7 +32,8 @@ MAX_PARTS = 8  # at most: more than processes, so that none waits long for the l
 LARGE_CHARTS_PER_PART = 8  # charts of more than such a part of a part are dealt out one by one
 LARGE_TASK_BYTES = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
 OVERLOOKED_SECONDS = 2.0  # seconds between checks whether a process that should answer was killed
-LARGEST_PART_SHARE = 0.9  # of the faces in one part; above it the other parts are not worth a process
+# of the faces in one part; above it the other parts are not worth a process
+LARGEST_PART_SHARE = 0.9
 
 
 def cores() -> int:
