@@ -76,7 +76,7 @@ def test_faces_enter_in_the_same_order_in_every_pose(seed: int) -> None:
     np.testing.assert_array_equal(one.edges, other.edges)
 
 
-@pytest.mark.parametrize(("name", "effort"), [("torus", 0), ("bumpy", 2)])
+@pytest.mark.parametrize(("name", "effort"), [("torus", 0), ("bumpy", 1)])
 def test_a_turned_mesh_gets_the_same_seams(name: str, effort: float) -> None:
     points, faces = shapes.noisy(*SHAPES[name], amount=0.03)
     found = [unwrap((p, faces), resolution=128, effort=effort) for p in (points, _moved(points, 5))]
