@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam import samples
 from circparam.batch.index import Item
 from circparam.batch.mesh import unwrap_one
 from circparam.batch.process import (
@@ -82,7 +81,7 @@ def test_a_mesh_opens_no_processes_of_its_own(
     asked: list[int] = []
     monkeypatch.setattr("circparam.core.workers.start", lambda jobs, *_: asked.append(jobs))
     monkeypatch.setattr("circparam.pipeline.options.cores", lambda: 4)
-    mesh = str(samples.path("ribbon"))
+    mesh = str(write_disk(tmp_path / "large.obj", 30))  # alone it would open some
     (tmp_path / "o").mkdir()
     for jobs in (None, 4):
         given = settings(tmp_path, method="isometric", cut="charts", jobs=jobs)
