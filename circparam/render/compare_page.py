@@ -22,7 +22,7 @@ from circparam.render.html import (
     viewer_file,
     viewer_script,
 )
-from circparam.render.picture import to_image
+from circparam.render.picture import draw_scale
 from circparam.render.side_by_side import (
     COLUMNS,
     DrawnLayout,
@@ -199,7 +199,7 @@ def compare_plot(meshes: Sequence[SideBySide], columns: int = 5) -> Image.Image:
     draw = ImageDraw.Draw(page)
     y = 0
     for (shown, rows), card, height in zip(drawn, cards, heights, strict=True):
-        left = _plot_legend(page, draw, wide - margin, y + 32)
+        left = draw_scale(page, draw, wide - margin, y + 32, col.END, "distortion 1")
         title = fitted(draw, shown.title, 26, left - margin - 24)
         write(draw, (margin, y + 26), title, 26, col.INK)
         for k, row in enumerate(rows):
@@ -233,14 +233,3 @@ def _plot_card(
         left, top = (left + image.width + 20, top) if across else (left, bottom)
     room = 3 * 280 + 2 * 20 if across else 280
     write(draw, (x, bottom + 2), fitted(draw, caption(row), 16, room), 16, col.MUTED)
-
-
-def _plot_legend(page: Image.Image, draw: ImageDraw.ImageDraw, right: int, y: int) -> float:
-    """The scale of distortion, on one line that ends at ``right``; returns its beginning."""
-    text, name = f"{col.END:g} or more", "distortion 1"
-    left = right - int(width(draw, text, 16))
-    write(draw, (left, y), text, 16, col.MUTED)
-    ramp = col.distortion_map(200)[None].repeat(12, axis=0)
-    page.paste(to_image(ramp), (left - 210, y + 5))
-    write(draw, (left - 220, y), name, 16, col.MUTED, "ra")
-    return left - 220 - width(draw, name, 16)

@@ -115,14 +115,21 @@ def _legend(
             write(draw, (right, y), name, 16, col.MUTED)
             draw.rectangle((right - 22, y + 4, right - 8, y + 18), fill=code)
             right -= 42
-    text = f"{top:g} or more"
+    draw_scale(page, draw, right, y, top, "1 is perfect")
+
+
+def draw_scale(
+    page: Image.Image, draw: ImageDraw.ImageDraw, right: int, y: int, top: float, begin: str
+) -> float:
+    """The colour scale of distortion, on one line that ends at ``right``; returns where it begins."""
+    text, bar = f"{top:g} or more", 240
     right -= int(width(draw, text, 16))
     write(draw, (right, y), text, 16, col.MUTED)
-    bar = 240
     left = right - 10 - bar
     page.paste(to_image(np.repeat(col.distortion_map(bar)[None], 12, axis=0)), (left, y + 5))
     draw.rectangle((left - 1, y + 4, left + bar, y + 17), outline=col.HAIRLINE)
-    write(draw, (left - 10, y), "1 is perfect", 16, col.MUTED, "ra")
+    write(draw, (left - 10, y), begin, 16, col.MUTED, "ra")
+    return left - 10 - width(draw, begin, 16)
 
 
 def _figures(draw: ImageDraw.ImageDraw, y: int, figures: Figures) -> None:

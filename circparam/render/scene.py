@@ -19,10 +19,15 @@ from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.errors import InputError
+from circparam.geometry.shading import corner_normals, unit
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.weld import first_duplicates
 from circparam.pipeline.verify import flipped_faces
+
+SHARP_DEGREES = (
+    40.0  # between a face and the mean of a vertex, beyond which the face is shaded flat
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,24 +122,12 @@ class Scene:
     @cached_property
     def normals(self) -> FloatArray:
         """(m, 3) unit normals of the faces, zero for faces without area."""
-        length = np.linalg.norm(self._crosses, axis=1, keepdims=True)
-        result: FloatArray = np.divide(
-            self._crosses, length, out=np.zeros_like(self._crosses), where=length > 0
-        )
-        return result
+        return unit(self._crosses)
 
     @cached_property
     def corner_normals(self) -> FloatArray:
-        """(m, 3, 3) normals for smooth shading: area-weighted vertex normals, except across sharp edges."""
-        at = self.weld[self.faces].ravel()
-        weight = np.repeat(self._crosses, 3, axis=0)
-        total = np.stack([group_sum(weight[:, k], at, len(self.points)) for k in range(3)], 1)
-        length = np.linalg.norm(total, axis=1, keepdims=True)
-        smooth = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
-        corner = smooth[at].reshape(-1, 3, 3)
-        flat = np.broadcast_to(self.normals[:, None], corner.shape)
-        sharp = (corner * flat).sum(2) < np.cos(np.radians(40))
-        return np.where(sharp[..., None], flat, corner)
+        """(m, 3, 3) normals for smooth shading, except across sharp edges."""
+        return corner_normals(self.points[self.faces], self.weld[self.faces], SHARP_DEGREES)
 
     @cached_property
     def scale(self) -> float:
