@@ -110,29 +110,33 @@ class Geometry:
         """
         if self.curvature > 0:
             return corners, frames
-        middle = self.normal(corners.sum(1))
-        axes = self.tangents(middle) * self.metric[:, None]
-        up = -middle * self.metric if self.curvature else np.array([0.0, 0.0, 1.0])
-        up = np.broadcast_to(up, middle.shape)
+        axes, up, origin = self._plane(self.normal(corners.sum(1)))
         high = np.einsum("mcd,md->mc", corners, up)[..., None]
-        offset = 0.0 if self.curvature else middle[:, None, :2]
-        place = np.einsum("mcd,mda->mca", corners, axes) / high - offset
+        place = np.einsum("mcd,mda->mca", corners, axes) / high
         move = np.einsum("mcdb,mda->mcab", frames, axes)
-        move -= (place + offset)[..., None] * np.einsum("mcdb,md->mcb", frames, up)[:, :, None]
-        return place, move / high[..., None]
+        move -= place[..., None] * np.einsum("mcdb,md->mcb", frames, up)[:, :, None]
+        return place - origin[:, None], move / high[..., None]
 
-    def projected(self, q: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        """(uv (k, 2) of vectors (k, 3) in the tangent plane of their middle, NaN if they are out of sight;
-        the way back)."""
-        middle = self.normal(q.sum(0))
-        axes = self.tangents(middle[None])[0]
-        high = self.curvature * (q * self.metric) @ middle if self.curvature else q[:, 2]
-        origin = np.zeros(3) if self.curvature else np.r_[middle[:2], 0.0]
-        least = IN_SIGHT if self.curvature > 0 else 0.0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            flat = np.where(high > least, 1 / high, np.nan)[:, None] * q - origin
-        uv: FloatArray = np.asarray((flat * self.metric) @ axes, np.float64)
-        return uv, lambda uv: np.asarray(middle + uv @ axes.T, np.float64)
+    def projected(
+        self, q: FloatArray, group: IntArray, n: int
+    ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+        """(uv (k, 2) of vectors (k, 3) in the tangent plane of the middle of their group (k,), NaN if they are
+        out of sight; the way back)."""
+        middle = self.normal(np.stack([group_sum(column, group, n) for column in q.T], 1))[group]
+        axes, up, origin = self._plane(middle)
+        high = (q * up).sum(1)
+        high[high <= (IN_SIGHT if self.curvature > 0 else 0.0)] = np.nan
+        uv = np.einsum("kd,kda->ka", q, axes) / high[:, None] - origin
+        basis = self.tangents(middle)
+        return uv, lambda uv: middle + np.einsum("kda,ka->kd", basis, uv)
+
+    def _plane(self, middle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the tangent planes at places (k, 3): the axes (k, 3, 2) and the normal (k, 3) whose products with
+        a vector are its coordinates and its height, and the coordinates (k, 2) of the place."""
+        axes = self.tangents(middle) * self.metric[:, None]
+        if self.curvature:
+            return axes, self.curvature * middle * self.metric, np.zeros((len(middle), 2))
+        return axes, np.broadcast_to([0.0, 0.0, 1.0], middle.shape), middle[:, :2]
 
     def polar(self, length: FloatArray, angle: FloatArray) -> FloatArray:
         """Places at a distance from (0, 0, 1) in a direction, in the plane or the hyperbolic plane."""

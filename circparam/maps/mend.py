@@ -1,12 +1,11 @@
-"""Turn single faces of a mesh back over its domain: their surroundings are untangled, patch by patch."""
-
-from collections.abc import Callable
+"""Turn single faces of a mesh back over its domain: their surroundings are untangled, in patches."""
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2
+from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.geometry.intrinsic import signed_areas
 from circparam.maps.cover import Development
 from circparam.maps.geometries import Geometry, counter_clockwise
 from circparam.mesh.cut_mesh import CutMesh
@@ -27,83 +26,56 @@ class Mender:
     def mended(self, q: FloatArray) -> tuple[FloatArray, int]:
         """(vectors (n, 3) of the vertices with fewer faces turned over, the number left)."""
         for rings in UNTANGLED_RINGS:
-            q = self._untangled(q, rings)
+            if self.turned(q).any():
+                q = self._untangled(q, rings)
         return q, int(self.turned(q).sum())
 
     def turned(self, q: FloatArray) -> BoolArray:
         """(m,) bool: faces that are turned over."""
         return ~counter_clockwise(self.development.corners(q))
 
-    def _around(self, faces: BoolArray, rings: int) -> BoolArray:
-        """(n,) bool: the vertices of some faces, and so many rings round them."""
-        mesh = self.development.mesh
-        out = np.zeros(mesh.n, bool)
-        out[mesh.faces[faces]] = True
-        for _ in range(rings):
-            out[mesh.faces[out[mesh.faces].any(1)]] = True
-        return out
-
     def _untangled(self, q: FloatArray, rings: int) -> FloatArray:
-        """Patches of so many rings round turned faces, each in a plane, by the foldover-free energy."""
+        """Patches of so many rings round turned faces, each in the tangent plane of its middle, by the
+        foldover-free energy. Patches with vertices out of sight stay."""
         mesh, turned = self.development.mesh, self.turned(q)
-        if not turned.any():
-            return q
-        inside = self._around(turned, rings)[mesh.faces].all(1)
-        within = np.repeat(inside, 3) & np.repeat(inside, 3)[mesh.twin]
+        near = np.zeros(mesh.n, bool)
+        near[mesh.faces[turned]] = True
+        for _ in range(rings):
+            near[mesh.faces[near[mesh.faces].any(1)]] = True
+        inside = np.repeat(near[mesh.faces].all(1), 3)
+        within = inside & inside[mesh.twin]
         h = np.flatnonzero(within)
         _, label = components(len(mesh.faces), h // 3, mesh.twin[h] // 3)
-        out = q.copy()
-        for patch in np.unique(label[turned]).tolist():
-            faces = np.flatnonzero((label == patch) & inside)
-            vertices, first, local = np.unique(
-                mesh.faces[faces], return_index=True, return_inverse=True
-            )
-            uv, back = self._flat(q, faces, vertices, first, within)
-            if np.isfinite(uv).all():
-                part = self._part(faces, local.reshape(-1, 3))
-                found, resting = untangled_patch(part, uv, self.fixed[vertices])
-                out[vertices[~resting]] = back(found)[~resting]
-        return out
-
-    def _flat(
-        self, q: FloatArray, faces: IntArray, vertices: IntArray, first: IntArray, within: BoolArray
-    ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        """(uv (k, 2) of the vertices of connected faces, rolled out from the first one, NaN if they are out
-        of sight; the way back). first: a corner of each vertex among those of the faces."""
-        way = self.development.rolled_out(faces[:1], within)[1]
-        corner = 3 * faces[first // 3] + first % 3
-        into = way[corner // 3] @ self.development.of(corner)
-        uv, lifted = self.geometry.projected(np.einsum("kab,kb->ka", into, q[vertices]))
-
-        def back(found: FloatArray) -> FloatArray:
-            new = np.linalg.solve(into, lifted(found)[..., None])[..., 0]
-            return self.geometry.normal(np.asarray(new, np.float64))
-
-        return uv, back
-
-    def _part(self, faces: IntArray, local: IntArray) -> CutMesh:
-        """Some faces as one chart; local: their vertices numbered anew."""
-        mesh = self.development.mesh
+        faces = np.flatnonzero(np.isin(label, label[turned]) & inside[::3])
+        _, root, chart = np.unique(label[faces], return_index=True, return_inverse=True)
+        # a vertex where two patches touch is one of each
+        key, first, local = np.unique(
+            chart[:, None] * mesh.n + mesh.faces[faces], return_index=True, return_inverse=True
+        )
+        own, vertices = np.divmod(key, mesh.n)
         number = np.full(len(mesh.faces), -1)
         number[faces] = np.arange(len(faces))
-        h = (3 * faces[:, None] + np.arange(3)).ravel()
-        other = mesh.twin[h]
-        inner = (number[other // 3] >= 0) & (h < other)
-        pairs = np.stack([h[inner], other[inner]], 1)
-        rest = mesh.cut_mesh.rest_triangles[faces]
-        return CutMesh(
-            local, rest, np.zeros(len(faces), np.int64), 3 * number[pairs // 3] + pairs % 3
+        pairs = np.stack([h, mesh.twin[h]], 1)[(number[h // 3] >= 0) & (h < mesh.twin[h])]
+        part = CutMesh(
+            local.reshape(-1, 3),
+            mesh.cut_mesh.rest_triangles[faces],
+            chart,
+            3 * number[pairs // 3] + pairs % 3,
         )
-
-
-def untangled_patch(
-    part: CutMesh, uv: FloatArray, fixed: BoolArray
-) -> tuple[FloatArray, BoolArray]:
-    """(uv (k, 2) of a patch by the foldover-free energy; the fixed vertices: its boundary and ``fixed``)."""
-    corners = uv[part.faces]
-    area = np.abs(cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum() / 2
-    unit = np.sqrt(float(part.areas.sum()) / max(float(area), 1e-300))
-    resting = fixed.copy()
-    resting[part.faces.ravel()[part.boundary]] = True
-    found, _ = untangle(part, uv * unit, resting)
-    return found / unit, resting
+        # all vertices of a patch in the frame of its first face
+        way = self.development.rolled_out(faces[root], within)[1]
+        corner = 3 * faces[first // 3] + first % 3
+        into = way[corner // 3] @ self.development.of(corner)
+        seen = np.einsum("kab,kb->ka", into, q[vertices])
+        uv, back = self.geometry.projected(seen, own, len(root))
+        rest = self.fixed[vertices]
+        rest[part.faces.ravel()[part.boundary]] = True
+        rest |= group_sum(~np.isfinite(uv).all(1), own, len(root))[own] > 0
+        uv = np.nan_to_num(uv)
+        area = group_sum(np.abs(signed_areas(part.faces, uv)), chart, len(root))
+        unit = np.sqrt(part.chart_areas / np.maximum(area, 1e-300))[own][:, None]
+        found, _ = untangle(part, uv * unit, rest)
+        new = np.linalg.solve(into, back(found / unit)[..., None])[..., 0]
+        out = q.copy()
+        out[vertices[~rest]] = self.geometry.normal(np.asarray(new, np.float64))[~rest]
+        return out
