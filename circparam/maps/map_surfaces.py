@@ -72,18 +72,8 @@ class MapResult:
         }
 
 
-@dataclass(frozen=True)
-class MapOptions:
-    """Further arguments of ``map_surfaces``, documented there."""
-
-    method: str = "mean-value"
-    mirrored: bool = False
-    relax: bool = True
-    overlay: bool = False
-
-
 class Keywords(TypedDict, total=False):
-    """The fields of ``MapOptions``."""
+    """Further arguments of ``map_surfaces``, documented there."""
 
     method: str
     mirrored: bool
@@ -121,40 +111,29 @@ def map_surfaces(
     unknown = set(keywords) - set(Keywords.__annotations__)
     if unknown:
         raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
-    options = MapOptions(**keywords)
+    method, mirrored = keywords.get("method", "mean-value"), keywords.get("mirrored", False)
+    relax = keywords.get("relax", True)
     pairs, routes = _pairs(landmarks, paths)
-    meshes = _mesh(a), _mesh(b)
     layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
-    if routes and layouts:
-        raise OptionError(
-            "paths between landmarks and --charts both say where to cut: leave one out"
-        )
-    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
-    if options.method not in good:
-        raise OptionError(
-            f"a map needs weights that are positive on every mesh, not {options.method!r}: "
-            f"choose one of {', '.join(good)}"
-        )
+    _require_positive(method)
     monitor = Monitor(listener)
     with monitor.stage("repair"):
-        side_a, side_b = (
-            map_input_of(meshes[0], "A"), map_input_of(meshes[1], "B", options.mirrored)
-        )  # fmt: skip
+        side_a, side_b = map_input_of(_mesh(a), "A"), map_input_of(_mesh(b), "B", mirrored)
         require_same(side_a, side_b)
     with monitor.stage("landmarks"):
-        marks = _landmarks(pairs, layouts, side_a, side_b, options.mirrored)
-        if routes:
-            marking.add_paths(marks, routes, side_a)
-        if layouts:
-            add_charts(marks, layouts, side_a, side_b)
-        else:
-            marking.add_boundaries(marks, side_a, side_b)
-        if len(marks.a) < 3:
-            raise InputError(
-                f"{len(marks.a)} landmarks are too few for closed surfaces: give 3 or more pairs of vertices"
-            )
-    solution = solve_map(side_a, side_b, marks, options.method, options.relax, monitor)
-    return _result(side_a, side_b, marks, solution, options, monitor)
+        marks = _landmarks(pairs, routes, layouts, side_a, side_b, mirrored)
+    solution = solve_map(side_a, side_b, marks, method, relax, monitor)
+    if relax and not solution.relaxed:
+        marks.notes.append(
+            "relaxation turns faces over in the common domain: "
+            "the map is the composition of the convex maps without it"
+        )
+    found = _result(side_a, side_b, marks, solution, method, monitor)
+    if not keywords.get("overlay", False):
+        return found
+    with monitor.stage("overlay"):
+        mapped = replace(found.map, overlay=refinement(side_a, side_b, solution))
+    return replace(found, map=mapped, seconds=dict(monitor.seconds))
 
 
 def _pairs(
@@ -176,19 +155,47 @@ def _pairs(
     return given.astype(np.int64), routes
 
 
+def _require_positive(method: str) -> None:
+    """Raise OptionError for weights whose maps may turn faces over."""
+    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
+    if method not in good:
+        raise OptionError(
+            f"a map needs weights that are positive on every mesh, not {method!r}: "
+            f"choose one of {', '.join(good)}"
+        )
+
+
 def _landmarks(
     pairs: IntArray | None,
+    paths: list[list[int]],
     layouts: tuple[UVMap, UVMap] | None,
     a: MapInput,
     b: MapInput,
     mirrored: bool,
 ) -> Landmarks:
-    """The pairs as landmarks, or guessed ones where others than boundaries and charts are needed."""
-    if pairs is None:
-        return Landmarks() if (a.loops and not a.genus) or layouts else marking.guess(a, b)
-    marks = marking.given_landmarks(pairs, a, b)
-    if not mirrored:
-        marking.refuse_mirrored(marks, a, b)
+    """The pairs as landmarks, guessed ones where they are needed, with paths, and seams or boundaries."""
+    if paths and layouts:
+        raise OptionError(
+            "paths between landmarks and --charts both say where to cut: leave one out"
+        )
+    if pairs is not None:
+        marks = marking.given_landmarks(pairs, a, b)
+        if not mirrored:
+            marking.refuse_mirrored(marks, a, b)
+    elif (a.loops and not a.genus) or layouts:
+        marks = Landmarks()
+    else:
+        marks = marking.guess(a, b)
+    if paths:
+        marking.add_paths(marks, paths, a)
+    if layouts:
+        add_charts(marks, layouts, a, b)
+    else:
+        marking.add_boundaries(marks, a, b)
+    if len(marks.a) < 3:
+        raise InputError(
+            f"{len(marks.a)} landmarks are too few for closed surfaces: give 3 or more pairs of vertices"
+        )
     return marks
 
 
@@ -197,16 +204,11 @@ def _result(
     b: MapInput,
     marks: Landmarks,
     solution: MapSolution,
-    options: MapOptions,
+    method: str,
     monitor: Monitor,
 ) -> MapResult:
-    """The map by vertices and faces of the files, with its overlay, and its quality."""
+    """The map by vertices and faces of the files, and its quality."""
     notes = [f"{side.name}: {line}" for side in (a, b) for line in side.notes] + marks.notes
-    if options.relax and not solution.relaxed:
-        notes.append(
-            "relaxation turns faces over in the common domain: "
-            "the map is the composition of the convex maps without it"
-        )
     with monitor.stage("check"):
         exact = np.stack([marks.a, marks.b], 1)[np.array(marks.exact, bool)].reshape(-1, 2)
         to_b = _places(b, solution.on_b, solution.covers[1].mesh, exact)
@@ -220,9 +222,6 @@ def _result(
         mapped = SurfaceMap(
             for_file(to_b, a, b), for_file(to_a, b, a), fingerprint(a.mesh), fingerprint(b.mesh)
         )
-    if options.overlay:
-        with monitor.stage("overlay"):
-            mapped = replace(mapped, overlay=refinement(a, b, solution))
     return MapResult(
         mapped,
         a_to_b,
@@ -231,7 +230,7 @@ def _result(
         solution.inversions,
         len(exact),
         float(off.max(initial=0.0)) / b.size,
-        options.method,
+        method,
         dict(monitor.seconds),
         notes,
     )

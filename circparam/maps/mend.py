@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.geometry.intrinsic import signed_areas
@@ -70,7 +70,7 @@ class Mender:
         uv, back = self.geometry.projected(seen, own, len(root))
         rest = self.fixed[vertices]
         rest[part.faces.ravel()[part.boundary]] = True
-        rest |= group_sum(~np.isfinite(uv).all(1), own, len(root))[own] > 0
+        rest |= group_count(own[~np.isfinite(uv).all(1)], len(root))[own] > 0
         uv = np.nan_to_num(uv)
         area = group_sum(np.abs(signed_areas(part.faces, uv)), chart, len(root))
         unit = np.sqrt(part.chart_areas / np.maximum(area, 1e-300))[own][:, None]
