@@ -14,7 +14,7 @@ from circparam.core.arrays import FloatArray, IntArray, slices
 from circparam.formats.materials import Textures, decode
 from circparam.geometry.closest import Found, closest_on_triangles, samples_of, walked
 from circparam.geometry.shading import unit
-from circparam.mesh.halfedge import shared_edges
+from circparam.mesh.halfedge import faces_across, shared_edges
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 from circparam.render.texture import bilinear
@@ -96,7 +96,8 @@ class Closest:
         b = self.corners[:, 2] - self.corners[:, 0]
         normal = np.cross(a, b)
         self.normals = unit(normal)
-        self.beside = neighbours(points, faces)
+        # sides meet by position
+        self.beside = faces_across(len(faces), shared_edges(row_labels(points)[faces]))
         self.longest = float(np.sqrt(max((s * s).sum(1).max() for s in (a, b, b - a))))
         samples = int(np.clip(SAMPLES_A_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
         self.face, r = samples_of(np.linalg.norm(normal, axis=1), samples)
@@ -144,14 +145,6 @@ class Closest:
         best = np.argmin(d2, axis=1)
         rows = np.arange(len(places))
         return candidates[rows, best], bary[rows, best], np.sqrt(d2[rows, best])
-
-
-def neighbours(points: FloatArray, faces: IntArray) -> IntArray:
-    """(m, 3) the face across each side, the face itself where there is none; sides meet by position."""
-    i, j = shared_edges(row_labels(points)[faces]).T
-    out = np.repeat(np.arange(len(faces)), 3)
-    out[i], out[j] = j // 3, i // 3
-    return out.reshape(-1, 3)
 
 
 def apart(mesh: Mesh, closest: Closest) -> float:

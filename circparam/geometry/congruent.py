@@ -59,7 +59,7 @@ class _Parts:
     """Components with vertices of their own. vertex: (m, 3) number of each corner's vertex, ascending by
     component; points: (v, 3) from the centroid of the component; owner: (v,) component; first: (n + 1,) first
     vertex of each; radius, slack: (n,) farthest vertex, and tolerance of copies; distance, angle: (v,) from the
-    centroid, and sum of the face angles; label: (m,) labels that copies share face by face."""
+    centroid, and sum of the face angles; label: (m,) labels that copies share face by face; area: (m,)."""
 
     component: IntArray
     vertex: IntArray
@@ -71,6 +71,7 @@ class _Parts:
     distance: FloatArray
     angle: FloatArray
     label: IntArray
+    area: FloatArray
 
     @cached_property
     def flats(self) -> Flats:
@@ -133,10 +134,8 @@ def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntA
     owner = key // len(points)
     own = points[key % len(points)]
     corner = own[vertex]
-    area = (
-        np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-        / 2
-    )
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area = np.linalg.norm(cross, axis=1) / 2
     total = np.maximum(group_sum(area, component, n), 1e-300)
     middle = corner.mean(1)
     centre = np.stack([group_sum(area * middle[:, k], component, n) / total for k in range(3)], 1)
@@ -160,17 +159,14 @@ def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntA
         distance,
         angle,
         label,
+        area,
     )
 
 
 def _classes(parts: _Parts) -> IntArray:
     """(n,) class of each component: those in different ones cannot be congruent."""
     n = len(parts.radius)
-    corner = parts.points[parts.vertex]
-    area = (
-        np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-        / 2
-    )
+    corner, area = parts.points[parts.vertex], parts.area
     # the second moment of a triangle about the origin: A / 12 (Σ |p|² + |Σ p|²)
     moment = area / 12 * ((corner**2).sum((1, 2)) + (corner.sum(1) ** 2).sum(1))
     total = np.maximum(group_sum(area, parts.component, n), 1e-300)

@@ -6,13 +6,13 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    cross2,
     group_sum,
     next_half_edge,
     norms2,
 )
 from circparam.core.records import dataclass
 from circparam.geometry.coverage import pages_of
+from circparam.geometry.intrinsic import signed_areas
 from circparam.geometry.straight import axis_parallel, on_multiples, straight_edges
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -118,10 +118,8 @@ def seam_vertices(surface: Surface, cut_mesh: CutMesh, used: BoolArray) -> int:
 
 def _uv_areas(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(n_charts,) area of each chart in the plane."""
-    a, b, c = (uv[cut_mesh.faces[:, k]] for k in range(3))
-    doubled = group_sum(cross2(b - a, c - a), cut_mesh.chart, cut_mesh.n_charts)
-    result: FloatArray = np.abs(doubled) / 2
-    return result
+    area = group_sum(signed_areas(cut_mesh.faces, uv), cut_mesh.chart, cut_mesh.n_charts)
+    return np.abs(area)
 
 
 def _seam_length(surface: Surface, cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> float:

@@ -33,6 +33,7 @@ from circparam.geometry.intrinsic import signed_areas
 from circparam.maps.least_drift import LEAST_HEIGHT_PAGES, faults, heights, meetings, mend
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.halfedge import faces_across
 from circparam.mesh.surface import Surface
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
@@ -87,10 +88,7 @@ class SourceCharts:
         self.gradients = space_gradients(atlas)
         box = np.ptp(self.corners.reshape(-1, 3), axis=0)
         self.diagonal = max(float(np.linalg.norm(box)), 1e-300)
-        self.beside = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)
-        h = surface.edges[~atlas.cut]
-        flat = self.beside.reshape(-1)
-        flat[h[:, 0]], flat[h[:, 1]] = h[:, 1] // 3, h[:, 0] // 3
+        self.beside = faces_across(len(surface.faces), surface.edges[~atlas.cut])
         self.scale = _scale(atlas)
         self.sample, bary = spread_samples(surface.areas)
         self.places = np.einsum("pk,pkc->pc", bary, self.corners[self.sample])

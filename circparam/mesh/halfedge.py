@@ -261,6 +261,12 @@ def opposite_half_edges(n_faces: int, edges: IntArray) -> IntArray:
     return out
 
 
+def faces_across(n_faces: int, edges: IntArray) -> IntArray:
+    """(m, 3) the face across each side, the face itself on the boundary."""
+    h, twin = np.arange(3 * n_faces), opposite_half_edges(n_faces, edges)
+    return np.where(twin < 0, h, twin).reshape(-1, 3) // 3
+
+
 def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
     """Vertices of a cut mesh: corners joined across the given inner edges, and no others.
 

@@ -224,20 +224,6 @@ def test_triangles_beyond_the_picture_are_clipped() -> None:
     assert not rasterise(np.array(beside), 7, 4)[2].any()
 
 
-def test_runs_outside_the_page_leave_no_owner() -> None:
-    """Left of it, right of it, above and below: nothing is covered, not even the texels at its ends."""
-    square = np.array([[[0.0, 0], [2, 0], [2, 2]], [[0, 0], [2, 2], [0, 2]]])
-    owner = np.array([0, 0])
-    for shift in ([-3.0, 1.0], [9.0, 1.0], [1.0, -4.0], [1.0, 9.0]):
-        page, clashes = owner_raster(square + shift, owner, 8)
-        assert (page == -1).all()
-        assert clashes == 0
-    page, _ = owner_raster(square + np.array([-1.0, 7.0]), owner, 8)
-    assert np.argwhere(page >= 0).tolist() == [[7, 0]]
-    page, _ = owner_raster(square + np.array([7.0, 3.0]), owner, 8)
-    assert np.argwhere(page >= 0).tolist() == [[3, 7], [4, 7]]
-
-
 def test_outlines_through_one_texel_share_it() -> None:
     page = np.full((8, 8), -1, np.int32)
     start, end = np.array([[0.5, 1.5], [0.5, 1.5]]), np.array([[6.5, 1.5], [0.5, 5.5]])

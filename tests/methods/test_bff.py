@@ -64,13 +64,6 @@ def test_the_disk_is_round():
     assert angle[0] < 1 + 1.5 * (angle[1] - 1)
 
 
-def test_lengths_of_the_user_are_met_up_to_closing():
-    cut_mesh, _ = patches_of(shapes.half_cylinder())
-    own = cut_mesh.edge_lengths.ravel()[cut_mesh.boundary]
-    layout = bff(cut_mesh, MethodOptions(bff_boundary=2 * own), Monitor())
-    np.testing.assert_allclose(boundary_lengths(cut_mesh, layout.uv), 2 * own, rtol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("boundary", "word"),
     [

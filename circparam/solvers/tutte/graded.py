@@ -9,7 +9,7 @@ about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, sorted_distinct
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import at_best_scales, measure
@@ -119,9 +119,7 @@ def _graded(
 
 def boundary_depth(cut_mesh: CutMesh) -> FloatArray:
     """(n_vertices,) number of edges between a vertex and the outer boundary of its chart."""
-    loops = cut_mesh.loops
-    h = loops.half_edges[loops.outer[loops.loop_of]]
-    source = sorted_distinct(cut_mesh.faces.ravel()[h])
+    source = np.flatnonzero(_outer_vertices(cut_mesh))
     i = cut_mesh.faces.ravel()
     j = cut_mesh.faces[:, [1, 2, 0]].ravel()
     n = cut_mesh.n_vertices

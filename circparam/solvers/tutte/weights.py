@@ -11,7 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.arrays import FloatArray, IntArray, group_sum, stable_order
+from circparam.core.graph import cycles
 from circparam.core.registry import Row, Table
 from circparam.geometry.intrinsic import corner_angles as angles_of
 from circparam.geometry.intrinsic import cotangents, tan_half_angles, vertex_angle_sums
@@ -106,11 +107,9 @@ def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
     follower = entry[twin[np.where(h % 3 == 0, h + 2, h - 1)]]
     number = np.cumsum(inner) - 1
     ring = number[flat[h]]
-    size = np.bincount(ring)
-    order = _ring_positions(follower, ring, size) + (np.cumsum(size) - size)[ring]
-    by_ring = np.empty_like(h)
-    by_ring[order] = h
-    ring = np.repeat(np.arange(len(size)), size)
+    _, walk, _ = cycles(follower)
+    walk = walk[stable_order(ring[walk])]
+    by_ring, ring, size = h[walk], ring[walk], np.bincount(ring)
     angles = angles_of(cut_mesh)
     raw = angles.ravel()[by_ring]
     theta = raw * (2 * np.pi / vertex_angle_sums(cut_mesh, angles)[inner])[ring]
@@ -125,23 +124,6 @@ def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
     first = (np.cumsum(size) - size)[ring]
     angle = turned - theta
     return ring, by_ring, np.clip(angle - angle[first], 0, 2 * np.pi * (1 - 1e-15))
-
-
-def _ring_positions(follower: IntArray, ring: IntArray, size: IntArray) -> IntArray:
-    """Position of every entry in its ring, counted from the ring's lowest entry, by pointer doubling."""
-    n = len(follower)
-    head = np.zeros(len(size), np.int64)
-    head[ring[::-1]] = np.arange(n)[::-1]
-    is_head = np.zeros(n, bool)
-    is_head[head] = True
-    jump = np.where(is_head, np.arange(n), follower)
-    steps = np.where(is_head, 0, 1)
-    reach = 1
-    while reach < int(size.max(initial=1)):
-        steps = steps + steps[jump]
-        jump = jump[jump]
-        reach *= 2
-    return np.where(is_head, 0, size[ring] - steps)
 
 
 def half_edge_weights(cut_mesh: CutMesh, scheme: WeightFunction) -> FloatArray:
