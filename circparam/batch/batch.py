@@ -14,7 +14,7 @@ from typing import Any
 
 from circparam.batch.cluster import Cluster, LostError
 from circparam.batch.index import Index, size_of
-from circparam.batch.manifest import NAME, Manifest, lines, local_copy
+from circparam.batch.manifest import NAME, Manifest, local_copy, read_lines
 from circparam.batch.progress import Meter, Progress
 from circparam.batch.report import save_report
 from circparam.batch.run import LAST, Batch, Task
@@ -30,7 +30,7 @@ REMOTE_STATUS = 30.0  # seconds between two notes of the state in a remote folde
 
 
 @dataclass(frozen=True)
-class Plan:
+class BatchPlan:
     """The task of a batch. sources: as the command line has them. retry: of failed, degraded, all. workers: of
     a cluster on this machine; scheduler, scheduler_file: of one that runs. task: function that a worker calls
     for one item. last: seconds for running tasks after the batch was asked to stop."""
@@ -82,7 +82,7 @@ class Summary:
         return (self.counts.get("failed", 0) + self.missed) / done if done else 0.0
 
 
-def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
+def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
     """Unwrap all files of the sources that the manifest does not have as done.
 
     Raises OptionError for results that collide and for a scheduler or worker that does not fit. Raises
@@ -103,13 +103,13 @@ def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
             _clean(folder)
             if manifest.mended:
                 hooks.note(f"{NAME}: its incomplete last line ({manifest.mended} bytes) is removed")
-            index.add_lines(lines(manifest.path))
+            index.add_lines(read_lines(manifest.path))
             due = index.mark_due(settings.key(), plan.retry, exists)
             meter = Meter(total, total - due, index.weight())
             finished = True
             if due:
-                finished = _work(plan, settings, (index, manifest, meter), hooks)
-            index.add_lines(lines(manifest.path))
+                finished = _work(plan, settings, index, manifest, meter, hooks)
+            index.add_lines(read_lines(manifest.path))
             report: str | None = folder.of("report.html")
             if due or folder.remote or not os.path.exists(str(report)):
                 report = save_report(folder, index)
@@ -119,7 +119,7 @@ def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
         return _summary(index, meter, finished, report, time.monotonic() - start)
 
 
-def _list(plan: Plan, folder: Folder, index: Index, hooks: Hooks) -> int:
+def _list(plan: BatchPlan, folder: Folder, index: Index, hooks: Hooks) -> int:
     listing = Listing(plan.sources, None if folder.remote else folder.address)
     total = index.add_sources(listing, folder)
     if listing.own:
@@ -156,10 +156,14 @@ def _check_owned(
 
 
 def _work(
-    plan: Plan, settings: Settings, state: tuple[Index, Manifest, Meter], hooks: Hooks
+    plan: BatchPlan,
+    settings: Settings,
+    index: Index,
+    manifest: Manifest,
+    meter: Meter,
+    hooks: Hooks,
 ) -> bool:
     """Run the items that are due; whether all are done."""
-    index, manifest, meter = state
     cluster = Cluster(plan.workers, plan.scheduler, plan.scheduler_file)
     try:
         batch = Batch(
@@ -245,7 +249,7 @@ def status(out: str) -> dict[str, Any]:
     if not path.exists():
         raise OptionError(f"{folder.address}: it has no {NAME}: no batch has written there")
     with Index() as index:
-        index.add_lines(lines(path))
+        index.add_lines(read_lines(path))
         rows = list(
             index.data.execute("SELECT status, count(*), sum(exit != 0) FROM done GROUP BY 1")
         )

@@ -170,7 +170,7 @@ class Cluster:
             self.client.close(timeout=0.2)
 
     def close(self) -> None:
-        """Say good-bye, and end the cluster of this machine."""
+        """Disconnect, and end the cluster of this machine."""
         with contextlib.suppress(Exception):
             self.client.close(timeout=5)
         self._end()
@@ -205,7 +205,7 @@ def remove_folder(folder: str) -> None:
 
 
 def clear_folders() -> None:
-    """Remove the folders of clusters that were killed with whoever had started them: nobody holds their locks.
+    """Remove folders without a lock: their clusters were killed together with the processes that started them.
 
     Folders of the last seconds stay, because the lock comes a moment after the folder.
     """

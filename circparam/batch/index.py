@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from circparam.batch.sources import Source, output_name
+from circparam.batch.sources import SourceFile, output_name
 from circparam.batch.store import Folder, digest
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
@@ -63,7 +63,7 @@ class Index:
             self.data.executemany(f"INSERT OR REPLACE INTO done VALUES ({marks})", rows)
         self.data.commit()
 
-    def add_sources(self, found: Iterable[Source], folder: Folder) -> int:
+    def add_sources(self, found: Iterable[SourceFile], folder: Folder) -> int:
         """Add all files of the sources; returns their number. A file that is named twice counts once.
 
         Raises OptionError if a result would overwrite another one, or a source.
@@ -115,14 +115,40 @@ class Index:
         options: hash of the options and version. retry: of failed, degraded, all. exists: whether a result
         (name, bytes) is still there. Done and unchanged is left: same options, same source, result there.
         """
-        due: list[tuple[int]] = []
+
+        def is_due(row: tuple[Any, ...]) -> bool:
+            (
+                _,
+                source,
+                target,
+                size,
+                mark,
+                old_size,
+                old_mark,
+                hashed,
+                made_with,
+                status,
+                code,
+                out,
+            ) = row
+            if status is None or made_with != options or "all" in retry:
+                return True
+            if "failed" in retry and (status == "failed" or code):
+                return True
+            if "degraded" in retry and status == "degraded":
+                return True
+            if (size, mark) != (old_size, old_mark):
+                path = _text(source)
+                same = size == old_size and (hashed or "").startswith("sha256:")
+                if not same or not os.path.isfile(path) or digest(path) != hashed:
+                    return True
+            return status != "failed" and not exists(_text(target), out or -1)
+
         query = (
             "SELECT f.id, f.source, f.target, f.size, f.mark, d.size, d.mark, d.hash, d.options, d.status, "
             "d.exit, d.output_bytes FROM file f LEFT JOIN done d ON d.name = f.target"
         )
-        for number, source, target, size, mark, *last in self.data.execute(query):
-            if _due(_text(source), _text(target), (size, mark), last, (options, retry, exists)):
-                due.append((number,))
+        due = [row[:1] for row in self.data.execute(query) if is_due(row)]
         self.data.executemany("UPDATE file SET due = 1 WHERE id = ?", due)
         self.data.commit()
         return len(due)
@@ -144,25 +170,6 @@ class Index:
         query = "SELECT id, source, target, size, mark FROM file WHERE due ORDER BY size DESC, id"
         for number, source, target, size, mark in self.data.execute(query):
             yield Item(number, _text(source), _text(target), size, mark)
-
-
-def _due(
-    source: str, target: str, now: tuple[int, str], last: list[Any],
-    asked: tuple[str, frozenset[str], Callable[[str, int], bool]],
-) -> bool:  # fmt: skip
-    size, mark, hashed, options, status, code, output_bytes = last
-    current, retry, exists = asked
-    if status is None or options != current or "all" in retry:
-        return True
-    if "failed" in retry and (status == "failed" or code):
-        return True
-    if "degraded" in retry and status == "degraded":
-        return True
-    if now != (size, mark):
-        same = size == now[0] and (hashed or "").startswith("sha256:") and os.path.isfile(source)
-        if not same or digest(source) != hashed:
-            return True
-    return status != "failed" and not exists(target, output_bytes or -1)
 
 
 def _row(line: dict[str, Any]) -> tuple[Any, ...]:

@@ -1,8 +1,8 @@
 """A Dask cluster on this machine, in a session of its own: ``python -m circparam.batch.local WORKERS FOLDER``.
 
-A terminal's Ctrl-C does not reach it, and it ends, with everything it has started, when whoever started it is
-gone. The cluster prints one line on standard output: the address of its scheduler. All its files are in FOLDER,
-which it removes where whoever started it no longer can.
+A terminal's Ctrl-C does not reach it. When the process that started it ends, the cluster ends with all its
+processes. The cluster prints one line on standard output: the address of its scheduler. All its files are in
+FOLDER, which it removes if the process that started it no longer can.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ CONFIG = {
     "distributed.scheduler.allowed-failures": 10,
     "distributed.worker.preload": ["circparam.batch.preload"],
     "distributed.worker.profile.enabled": False,
-    # Dask keeps data of past tasks for its dashboard, which nobody reads here
+    # Dask keeps data of past tasks for its dashboard, which is not used here
     "distributed.admin.log-length": 100,
     "distributed.admin.low-level-log-length": 100,
     "distributed.admin.system-monitor.log-length": 10,
@@ -69,7 +69,7 @@ def main() -> None:
                 with contextlib.suppress(Exception):
                     os.kill(nanny.pid, signal.SIGKILL)
             threading.Timer(5.0, _all_of_it, (folder,)).start()
-    finally:  # also where nobody is left to hear the address
+    finally:  # also if the reader of the address has ended
         _all_of_it(folder)
 
 

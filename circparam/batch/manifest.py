@@ -23,12 +23,12 @@ SYNC = 2.0  # seconds between two calls that make the lines durable on the disk
 UPLOAD = 30.0  # seconds between two uploads at least; they take at most a twentieth of the time
 
 
-def encode(line: dict[str, Any]) -> bytes:
+def encode_line(line: dict[str, Any]) -> bytes:
     """One line. ASCII alone: names that are no UTF-8, or hold a newline, survive as escapes."""
     return json.dumps(line, ensure_ascii=True, separators=(",", ":")).encode() + b"\n"
 
 
-def lines(path: Path) -> Iterator[dict[str, Any]]:
+def read_lines(path: Path) -> Iterator[dict[str, Any]]:
     """The lines of a manifest, in order; torn lines and other lines that are no JSON object with a name are
     skipped."""
     with contextlib.suppress(FileNotFoundError), path.open("rb") as stream:
@@ -41,7 +41,7 @@ def lines(path: Path) -> Iterator[dict[str, Any]]:
                     yield line
 
 
-def mend(path: Path) -> int:
+def cut_torn_line(path: Path) -> int:
     """Cut off a torn last line; returns its number of bytes. Raises OSError."""
     if not path.exists():
         return 0
@@ -77,7 +77,7 @@ class Manifest:
                 self.path.unlink(missing_ok=True)
             self._stream = self.path.open("ab", buffering=0)
             self._lock()
-            self.mended = mend(self.path)
+            self.mended = cut_torn_line(self.path)
             self._end = self._stream.seek(0, os.SEEK_END)
         except OSError as error:
             raise OutputError(
@@ -105,7 +105,7 @@ class Manifest:
 
     def append(self, line: dict[str, Any]) -> None:
         """One more line, whole or not at all. Raises OSError if the disk refuses; nothing is torn then."""
-        data = encode(line)
+        data = encode_line(line)
         written = 0
         try:
             while written < len(data):

@@ -59,19 +59,22 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
 
 def _further(settings: Settings, result: Any, scratch: str, name: str) -> dict[str, str]:
     """Seams, index map and picture where they were asked for: name under --out → file in the scratch folder."""
-    from circparam.pipeline import save
-
     out = {}
     for kind, pattern in settings.extras.items():
         place = pattern.replace(PLACE, os.path.splitext(name)[0])
         path = os.path.join(scratch, f"further.{kind}{os.path.splitext(place)[1]}")
-        if kind == "export-seams":
-            save.export_seams(result, path, True)
-        elif kind == "map":
-            save.write_map(result, path, True)
-        else:
-            from circparam.render.picture import save_result
-
-            save_result(path, result, os.path.basename(name))
+        write_further(kind, result, path, os.path.basename(name), overwrite=True)
         out[place] = os.path.basename(path)
     return out
+
+
+def write_further(kind: str, result: Any, path: str, title: str, overwrite: bool) -> None:
+    """Write the file of --export-seams, --map or --preview; title: of the picture. Raises OutputError."""
+    from circparam.pipeline import save
+
+    if kind == "preview":
+        from circparam.render.picture import save_result
+
+        save_result(path, result, title)
+    else:
+        (save.write_map if kind == "map" else save.export_seams)(result, path, overwrite)

@@ -3,7 +3,7 @@
 import sys
 from typing import Any
 
-from circparam.batch.process import prepare
+from circparam.batch.process import start_ahead
 from circparam.batch.task import do_item
 
 __all__ = ["dask_setup", "do_item"]  # the task is imported here, too
@@ -11,4 +11,4 @@ __all__ = ["dask_setup", "do_item"]  # the task is imported here, too
 
 def dask_setup(worker: Any) -> None:
     """Called by Dask in every new worker."""
-    prepare(sys.platform.startswith("linux"))
+    start_ahead(sys.platform.startswith("linux"))

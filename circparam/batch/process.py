@@ -17,7 +17,7 @@ from circparam.core.messages import message, send
 from circparam.core.workers import environment
 
 START = 120.0  # seconds that a server may take to import everything
-MORE = 30.0  # seconds that a server has, after the hard stop of a mesh, to say so
+MORE = 30.0  # seconds that a server has, after the hard stop of a mesh, to report it
 TICK = 0.1
 _FREE: "list[WarmServer]" = []
 _LOCK, _COMING = threading.Lock(), threading.Lock()
@@ -121,7 +121,7 @@ class WarmServer:
 
 @contextlib.contextmanager
 def warm_server(forks: bool) -> Iterator[WarmServer]:
-    """A server that nobody else uses, started where none is free; one that has ended is not used again."""
+    """A free server, started where there is none; a server that has ended is not used again."""
     with _COMING, _LOCK:  # one that starts with the worker is worth waiting for
         server = next((s for s in _FREE if s.forks == forks and s.alive), None)
         _FREE[:] = [s for s in _FREE if s is not server and s.alive]
@@ -134,7 +134,7 @@ def warm_server(forks: bool) -> Iterator[WarmServer]:
                 _FREE.append(server)
 
 
-def prepare(forks: bool) -> None:
+def start_ahead(forks: bool) -> None:
     """Begin to start a server: the first mesh finds it warm."""
 
     def start() -> None:

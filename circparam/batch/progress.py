@@ -18,7 +18,7 @@ KINDS = ("ok", "repaired", "degraded", "failed")
 class Progress:
     """total: files of the sources. skipped: done before. done: in this run, by status in ``counts``. missed: of
     them, those with a gate missed. running: (name, seconds) of the running items, the oldest first. rate: files
-    a second, lately. left: seconds, None if nobody can say. workers: tasks that can be at work. note: the
+    a second, lately. left: seconds, None if unknown. workers: tasks that can be at work. note: the
     reason of a wait.
     """
 
@@ -85,3 +85,9 @@ class Meter:
             tuple(sorted(running.items(), key=lambda pair: -pair[1])),
             (self._done - done) / seconds, left, workers, note,
         )  # fmt: skip
+
+
+def printable(name: str) -> str:
+    """A name for people: control characters and bytes that are not UTF-8 become escapes."""
+    text = name.encode("utf-8", "backslashreplace").decode("utf-8")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

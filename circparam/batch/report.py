@@ -13,7 +13,7 @@ import numpy as np
 from circparam._version import __version__
 from circparam.batch.index import FIGURES, Index
 from circparam.batch.pictures import thumbnails
-from circparam.batch.progress import KINDS
+from circparam.batch.progress import KINDS, printable
 from circparam.batch.store import Folder
 from circparam.core.arrays import FloatArray
 from circparam.errors import OutputError
@@ -264,5 +264,4 @@ def _rows(index: Index) -> tuple[list[list[Any]], bool]:
 
 def readable(key: bytes) -> str:
     """A name as text for people: invalid UTF-8 and control characters become escapes."""
-    text = key.decode("utf-8", "backslashreplace")
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return printable(key.decode("utf-8", "backslashreplace"))

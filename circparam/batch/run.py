@@ -198,7 +198,7 @@ class Batch:
                 if self.stopping or now - self._full_since > FULL_WAIT:
                     raise OutputError(
                         f"{self.manifest.path}: cannot be written ({error.strerror}): "
-                        "the same command again does what has no line"
+                        "the same command again does the files without a line"
                     ) from None
                 self._note = f"the manifest cannot be written ({error.strerror}): waiting"
                 time.sleep(PAUSE)
@@ -236,9 +236,9 @@ class Batch:
         """Have the workers begin nothing more.
 
         Each task still answers with a line, or with the word that it was left. Only a worker knows which tasks
-        it has begun. The scheduler hears later, and nobody would wait for the line of a cancelled task.
+        it has begun. The scheduler hears later, and the line of a cancelled task would be lost.
         """
         self.cluster.client.run(leave, settings_of(self.settings).run, on_error="ignore")
-        if not self._threads:  # nobody there to answer, and so nothing that is at work
+        if not self._threads:  # no worker answers, so no task is running
             self.cluster.client.cancel([future for future, _ in self.running.values()])
             self.running.clear()

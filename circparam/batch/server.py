@@ -56,7 +56,7 @@ class Server:
         self._input = source.fileno()
 
     def serve(self) -> None:
-        """Answer until who asks is gone."""
+        """Answer until the worker closes the pipe."""
         send(self.target, pickle.dumps("ready"))
         with contextlib.suppress(EOFError, OSError):
             while True:
@@ -177,7 +177,9 @@ def _kill(pid: int, group_only: bool = False) -> None:
 
 def main() -> None:
     """Serve: standard output is for answers alone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asks hears it too, and ends this process
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # the worker gets the signal too, and ends this process
     target = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     warm_up()

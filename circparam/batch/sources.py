@@ -23,11 +23,11 @@ OWN = re.compile(r"_uv\.[^./]+$")  # an output of ``unwrap`` beside its source
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceFile:
     """One file to unwrap.
 
     address: absolute path or remote address. name: of the file relative to its source, with ``/``. size: bytes,
-    0 if nobody says. mark: changes when the file does (time of change, etag).
+    0 if unknown. mark: changes when the file does (time of change, etag).
     """
 
     address: str
@@ -47,7 +47,7 @@ class Listing:
         self.sources, self.own = sources, 0
         self.out = None if out is None else os.path.realpath(out)
 
-    def __iter__(self) -> Iterator[Source]:
+    def __iter__(self) -> Iterator[SourceFile]:
         for source in self.sources:
             for found in self._one(source):
                 if OWN.search(found.name):
@@ -55,7 +55,7 @@ class Listing:
                 else:
                     yield found
 
-    def _one(self, source: str) -> Iterator[Source]:
+    def _one(self, source: str) -> Iterator[SourceFile]:
         if source.startswith("@"):
             for line in list_lines(source[1:]):
                 prefix = re.sub(r"^(?:[A-Za-z][A-Za-z0-9+.-]+://|[/\\]+|[A-Za-z]:[/\\]*)", "", line)
@@ -68,7 +68,7 @@ class Listing:
         else:
             yield from self._plain(source, None)
 
-    def _plain(self, source: str, prefix: str | None) -> Iterator[Source]:
+    def _plain(self, source: str, prefix: str | None) -> Iterator[SourceFile]:
         """prefix: the name that a list gives; None for a source of the command line."""
         if is_remote(source):
             yield from _remote(source, prefix)
@@ -83,7 +83,7 @@ class Listing:
         else:
             raise InputError(f"{source}: no such file or folder")
 
-    def _folder(self, top: str, prefix: str) -> Iterator[Source]:
+    def _folder(self, top: str, prefix: str) -> Iterator[SourceFile]:
         """All mesh files below a folder; hidden names and linked folders are left out."""
         known, waiting = suffixes(), [(top, prefix)]
         while waiting:
@@ -102,7 +102,7 @@ class Listing:
                     elif _suffix(entry.name) in known and entry.is_file():
                         yield _local(entry.path, before + entry.name, entry.stat())
 
-    def _glob(self, pattern: str) -> Iterator[Source]:
+    def _glob(self, pattern: str) -> Iterator[SourceFile]:
         start = _WILD.search(pattern)
         base = os.path.dirname(pattern[: start.start()]) if start else ""
         known, found = suffixes(), False
@@ -142,13 +142,13 @@ def _pieces(blocks: Iterator[bytes], mark: bytes) -> Iterator[bytes]:
     yield rest
 
 
-def _local(path: str, name: str, known: os.stat_result | None = None) -> Source:
+def _local(path: str, name: str, known: os.stat_result | None = None) -> SourceFile:
     try:
         stat = known or os.stat(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     address = os.path.join(_real_folder(os.path.dirname(path)), os.path.basename(path))
-    return Source(address, name, stat.st_size, str(stat.st_mtime_ns))
+    return SourceFile(address, name, stat.st_size, str(stat.st_mtime_ns))
 
 
 @functools.lru_cache(maxsize=4096)
@@ -156,7 +156,7 @@ def _real_folder(folder: str) -> str:
     return os.path.realpath(folder or ".")
 
 
-def _remote(address: str, prefix: str | None) -> Iterator[Source]:
+def _remote(address: str, prefix: str | None) -> Iterator[SourceFile]:
     """The files of a remote address: a file, a folder or a glob."""
     store, path = open_store(address)
     tail = archive_of(address)
@@ -189,7 +189,7 @@ def _named(
     found: Iterable[tuple[str, dict[str, Any]]],
     base: str,
     prefix: str | None,
-) -> Iterator[Source]:
+) -> Iterator[SourceFile]:
     """place: the store, the address as given, the part behind ``::``."""
     store, address, tail = place
     known, any_file = suffixes(), False
@@ -202,7 +202,7 @@ def _named(
             name = prefix if _suffix(prefix) in known else f"{prefix}/{name}"
         inner = address.split("://")[0]
         whole = f"{inner}://{path}{tail}" if tail else str(store.unstrip_protocol(path))
-        yield Source(whole, name, int(info.get("size") or 0), etag(info))
+        yield SourceFile(whole, name, int(info.get("size") or 0), etag(info))
     if not any_file:
         raise InputError(f"{address}: no mesh file is there")
 

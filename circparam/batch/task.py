@@ -1,7 +1,7 @@
 """The work on one file: fetch it, have it unwrapped, put the results in place, report.
 
 Nothing is raised: every outcome is a line of the manifest. The line has ``again`` if another attempt may end
-otherwise (a store that refuses, a full disk, a process that somebody ended).
+otherwise (a store that refuses, a full disk, a process that was ended).
 """
 
 import contextlib
@@ -127,15 +127,13 @@ def _unwrap(settings: Settings, data: bytes, item: Item, scratch: str) -> dict[s
     }
     with warm_server(settings.forks) as server:
         end = server.ask(task, settings.hard_stop, settings.max_memory)
-    said = _told(settings, end)
-    real = {target: folder.of(item.target), inner: os.path.dirname(folder.of(item.target))}
-    out |= _renamed(said, {**real, source: item.source})
-    files = said.pop("files")
-    out["output"] = None
-    out.pop("files", None)
-    out.pop("further", None)
+    said = _answered(settings, end)
+    files, further = said.pop("files"), said.pop("further")
+    real = folder.of(item.target)
+    names = {target: real, inner: os.path.dirname(real), source: item.source}
+    out |= {**_renamed(said, names), "output": None}
     if files:
-        out |= _placed(folder, item, inner, files, said.pop("further"))
+        out |= _placed(folder, item, inner, files, further)
     return out
 
 
@@ -165,7 +163,7 @@ def _placed(
     return {"output": folder.of(item.target), **output, **({"files": more} if more else {})}
 
 
-def _told(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
+def _answered(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
     """The answer of a warm server for a mesh, as part of a line; its files under 'files' and 'further'."""
     out: dict[str, Any] = {
         "status": "failed", "exit": 1, "error": None, "seconds": round(end["seconds"], 4),

@@ -6,11 +6,11 @@ from typing import Any
 import click
 
 from circparam.cli import common, progress
-from circparam.cli.paths import check_place
+from circparam.cli.paths import check_output
 from circparam.errors import OptionError
 from circparam.pipeline.look_options import LookOptions
 
-SIZE = 2048  # texels a side of one image where nobody says
+SIZE = 2048  # texels on each side of an image by default
 
 _EPILOG = """\b
 Examples:
@@ -83,7 +83,7 @@ def command(mesh: str, **given: Any) -> None:
     """
     look = LookOptions(**common.library_keywords(given, LookOptions))
     _check_words(given, look)
-    check_place(given["output"], given["overwrite"])
+    check_output(given["output"], given["overwrite"])
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         report, warnings, notes = (_all if given["whole"] else _one)(mesh, given, look, listener)
     common.tell(given, f"{mesh}: ", warnings, notes)
@@ -148,7 +148,7 @@ def _one(
 
 
 def _all(
-    mesh: str, given: dict[str, Any], look: LookOptions, listener: Any
+    mesh: str, given: dict[str, Any], options: LookOptions, listener: Any
 ) -> tuple[dict[str, Any], list[str], list[str]]:
     """Write a mesh file with all textures: (report, warnings, notes)."""
     from circparam.bake.rebake import bake_all
@@ -158,10 +158,10 @@ def _all(
     far = given["source"]
     document = read(mesh, reader=given["reader"])
     other = read(far, reader=given["reader"]) if far is not None else None
-    written, told = bake_all(
-        document, other, given["output"], look, uv_set=given["uv_set"],
+    written, look = bake_all(
+        document, other, given["output"], options, uv_set=given["uv_set"],
         overwrite=given["overwrite"], monitor=Monitor(listener),
     )  # fmt: skip
-    notes = [*written.notes, *told.notes]
-    report = {"output": [str(f) for f in written.files], **told.as_dict(), "notes": notes}
-    return report, [*document.warnings, *written.warnings, *told.notes], []
+    notes = [*written.notes, *look.notes]
+    report = {"output": [str(f) for f in written.files], **look.as_dict(), "notes": notes}
+    return report, [*document.warnings, *written.warnings, *look.notes], []

@@ -13,7 +13,7 @@ from circparam.cli.unwrap import command as unwrap_command
 from circparam.errors import GateError, InputError, OptionError
 
 if TYPE_CHECKING:
-    from circparam.batch.batch import Plan, Summary
+    from circparam.batch.batch import BatchPlan, Summary
 
 CLEARING = 4.0  # seconds for the end of the workers and for their folders
 _EPILOG = """\b
@@ -27,13 +27,10 @@ Examples:
 """
 # of unwrap, but not of a batch: it has --out, reads no stream, and gives each mesh one process
 _NOT_HERE = {"meshes", "output", "out_dir", "format", "jobs"}
-_EXTRAS = {"export_seams": "export-seams", "index_map": "map", "preview": "preview"}
-_EXTRA_HELP = {
+_HELP = {
     "export_seams": "Write the seams of each file, such as '{}.seams.txt' ({}: name of the result).",
     "index_map": "Write the index map of each file, such as '{}.npz'.",
     "preview": "Draw each result, such as '{}.png'.",
-}
-_HELP = {
     "overwrite": "Replace results that no batch has written.",
     "timeout": "Return the best valid result within this time; end a mesh at 1.5 times it.",
     "max_memory": "Upper bound on the memory of one mesh, such as 4G.",
@@ -49,10 +46,10 @@ def _unwrap_options() -> list[click.Parameter]:
         if param.name in _NOT_HERE or param.name == "debug":
             continue
         param = copy.copy(param)
-        text = _EXTRA_HELP.get(str(param.name)) or _HELP.get(str(param.name).removeprefix("as_"))
+        text = _HELP.get(str(param.name).removeprefix("as_"))
         if text and isinstance(param, click.Option):
             param.help = text
-            param.metavar = "PATTERN" if param.name in _EXTRAS else param.metavar
+            param.metavar = "PATTERN" if param.name in common.FURTHER else param.metavar
         out.append(param)
     return out
 
@@ -110,7 +107,7 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
 command.params += _unwrap_options()
 
 
-def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "Plan":
+def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "BatchPlan":
     """The plan of a batch from the command line. Raises OptionError before anything is listed."""
     if not sources:
         raise OptionError("SOURCE is missing: name files, folders, globs or @list.txt")
@@ -122,7 +119,7 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "Plan":
         raise OptionError(f"{flags} exclude each other: use local workers or one running cluster")
     if "-" in sources:
         raise OptionError("a batch cannot read standard input: give '-' to circparam unwrap")
-    from circparam.batch.batch import Plan
+    from circparam.batch.batch import BatchPlan
     from circparam.batch.settings import Settings
     from circparam.pipeline.gates import parse_gates
     from circparam.pipeline.options import Options
@@ -133,10 +130,10 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "Plan":
         gates=parse_gates(given["fail_if"]),
         out=given["out"],
         exit_of=exits.exit_of,
-        extras={flag: given[name] for name, flag in _EXTRAS.items() if given[name]},
+        extras={flag: given[name] for name, flag in common.FURTHER.items() if given[name]},
         max_memory=None if size is None else memory_size(size),
     )
-    return Plan(
+    return BatchPlan(
         sources, settings, frozenset(given["retry"]),
         given["workers"], given["scheduler"], given["scheduler_file"],
     )  # fmt: skip

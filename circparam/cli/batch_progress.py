@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from circparam.batch.progress import printable
 from circparam.cli import signals
 from circparam.cli.tables import console, facts
 
@@ -39,7 +40,7 @@ class Screen:
         def ask() -> None:
             stop()
             self._stopping = True
-            self._say("stopping: what runs has 3 s to finish (Ctrl-C again: at once)")
+            self._say("stopping: running files have 3 s to finish (Ctrl-C again: stop at once)")
 
         with signals.asked_first(ask):
             yield
@@ -60,15 +61,15 @@ class Screen:
         if text is not None and not self.quiet:
             self._errors += 1
             if self._errors <= ERRORS:
-                name = escaped(line["name"])
-                said = escaped(text)
+                name = printable(line["name"])
+                said = printable(text)
                 self._say(f"error: {said}" if name in said else f"error: {name}: {said}")
                 if self._errors == ERRORS:
-                    self._say("further errors are only counted; the report has them all")
+                    self._say("further errors are counted only; the report lists all of them")
         elif self.verbose and not self.silent:
             measures = line.get("measures") or {}
             figures = f"{measures.get('charts')} charts, {line['seconds']} s"
-            self._say(f"{line['status']}: {escaped(line['name'])}: {figures}")
+            self._say(f"{line['status']}: {printable(line['name'])}: {figures}")
 
     def _say(self, text: str) -> None:
         if self._live is not None:
@@ -92,7 +93,7 @@ class Screen:
         ]
         for name, seconds in progress.running[:NAMED]:
             rows.append(
-                Text(f"  {clock(seconds):>7}  {escaped(name)}", overflow="ellipsis", no_wrap=True)
+                Text(f"  {clock(seconds):>7}  {printable(name)}", overflow="ellipsis", no_wrap=True)
             )
         if len(progress.running) > NAMED:
             rows.append(Text(f"  and {len(progress.running) - NAMED} more"))
@@ -134,26 +135,20 @@ def clock(seconds: float) -> str:
     return f"{whole / 86_400:.1f} d"
 
 
-def escaped(name: str) -> str:
-    """A name for a terminal: no control characters, nothing that is no UTF-8."""
-    text = name.encode("utf-8", "backslashreplace").decode("utf-8")
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
 def print_summary(summary: "Summary") -> None:
     """The end of a batch as a table."""
     done = f"{summary.done} done, {summary.skipped} skipped in {summary.seconds:.1f} s"
     rows = [("files", str(summary.total)), ("status", _counts(summary.counts) or "none done")]
     rows.append(("this run", done))
     rows += [("gates", f"{summary.missed} missed")] if summary.missed else []
-    rows += [("report", escaped(summary.report))] if summary.report else []
+    rows += [("report", printable(summary.report))] if summary.report else []
     console().print(facts(rows))
 
 
 def print_status(found: dict[str, Any]) -> None:
     """The table of ``--status``."""
     run = found["run"]
-    rows = [("results", escaped(found["out"])), ("done", _counts(found["counts"]) or "none yet")]
+    rows = [("results", printable(found["out"])), ("done", _counts(found["counts"]) or "none yet")]
     rows += [("gates", f"{found['missed']} missed")] if found["missed"] else []
     if run is None:
         rows.append(("running", "no"))
@@ -161,7 +156,9 @@ def print_status(found: dict[str, Any]) -> None:
         todo = run["total"] - run["skipped"]
         left = "" if run["left"] is None else f", {clock(run['left'])} left"
         rows.append(("running", f"{run['done']} of {todo}, {run['rate']:.3g} files/s{left}"))
-        rows += [("", f"{clock(age):>7}  {escaped(name)}") for name, age in run["running"][:NAMED]]
+        rows += [
+            ("", f"{clock(age):>7}  {printable(name)}") for name, age in run["running"][:NAMED]
+        ]
     console().print(facts(rows))
 
 

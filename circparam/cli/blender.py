@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from circparam.cli import common
+from circparam.cli.paths import check_output
 
 _EPILOG = """\b
 Examples:
@@ -22,11 +23,9 @@ def command(output: str | None, overwrite: bool) -> None:
     to the UV and Object menus. If the circparam program is not on the path, name it in the preferences.
     """
     from circparam.core.files import write_files
-    from circparam.errors import OptionError
     from circparam.integrations.blender import addon_zip
 
     path = Path(output or "circparam_addon.zip")
-    if path.suffix.lower() != ".zip":
-        raise OptionError(f"-o {path}: the add-on needs a name that ends in .zip")
+    check_output(str(path), overwrite, ".zip")
     write_files({path: addon_zip()}, overwrite)
     click.echo(f"saved {path}", err=True)

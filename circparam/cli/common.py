@@ -18,16 +18,18 @@ from circparam.core.fields import Spec, specs
 from circparam.core.imports import OnDemand
 from circparam.core.registry import unknown_name
 from circparam.errors import GateError
-from circparam.pipeline.options import Options
+from circparam.pipeline.options import ALIASES, Options
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+# they keep working and stand in no help text
+OLDER_FLAGS = {
+    f"--{old}".replace("_", "-"): f"--{new}".replace("_", "-") for old, new in ALIASES.items()
+}
 tables: Any = OnDemand("circparam.cli.tables")  # with rich, which takes a tenth of a second
 
 
-# flags that had another name before; they keep working and stand in no help text
-OLDER_FLAGS = {"--border": "--boundary", "--bff-border": "--bff-boundary"}
-
-
+# further files of an unwrap: parameter → flag without its dashes
+FURTHER = {"export_seams": "export-seams", "index_map": "map", "preview": "preview"}
 # the sections of a long help text, in their order, and the stages of the library's options in each
 SECTIONS = {
     "Input and output": ("files", "writing"),
@@ -49,20 +51,16 @@ class Option(click.Option):
         self.section = section
 
 
-def option(section: str, *words: str, **known: Any) -> Decorator:
-    """A flag that only the command line has, with its section of the help text."""
-    return click.option(*words, cls=Option, section=section, **known)
-
-
-def value(flag: str, text: str, *names: str, **known: Any) -> Decorator:
-    """A flag with a value; its help text names the default, where there is one."""
+def value(flag: str, text: str, *names: str, section: str = INFORMATION, **known: Any) -> Decorator:
+    """A flag with a value and its section of a long help text, which names the default if there is one."""
     shown = "default" in known and "[default" not in text
-    return click.option(flag, *names, help=text, **({"show_default": shown} | known))
+    known = {"show_default": shown, "section": section} | known
+    return click.option(flag, *names, cls=Option, help=text, **known)
 
 
 def switch(flag: str, text: str, *names: str, section: str = INFORMATION) -> Decorator:
     """A flag without a value."""
-    return option(section, flag, *names, is_flag=True, help=text)
+    return value(flag, text, *names, section=section, is_flag=True)
 
 
 def path_option(
@@ -70,7 +68,7 @@ def path_option(
 ) -> Decorator:
     """A flag whose value is a file, or with ``type=MESH`` a mesh."""
     known = {"type": FILE, "metavar": "FILE"} | known
-    return option(section, flag, *names, help=text, **known)
+    return value(flag, text, *names, section=section, **known)
 
 
 class Command(click.Command):
@@ -197,8 +195,9 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
     own = next(f for f in dataclasses.fields(fields) if f.name == name)
     base = str(own.type).split(" |")[0]  # as it is written, without None
     section = next((s for s, stages in SECTIONS.items() if spec.stage in stages), INFORMATION)
-    words = [spec.flag or "--" + name.replace("_", "-"), spec.short, _parameter(name, spec)]
-    known: dict[str, Any] = {"help": spec.text, "metavar": spec.metavar}
+    flag = spec.flag or "--" + name.replace("_", "-")
+    words = filter(None, (spec.short, _parameter(name, spec)))
+    known: dict[str, Any] = {"metavar": spec.metavar}
     if base == "bool":
         known["is_flag"] = True
         if "/" in spec.flag:
@@ -211,7 +210,8 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
         known["type"] = Name(name, spec.names)
     else:
         known["type"] = click.Choice(spec.choices) if spec.choices else _TYPES.get(base, FILE)
-    return option(section, *filter(None, words), **(known | other))
+    text = other.pop("help", spec.text)
+    return value(flag, text, *words, section=section, **(known | other))
 
 
 def library_options(stage: str, fields: Any = Options) -> list[Decorator]:
@@ -321,11 +321,11 @@ named_format_option = library_option(
     help="Format of '-' (stdin, stdout), and of outputs without -o.",
 )
 
-gates = option(
-    CHECKS,
+gates = value(
     "--fail-if",
+    "Exit 6 if a condition on a figure or the status holds, such as 'degraded,distortion>1.05'.",
+    section=CHECKS,
     metavar="GATES",
-    help="Exit 6 if a condition on a figure or the status holds, such as 'degraded,distortion>1.05'.",
 )
 
 

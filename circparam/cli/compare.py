@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from circparam.cli import common, exits, progress
-from circparam.cli.paths import check_place
+from circparam.cli.paths import check_output
 from circparam.errors import CircparamError, NoResultError, OptionError
 
 if TYPE_CHECKING:
@@ -81,11 +81,9 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
         )
     repeats = given["repeats"] or kim2019.REPEATS
     # refused before hours of work, not after
-    for option, ending in (("csv_file", ""), ("report", ".html"), ("plot", ".png")):
+    for option, *ending in (("csv_file",), ("report", ".html"), ("plot", ".png")):
         if given[option] is not None:
-            if not given[option].lower().endswith(ending):
-                raise OptionError(f"{given[option]}: the name must end in {ending}")
-            check_place(given[option], given["overwrite"])
+            check_output(given[option], given["overwrite"], *ending)
     silent = given["as_json"] or given["quiet"]
     found, codes = [], [exits.OK]
     for shown, result in _compared(meshes, names, given):
@@ -97,7 +95,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
             from circparam.cli.compare_tables import print_comparison
 
             print_comparison(result, shown)
-    sizes = kim2019.measure(repeats=repeats) if table1 else None
+    sizes = kim2019.timed_sizes(repeats=repeats) if table1 else None
     if sizes is not None and not silent:
         from circparam.cli.compare_tables import print_table1
 

@@ -25,7 +25,7 @@ ALONE = {"-h", "--help", "-V", "--version"}  # options without a command need no
 
 
 @dataclass(frozen=True)
-class Entry:
+class CommandEntry:
     """One command. module: where its click command, called ``command``, is. summary: a line of the help."""
 
     module: str
@@ -47,7 +47,7 @@ _SUMMARIES = {
     "samples": "List the bundled meshes, or save one.",
     "blender": "Save the add-on for Blender.",
 }
-COMMANDS = {name: Entry(f"circparam.cli.{name}", text) for name, text in _SUMMARIES.items()}
+COMMANDS = {name: CommandEntry(f"circparam.cli.{name}", text) for name, text in _SUMMARIES.items()}
 _EPILOG = """\b
 Examples:
   circparam unwrap mesh.obj
@@ -142,7 +142,7 @@ class LazyGroup(click.Group):
 
 
 def _open_standard_streams() -> None:
-    """Give streams that were closed before the start (``>&-``) a device, lest a file takes their number.
+    """Open the null device for streams that are closed at the start (``>&-``): a file could take their number.
 
     Writing to a closed standard output is an error, as with a closed pipe; errors go unseen.
     """

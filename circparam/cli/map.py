@@ -6,8 +6,7 @@ from typing import Any
 import click
 
 from circparam.cli import common, progress
-from circparam.cli.paths import check_place
-from circparam.errors import OptionError
+from circparam.cli.paths import check_output
 
 _EPILOG = """\b
 Examples:
@@ -63,9 +62,7 @@ def command(a: str, b: str, **given: Any) -> None:
     from circparam.maps.surface_map import save_map
 
     out = Path(given["output"])
-    if out.suffix.lower() != ".npz":
-        raise OptionError(f"{out}: the map needs a name that ends in .npz")
-    check_place(str(out), given["overwrite"])
+    check_output(str(out), given["overwrite"], ".npz")
     documents = [read(name, reader=given["reader"]) for name in (a, b)]
     with progress.listener(f"{Path(a).name} to {Path(b).name}", given["quiet"]) as listener:
         words = ("landmarks", "charts", "method", "mirrored", "overlay")

@@ -6,8 +6,7 @@ from typing import Any
 import click
 
 from circparam.cli import common
-from circparam.cli.paths import check_place
-from circparam.errors import OptionError
+from circparam.cli.paths import check_output
 
 _EPILOG = """\b
 Examples:
@@ -53,9 +52,7 @@ def command(first: str, second: str, **given: Any) -> None:
     from circparam.maps.surface_map import load_map
 
     path = Path(given["output"])
-    if path.suffix.lower() != ".glb":
-        raise OptionError(f"{path}: a morph needs a name that ends in .glb")
-    check_place(str(path), given["overwrite"])
+    check_output(str(path), given["overwrite"], ".glb")
     mapped = load_map(given["mapped"])
     a, b = (read(mesh, reader=given["reader"]) for mesh in (first, second))
     made = morph(a, b, mapped, given["frames"], given["overlay"])

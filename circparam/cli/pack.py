@@ -27,7 +27,7 @@ Examples:
     common.library_option(
         "group_by",
         type=click.Choice(["material", "node", "group"]),
-        help="Give each one a box on the page.",
+        help="Give each material, node or group a box on the page.",
     ),
     common.library_option("lock"),
     common.library_option("uv_set"),

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from circparam.cli import common
 from circparam.core.files import made_folders
 from circparam.errors import OptionError, OutputError
 
@@ -39,8 +40,8 @@ def without_outputs(meshes: tuple[str, ...]) -> tuple[list[str], list[str]]:
 
 
 _NOWHERE: dict[str, Any] = {"output": None, "out_dir": None}
-# flags that name one further file → the endings it may have, any where there are none
-_FURTHER = {"export_seams": (), "index_map": (".npz",), "preview": (".png", ".svg", ".html")}
+# endings that further files may have
+_ENDINGS = {"index_map": (".npz",), "preview": (".png", ".svg", ".html")}
 
 
 def _refuse(reasons: Iterable[tuple[bool, str]]) -> None:
@@ -54,7 +55,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     """Refuse impossible outputs before any work. Raises OptionError, OutputError."""
     count, named, format = len(meshes), given["output"] is not None, given["format"] is not None
     clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
-    further = {name: str(given[name]) for name in _FURTHER if given.get(name)}
+    further = {name: str(given[name]) for name in common.FURTHER if given.get(name)}
     _refuse([
         (named and given.get("out_dir") is not None,
          "-o and --out-dir exclude each other: give one of them"),
@@ -62,13 +63,9 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
          f"-o names one file, but {count} meshes are given: use --out-dir DIR"),
     ])  # fmt: skip
     for name, path in further.items():
-        flag = "--map" if name == "index_map" else "--" + name.replace("_", "-")
-        endings = _FURTHER[name]
-        _refuse([
-            (count > 1, f"{flag} names one file, but {count} meshes are given"),
-            (bool(endings) and not path.lower().endswith(endings),
-             f"{flag} {path}: the name must end in {', '.join(endings)}"),
-        ])  # fmt: skip
+        flag = f"--{common.FURTHER[name]}"
+        _refuse([(count > 1, f"{flag} names one file, but {count} meshes are given")])
+        check_ending(f"{flag} {path}", *_ENDINGS.get(name, ()))
     _refuse([
         (outputs.count("-") + bool(given["as_json"]) > 1,
          "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"),
@@ -80,7 +77,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     ])  # fmt: skip
     for path in (*outputs, *further.values()):
         if path != "-":
-            check_place(path, given["overwrite"], given.get("out_dir"))
+            check_output(path, given["overwrite"], made=given.get("out_dir"))
 
 
 def check_one_atlas(meshes: Sequence[str], given: dict[str, Any]) -> None:
@@ -98,11 +95,18 @@ def check_one_atlas(meshes: Sequence[str], given: dict[str, Any]) -> None:
     ])  # fmt: skip
 
 
-def check_place(path: str, overwrite: bool, made: str | None = None) -> None:
-    """Refuse a file that is there, a folder in its place, and a folder that is missing.
+def check_ending(path: str, *endings: str) -> None:
+    """Refuse a name with none of the endings, where there are some. Raises OptionError."""
+    if endings and not path.lower().endswith(endings):
+        raise OptionError(f"{path}: the name must end in {', '.join(endings)}")
+
+
+def check_output(path: str, overwrite: bool, *endings: str, made: str | None = None) -> None:
+    """Refuse a file that is there, a folder in its place, a folder that is missing, and other endings.
 
     made: a folder that will be made, so that it need not be there. Raises OptionError, OutputError.
     """
+    check_ending(path, *endings)
     folder = Path(path).parent
     if os.path.isdir(path):
         raise OutputError(f"{path}: this is a directory; name a file")

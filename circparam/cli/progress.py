@@ -122,7 +122,7 @@ class Forward:
 
 
 class Status:
-    """How far the work is, for whoever asks: a listener that only remembers."""
+    """A listener that remembers the progress and shows it on request."""
 
     def __init__(self, label: str, searches: int = 1) -> None:
         self.label, self.stage = label, "read"

@@ -40,7 +40,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 @contextlib.contextmanager
 def _within(known: list[T], value: T) -> Iterator[None]:
-    """Within the block a list has one value more, unless somebody takes it out."""
+    """Within the block a list has one more value, unless the value is taken out."""
     known.append(value)
     try:
         yield
@@ -51,7 +51,7 @@ def _within(known: list[T], value: T) -> Iterator[None]:
 
 @contextlib.contextmanager
 def asked_first(ask: Callable[[], None]) -> Iterator[None]:
-    """Within the block the first Ctrl-C calls ``ask`` and nothing else; a second one ends the work as ever."""
+    """Within the block the first Ctrl-C only calls ``ask``; the second one ends the work as usual."""
     with _within(_SPARED, int(signal.SIGINT)), _within(_ASKED, ask):
         yield
 

@@ -40,7 +40,7 @@ def facts(rows: Iterable[tuple[str, object]] = ()) -> Table:
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows:
-        table.add_row(name, value if isinstance(value, Text) else plain(value))
+        table.add_row(name, value if isinstance(value, Text) else unmarked(value))
     return table
 
 
@@ -51,7 +51,7 @@ def columns(first: str, heads: Iterable[str], rows: Mapping[str, Iterable[str]])
     for head in heads:
         table.add_column(head, justify="right", no_wrap=True)
     for name, cells in rows.items():
-        table.add_row(plain(name), *map(plain, cells))
+        table.add_row(unmarked(name), *map(unmarked, cells))
     return table
 
 
@@ -253,7 +253,7 @@ def _densities(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "texels a unit", f"{least:.4g} to {most:.4g}"
     for part in report.get("density") or ():
         asked = f"density {part['got']:.3f}, {part['asked']:.3f} asked"
-        yield f"  {plain(part['name'])}", f"{part['texels']:.4g}: {asked}"
+        yield f"  {unmarked(part['name'])}", f"{part['texels']:.4g}: {asked}"
 
 
 def _groups(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
@@ -262,7 +262,10 @@ def _groups(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
         pages = f"{plural(len(group['pages']), 'page')} {', '.join(map(str, group['pages']))}"
         u0, v0, u1, v1 = group["box"]
         box = f"u {u0:.3f} to {u1:.3f}, v {v0:.3f} to {v1:.3f}"
-        yield f"  {plain(group['name'])}", f"{counted(group['charts'], 'chart')} on {pages}, {box}"
+        yield (
+            f"  {unmarked(group['name'])}",
+            f"{counted(group['charts'], 'chart')} on {pages}, {box}",
+        )
 
 
 def _tail(report: dict[str, Any]) -> str:
@@ -279,6 +282,6 @@ def _number(value: float | None) -> str:
     return f"{value:.4f}" if value < 1e4 else f"{value:.3g}"
 
 
-def plain(text: object) -> str:
+def unmarked(text: object) -> str:
     """Text in which square brackets are no markup."""
     return str(text).replace("[", r"\[")

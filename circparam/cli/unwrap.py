@@ -17,7 +17,7 @@ from circparam.cli.paths import (
     output_path,
     without_outputs,
 )
-from circparam.core.imports import put_off
+from circparam.core.imports import OnDemand, put_off
 from circparam.core.memory import room_for_libraries
 from circparam.core.workers import cores
 from circparam.errors import CircparamError, GateError, OptionError
@@ -96,8 +96,8 @@ class UnwrapCommand(common.SectionedCommand):
     common.library_option("timeout"),
     common.library_option("checkpoint"),
     common.library_option("jobs"),
-    common.option(
-        common.CHECKS, "--max-memory", metavar="SIZE", help="Upper bound on memory, such as 4G."
+    common.value(
+        "--max-memory", "Upper bound on memory, such as 4G.", section=common.CHECKS, metavar="SIZE"
     ),
     common.path_option("--preview", "Draw the result: .png, .svg or .html.", section=common.INPUT),
     common.json_option,
@@ -133,16 +133,11 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     return next((code for code in codes if code), exits.OK)
 
 
-# options that may name files
-FROM_FILES = {
-    "boundary",
-    "bff_boundary",
-    "pins",
-    "seams",
-    "no_seams",
-    "seam_weights",
-    "only",
-    "lock",
+sidecars: Any = OnDemand("circparam.formats.sidecars")  # workers start before it is imported
+# options that may name a file, and its reader
+READERS = {
+    **{"pins": "read_pins", "seams": "read_seams", "no_seams": "read_seams"},
+    **{"seam_weights": "read_weights", "only": "read_faces", "lock": "read_faces"},
 }
 
 
@@ -154,7 +149,8 @@ class _Run:
         self.started: float | None = time.monotonic()  # the first mesh pays for the imports
         self.place = (1, 1)  # number of the mesh, and of all
         self.quiet, self.as_json = given["quiet"], given["as_json"]
-        _limit_memory(given["max_memory"])
+        if given["max_memory"] is not None:
+            _limit_memory(memory_size(given["max_memory"]))
         put_off()  # before options that need the table of methods
         self.options = Options(**library_options_of(given))
         self.look = look_options_of(given)
@@ -214,7 +210,12 @@ class _Run:
                 from circparam.bake.rebake import rebake_document
 
                 result, look = rebake_document(document, out, options, self.look, monitor)
-            self._extras(result)
+            for name, kind in common.FURTHER.items():
+                if self.given[name]:
+                    from circparam.batch.mesh import write_further
+
+                    title = os.path.basename(result.path or "")
+                    write_further(kind, result, self.given[name], title, self.given["overwrite"])
         report = summarise(result) | _look_figures(look)
         self.reports.append(report)
 
@@ -252,19 +253,6 @@ class _Run:
         common.show(self.given, report, shown)
         common.check_gates(self.gates, report, "--one-atlas")
 
-    def _extras(self, result: Any) -> None:
-        """The further files that were asked for."""
-        from circparam.pipeline import save
-
-        if self.given["export_seams"]:
-            save.export_seams(result, self.given["export_seams"], self.given["overwrite"])
-        if self.given["index_map"]:
-            save.write_map(result, self.given["index_map"], self.given["overwrite"])
-        if self.given["preview"]:
-            from circparam.render.picture import save_result
-
-            save_result(self.given["preview"], result, os.path.basename(result.path or ""))
-
 
 def _look_figures(look: Any) -> dict[str, Any]:
     """The part of a report on carried textures; empty without them."""
@@ -298,28 +286,25 @@ def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
 
 def with_files(out: dict[str, Any]) -> dict[str, Any]:
     """Options of the library with the contents of their files."""
-    if not out.keys() & FROM_FILES:
-        return out
-    # only now: workers start before anything large is imported
-    from circparam.formats import sidecars
-    from circparam.pipeline.selection import by_name
-
-    if out.get("boundary", "").startswith("polygon:"):
-        corners = out["boundary"].removeprefix("polygon:")
-        out |= {"boundary": "polygon", "polygon": sidecars.read_polygon(corners)}
+    boundary, _, corners = out.get("boundary", "").partition(":")
+    if boundary == "polygon":
+        out["boundary"] = boundary
+        out |= {"polygon": sidecars.read_polygon(corners)} if corners else {}
     if out.get("bff_boundary", "disk") != "disk":
         out["bff_boundary"] = sidecars.read_column(out["bff_boundary"], "a length")
-    if "pins" in out:
-        out["pins"] = sidecars.read_pins(out["pins"])
-    for name in ("seams", "no_seams"):
-        if name in out:
-            out[name] = sidecars.read_seams(out[name])
-    if out.get("seam_weights") not in (None, "colour"):
-        out["seam_weights"] = sidecars.read_weights(out["seam_weights"])
-    for name in ("only", "lock"):
-        if name in out and not by_name(out[name]):
-            out[name] = sidecars.read_faces(out[name])
+    for name, reader in READERS.items():
+        if name in out and not _is_value(name, out[name]):
+            out[name] = getattr(sidecars, reader)(out[name])
     return out
+
+
+def _is_value(name: str, text: str) -> bool:
+    """Whether the text of an option is its value and names no file."""
+    if name in ("only", "lock"):
+        from circparam.pipeline.selection import by_name
+
+        return by_name(text)
+    return name == "seam_weights" and text == "colour"
 
 
 def memory_size(size: str) -> int:
@@ -342,11 +327,8 @@ def memory_size(size: str) -> int:
     return count
 
 
-def _limit_memory(size: str | None) -> None:
-    """Bound the address space of the process."""
-    if size is None:
-        return
-    count = memory_size(size)
+def _limit_memory(count: int) -> None:
+    """Bound the address space of the process to so many bytes. Raises NoResultError if that is too little."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_AS, (count, resource.getrlimit(resource.RLIMIT_AS)[1]))

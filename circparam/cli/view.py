@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from circparam.cli import common, progress
-from circparam.cli.paths import beside, check_place
+from circparam.cli.paths import beside, check_output
 from circparam.errors import OptionError
 
 _EPILOG = """\b
@@ -58,7 +58,7 @@ Examples:
 def command(mesh: str, **given: Any) -> None:
     """Draw the uv of a mesh: the layout, a checker on the surface, and the distortion.
 
-    Works for any mesh with uv, whoever made them. A page (.html) is one file that needs no network: turn and
+    Works for any mesh with uv from any program. A page (.html) is one file that needs no network: turn and
     zoom the surface, point at a chart to find it in both views, show the texture of the mesh. With --before
     the layouts of two files stand side by side and turn together.
     """
@@ -74,7 +74,7 @@ def command(mesh: str, **given: Any) -> None:
         check_before(path)
         if mesh == given["before"] == "-":
             raise OptionError("MESH and --before are both standard input: name one of the files")
-    check_place(str(path), given["overwrite"])
+    check_output(str(path), given["overwrite"])
     look = {name: given[name] for name in ("uv_set", "padding", "up", "group_by")}
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         monitor = Monitor(listener)

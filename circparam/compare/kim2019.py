@@ -7,6 +7,7 @@ The ratio found here is reported as it is.
 
 import dataclasses
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,7 @@ class Size:
         return dataclasses.asdict(self)
 
 
-def measure(
+def timed_sizes(
     sizes: tuple[int, ...] = tuple(PAPER), repeats: int = REPEATS, monitor: Monitor | None = None
 ) -> list[Size]:
     """Time circle and floater on a bumped disk of each size, in turns, so that a drift hits both alike.
@@ -95,17 +96,14 @@ def bumped_disk(n: int) -> CutMesh:
 
 
 def _row(n: int, cut_mesh: CutMesh, repeats: int, monitor: Monitor) -> Size:
-    whole: dict[str, list[float]] = {METHOD: [], PEER: []}
-    weights: dict[str, list[float]] = {METHOD: [], PEER: []}
+    times: dict[str, list[tuple[float, float]]] = {METHOD: [], PEER: []}
     for turn in range(repeats + 1):
         for name in (METHOD, PEER) if turn % 2 else (PEER, METHOD):
             monitor.check()
-            stages, seconds = _time(cut_mesh, name)
-            if turn > 0:
-                whole[name].append(seconds)
-                weights[name].append(stages)
-    circle, floater = _spread(whole[METHOD]), _spread(whole[PEER])
-    circle_w, floater_w = _spread(weights[METHOD]), _spread(weights[PEER])
+            seconds = _time(cut_mesh, name)
+            times[name] += [seconds] * (turn > 0)
+    circle_w, circle = map(_spread, zip(*times[METHOD], strict=True))
+    floater_w, floater = map(_spread, zip(*times[PEER], strict=True))
     paper = PAPER.get(n)
     return Size(
         n, len(cut_mesh.faces), circle, floater, circle_w, floater_w, floater.median / circle.median,
@@ -122,6 +120,6 @@ def _time(cut_mesh: CutMesh, name: str) -> tuple[float, float]:
     return monitor.seconds["weights"], time.perf_counter() - start
 
 
-def _spread(seconds: list[float]) -> Spread:
+def _spread(seconds: Sequence[float]) -> Spread:
     low, median, high = np.quantile(seconds, [0.25, 0.5, 0.75])
     return Spread(float(median), float(low), float(high))

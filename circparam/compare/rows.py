@@ -1,12 +1,12 @@
 """A comparison as plain values: one row a method."""
 
 import dataclasses
-import math
 from dataclasses import field, replace
 from typing import Any
 
 from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
+from circparam.pipeline.summary import json_value
 
 INPUT = "input"  # the row of the uv that the file has
 
@@ -43,7 +43,7 @@ class Entry:
         whole = dataclasses.asdict(replace(self, uvmap=None))
         figures = whole.pop("figures")
         del whole["uvmap"]
-        return {**whole, **{name: _plain(figures.get(name)) for name in FIGURES}}
+        return {**whole, **{name: json_value(figures.get(name)) for name in FIGURES}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +62,3 @@ class Comparison:
         """Plain values, for JSON."""
         plain = {k: v for k, v in vars(self).items() if k != "rows"}
         return {**plain, "rows": [row.as_dict() for row in self.rows]}
-
-
-def _plain(value: float | int | None) -> float | int | None:
-    """A number that JSON holds."""
-    return None if value is None or not math.isfinite(value) else value

@@ -46,16 +46,22 @@ def room_for_libraries(threads: int) -> None:
 
     Raises NoResultError with a sufficient bound.
     """
+    bound, least = address_bound(), LIBRARY_BYTES + THREAD_BYTES * threads
+    if bound is not None and bound[0] < least:
+        raise NoResultError(
+            f"the memory is bounded to {bound[0] / 1e9:.2f} GB, and the libraries alone take "
+            f"{least / 1e9:.2f}: allow more (--max-memory, ulimit -v)"
+        )
+
+
+def address_bound() -> tuple[int, int] | None:
+    """Bytes of address space that this process may have, and may ask for; None if nothing bounds them."""
     try:
         import resource
     except ImportError:
-        return
-    bound, least = resource.getrlimit(resource.RLIMIT_AS)[0], LIBRARY_BYTES + THREAD_BYTES * threads
-    if bound != resource.RLIM_INFINITY and bound < least:
-        raise NoResultError(
-            f"the memory is bounded to {bound / 1e9:.2f} GB, and the libraries alone take {least / 1e9:.2f}: "
-            "allow more (--max-memory, ulimit -v)"
-        )
+        return None
+    bound = resource.getrlimit(resource.RLIMIT_AS)
+    return None if bound[0] == resource.RLIM_INFINITY else bound
 
 
 def claim_work_space() -> None:

@@ -12,6 +12,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from circparam.core.imports import put_off
+from circparam.core.memory import address_bound
 from circparam.core.records import dataclass
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def _open(count: int, modules: tuple[str, ...], opening: _Opening) -> None:
 
 
 def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
-    limit = _memory_bound()
+    limit = address_bound()
     share = None if limit is None else limit[0] // (WORKER_SHARE * count)
     if share is not None and share < LEAST_MEMORY_BYTES:
         return None
@@ -223,16 +224,6 @@ def quiet_start() -> Iterator[None]:
             del os.environ["PYTHONSAFEPATH"]
         else:
             os.environ["PYTHONSAFEPATH"] = before
-
-
-def _memory_bound() -> tuple[int, int] | None:
-    """The bound on the address space of this process, if there is one."""
-    try:
-        import resource
-    except ImportError:
-        return None
-    limit = resource.getrlimit(resource.RLIMIT_AS)
-    return None if limit[0] == resource.RLIM_INFINITY else limit
 
 
 def _bound_memory(limit: tuple[int, int]) -> None:

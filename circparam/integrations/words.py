@@ -1,7 +1,7 @@
 """Errors in the words of Python: messages name options as the command line spells them, a caller does not.
 
-``max_distortion 0.5`` is ``max_distortion=0.5`` for who calls a function, and ``--max-distortion 0.5`` for who
-types a command. The messages are written once, with flags; here they are turned into keywords.
+A caller of a function knows ``max_distortion=0.5``, a user of the command line ``--max-distortion 0.5``.
+Messages are written once, with flags; this module turns flags into keywords.
 """
 
 import functools

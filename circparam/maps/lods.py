@@ -24,7 +24,7 @@ from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.result import Result
 from circparam.pipeline.stored_fit import Fitted
-from circparam.pipeline.unwrap import finish
+from circparam.pipeline.unwrap import verify_and_save
 from circparam.pipeline.verify import flipped_faces
 
 SHAPE_DIAGONALS = 0.05  # between both surfaces: decimation to a tenth of the faces moves less
@@ -117,7 +117,7 @@ def transfer(
             carried.append((layout, apart, _fitted(job, layout)))
     out = []
     for job, output, (layout, apart, fitted) in zip(jobs, outputs, carried, strict=True):
-        result = finish(job, fitted, output, monitor, "transfer")
+        result = verify_and_save(job, fitted, output, monitor, "transfer")
         one = _transferred(result, layout, apart, resolution)
         if one.anew:
             result.warnings.append(

@@ -15,7 +15,6 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    cross2,
     first_of_runs,
     group_max,
     group_min,
@@ -27,6 +26,7 @@ from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
 from circparam.geometry.coverage import chart_boxes, pages_of
 from circparam.geometry.distortion import best_chart_scales, face_stretch
+from circparam.geometry.intrinsic import signed_areas
 from circparam.geometry.straight import ON_TEXEL, axis_parallel, straight_edges
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.check import PlacedCharts, crowded, faults
@@ -187,8 +187,7 @@ def _bent(
 
 def _signed_areas(cut_mesh: CutMesh, texels: FloatArray) -> FloatArray:
     """(n_charts,) area of each chart, negative where it is mirrored."""
-    a, b, c = (texels[cut_mesh.faces[:, k]] for k in range(3))
-    return group_sum(cross2(b - a, c - a), cut_mesh.chart, cut_mesh.n_charts) / 2
+    return group_sum(signed_areas(cut_mesh.faces, texels), cut_mesh.chart, cut_mesh.n_charts)
 
 
 def _with_room(

@@ -34,7 +34,7 @@ def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) 
     Seams that were found in a hurry are not kept: they depend on the clock. Raises OutputError if the folder
     cannot be written to.
     """
-    path = place(job)
+    path = checkpoint_path(job)
     if path is None:
         return find(job, monitor)
     kept, damaged = _read(path, job)
@@ -55,13 +55,13 @@ def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) 
 
 def forget(job: Job) -> None:
     """Delete the kept files after the run has ended well."""
-    path = place(job)
+    path = checkpoint_path(job)
     if path is not None:
         path.unlink(missing_ok=True)
 
 
-def place(job: Job) -> Path | None:
-    """Where the seams of this mesh with these options are kept; None if nobody asked."""
+def checkpoint_path(job: Job) -> Path | None:
+    """Where the seams of this mesh with these options are kept; None without --checkpoint."""
     if job.options.checkpoint is None:
         return None
     return Path(job.options.checkpoint) / f"{_key(job)}.circparam.npz"

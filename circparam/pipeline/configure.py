@@ -191,26 +191,18 @@ def padding_note(padding: int) -> str:
     )
 
 
-def check_density(surface: Surface, o: Options, name: str) -> None:
-    """Raise OptionError if a surface is too large for the pages at the texel density asked for.
+def check_texel_density(surface: Surface, o: Options, name: str) -> None:
+    """Raise OptionError if a surface is too large for the pages at --texel-density.
 
     Areas decide before the work. Charts at their best scale and below a bound D cover at least the share 1 / D
     of the area of their surface. The proof: (Σ A)² ≤ Σ A σ1σ2 · Σ A / σ1σ2 and 2 / σ1σ2 ≤ σ1⁻² + σ2⁻².
     """
-    if o.texel_density is None or not o.packed or o.bound is None or o.method != "isometric":
+    if o.texel_density is None or not o.packed or o.reachable_bound is None:
         return
-    if (
-        o.grouped
-        or o.max_charts is not None
-        or o.no_seams is not None
-        or o.seam_weights is not None
-        or o.blend
-        or o.pins is not None
-        or o.only is not None
-    ):
-        return  # each group has its own pages, or nothing holds charts to the bound
+    if o.grouped or o.only is not None:
+        return  # each group has its own pages, or the page is in use
     asked = pack_options(o)
-    area = float(surface.at_density().areas.sum()) * o.texel_density**2 / o.bound
+    area = float(surface.at_density().areas.sum()) * o.texel_density**2 / o.reachable_bound
     least = pages_needed(area, asked)
     if least > asked.pages:
         raise OptionError(f"{name}: {too_dense(area, asked)}")

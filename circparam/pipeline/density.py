@@ -13,6 +13,7 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 from circparam.formats import sidecars
 from circparam.formats.document import Document
+from circparam.geometry.intrinsic import signed_areas
 from circparam.geometry.page_figures import chart_densities
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -170,9 +171,7 @@ def density_rows(
     surface, n = found.surface, len(density.names)
     used = found.used[found.cut_mesh.chart]
     part = density.part[surface.source][used]
-    uv = found.uv[found.cut_mesh.faces[used]]
-    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    page = group_sum(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2, part, n)
+    page = group_sum(np.abs(signed_areas(found.cut_mesh.faces[used], found.uv)), part, n)
     true = surface.true_areas[used]
     area = group_sum(true, part, n)
     asked = group_sum(true * density.value[surface.source][used] ** 2, part, n)

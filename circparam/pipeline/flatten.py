@@ -115,15 +115,10 @@ def with_straight(atlas: Atlas, options: Options) -> Atlas:
 def rules(options: Options) -> CascadeRules:
     """Rules of the fallback cascade for these options."""
     convex = "convex-boundary" in METHODS[options.method].tags
-    # whether every chart can be brought below the bound by splitting it, and nothing asks for otherwise
-    fixed = (options.max_charts, options.no_seams, options.seam_weights, options.pins)
-    free = all(option is None for option in fixed)
-    reachable = free and options.method == "isometric" and not options.blend
-    bound = options.bound if reachable else None
     return CascadeRules(
         may_split=options.cut == "charts",
         remap=options.cut == "charts" or not convex,
-        bound=FAULTY if bound is None else bound,
+        bound=FAULTY if options.reachable_bound is None else options.reachable_bound,
         method=method_options(options),
     )
 

@@ -27,6 +27,14 @@ class Floaters:
     components: int
     share: float
 
+    @property
+    def note(self) -> str:
+        """One line about the components that were left out."""
+        return (
+            f"{self.components} components left out of the layout: {int(self.faces.sum())} faces, "
+            f"{100 * self.share:.3g} % of the area"
+        )
+
 
 def find_floaters(document: Document, surface: Surface, least: float) -> tuple[Surface, Floaters]:
     """The surface without components below a share of its area, and these components.
@@ -96,11 +104,3 @@ def _step(rounding: Callable[[FloatArray], FloatArray], v: float) -> float:
     sample = v * (1 + np.linspace(-1e-3, 1e-3, 101))
     moved = rounding(np.stack([np.zeros(101), sample], 1))[:, 1] - sample
     return float(np.abs(moved).max())
-
-
-def note(floaters: Floaters) -> str:
-    """One line about the components that were left out."""
-    return (
-        f"{floaters.components} components left out of the layout: {int(floaters.faces.sum())} faces, "
-        f"{100 * floaters.share:.3g} % of the area"
-    )

@@ -15,7 +15,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.topology import describe
 from circparam.mesh.topology_report import TopologyReport
-from circparam.pipeline.stored_groups import judge
+from circparam.pipeline.stored_groups import verify_set
 from circparam.pipeline.verify import Promise, Verification, reasons
 
 LARGEST = float(np.finfo(np.float32).max)  # larger uv mean nothing to a renderer
@@ -48,7 +48,7 @@ def inspect(
 ) -> Inspection:
     """Describe a document; with ``uv_set`` judge that set at a resolution in texels. padding: in texels, or
     'auto', which grows with the resolution. group_by: owner of an atlas: 'primitive', 'mesh' or 'scene'; None
-    as the file says (see ``judge``).
+    as the file says (see ``verify_set``).
 
     Raises InputError if the set does not exist, or no face has uv in it, OptionError for a resolution or
     padding (texels) out of range.
@@ -67,7 +67,7 @@ def inspect(
         uvmap = UVMap(np.where(beyond, np.nan, uvmap.uv), uvmap.uv_faces)
     surface, repairs = repair(document.mesh, RepairOptions(weld), uvmap)
     try:
-        judged = judge(
+        judged = verify_set(
             document, surface, uvmap, uv_set, group_by=group_by,
             resolution=resolution, padding=padding, most_pages=int(PAGES.high),
         )  # fmt: skip

@@ -20,8 +20,8 @@ from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
 from circparam.pipeline.configure import (
-    check_density,
     check_scene,
+    check_texel_density,
     pack_options,
     target_format,
     tiles_of,
@@ -31,7 +31,7 @@ from circparam.pipeline.density import Density, find_density, of_charts
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
 from circparam.pipeline.kept import Kept, find_lock, find_only
 from circparam.pipeline.options import Options
-from circparam.pipeline.selection import Groups, find_groups
+from circparam.pipeline.selection import NamedGroups, find_groups
 from circparam.pipeline.stacks import Stacks, find_stacks
 from circparam.pipeline.verify import Declared, corners_of, uv_seams
 
@@ -58,7 +58,7 @@ class Job:
     stacks: Stacks | None = None
     kept: Kept | None = None
     density: Density | None = None
-    groups: Groups | None = None
+    groups: NamedGroups | None = None
 
     @property
     def whole(self) -> Surface:
@@ -155,7 +155,7 @@ def prepare(
             groups = find_groups(document, options.sorted_by, options.pages_by is not None)
         surface, stacks = find_stacks(document, surface, report, options, tiles, groups)
         surface, kept = _staying(document, surface, options, uvmap, tiles)
-    check_density(surface, options, document.source.name)
+    check_texel_density(surface, options, document.source.name)
     return Job(
         document, options, target, surface, report, tiles, floaters, group_by, stacks, kept,
         density, groups,

@@ -1,7 +1,7 @@
 """Whether a mesh fits a bound on the memory: an estimate before the work, from measured meshes."""
 
 from circparam.core import pool, workers
-from circparam.core.memory import address_space, claim_work_space
+from circparam.core.memory import address_bound, address_space, claim_work_space
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.pipeline.options import Options
@@ -17,15 +17,9 @@ GIGABYTE = 1e9
 
 def memory_limit() -> int | None:
     """Bytes of address space that this process and its workers may have; None if nothing bounds them."""
-    try:
-        import resource
-    except ImportError:
-        return None
     current = pool.current()
-    if current is not None and current.limit is not None:
-        return current.limit[0]
-    soft = resource.getrlimit(resource.RLIMIT_AS)[0]
-    return None if soft == resource.RLIM_INFINITY else soft
+    bound = address_bound() if current is None or current.limit is None else current.limit
+    return None if bound is None else bound[0]
 
 
 def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> None:

@@ -24,30 +24,30 @@ def named_numbers(given: Any) -> dict[str, float] | None:
         for name, sign, value in rows:
             if not sign or not name.strip():
                 raise OptionError(
-                    f"--density {(name + sign + value).strip()!r} is no NAME=X: {GRAMMAR}"
+                    f"--density {(name + sign + value).strip()!r} is not NAME=X: {GRAMMAR}"
                 )
         pairs = [(name.strip(), value) for name, _, value in rows]
     else:
         return None
     if not pairs:
-        raise OptionError(f"--density names nothing: {GRAMMAR}")
+        raise OptionError(f"--density is empty: {GRAMMAR}")
     out: dict[str, float] = {}
     for name, value in pairs:
         if name in out:
-            raise OptionError(f"--density names {name!r} twice: say one number of it")
+            raise OptionError(f"--density names {name!r} twice: give one number")
         try:
             out[name] = float(value)
         except (TypeError, ValueError):
             out[name] = math.nan
         if not 0 < out[name] < math.inf:
             raise OptionError(
-                f"--density {name}={str(value).strip()}: a density is a number above 0; 1 is that of what no "
-                "name is given for"
+                f"--density {name}={str(value).strip()}: give a number above 0; parts that are not named "
+                "have 1"
             )
     return out
 
 
-def check_density(given: Any) -> None:
+def check_density_words(given: Any) -> None:
     """Raise OptionError for a density that no file can have."""
     if given is None or named_numbers(given) is not None:
         return

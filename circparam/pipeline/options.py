@@ -20,7 +20,7 @@ from circparam.core.records import dataclass
 from circparam.core.workers import cores
 from circparam.errors import OptionError
 from circparam.pipeline import applies
-from circparam.pipeline.named_numbers import EVEN, check_density
+from circparam.pipeline.named_numbers import EVEN, check_density_words
 
 if TYPE_CHECKING:  # importing this module loads no NumPy: the command line reads it for its help
     from circparam.core.arrays import FloatArray
@@ -239,7 +239,7 @@ class Options:
         applies=applies.with_stack,
     )
     keep_page: bool | None = option(
-        "packing", "Keep the density on a page in use, or write nothing.",
+        "packing", "On a page in use, keep the density of the other charts or write nothing.",
         applies=applies.with_kept,
     )
     lock: Any = option(
@@ -247,7 +247,7 @@ class Options:
         metavar="material=|group=|node=NAME|FILE", applies=applies.with_given_charts,
     )
     pages_by: str | None = option(
-        "packing", "Give each one a page (UDIM tile), all at one density.",
+        "packing", "Give each material, node or group a page (UDIM tile), at one density.",
         choices=("material", "node", "group"), applies=applies.with_own_pages,
     )
     orient: str | None = option(
@@ -285,7 +285,7 @@ class Options:
         applies=applies.with_one_atlas,
     )
     group_by: str | None = option(
-        "writing", "What shares one atlas; material, node and group get a box each on one page.",
+        "writing", "Faces that share one atlas; each material, node or group gets a box on one page.",
         shown="scene", choices=("primitive", "mesh", "scene", "material", "node", "group"),
         applies=applies.with_atlases,
     )
@@ -324,7 +324,7 @@ class Options:
 
     def __post_init__(self) -> None:
         check(self)
-        check_density(self.density)
+        check_density_words(self.density)
         limits.check_page(self.resolution_texels, self.padding_texels)
         if self.boundary == "polygon" and self.polygon is None:
             raise OptionError(
@@ -366,8 +366,15 @@ class Options:
         return DEFAULT_BOUND if self.max_distortion is None else self.max_distortion
 
     @property
+    def reachable_bound(self) -> float | None:
+        """The bound, if splitting a chart always reaches it: no option limits charts, seams or the energy."""
+        fixed = (self.max_charts, self.no_seams, self.seam_weights, self.pins)
+        free = all(option is None for option in fixed) and not self.blend
+        return self.bound if free and self.method == DEFAULT_METHOD else None
+
+    @property
     def processes(self) -> int:
-        """How many processes may work, this one included: as many as there are cores where nobody says."""
+        """How many processes may work, this one included: the number of cores by default."""
         return cores() if self.jobs is None else int(self.jobs)
 
     @property

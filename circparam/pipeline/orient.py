@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, cross2, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
 from circparam.formats.document import Document
 from circparam.formats.table import up_of
 from circparam.geometry.coverage import pages_of
+from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.pipeline.options import AUTO, Options
@@ -73,8 +74,7 @@ def orient_cost(found: Verification, options: Options, monitor: Monitor) -> Orie
 
 def _cover(cut_mesh: CutMesh, uv: FloatArray) -> float:
     """Area of all charts over that of the pages that they lie on."""
-    p = uv[cut_mesh.faces]
-    area = np.abs(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])).sum() / 2
+    area = np.abs(signed_areas(cut_mesh.faces, uv)).sum()
     return float(area / len(np.unique(pages_of(cut_mesh, uv))))
 
 
@@ -93,8 +93,7 @@ def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> U
     height = surface.points[surface.faces, axis]
     height = height - height.mean()
     p = uv[cut_mesh.faces]
-    n = cut_mesh.n_charts
-    doubled = cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    n, area = cut_mesh.n_charts, signed_areas(cut_mesh.faces, uv)
     slope = np.zeros((n, 2))
     for k in range(3):
         along = p[:, (k + 2) % 3] - p[:, (k + 1) % 3]
@@ -102,10 +101,10 @@ def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> U
         slope += np.stack([group_sum(turned[:, d], cut_mesh.chart, n) for d in (0, 1)], 1)
     # twice the integral of the gradient over each chart, in units of height times uv
     space = group_sum(surface.true_areas, cut_mesh.chart, n)
-    plane = group_sum(np.abs(doubled), cut_mesh.chart, n) / 2
+    plane = group_sum(np.abs(area), cut_mesh.chart, n)
     length = np.hypot(slope[:, 0], slope[:, 1]) / 2
     has_up = length > SLOPE * np.sqrt(space * plane)
-    mirrored = group_sum(doubled, cut_mesh.chart, n) < 0
+    mirrored = group_sum(area, cut_mesh.chart, n) < 0
     c, s = np.ones(n), np.zeros(n)
     unit = slope[has_up] / (2 * length[has_up, None])
     unit[mirrored[has_up]] *= -1  # the area of a mirrored chart counts backwards

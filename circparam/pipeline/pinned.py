@@ -6,12 +6,13 @@ format cannot store their places, else before anything is written.
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import counted
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import rounding
 from circparam.geometry.distortion import best_chart_scales
+from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.methods.pins import Pins
@@ -83,8 +84,8 @@ def place_pinned(job: Job, cut_mesh: CutMesh, uv: FloatArray, pins: FloatArray) 
     if pinned.all():
         return Placed(uv, [])
     part, vertices, _ = cut_mesh.subset(pinned)
-    a, b, c = (uv[vertices][part.faces[:, k]] for k in range(3))
-    density = np.sqrt(np.abs(cross2(b - a, c - a)).sum() / 2 / part.areas.sum())
+    plane = np.abs(signed_areas(part.faces, uv[vertices])).sum()
+    density = np.sqrt(plane / part.areas.sum())
     width = float(np.ptp(uv[vertices, 0]))
     other, loose, _ = cut_mesh.subset(~pinned)
     scale = density * best_chart_scales(other, uv[loose])

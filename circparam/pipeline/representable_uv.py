@@ -49,7 +49,7 @@ CHUNK = 2_000_000  # corners x places looked at together
 
 
 @dataclass(frozen=True)
-class Search:
+class PlaceSearch:
     """One way of looking for places. Crowds are first widened by the factor ``spread``. Vertices up to
     ``rings`` rings round the spoilt faces may move. Faces should hold ``room`` cells twice over. along:
     vertices look along ``rays`` into the faces round them, and not at their window.
@@ -65,13 +65,13 @@ class Search:
 # and 100 vertices in two to eight cells. The first two searches leave 8 %, the spreading ones 0.5 %. At the
 # tip of a sliver the next place is as many numbers away as the sliver is narrow. Rays into the sliver reach
 # that place, windows do not.
-SEARCHES = (
-    Search(1, 0, 0),
-    Search(1, 1, 0),
-    Search(1, 0, 0, along=True),
-    Search(3, 2, 2),
-    Search(9, 4, 4),
-    Search(27, 4, 4),
+PLACE_SEARCHES = (
+    PlaceSearch(1, 0, 0),
+    PlaceSearch(1, 1, 0),
+    PlaceSearch(1, 0, 0, along=True),
+    PlaceSearch(3, 2, 2),
+    PlaceSearch(9, 4, 4),
+    PlaceSearch(27, 4, 4),
 )
 
 
@@ -200,11 +200,11 @@ def mend_faces(patch: Patch) -> tuple[FloatArray, BoolArray]:
     """Round a layout, and move vertices among storable numbers until every face is upright, if possible.
 
     Returns storable uv (n, 2), and (m,) bool: faces that are still not upright. Layouts with over ``MOST``
-    spoilt faces are given up. So are faces that all ``SEARCHES`` leave, with vertices up to ``FAR`` numbers
-    from their rounded places.
+    spoilt faces are given up. So are faces that all ``PLACE_SEARCHES`` leave, with vertices up to ``FAR``
+    numbers from their rounded places.
     """
     x, spoilt = patch.start.copy(), signs(patch.start, patch.faces) <= 0
-    for search in SEARCHES if spoilt.any() else ():
+    for search in PLACE_SEARCHES if spoilt.any() else ():
         if not 0 < spoilt.sum() <= max(MOST, MOST_SHARE * len(patch.faces)):
             break
         free = np.zeros(len(x), bool)
@@ -248,7 +248,7 @@ def _spread(patch: Patch, inner: BoolArray, by: float) -> tuple[IntArray, FloatA
     return crowd, patch.rounding(exact[crowd] + (times - 1)[:, None] * away)
 
 
-def _descend(patch: Patch, x: FloatArray, free: BoolArray, search: Search) -> FloatArray:
+def _descend(patch: Patch, x: FloatArray, free: BoolArray, search: PlaceSearch) -> FloatArray:
     """Places after rounds of moves of free vertices from x (n, 2)."""
     x, faces = x.copy(), patch.faces
     least, since = len(faces) + 1, 0

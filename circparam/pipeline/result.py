@@ -22,7 +22,7 @@ from circparam.pipeline.floaters import Floaters
 from circparam.pipeline.kept import Kept
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import OrientCost
-from circparam.pipeline.selection import Groups
+from circparam.pipeline.selection import NamedGroups
 from circparam.pipeline.stacks import Stacks
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
@@ -86,7 +86,7 @@ class Result:
     stacks: Stacks | None = None
     kept: Kept | None = None
     density: Density | None = None
-    groups: Groups | None = None
+    groups: NamedGroups | None = None
     orient: OrientCost | None = None
     path: str | None = None
     format: str = ""
@@ -184,7 +184,7 @@ def verify_layout(
     return replace(found, block=options.align_texels or 1)
 
 
-def judged(result: Result, expired: bool) -> Result:
+def with_status(result: Result, expired: bool) -> Result:
     """A result with the charts, status, reasons and warnings that its verification calls for.
 
     expired: the time given has run out. Nothing is promised for the distortion and number of charts that stay.
@@ -218,14 +218,14 @@ def judged(result: Result, expired: bool) -> Result:
 
 
 def as_stored(result: Result, uvmap: UVMap, expired: bool) -> Result:
-    """A result with the layout that was read back, verified again if any number differs; see ``judged``."""
+    """A result with the layout that was read back, verified again if a number differs; see ``with_status``."""
     found = result.verification
     if not same_corners(uvmap, UVMap(result.uv, result.uv_faces)):
         found = verify_layout(
             result.surface, uvmap, result.options, result.tiles, result.stacks, result.kept
         )
     after = replace(result, uv=uvmap.uv, uv_faces=uvmap.uv_faces, verification=found)
-    return judged(after, expired)
+    return with_status(after, expired)
 
 
 def same_corners(a: UVMap, b: UVMap) -> bool:

@@ -125,7 +125,7 @@ def _numbered(document: Document, given: NDArray[Any], flag: str) -> BoolArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Groups:
+class NamedGroups:
     """label: (f,) group of each face of the mesh, 0..n-1 in order of the faces. names: of the groups. kind: one
     of ``KINDS``. pages: whether each has a page of its own; else each lies together.
     """
@@ -145,7 +145,7 @@ class Groups:
         return f"{count} with pages of their own{row}"
 
 
-def find_groups(document: Document, kind: str, pages: bool) -> Groups:
+def find_groups(document: Document, kind: str, pages: bool) -> NamedGroups:
     """The groups of a file by name; faces without a name form a group.
 
     Raises OptionError if the file has no such names, all faces have one, or groups are more than pages.
@@ -170,10 +170,10 @@ def find_groups(document: Document, kind: str, pages: bool) -> Groups:
             f"{flag}: {count} {kind}s, and there are at most {PAGES.high:g} pages: join some, or give "
             "--group-by"
         )
-    return Groups(groups, tuple(words[of_face[f]] for f in first), kind, pages)
+    return NamedGroups(groups, tuple(words[of_face[f]] for f in first), kind, pages)
 
 
-def group_rows(groups: Groups, found: Verification) -> Iterator[dict[str, Any]]:
+def group_rows(groups: NamedGroups, found: Verification) -> Iterator[dict[str, Any]]:
     """Where each group lies: name, faces, charts, its pages as UDIM numbers, and its box in u and v."""
     label = groups.label[found.surface.source]
     chart = found.cut_mesh.chart

@@ -16,7 +16,7 @@ from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.options import Options
 from circparam.pipeline.seam_weights import edge_weights
-from circparam.pipeline.selection import Groups
+from circparam.pipeline.selection import NamedGroups
 from circparam.pipeline.verify import BOUND_SLACK, Declared, Verification, corners_of, uv_seams
 
 
@@ -71,7 +71,7 @@ def find_stacks(
     report: RepairReport,
     options: Options,
     tiles: IntArray | None,
-    groups: Groups | None = None,
+    groups: NamedGroups | None = None,
 ) -> tuple[Surface, Stacks | None]:
     """The surface with one part of each kind, and the declared stacks; None without --stack.
 
@@ -168,11 +168,10 @@ def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:
     share = float(areas[~copy].sum() / areas.sum())
     pack = None if found.coverage is None else found.coverage.share
     return {
-        "parts": stacks.parts,
-        "kinds": stacks.kinds,
-        "copies": stacks.copies,
-        "mirrored": stacks.mirrored,
-        "apart": stacks.apart,
+        **{
+            name: getattr(stacks, name)
+            for name in ("parts", "kinds", "copies", "mirrored", "apart")
+        },
         "offset": stacks.declared.offset,
         "charts": found.charts - len(found.stacked),
         "charts_unstacked": found.charts,

@@ -56,7 +56,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         # with time up, no packing is tried that stored numbers are likely to spoil: charts that are sound at
         # about the size of charts in rows on a full page, made coarser, are hardly ever spoilt
         size = float(np.sqrt(FILLED / cascade.atlas.surface.areas.sum())) / COARSER
-        cascade, settled = _hold_stored(job, cascade, size, monitor), True
+        cascade, settled = _settle_stored(job, cascade, size, monitor), True
     for turn in range(ROUNDS):
         if turn == 1:  # faces that stored numbers spoil are spoilt in a loose layout too
             options = replace(options, effort=min(RETRIED * options.work, 1.0))
@@ -72,7 +72,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         cascade = replace(after, packing=None)
         settled = options.packed and cascade.rules.may_split and not monitor.hurried
         if settled:
-            cascade = _hold_stored(job, cascade, size, monitor)
+            cascade = _settle_stored(job, cascade, size, monitor)
     if not np.isfinite(fitted.uvmap.uv).all():
         raise NoResultError("no finite layout was found: try another --method, or --cut charts")
     return replace(fitted, cascade=cascade)
@@ -93,7 +93,7 @@ def _packed(
         placed = arrange(job, cut_mesh, uv, options, monitor, keep, cascade.packing)
     with monitor.stage("check"):
         turn = options.packed and options.turns != "none" and job.kept is None
-        held = hold(job, cut_mesh, placed.uv, sign < 0, turn)
+        held = stored_layout(job, cut_mesh, placed.uv, sign < 0, turn)
     uvmap = job.completed(cut_mesh, held.uv, held.double)
     size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, placed.uv, keep))
     return Fitted(cascade.noted(*placed.notes, *held.notes), uvmap, held.double), held.fault, size
@@ -132,7 +132,7 @@ def arrange(
     return Placed(align(cut_mesh, placed.uv, options, group), [*notes, *placed.notes])
 
 
-def hold(
+def stored_layout(
     job: Job, cut_mesh: CutMesh, uv: FloatArray, mirrored: BoolArray, turn: bool = False
 ) -> Stored:
     """Round a packed layout (nv, 2) as the target stores it and mend spoilt faces; see ``store``.
@@ -173,7 +173,7 @@ def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
     return np.stack([x + page, y], 1)
 
 
-def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
+def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
     """Send charts on that stored numbers would spoil somewhere on a page, at a given size.
 
     Each lies turned, as packing may turn it, because needles along an axis would be stored too well; and at the
@@ -187,9 +187,9 @@ def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> C
         high = np.full((cut_mesh.n_charts, 2), -np.inf)
         np.maximum.at(high, cut_mesh.vertex_chart, uv)
         uv = uv + (1.0 - high)[cut_mesh.vertex_chart]
-        fault = hold(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).fault
+        fault = stored_layout(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).fault
     return fallback.sent_on(
-        cascade, fault, monitor, lambda part, to: _hold_stored(job, part, size, to)
+        cascade, fault, monitor, lambda part, to: _settle_stored(job, part, size, to)
     )
 
 

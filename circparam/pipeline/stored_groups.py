@@ -16,7 +16,7 @@ WIDEST = 1 << 20  # units of u that an atlas may take beside others: beyond it f
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class VerifiedSet:
     """A uv set of a file, verified. tiles: (m,) how far to the right each face's atlas is laid out; None where
     there is one atlas. note: the reason for several, '' for one.
     """
@@ -26,25 +26,25 @@ class Judged:
     note: str = ""
 
 
-def judge(
+def verify_set(
     document: Document,
     surface: Surface,
     uvmap: UVMap,
     uv_set: int,
     group_by: str | None = None,
-    **judging: Any,
-) -> Judged:
+    **asked_of: Any,
+) -> VerifiedSet:
     """Verify a uv set of a file, every atlas on pages of its own.
 
     uvmap: the layout of that set. group_by: 'primitive', 'mesh' or 'scene'; None as the file says. Where the
     file says nothing, charts that overlap while their textures are different images lie on a page for each
-    image. judging: resolution, padding and most_pages, as ``verify`` has them. Raises InputError if no face
+    image. asked_of: resolution, padding and most_pages, as ``verify`` has them. Raises InputError if no face
     has uv that are numbers.
     """
 
-    def verified(label: IntArray | None) -> Judged:
-        tiles = None if label is None else side_by_side(uvmap, label)
-        return Judged(verify(surface, uvmap, tiles=tiles, **judging), tiles)
+    def verified(label: IntArray | None) -> VerifiedSet:
+        tiles = None if label is None else tiles_of_groups(uvmap, label)
+        return VerifiedSet(verify(surface, uvmap, tiles=tiles, **asked_of), tiles)
 
     asked = group_by or document.group_by(uv_set)
     if asked is not None:
@@ -52,7 +52,7 @@ def judge(
         several = asked != "scene" and len(sorted_distinct(label)) > 1
         found = verified(label if several else None)
         note = f"uv set {uv_set}: each {asked} has an atlas of its own" if several else ""
-        return Judged(found.verification, found.tiles, note)
+        return VerifiedSet(found.verification, found.tiles, note)
     found = verified(None)
     image = image_labels(document, uv_set)
     if image is None:
@@ -65,10 +65,10 @@ def judge(
         return found
     found = verified(image)
     note = f"uv set {uv_set}: each texture has an atlas of its own, since charts of different ones overlap"
-    return Judged(found.verification, found.tiles, note)
+    return VerifiedSet(found.verification, found.tiles, note)
 
 
-def side_by_side(uvmap: UVMap, label: IntArray) -> IntArray:
+def tiles_of_groups(uvmap: UVMap, label: IntArray) -> IntArray:
     """(m,) how far to the right each face's atlas is laid out, so that no two of them meet."""
     used = uvmap.uv[sorted_distinct(uvmap.uv_faces[uvmap.uv_faces >= 0])]
     used = used[np.isfinite(used).all(1)]

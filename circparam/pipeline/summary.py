@@ -87,7 +87,7 @@ def _effort(result: "Result") -> dict[str, Any]:
         "made": asked if found.made is None else found.made,
         "searches": found.searches,
         "best": found.best,
-        "costs": [plain(round(cost, 6)) for cost in found.costs],
+        "costs": [json_value(round(cost, 6)) for cost in found.costs],
         "more": found.more,
     }
 
@@ -159,11 +159,11 @@ def summarise_check(found: "Inspection") -> dict[str, Any]:
 
 def _numbers(measures: Mapping[str, Any]) -> dict[str, Any]:
     """The figures as JSON can hold them; the packed share by both of its names."""
-    out = {k: plain(v) for k, v in measures.items()}
+    out = {k: json_value(v) for k, v in measures.items()}
     return out | {"packed": out["pack"]} if "pack" in out else out
 
 
-def plain(value: Any) -> Any:
+def json_value(value: Any) -> Any:
     """A value that JSON can hold: infinities and NaN become null."""
     if isinstance(value, float) and not math.isfinite(value):
         return None

@@ -59,7 +59,7 @@ class SharedAtlas:
     """
 
     result: Result
-    parts: "tuple[Part, ...]"
+    parts: "tuple[AtlasPart, ...]"
 
     def as_dict(self) -> dict[str, Any]:
         """The report: figures of the page, and under ``parts`` those of each file."""
@@ -73,7 +73,7 @@ class SharedAtlas:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class AtlasPart:
     """One file of a shared atlas.
 
     packed: the share of the pages that its charts cover. face_map: (faces of the output,) face of the input.
@@ -251,7 +251,7 @@ def _read_back(joined: JoinedDocument, written: Sequence[Written], o: Options) -
     return UVMap(np.concatenate(rows), np.concatenate(faces))
 
 
-def _part(joined: JoinedDocument, k: int, result: Result, written: Written) -> Part:
+def _part(joined: JoinedDocument, k: int, result: Result, written: Written) -> AtlasPart:
     """The figures of one file."""
     part, mine = joined.parts[k], joined.faces_of(k)
     faces = result.uv_faces[mine]
@@ -259,7 +259,7 @@ def _part(joined: JoinedDocument, k: int, result: Result, written: Written) -> P
     charts = result.charts[mine]
     pages = result.measures["pages"]
     covered = float(np.abs(signed_areas(faces[laid], result.uv)).sum())
-    return Part(
+    return AtlasPart(
         part.source.name,
         str(written.path),
         [os.fspath(f) for f in written.files],

@@ -20,7 +20,7 @@ from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline import applies, checkpoint, floaters
+from circparam.pipeline import applies, checkpoint
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.density import at_densities, check_whole
@@ -33,12 +33,12 @@ from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.orient import orient_cost
 from circparam.pipeline.pinned import check_pins, check_storable
-from circparam.pipeline.result import Effort, Result, judged, verify_layout
+from circparam.pipeline.result import Effort, Result, verify_layout, with_status
 from circparam.pipeline.save import save
 from circparam.pipeline.seam_visibility import SeamVisibility
 from circparam.pipeline.searches import Drafted, best_layout, on_page
 from circparam.pipeline.stacks import copies_hold
-from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, hold
+from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, stored_layout
 
 # Time after a stage as a multiple of the seconds of the repair, which visits the same mesh on the same
 # machine: for projected charts with all later stages; for packing in rows, writing and verifying; for all but
@@ -98,7 +98,7 @@ def _unwrapped(
     if options.pins is not None:
         check_storable(options.pins, document, job.target)
     fitted, effort = _searched(job, monitor)
-    result = replace(finish(job, fitted, output, monitor), effort=effort)
+    result = replace(verify_and_save(job, fitted, output, monitor), effort=effort)
     checkpoint.forget(job)
     return result
 
@@ -209,7 +209,7 @@ def repack_document(
         as_given = np.ones(cut_mesh.n_charts, bool)
         placed = arrange(job, cut_mesh, uv, options, monitor, as_given)
     fitted = _packed_again(job, cascade.noted(*placed.notes), cut_mesh, placed.uv)
-    return finish(job, fitted, output, monitor, "pack")
+    return verify_and_save(job, fitted, output, monitor, "pack")
 
 
 def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray) -> Fitted:
@@ -223,7 +223,7 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
     if (fault > 0).any():
         return Fitted(cascade, job.stored(cut_mesh, uv))
     turn = job.options.turns != "none" and job.kept is None
-    held = hold(job, cut_mesh, uv, mirrored, turn)
+    held = stored_layout(job, cut_mesh, uv, mirrored, turn)
     uvmap = job.completed(cut_mesh, held.uv, held.double)
     return Fitted(cascade.noted(*held.notes), uvmap, held.double)
 
@@ -243,7 +243,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     notes = list(document.notes)
     if options.padding == AUTO and options.packed:
         notes.append(padding_note(options.padding_texels))
-    notes += [] if job.floaters is None else [floaters.note(job.floaters)]
+    notes += [] if job.floaters is None else [job.floaters.note]
     notes += [] if job.stacks is None else job.stacks.notes()
     notes += [] if job.groups is None else [job.groups.note]
     notes += [] if job.kept is None else job.kept.notes(uvmap)
@@ -273,11 +273,11 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         orient=orient,
         advice=cascade.advice,
     )
-    result = judged(result, monitor.hurried)
+    result = with_status(result, monitor.hurried)
     return replace(result, warnings=[*document.warnings, *result.warnings])
 
 
-def finish(
+def verify_and_save(
     job: Job,
     fitted: Fitted,
     output: str | os.PathLike[str] | None,

@@ -21,7 +21,7 @@ from circparam.formats.table import up_of
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.result import Result
-from circparam.pipeline.stored_groups import Judged, judge, laid_apart
+from circparam.pipeline.stored_groups import VerifiedSet, laid_apart, verify_set
 from circparam.render.colours import END
 from circparam.render.figures import RASTER, PageImages, PictureOptions, as_figures, scene_figures
 from circparam.render.html import PageLayout
@@ -104,7 +104,7 @@ def view_document(
 
 def _judged_scene(
     document: Document, uv_set: int, group_by: str | None
-) -> tuple[Scene, Judged | None]:
+) -> tuple[Scene, VerifiedSet | None]:
     """The scene of a uv set, several atlases side by side, and the verdict of ``circparam check --uv``."""
     uvmap, judged = document.require_uv(uv_set), judged_set(document, uv_set, group_by)
     if judged is not None:
@@ -131,17 +131,17 @@ def _before(
     return PageLayout("before", scene, options, view_figures(judged, scene))
 
 
-def view_figures(judged: Judged | None, scene: Scene) -> list[tuple[str, str]]:
+def view_figures(judged: VerifiedSet | None, scene: Scene) -> list[tuple[str, str]]:
     """The figures of a uv set, as ``circparam check --uv`` tells them."""
     return scene_figures(scene) if judged is None else as_figures(judged.verification.numbers())
 
 
-def judged_set(document: Document, uv_set: int, group_by: str | None = None) -> Judged | None:
+def judged_set(document: Document, uv_set: int, group_by: str | None = None) -> VerifiedSet | None:
     """A uv set as verified by ``circparam check --uv``; None if no part can be verified."""
     try:
         uvmap = document.require_uv(uv_set)
         surface, _ = repair(document.mesh, RepairOptions(), uvmap)
-        return judge(document, surface, uvmap, uv_set, group_by, resolution=RASTER)
+        return verify_set(document, surface, uvmap, uv_set, group_by, resolution=RASTER)
     except InputError:
         return None
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circparam.batch.index import Index
-from circparam.batch.sources import Source
+from circparam.batch.sources import SourceFile
 from circparam.batch.store import Folder, digest
 from circparam.errors import OptionError
 
@@ -44,7 +44,7 @@ def index() -> Any:
 def test_the_largest_come_first(index: Index, tmp_path: Path) -> None:
     sizes = {"a.obj": 3, "b.obj": 30, "c.obj": 7, "d.obj": 7}
     index.add_sources(
-        [Source(f"/s/{n}", n, size) for n, size in sizes.items()], Folder(str(tmp_path))
+        [SourceFile(f"/s/{n}", n, size) for n, size in sizes.items()], Folder(str(tmp_path))
     )
     assert due(index) == ["b.obj", "c.obj", "d.obj", "a.obj"]
     assert index.weight() == 47
@@ -53,7 +53,7 @@ def test_the_largest_come_first(index: Index, tmp_path: Path) -> None:
 @given(st.sets(st.text("ab/\udcff\n'", min_size=1, max_size=6), max_size=12))
 def test_any_name_goes_through(found: set[str]) -> None:
     with Index() as index:
-        index.add_sources([Source(f"/s/{n}", f"x{n}x.obj") for n in found], Folder("/nowhere"))
+        index.add_sources([SourceFile(f"/s/{n}", f"x{n}x.obj") for n in found], Folder("/nowhere"))
         index.add_lines([line(f"x{n}x.obj") for n in found])
         assert sorted(due(index, "all")) == sorted(f"x{n}x.obj" for n in found)
         assert index.count("1") == len(found)
@@ -78,7 +78,7 @@ def test_any_name_goes_through(found: set[str]) -> None:
 def test_what_is_done_again(
     index: Index, last: dict[str, Any], retry: tuple[str, ...], expected: bool
 ) -> None:
-    index.add_sources([Source("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
+    index.add_sources([SourceFile("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
     index.add_lines([line("a.obj", status="failed", options="older"), line("a.obj", **last)])
     assert bool(due(index, *retry)) is expected
 
@@ -102,7 +102,7 @@ def test_results_that_collide_and_a_file_that_is_named_twice(
     index: Index, tmp_path: Path, found: tuple[str, ...], said: str | None
 ) -> None:
     words = [word.format(here=os.path.realpath(tmp_path)) for word in found]
-    files = [Source(*pair) for pair in zip(words[::2], words[1::2], strict=True)]
+    files = [SourceFile(*pair) for pair in zip(words[::2], words[1::2], strict=True)]
     if said is None:
         assert index.add_sources(files, Folder(str(tmp_path))) == 1
         return
@@ -111,7 +111,7 @@ def test_results_that_collide_and_a_file_that_is_named_twice(
 
 
 def test_a_result_that_is_gone_is_made_again(index: Index) -> None:
-    index.add_sources([Source("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
+    index.add_sources([SourceFile("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
     index.add_lines([line("a.obj")])
     asked: list[tuple[str, int]] = []
 
@@ -126,7 +126,7 @@ def test_a_result_that_is_gone_is_made_again(index: Index) -> None:
 def test_a_file_that_was_only_touched_is_not_done_again(index: Index, tmp_path: Path) -> None:
     path = tmp_path / "a.obj"
     path.write_text("12345")
-    index.add_sources([Source(str(path), "a.obj", 5, "new")], Folder("/nowhere"))
+    index.add_sources([SourceFile(str(path), "a.obj", 5, "new")], Folder("/nowhere"))
     index.add_lines([line("a.obj", source_hash=digest(path))])
     assert due(index) == []
     path.write_text("54321")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circparam.batch.manifest import Manifest, encode, lines, mend
+from circparam.batch.manifest import Manifest, cut_torn_line, encode_line, read_lines
 from circparam.batch.store import Folder
 from circparam.errors import OptionError, OutputError
 
@@ -19,7 +19,7 @@ NAMES = st.text(st.characters(exclude_categories=()), min_size=1, max_size=20)
 
 @given(NAMES)
 def test_any_name_is_one_line_of_ascii_and_comes_back(name: str) -> None:
-    data = encode({"name": name})
+    data = encode_line({"name": name})
     assert data.count(b"\n") == 1
     assert data.isascii()
     assert json.loads(data)["name"] == name
@@ -30,28 +30,30 @@ def test_wherever_it_was_torn_the_whole_lines_stay(
     tmp_path_factory: pytest.TempPathFactory, found: list[str], cut: int
 ) -> None:
     path = tmp_path_factory.mktemp("m") / "m.jsonl"
-    data = b"".join(encode({"name": n}) for n in found)
+    data = b"".join(encode_line({"name": n}) for n in found)
     path.write_bytes(data[:cut])
     whole = data[:cut].count(b"\n")
-    assert [line["name"] for line in lines(path)] == found[:whole]
-    lost = mend(path)
+    assert [line["name"] for line in read_lines(path)] == found[:whole]
+    lost = cut_torn_line(path)
     assert lost == len(data[:cut]) - (data[:cut].rfind(b"\n") + 1)
     with path.open("ab") as stream:
-        stream.write(encode({"name": "next"}))
-    assert [line["name"] for line in lines(path)] == [*found[:whole], "next"]
+        stream.write(encode_line({"name": "next"}))
+    assert [line["name"] for line in read_lines(path)] == [*found[:whole], "next"]
 
 
 def test_a_long_torn_line_is_cut_off(tmp_path: Path) -> None:
     path = tmp_path / "m.jsonl"
-    path.write_bytes(encode({"name": "a"}) + b"x" * 200_000)
-    assert mend(path) == 200_000
-    assert [line["name"] for line in lines(path)] == ["a"]
+    path.write_bytes(encode_line({"name": "a"}) + b"x" * 200_000)
+    assert cut_torn_line(path) == 200_000
+    assert [line["name"] for line in read_lines(path)] == ["a"]
 
 
 def test_damage_inside_is_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "m.jsonl"
-    path.write_bytes(encode({"name": "a"}) + b"{rubbish\n[1]\n\xff\n" + encode({"name": "b"}))
-    assert [line["name"] for line in lines(path)] == ["a", "b"]
+    path.write_bytes(
+        encode_line({"name": "a"}) + b"{rubbish\n[1]\n\xff\n" + encode_line({"name": "b"})
+    )
+    assert [line["name"] for line in read_lines(path)] == ["a", "b"]
 
 
 class Full:
@@ -78,10 +80,10 @@ def test_a_full_disk_tears_no_line(tmp_path: Path) -> None:
         patch.setattr(manifest, "_stream", Full(manifest._stream, 5))
         with pytest.raises(OSError, match="No space"):
             manifest.append({"name": "b"})
-    assert [line["name"] for line in lines(manifest.path)] == ["a"]
+    assert [line["name"] for line in read_lines(manifest.path)] == ["a"]
     manifest.append({"name": "c"})
     manifest.close()
-    assert manifest.path.read_bytes() == encode({"name": "a"}) + encode({"name": "c"})
+    assert manifest.path.read_bytes() == encode_line({"name": "a"}) + encode_line({"name": "c"})
 
 
 def test_two_batches_do_not_share_a_folder(tmp_path: Path) -> None:

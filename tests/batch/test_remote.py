@@ -15,10 +15,10 @@ pytest.importorskip("moto.server")
 
 import circparam
 from circparam.batch import store
-from circparam.batch.batch import Plan, run_batch, status
+from circparam.batch.batch import BatchPlan, run_batch, status
 from circparam.batch.cluster import Cluster
 from circparam.batch.companions import fetch
-from circparam.batch.manifest import journal, lines
+from circparam.batch.manifest import journal, read_lines
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
 from circparam.errors import InputError, OutputError
@@ -52,7 +52,7 @@ def test_a_batch_from_s3_to_s3(
     cluster = Cluster(workers=1)  # not the shared one: it must know the environment of the store
     request.addfinalizer(cluster.kill)
     address = cluster.client.scheduler.address
-    summary = run_batch(Plan(["s3://bucket/in"], given, scheduler=address))
+    summary = run_batch(BatchPlan(["s3://bucket/in"], given, scheduler=address))
     assert summary.counts == {"ok": 3}
     assert server.failed >= 3
     found = sorted(store.again(system.find, "bucket/out"))
@@ -65,7 +65,7 @@ def test_a_batch_from_s3_to_s3(
             store.again(system.cat_file, f"bucket/out/{name}")
             == (tmp_path / "one.obj").read_bytes()
         )
-    told = list(lines(journal(Folder("s3://bucket/out"))))
+    told = list(read_lines(journal(Folder("s3://bucket/out"))))
     assert sorted(line["name"] for line in told) == names
     assert all(line["source_hash"].startswith("etag:") for line in told)
     assert all(line["source"].startswith("s3://bucket/in/") for line in told)
@@ -73,10 +73,10 @@ def test_a_batch_from_s3_to_s3(
 
     # continued, from another machine as well: nothing to do until a source has changed
     journal(Folder("s3://bucket/out")).unlink()
-    again = run_batch(Plan(["s3://bucket/in"], given, workers=1))
+    again = run_batch(BatchPlan(["s3://bucket/in"], given, workers=1))
     assert (again.done, again.skipped) == (0, 3)
     store.again(system.pipe_file, f"bucket/in/{names[0]}", (source / names[1]).read_bytes())
-    changed = run_batch(Plan(["s3://bucket/in/**/*.obj"], given, scheduler=address))
+    changed = run_batch(BatchPlan(["s3://bucket/in/**/*.obj"], given, scheduler=address))
     assert (changed.done, changed.skipped) == (1, 2)
 
 
@@ -145,7 +145,7 @@ def test_an_upload_that_never_succeeds_is_told(
         manifest.close()
     s3[1].every = 0
     kept = Manifest(Folder("s3://bucket/out"))
-    assert [line["name"] for line in lines(kept.path)] == ["a"]
+    assert [line["name"] for line in read_lines(kept.path)] == ["a"]
     kept.close()
     assert b'"a"' in s3[0].cat_file("bucket/out/manifest.jsonl")
 
@@ -158,7 +158,7 @@ def test_meshes_in_an_archive(shared: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     given = settings(out)
     address = f"zip://{tmp_path / 'a.zip'}::**/*.obj"
-    assert run_batch(Plan([address], given, scheduler=shared)).counts == {"ok": 2}
+    assert run_batch(BatchPlan([address], given, scheduler=shared)).counts == {"ok": 2}
     for path in source.rglob("*.obj"):
         circparam.unwrap(str(path), str(tmp_path / "one.obj"), overwrite=True, **QUICK)
         assert (out / path.relative_to(source)).read_bytes() == (tmp_path / "one.obj").read_bytes()

@@ -21,9 +21,9 @@ pytest.importorskip("distributed")
 
 import circparam
 from circparam import samples
-from circparam.batch.batch import Hooks, Plan, Summary, run_batch, status
+from circparam.batch.batch import BatchPlan, Hooks, Summary, run_batch, status
 from circparam.batch.cluster import Cluster
-from circparam.batch.manifest import encode
+from circparam.batch.manifest import encode_line
 from circparam.batch.run import ATTEMPTS, task_key
 from circparam.core.workers import environment
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
@@ -48,7 +48,7 @@ def batch(source: Path, out: Path, **keywords: Any) -> Summary:
     """Run a batch of quick unwraps on a worker of its own, or as the keywords say."""
     hooks = keywords.pop("hooks", None)
     given = keywords.pop("settings", None) or settings(out)
-    plan = Plan([str(source)], given, **{"workers": 1, **keywords})
+    plan = BatchPlan([str(source)], given, **{"workers": 1, **keywords})
     if {"scheduler", "scheduler_file"} & set(keywords):
         plan = replace(plan, workers=None)
     return run_batch(plan, hooks)
@@ -506,7 +506,9 @@ def test_refused_before_any_work(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="exists and no batch has written there"):
         batch(source, out)
     assert not (out / "manifest.jsonl").exists()
-    (out / "manifest.jsonl").write_bytes(encode({"name": "x", "status": "ok"}))  # a batch's folder
+    (out / "manifest.jsonl").write_bytes(
+        encode_line({"name": "x", "status": "ok"})
+    )  # a batch's folder
     (out / "f").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
         batch(source, out / "f")

@@ -22,7 +22,7 @@ import numpy as np
 import psutil
 
 import circparam
-from circparam.batch.batch import Hooks, Plan, run_batch
+from circparam.batch.batch import BatchPlan, Hooks, run_batch
 from circparam.batch.process import WarmServer
 from circparam.batch.progress import Progress
 from circparam.batch.settings import Settings
@@ -159,7 +159,7 @@ def rate(chosen: argparse.Namespace) -> list[Line]:
             spent.append((len(spent) + 1, time.perf_counter(), cpu))
 
         summary = run_batch(
-            Plan([str(folder / "src")], settings(folder / "out"), workers=WORKERS),
+            BatchPlan([str(folder / "src")], settings(folder / "out"), workers=WORKERS),
             Hooks(on_line=on_line),
         )
         first, last = spent[0], spent[-1]
@@ -202,7 +202,7 @@ def empty(chosen: argparse.Namespace) -> list[Line]:
                     print(memory[-1], f"{progress.rate:.0f}/s", flush=True)
 
         start, cpu = time.perf_counter(), time.process_time()
-        plan = Plan(
+        plan = BatchPlan(
             [str(folder / "src")], settings(folder / "out"), workers=WORKERS, task=empty_item
         )
         summary = run_batch(plan, Hooks(listener=listen))

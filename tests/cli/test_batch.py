@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from click.testing import Result
 
-from circparam.batch.manifest import encode
-from circparam.batch.progress import Meter, Progress
-from circparam.cli.batch_progress import Screen, clock, escaped, headline
+from circparam.batch.manifest import encode_line
+from circparam.batch.progress import Meter, Progress, printable
+from circparam.cli.batch_progress import Screen, clock, headline
 from tests.support.batch_faults import QUICK, told, write_set
 from tests.support.command_line import one_line_error, run
 
@@ -66,7 +66,7 @@ def test_a_run_its_status_and_gates(shared: str, tmp_path: Path) -> None:
 
 
 def test_what_is_running_is_told(tmp_path: Path) -> None:
-    (tmp_path / "manifest.jsonl").write_bytes(encode({"name": "a", "status": "ok", "exit": 0}))
+    (tmp_path / "manifest.jsonl").write_bytes(encode_line({"name": "a", "status": "ok", "exit": 0}))
     meter = Meter(total=10, skipped=2, weight=1000)
     line: dict[str, Any] = {"status": "ok", "exit": 0, "source_bytes": 100}
     meter.count(line)
@@ -122,7 +122,7 @@ def test_on_a_terminal_names_and_ages_are_drawn(monkeypatch: pytest.MonkeyPatch)
 def test_what_is_printed_of_names_times_and_failures(capsys: pytest.CaptureFixture[str]) -> None:
     """Lines about failures stop at a number; with --quiet there are none."""
     assert [clock(s) for s in (5.9, 125, 7265, 400_000)] == ["5 s", "2:05", "2:01:05", "4.6 d"]
-    assert escaped("a\nb\udcff") == "a\\nb\\udcff"
+    assert printable("a\nb\udcff") == "a\\nb\\udcff"
     for quiet, lines in ((False, 51), (True, 0)):
         screen = Screen(True, 0, quiet)
         for k in range(200):

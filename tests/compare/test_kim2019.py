@@ -17,7 +17,7 @@ def test_disks_have_exactly_so_many_vertices(n: int) -> None:
 
 
 def test_ratio_is_that_of_the_medians() -> None:
-    *rows, own = kim2019.measure((60, 120, 50), repeats=3)
+    *rows, own = kim2019.timed_sizes((60, 120, 50), repeats=3)
     assert (own.vertices, own.paper_ratio) == (50, None)
     assert [r.vertices for r in rows] == [60, 120]
     for r in rows:
@@ -39,4 +39,4 @@ def test_printed_range_is_that_of_the_printed_table() -> None:
 @pytest.mark.parametrize(("sizes", "repeats"), [((5,), 3), ((), 3), ((60,), 0)])
 def test_senseless_requests_are_refused(sizes: tuple[int, ...], repeats: int) -> None:
     with pytest.raises(errors.OptionError):
-        kim2019.measure(sizes, repeats)
+        kim2019.timed_sizes(sizes, repeats)

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from circparam.cli import COMMANDS, cli, common
-from circparam.cli.group import Entry
+from circparam.cli.group import CommandEntry
 from circparam.errors import TopologyError
 from tests.tools import reference
 
@@ -33,7 +33,7 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
     module = ModuleType("toy_module_of_the_tests")
     module.command = command
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(COMMANDS, "toy", Entry(module.__name__, "Say a word."))
+    monkeypatch.setitem(COMMANDS, "toy", CommandEntry(module.__name__, "Say a word."))
 
 
 def run(*words: str) -> Result:

@@ -254,8 +254,8 @@ def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
         def rounding(self, double: bool = False):
             return rounding("glb", None, double)
 
-    still = stored_fit.hold(Target(), cut_mesh, uv, np.zeros(2, bool))
-    turned = stored_fit.hold(Target(), cut_mesh, uv, np.zeros(2, bool), turn=True)
+    still = stored_fit.stored_layout(Target(), cut_mesh, uv, np.zeros(2, bool))
+    turned = stored_fit.stored_layout(Target(), cut_mesh, uv, np.zeros(2, bool), turn=True)
     assert (still.sound, turned.sound) == (False, True)
     expected = np.stack([uv[:, 1] + ~first, 1 - (uv[:, 0] - ~first)], 1)
     np.testing.assert_allclose(turned.uv, expected, rtol=0, atol=1e-7)

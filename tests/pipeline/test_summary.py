@@ -11,7 +11,7 @@ import pytest
 import circparam
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.inspect import inspect
-from circparam.pipeline.summary import plain, summarise_check
+from circparam.pipeline.summary import json_value, summarise_check
 from tests.support import shapes
 
 FLAT = {"cut": "none", "method": "mean-value", "effort": 0.01}
@@ -43,8 +43,8 @@ def test_an_unwrap_and_a_repack_say_what_they_are(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
 def test_what_json_cannot_hold_is_null(value: float) -> None:
-    assert plain(value) is None
-    assert (plain(1.5), plain(0), plain("x")) == (1.5, 0, "x")
+    assert json_value(value) is None
+    assert (json_value(1.5), json_value(0), json_value("x")) == (1.5, 0, "x")
 
 
 def test_a_check_without_uv() -> None:

@@ -12,7 +12,7 @@ from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.gates import LAYOUT
 from circparam.pipeline.options import Options
-from circparam.pipeline.result import Result, judged, promise, verify_layout
+from circparam.pipeline.result import Result, promise, verify_layout, with_status
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
 from tests.support import shapes
@@ -238,7 +238,7 @@ def judgement(
     made = unwrapped((points, faces), **QUICK)
     uvmap, asked = UVMap(0.1 + 0.8 * points[:, :2] * scale, faces), Options(**options)
     found = verify_layout(made.surface, uvmap, asked)
-    return judged(replace(made, options=asked, repairs=repairs, verification=found), expired)
+    return with_status(replace(made, options=asked, repairs=repairs, verification=found), expired)
 
 
 def test_right_repaired_and_wrong() -> None:

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from circparam.batch.index import Item
-from circparam.batch.manifest import lines
+from circparam.batch.manifest import read_lines
 from circparam.batch.settings import Settings
 from circparam.batch.task import do_item
 from circparam.cli import exits
@@ -88,7 +88,7 @@ def empty_item(data: bytes, item: Item) -> dict[str, Any]:
 
 def told(out: Path) -> dict[str, dict[str, Any]]:
     """Name → its only line in the manifest of a folder; more than one is a failure."""
-    found = list(lines(out / "manifest.jsonl"))
+    found = list(read_lines(out / "manifest.jsonl"))
     names = [line["name"] for line in found]
     assert len(names) == len(set(names)), "a file has several lines"
     return {line["name"]: line for line in found}

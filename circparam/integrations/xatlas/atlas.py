@@ -86,7 +86,7 @@ class Atlas:
         file, such as effort, max_distortion or jobs; they win over those of xatlas. Raises the errors of
         ``circparam.errors``.
         """
-        if not self._added:  # xatlas says so on its own output, and goes on
+        if not self._added:  # xatlas prints a line here, and continues
             return
         for name in FILES & keywords.keys():
             raise OptionError(f"{name} concerns files, an atlas returns arrays: leave it out")

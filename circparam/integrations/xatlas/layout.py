@@ -16,7 +16,7 @@ from circparam.formats.memory import from_arrays
 from circparam.geometry.coverage import label_grid, pages_of
 from circparam.geometry.intrinsic import signed_areas
 from circparam.integrations.python import repack, unwrap
-from circparam.integrations.xatlas.meshes import AddedMesh, side_by_side
+from circparam.integrations.xatlas.meshes import AddedMesh, joined_document
 from circparam.packing.options import PackOptions, pages_needed
 from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
 from circparam.pipeline.result import Result
@@ -97,7 +97,7 @@ def lay_out(
     it, one page gets the side that the charts need. Raises OptionError, InputError, NoResultError,
     OutOfTimeError.
     """
-    document = side_by_side(meshes)
+    document = joined_document(meshes)
     if keywords.get("keep_uv_seams") and not document.uv_sets:
         raise OptionError(
             "use_input_mesh_uvs needs the uv of every mesh: give uvs to each add_mesh, or leave it out"

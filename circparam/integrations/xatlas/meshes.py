@@ -132,7 +132,7 @@ def triangles(indices: npt.ArrayLike, n: int) -> IntArray:
     return faces
 
 
-def side_by_side(meshes: list[AddedMesh]) -> Document:
+def joined_document(meshes: list[AddedMesh]) -> Document:
     """All meshes as one document: faces and vertices of the first, of the second, and so on.
 
     Each gets a cell of its own in space, so that no vertices of two meshes coincide and are welded.

@@ -11,7 +11,7 @@ import circparam
 from circparam import xatlas as ours
 from circparam.errors import CircparamError, InputError, OptionError
 from circparam.geometry.raster import rasterise
-from circparam.integrations.xatlas.meshes import added_mesh, side_by_side
+from circparam.integrations.xatlas.meshes import added_mesh, joined_document
 from circparam.integrations.xatlas.options import WITHOUT_COUNTERPART, keywords_of, tell_once
 from tests.support import shapes
 
@@ -183,7 +183,7 @@ def test_coordinates_stay_exact_beside_other_meshes(rng: np.random.Generator) ->
     """float32 coordinates of a mesh far smaller than its neighbour: side by side no bit of an edge is lost."""
     small = (rng.random((8, 3)) / 900).astype(np.float32)
     large = 700 * rng.random((8, 3))
-    document = side_by_side([added_mesh(q, F, None, None) for q in (large, small)])
+    document = joined_document([added_mesh(q, F, None, None) for q in (large, small)])
     edges = np.diff(document.mesh.points[document.mesh.faces], axis=1)
     np.testing.assert_array_equal(edges[len(F) :], np.diff(small.astype(np.float64)[F], axis=1))
     assert len(np.unique(document.mesh.points, axis=0)) == 16
