@@ -84,7 +84,6 @@ from circparam.pipeline import jobs
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.unwrap import unwrap_document
 from tests.pipeline.test_jobs import QUICK, mesh
-jobs.FACES = 100
 jobs.start_for(circparam.Options(jobs=2), 1000)
 pool = current()
 print(pool is not None and pool.ready.result() > 0)
