@@ -33,22 +33,18 @@ MOST_CROSSINGS = 60  # edges that one step crosses at most
 LONGEST_STEP = 0.5  # radii of curvature that a vertex moves in one step at most
 
 
+NOWHERE = CoverPoints(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+
+
 @dataclass(frozen=True, eq=False)
 class TargetPoint:
     """Where vertices are. vectors (n, 3): in their frames over the domain; points (n, 3) on the target; frame
-    (n, 3, 2): two orthonormal tangents there; on: the places on a mesh, None on a geometry."""
+    (n, 3, 2): two orthonormal tangents there; on: the places on a mesh, none on a geometry."""
 
     vectors: FloatArray
     points: FloatArray
     frame: FloatArray
-    on: CoverPoints | None = None
-
-    @property
-    def cover_points(self) -> CoverPoints:
-        """The places on a mesh."""
-        if self.on is None:
-            raise TypeError("a place in a geometry lies on no face")
-        return self.on
+    on: CoverPoints = NOWHERE
 
 
 class GeometryTarget:
@@ -111,7 +107,7 @@ class MeshTarget:
     def moved(self, at: TargetPoint, d: FloatArray) -> TargetPoint:
         """Ends of steps as above. The path is straight: at every edge it continues as if the two faces were one
         plane."""
-        on = at.cover_points
+        on = at.on
         face, w, turn = on.face.copy(), on.weights.copy(), on.turn.copy()
         way = np.einsum("nab,nb->na", at.frame, d)
         going = moves = np.flatnonzero((d != 0).any(1))
@@ -155,15 +151,6 @@ class MeshTarget:
 
 
 Target: TypeAlias = GeometryTarget | MeshTarget
-
-
-@dataclass(frozen=True, eq=False)
-class Moved:
-    """at: where the vertices came to lie; energy: mean over the area, 1 for an isometry; steps made."""
-
-    at: TargetPoint
-    energy: float
-    steps: int
 
 
 class Relaxation:
@@ -276,8 +263,11 @@ class Relaxation:
         out[self.counts] = (np.cross(p[1] - p[0], p[2] - p[0]) * normal).sum(1) > 0
         return out
 
-    def run(self, at: TargetPoint, steps: int, tolerance: float, monitor: Monitor) -> Moved:
-        """Newton's steps from known places until they gain less than ``tolerance`` of the energy."""
+    def run(
+        self, at: TargetPoint, steps: int, tolerance: float, monitor: Monitor
+    ) -> tuple[TargetPoint, float, int]:
+        """Newton's steps from known places until they gain less than ``tolerance`` of the energy: (where the
+        vertices come to lie, the energy, the number of steps)."""
         energy = self.energy(at)
         done = small = 0
         for _ in range(steps):
@@ -293,7 +283,7 @@ class Relaxation:
             small = small + 1 if gain < tolerance * energy else 0
             if promised < tolerance * energy or small == PATIENCE:
                 break
-        return Moved(at, energy, done)
+        return at, energy, done
 
     def step(self, at: TargetPoint, energy: float) -> tuple[TargetPoint, float, float] | None:
         """One step: (its end, the energy there, the gain that Newton's model promised), None if no step is

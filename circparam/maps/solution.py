@@ -94,26 +94,26 @@ def relaxed(
         run = Relaxation(whole, rest, target, fixed, weight, guard=False)
         first = target.at(start)
         begun = run.energy(first)
-        at = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor).at
+        at, _, _ = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor)
     with monitor.stage("domain"):
-        cover = _untied(b, domain, at.cover_points, monitor)
+        cover = _untied(b, domain, at.on, monitor)
     with monitor.stage("relax"):
-        q = cover.vectors_of(at.cover_points)
+        q = cover.vectors_of(at.on)
         mender = Mender(geometry, whole, fixed)
         if mender.turned(q).any():
             q, left = mender.mended(q)
             if left:
                 return None
             run.target, run.guard = MeshTarget(cover, scale), True
-            again = run.target.at(cover.found_again(q, at.cover_points), q)
-            moved = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
-            if moved.energy > begun:
+            again = run.target.at(cover.found_again(q, at.on), q)
+            at, energy, _ = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
+            if energy > begun:
                 return None
-            at, q = moved.at, moved.at.vectors
+            q = at.vectors
     mine = Cover(geometry, whole, q)
     if cover.inversions or (signs_of(mine.cones) <= 0).any():
         return None
-    return mine, cover, at.cover_points
+    return mine, cover, at.on
 
 
 def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> Cover:
@@ -139,10 +139,10 @@ def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> C
         if run is None:
             rest = mesh.cut_mesh.rest_triangles / np.sqrt(areas.sum())
             run = Relaxation(cover.development, rest, target, fixed, areas / areas.sum())
-        moved = run.run(target.at(cover.vectors), DOMAIN_STEPS, DOMAIN_TOLERANCE, monitor)
-        if moved.steps == 0:
+        moved, _, steps = run.run(target.at(cover.vectors), DOMAIN_STEPS, DOMAIN_TOLERANCE, monitor)
+        if steps == 0:
             break
-        cover = replace(cover, vectors=moved.at.vectors)
+        cover = replace(cover, vectors=moved.vectors)
     return cover
 
 
