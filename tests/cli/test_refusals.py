@@ -126,6 +126,7 @@ ROWS = """
 2 | unwrap disk.obj --cut disc                         | disk
 2 | unwrap disk.obj --method circle --boundary circel  | did you mean circle
 2 | unwrap disk.obj --boundary square                  | free boundary
+2 | unwrap disk.obj --method circle --boundary polygon | corners; polygon FILE
 2 | unwrap disk.obj --method circle --start uniform    | isometric
 2 | unwrap disk.obj --cut disk --max-distortion 1.1    | --cut charts
 2 | unwrap disk.obj --fail-if flipps>0                 | did you mean flips
