@@ -67,7 +67,7 @@ def test_the_bytes_do_not_depend_on_the_number_of_processes() -> None:
     ready(3)
     pool = current()
     asked: dict[str, Any] = {"effort": 2, "format": "glb", "resolution": 256}
-    one, shared = (circparam.unwrap(mesh(), jobs=jobs, **asked) for jobs in (1, 3))
+    one, shared = (circparam.unwrap(mesh(2), jobs=jobs, **asked) for jobs in (1, 3))
     assert shared.uv.tobytes() == one.uv.tobytes()
     assert shared.effort == one.effort
     assert len(set(one.effort.costs)) == 2
