@@ -1,12 +1,13 @@
-"""Faults planted on purpose, and the share of them that the tests of their module notice.
+"""Faults planted on purpose, and the share of them that the tests of their room notice.
 
     python -m tests.tools.mutants [ROOM...] [--sample 20] [--seed 1] [--minutes 60] [--no-report]
 
 A sample of places in each room gets one mutant each (an operator of cosmic-ray: a changed comparison, sign,
-number, break, condition), in a copy of the tree. The tests of the mutated module run on the mutant. They notice
-it when they fail or run out of time. Rooms take turns, so a run that its minutes end has tried all rooms alike.
-The shares and the survivors go to docs/benchmarks/mutants.md, where each survivor has a judgement that is kept
-from run to run. Real meshes are left out, because the sample is judged by the tests that every machine can run.
+number, break, condition), in a copy of the tree. The tests of the mutated module run on the mutant, then those
+of its room. They notice it when they fail or run out of time. Rooms take turns, so a run that its minutes end
+has tried all rooms alike. The shares and the survivors go to docs/benchmarks/mutants.md, where each survivor
+has a judgement that is kept from run to run. Real meshes are left out, because the sample is judged by the
+tests that every machine can run.
 """
 
 import os
@@ -40,11 +41,11 @@ REPORT = "mutants.md"
 LEFT_OUT = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "*.egg-info", "node_modules")
 
 
-def tests_of(module: str) -> tuple[str, ...]:
-    """The tests of a module, from the root of the tree: tests/ mirrors the package.
+def tests_of(module: str) -> list[tuple[str, ...]]:
+    """The tests of a module, then those of its room, from the root of the tree: tests/ mirrors the package.
 
     circparam/ROOM/[SUB/]MODULE.py has tests/ROOM/[SUB/]test_MODULE.py, or else the tests of its room that
-    import it, or else all of tests/ROOM.
+    import it.
     """
     path = Path(module).relative_to(PACKAGE)
     room = ROOT / "tests" / path.parts[0]
@@ -52,8 +53,8 @@ def tests_of(module: str) -> tuple[str, ...]:
     package, name = ".".join(Path(module).parent.parts), path.stem
     called = re.compile(rf"{package}\.{name}\b|from {package} import .*\b{name}\b")
     users = [f for f in sorted(room.rglob("test_*.py")) if called.search(f.read_text("utf-8"))]
-    found = [own] if own.is_file() else users or [room]
-    return tuple(f.relative_to(ROOT).as_posix() for f in found)
+    rounds = [[own] if own.is_file() else users, [room]]
+    return [tuple(f.relative_to(ROOT).as_posix() for f in found) for found in rounds if found]
 
 
 def modules(room: str) -> list[str]:
@@ -133,7 +134,7 @@ def _pytest(
 
 
 class Trial:
-    """Mutants tried one by one: each by the tests of its module, which pass without it."""
+    """Mutants tried one by one, by tests that pass without them."""
 
     def __init__(self, folder: Path, end: float) -> None:
         self.copies, self.end = Copies(folder), end
@@ -154,11 +155,14 @@ class Trial:
         """Whether the tests fail with a mutant; None where no time is left to try."""
         if time.monotonic() > self.end:
             return None
-        tests = tests_of(mutant.file)
-        code, seconds, _ = self.copies.run(tests, 3 * self.seconds(tests) + 30, mutant)
-        word = {0: "SURVIVES", None: "out of time"}.get(code, "noticed")
-        print(f"{word} ({seconds:.0f} s) {line_of(mutant)}", flush=True)
-        return bool(code != 0)
+        start, word = time.monotonic(), "SURVIVES"
+        for tests in tests_of(mutant.file):
+            code, _, _ = self.copies.run(tests, 3 * self.seconds(tests) + 30, mutant)
+            if code != 0:
+                word = "noticed" if code else "out of time"
+                break
+        print(f"{word} ({time.monotonic() - start:.0f} s) {line_of(mutant)}", flush=True)
+        return word != "SURVIVES"
 
 
 def tried(mutants: list[Mutant], minutes: float) -> list[tuple[Mutant, bool]]:
@@ -206,7 +210,7 @@ def report(found: list[tuple[Mutant, bool]], seed: int) -> Path:
             rows.append([f"{mutant.file}:{mutant.line}", before, after, judged])
     share = [[room, str(len(s)), f"{sum(s) / len(s):.0%}"] for room, s in sorted(rooms.items())]
     intro = (
-        f"{len(found)} faults planted one at a time (seed {seed}), each with the tests of its module: "
+        f"{len(found)} faults planted one at a time (seed {seed}), each with the tests of its room: "
         f"{len(found) - len(rows)} noticed, {1 - len(rows) / len(found):.1%}. Made by `make mutants`; the "
         "judgements are written by hand and kept."
     )
