@@ -14,11 +14,15 @@ from circparam.formats.document import (
     not_carried,
 )
 from circparam.formats.io import read, read_data
+from circparam.formats.looks import Carried, Group, Slot
 from circparam.formats.materials import Textures
+from circparam.formats.obj.materials import SLOTS
+from circparam.formats.ply.materials import IMAGE
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.formats_tools import smooth_layout
 from tests.support.gltf_files import full_mesh
+from tests.support.ply_files import sample
 
 MESH = Mesh(np.eye(3), np.array([[0, 1, 2]]), groups=np.array([0]))
 UV = np.array([[0.0, 0.0], [1, 0], [0, 1]])
@@ -119,6 +123,29 @@ def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> N
         warnings = glb.rewrite(layout, options, "glb", "").warnings
         assert len(warnings) == count
         assert all("--lightmap" in warning for warning in warnings)
+
+
+@pytest.mark.parametrize(("kind", "slot"), [("obj", SLOTS["map_kd"]), ("ply", IMAGE)])
+def test_carried_images_take_the_place_of_the_old_ones(
+    kind: str, slot: Slot, tmp_path: Path
+) -> None:
+    """Nothing of the old ones is named, copied or warned of."""
+    data = {
+        "obj": b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n",
+        "ply": sample("ascii", uv="vertex").replace(b"made by a test", b"TextureFile t.png", 1),
+    }
+    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd t.png\n")
+    (tmp_path / "t.png").write_bytes(b"old")
+    (tmp_path / f"m.{kind}").write_bytes(data[kind])
+    old = read(tmp_path / f"m.{kind}")
+    layout, options = smooth_layout(old), WriteOptions()
+    assert "--rebake" in old.rewrite(layout, options, kind, "o").warnings[0]
+    group = Group((0,), {slot: np.ones(3)}, (slot,))
+    new = old.dressed(Carried({slot.page: b"new"}, (group,), 0))
+    out = new.rewrite(layout, options, kind, "o")
+    assert (out.warnings, out.assets) == ([], [])
+    assert f"o_{slot.page}.png" in out.extra
+    assert b"t.png" not in out.data + b"".join(out.extra.values())
 
 
 def test_textures_need_the_uv_set_that_they_name() -> None:
