@@ -117,11 +117,7 @@ def repair(
         )
     surface, pairs, orientation = _joined(mesh, points, welded, aside.kept, uv, options.by_position)
     fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~orientation.keep, 0]])
-    messages = [
-        *_messages_aside(mesh, near, aside),
-        *_messages_split(mesh, surface, pairs, fans),
-        *_messages_oriented(mesh, surface, orientation),
-    ]
+    messages = _messages(mesh, surface, near, aside, pairs, fans, orientation)
     if messages and not options.allow:
         raise TopologyError(
             "the mesh needs repair: "
@@ -291,8 +287,16 @@ def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:
     return np.flatnonzero(fans > 1)
 
 
-def _messages_aside(mesh: Mesh, near: int, aside: _Aside) -> list[str]:
-    """One line for each kind of vertex or face that does not count for itself."""
+def _messages(
+    mesh: Mesh,
+    surface: Surface,
+    near: int,
+    aside: _Aside,
+    pairs: Pairs,
+    fans: IntArray,
+    orientation: Orientation,
+) -> list[str]:
+    """One line for each kind of repair: what does not count for itself, what was split, what was turned."""
     out = []
     if near:
         out.append(
@@ -311,27 +315,14 @@ def _messages_aside(mesh: Mesh, near: int, aside: _Aside) -> list[str]:
             f"{counted(n, 'duplicate face')} set aside (the first is face {first}, the same three points as "
             f"face {same}); {'it takes' if n == 1 else 'they take'} its uv"
         )
-    return out
-
-
-def _messages_split(mesh: Mesh, surface: Surface, pairs: Pairs, fans: IntArray) -> list[str]:
-    """One line for each kind of non-manifold element that was split."""
-    out = []
     if n := len(pairs.crowded):
         first = mesh.face_number(surface.source[pairs.crowded // 3].min())
         out.append(f"{counted(n, 'non-manifold edge')} split (the first is at face {first})")
     if n := len(fans):
         first = mesh.vertex_number(fans[0])
         out.append(f"{counted(n, 'non-manifold vertex')} split (the first is vertex {first})")
-    return out
-
-
-def _messages_oriented(mesh: Mesh, surface: Surface, orientation: Orientation) -> list[str]:
-    """One line for reversed faces, and one for components with one side only."""
-    out = []
-    back = orientation.reversed_faces
-    if n := int(back.sum()):
-        first = mesh.face_number(surface.source[back].min())
+    if n := int(orientation.reversed_faces.sum()):
+        first = mesh.face_number(surface.source[orientation.reversed_faces].min())
         out.append(
             f"{counted(n, 'face')} oriented against {'its' if n == 1 else 'their'} neighbours, reversed "
             f"for the solve (the first is face {first}); the file keeps its winding"

@@ -167,12 +167,12 @@ def to_glb(
         warnings.append(OLD_SET)
         for material in shown.materials:
             material["pbrMetallicRoughness"].get("baseColorTexture", {})["texCoord"] = 1
-    tree = _new_tree(document, shown.materials)
+    writer = _Writer(document, shown.materials)
+    tree = writer.tree
     store_grouping(tree, 0, exported_grouping(document, options.group_by))
     store_pages(tree, 0, options.pages)
     if at.any():
         tree["nodes"][0]["translation"] = at.tolist()
-    writer = _Writer(tree)
     named = {"POSITION": writer.vectors(points[split.source], bounds=True)}
     column = 0
     for name, (table, _) in attributes.items():
@@ -284,8 +284,20 @@ def _split(mesh: Mesh, attributes: dict[str, _Attribute]) -> Split:
 class _Writer:
     """A tree on its way to a GLB: views, accessors and images are put behind each other."""
 
-    def __init__(self, tree: Json) -> None:
-        self.tree, self.size = tree, 0
+    def __init__(self, document: Document, materials: list[Json]) -> None:
+        name = document.path.stem if document.path is not None else "mesh"
+        name = name.encode("utf-8", "replace").decode()  # names on a disk may be any bytes
+        self.tree: Json = {
+            "asset": {"version": "2.0", "generator": "circparam"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0, "name": name}],
+            "meshes": [{"name": name, "primitives": []}],
+            "materials": materials,
+            "accessors": [],
+            "bufferViews": [],
+        }
+        self.size = 0
         self.parts: list[bytes] = []
 
     def view(self, data: bytes, **entry: int) -> int:
@@ -339,19 +351,3 @@ class _Writer:
         """The file."""
         self.tree["buffers"] = [{"byteLength": self.size}]
         return glb_bytes(self.tree, b"".join(self.parts))
-
-
-def _new_tree(document: Document, materials: list[Json]) -> Json:
-    """A tree with one node and mesh; views, accessors and primitives are still to come."""
-    name = document.path.stem if document.path is not None else "mesh"
-    name = name.encode("utf-8", "replace").decode()  # names on a disk may be any bytes
-    return {
-        "asset": {"version": "2.0", "generator": "circparam"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": name}],
-        "meshes": [{"name": name, "primitives": []}],
-        "materials": materials,
-        "accessors": [],
-        "bufferViews": [],
-    }

@@ -214,7 +214,7 @@ class Layout:
             e.row = at + least * np.arange(e.count + 1, dtype=np.int64)
             return int(e.row[-1])
         e.row = self._list_rows(e, at)
-        end = self._walk(e)
+        end = self.place(e)
         if (end != e.row[1:]).any():
             raise self.source.error(f"a row of {e.name!r} is malformed")
         return int(e.row[-1])
@@ -266,12 +266,15 @@ class Layout:
 
     def _fits(self, e: Element) -> bool:
         try:
-            return bool((self._walk(e) == e.row[1:]).all())
+            return bool((self.place(e) == e.row[1:]).all())
         except (ValueError, IndexError):
             return False
 
-    def _walk(self, e: Element, stop: str = "") -> IntArray:
-        """Pass over the properties of all rows at once, up to one property or the rows' ends."""
+    def place(self, e: Element, stop: str = "") -> IntArray:
+        """(n,) place of one property (of a list: of its count) in every row, or of the rows' ends.
+
+        All rows are passed over at once.
+        """
         at = e.row[:-1].copy()
         for p in e.properties:
             if p.name == stop:
@@ -367,14 +370,14 @@ class Layout:
         p = e.find(name)
         if p is None or p.count_type:
             raise self.source.error(f"element {e.name!r} has no scalar property {name!r}")
-        return self._guard(self._walk(e, name), p)
+        return self._guard(self.place(e, name), p)
 
     def list(self, e: Element, name: str) -> tuple[npt.NDArray[Any], IntArray]:
         """Values of a list property, all rows one after the other, and (n,) their counts."""
         p = e.find(name)
         if p is None or not p.count_type:
             raise self.source.error(f"element {e.name!r} has no list property {name!r}")
-        at = self._walk(e, name) + self._width(p.count_type)
+        at = self.place(e, name) + self._width(p.count_type)
         counts = e.counts[name]
         places = np.repeat(at, counts) + ranges(counts) * self._width(p.type)
         return self._guard(places, p), counts
@@ -404,7 +407,3 @@ class Layout:
             return place
         ends = np.concatenate([[0], self.tokens.end])
         return ends[place] + self.body
-
-    def place(self, e: Element, name: str) -> IntArray:
-        """(n,) place of one property (of a list: of its count) in every row."""
-        return self._walk(e, name)
