@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError
+from circparam.formats.io import encode
 from circparam.formats.materials import decode
 from circparam.formats.memory import from_arrays, from_trimesh
 from tests.support.formats_tools import grid
@@ -48,6 +49,8 @@ def test_a_texture_of_a_trimesh_object_is_there_to_bake(mode: str, kind: str) ->
     assert shown.shape == (4, 8, 3)
     np.testing.assert_allclose(shown, np.asarray(image.convert("RGB")), atol=2)
     bare = trimesh.visual.TextureVisuals(uv=uv)
+    whole = from_trimesh(trimesh.Trimesh(points, faces, process=False, visual=visual))
+    assert encode(whole, whole.uv(), "glb").warnings == []
     document = from_trimesh(trimesh.Trimesh(points, faces, process=False, visual=bare))
     assert document.textures() is None
     assert document.textured_sets() == set()

@@ -41,25 +41,23 @@ def test_off_headers(header: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
+    ("old", "new", "says"),
     [
-        (b"6 3 0", b"6 4000000000 0"),
-        (b"6 3 0", b"4000000000 3 0"),
-        (b"6 3 0", b"x 3 0"),
-        (b"6 3 0", b"-6 3 0"),
-        (b"3 0 1 4", b"3 0 1 6"),
-        (b"3 0 1 4", b"3 0 1"),
-        (b"3 0 1 4", b"-3 0 1 4"),
-        (b"1 0 0\n", b"1 0\n"),
-        (b"1 0 0\n", b"1 q 0\n"),
-        (b"1 0 0\n", b"1 nan 0\n"),
-        (b"3 0 1 4\n3 1 5 2\n", b""),
-        (b"OFF", b"4OFF"),
+        (b"6 3 0", b"6 4000000000 0", "and 4000000000 faces"),
+        (b"6 3 0", b"4000000000 3 0", "promises 4000000000 vertices"),
+        (b"6 3 0", b"x 3 0", "counts of vertices"),
+        (b"6 3 0", b"-6 3 0", "promises -6"),
+        (b"3 0 1 4", b"3 0 1", "fewer corners"),
+        (b"3 0 1 4", b"-3 0 1 4", "fewer corners"),
+        (b"1 0 0\n", b"1 0\n", "fewer than three"),
+        (b"1 0 0\n", b"1 q 0\n", "malformed"),
+        (b"1 0 0\n", b"1 nan 0\n", "NaN"),
+        (b"3 0 1 4\n3 1 5 2\n", b"", "has 7 rows"),
     ],
 )
-def test_bad_off(old: bytes, new: bytes) -> None:
+def test_bad_off(old: bytes, new: bytes, says: str) -> None:
     assert old in OFF
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=says) as caught:
         read_data(OFF.replace(old, new), format="off")
     assert "\n" not in str(caught.value)
 

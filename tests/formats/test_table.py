@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from circparam.formats.table import sniff
+from circparam.formats.table import output_suffix, sniff
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -46,3 +46,8 @@ def stl(n: int, extra: int = 0, head: bytes = b"") -> bytes:
 )
 def test_content(data: bytes, format: str | None) -> None:
     assert sniff(data) == format
+
+
+def test_the_suffix_of_an_output_is_that_of_the_input_where_it_has_uv() -> None:
+    named = {".STL": ".glb", ".off": ".glb", ".obj": ".obj", ".PLY": ".PLY", ".none": ".none"}
+    assert {suffix: output_suffix(suffix) for suffix in named} == named

@@ -193,7 +193,7 @@ class Tree:
         name = f"accessor {index}"
         count, size = _whole(a["count"]), element_size(a)
         if "bufferView" in a:
-            out = self._elements(a, count, size, name, strided=True)
+            out = self._elements(a, count, size, name)
         elif count > self.limit:
             raise self.error(f"{name} promises {count} elements and has no data")
         else:
@@ -210,12 +210,10 @@ class Tree:
         out[place] = self._elements(sparse["values"], n, size, name)
         return out
 
-    def _elements(
-        self, holder: Json, count: int, size: int, name: str, strided: bool = False
-    ) -> ByteArray:
+    def _elements(self, holder: Json, count: int, size: int, name: str) -> ByteArray:
         """(count, size) the bytes of elements in the view that an accessor, or a part of one, names."""
-        data, given = self.view(holder["bufferView"], name)
-        stride, offset = given if strided and given else size, _whole(holder.get("byteOffset", 0))
+        data, stride = self.view(holder["bufferView"], name)
+        stride, offset = stride or size, _whole(holder.get("byteOffset", 0))
         if count and offset + (count - 1) * stride + size > len(data):
             have = max(len(data) - offset + stride - size, 0) // stride
             raise self.error(f"{name} promises {count} elements, its buffer view has {have}")

@@ -78,6 +78,8 @@ def test_primitives_of_one_material_are_joined_without_loss(tmp_path: Path) -> N
     a, b = seen(old, face[at], bary), seen(new, at, bary)
     assert psnr(a["base"], b["base"]) >= 40
     assert unused_entries(new.tree.json) == (set(), set())
+    sizes = [view["byteLength"] for view in new.tree.json["bufferViews"]]
+    assert 0 <= len(new.tree.bin or b"") - sum(sizes) < 4 * len(sizes), "no bytes without a view"
     said = validate(old_path, new_path)
     assert said[1] <= said[0]
 

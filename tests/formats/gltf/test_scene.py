@@ -91,7 +91,7 @@ def test_primitives_that_share_their_vertices_keep_sharing_them() -> None:
     g.tree["meshes"] = [
         {
             "primitives": [
-                {"attributes": dict(attributes), "indices": i, "material": k}
+                {"attributes": dict(attributes), "indices": i, "material": 1 - k}
                 for k, i in enumerate(halves)
             ]
             + [lines]
@@ -102,7 +102,7 @@ def test_primitives_that_share_their_vertices_keep_sharing_them() -> None:
     assert len(document.mesh.points) == 16
     assert document.mesh.groups is not None
     assert document.mesh.groups.tolist() == [0] * 7 + [1] * 11
-    assert document.group_names == ("a", "material_1")
+    assert document.group_names == ("material_1", "a")
     assert document.labels("primitive").tolist() == [0] * 7 + [1] * 11
     assert set(document.labels("mesh").tolist()) == {0}
     again = assert_round_trip(document, layout_with_seams(document), "glb")

@@ -103,6 +103,14 @@ def test_vt_lines_may_stand_behind_the_faces() -> None:
     assert [line[:2] for line in lines] == [b"v ", b"v ", b"v ", b"vt", b"vt", b"vt", b"f ", b"#x"]
 
 
+@pytest.mark.parametrize("newline", [b"\n", b"\r\n", b"\r"])
+def test_new_lines_end_as_the_others_do(newline: bytes) -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".replace(b"\n", newline)
+    out = encode(read_data(data), smooth_layout(read_data(data)), "obj").data
+    assert out.count(newline) == 7
+    assert out.replace(newline, b"").count(b"\n") == out.replace(newline, b"").count(b"\r") == 0
+
+
 def test_line_elements_lose_their_vt() -> None:
     data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nl 1/1 2/1 3\nl 1 2\n"
     out = encode(read_data(data), smooth_layout(read_data(data)), "obj")

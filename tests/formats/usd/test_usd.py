@@ -129,7 +129,9 @@ def test_a_package_keeps_its_files_to_the_byte(tmp_path: Path) -> None:
     source = scene(tmp_path)
     assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(source)), str(tmp_path / "in.usdz"))
     inside = package_files((tmp_path / "in.usdz").read_bytes())
+    there = set(tmp_path.iterdir())
     circparam.unwrap(tmp_path / "in.usdz", tmp_path / "out.usdz", **QUICK)
+    assert set(tmp_path.iterdir()) - there == {tmp_path / "out.usdz"}
     outside = package_files((tmp_path / "out.usdz").read_bytes())
     assert list(outside) == ["out.usdc", *inside]
     assert {name: outside[name] for name in inside} == inside
