@@ -52,7 +52,7 @@ def split_vertices(n: int, vertex: IntArray, uv: FloatArray, corner_uv: IntArray
     corner = vertex.copy()
     corner[other] = n + rank
     duplicate = np.empty(count, np.int64)
-    duplicate[rank[::-1]] = other[::-1]  # the first of each
+    duplicate[rank] = other  # any of each
     source = np.concatenate([np.arange(n), vertex[duplicate]])
     number = np.concatenate([np.where(kept < 0, same[-1], kept), mine[duplicate]])
     return Split(corner, source, table[value[number]])
