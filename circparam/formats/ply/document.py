@@ -44,11 +44,11 @@ class PlyDocument(Document):
             return None
         layout = self.layout
         face = layout.element("face")
-        if face is not None and face.find("texcoord"):
+        if face.find("texcoord"):
             return self._face_uv(*layout.list(face, "texcoord"))
         vertex = layout.element("vertex")
-        names = None if vertex is None else vertex_uv(vertex)
-        if vertex is None or names is None:
+        names = vertex_uv(vertex)
+        if names is None:
             return None
         return UVMap(layout.columns(vertex, names), self.mesh.faces.copy())
 
@@ -71,10 +71,7 @@ class PlyDocument(Document):
         """The type of uv in the file: 'f8' where it stores doubles, else 'f4', which all readers know."""
         layout = self.layout
         face, vertex = layout.element("face"), layout.element("vertex")
-        held = face.find("texcoord") if face is not None else None
-        names = vertex_uv(vertex) if vertex is not None else None
-        if held is None and vertex is not None and names is not None:
-            held = vertex.find(names[0])
+        held = face.find("texcoord") or vertex.find(*(vertex_uv(vertex) or ())[:1])
         return "f8" if held is not None and held.type == "f8" else "f4"
 
     def colours(self) -> FloatArray | None:
@@ -135,7 +132,7 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
         raise source.error("the file does not begin with 'ply': this is not a PLY file")
     layout = Layout(data, source)
     vertex = layout.element("vertex")
-    if vertex is None or not all(map(vertex.find, "xyz")):
+    if not all(map(vertex.find, "xyz")):
         raise source.error("it has no vertices with x, y and z")
     points = layout.columns(vertex, ("x", "y", "z"))
     corners, size = _lists(layout, "face", len(points), 0)
@@ -152,8 +149,7 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
             np.concatenate([polys.owner, len(size) + np.arange(k)]),
         )
     mesh = Mesh(points, polys.corners[polys.triangles], polygons=polys.labels)
-    face = layout.element("face")
-    has_uv = vertex_uv(vertex) is not None or (face is not None and face.find("texcoord"))
+    has_uv = vertex_uv(vertex) is not None or layout.element("face").find("texcoord")
     return PlyDocument(
         source, "ply", mesh, (0,) if has_uv else (), [], _features(layout, polys),
         layout=layout, lists=FaceLists(polys, len(size), len(corners), tri, strip_counts),
@@ -189,7 +185,7 @@ def _lists(layout: Layout, name: str, points: int, least: int) -> tuple[IntArray
     Raises InputError for a number below ``least``, or from ``points`` on.
     """
     element = layout.element(name)
-    if element is None or element.count == 0:
+    if element.count == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     p = element.find(*INDICES)
     if p is None or not p.count_type:
@@ -214,6 +210,6 @@ def _features(layout: Layout, polys: Polygons) -> tuple[str, ...]:
         "normals": bool(names & normals),
         "colours": bool(names & colours),
         "custom properties": bool(names - known - normals - colours),
-        "tristrips": layout.element("tristrips") is not None,
+        "tristrips": "tristrips" in {e.name for e in layout.elements},
     }
     return tuple(k for k, there in has.items() if there)

@@ -20,8 +20,8 @@ def colours(layout: Layout, faces: IntArray, owner: IntArray) -> FloatArray | No
     """
     vertex, face = layout.element("vertex"), layout.element("face")
     for element in (vertex, face):
-        found = [element.find(name) for name in CHANNELS] if element is not None else [None]
-        if element is None or not all(found):
+        found = [element.find(name) for name in CHANNELS]
+        if not all(found):
             continue
         values = layout.columns(element, CHANNELS)
         codes = {p.type for p in found if p is not None}

@@ -172,9 +172,9 @@ class Layout:
         else:
             raise ValueError
 
-    def element(self, name: str) -> Element | None:
-        """The element of that name."""
-        return next((e for e in self.elements if e.name == name), None)
+    def element(self, name: str) -> Element:
+        """The element of that name; one without properties and rows where the file has none."""
+        return next((e for e in self.elements if e.name == name), Element(name, 0))
 
     # the rows --------------------------------------------------------------------------------
 

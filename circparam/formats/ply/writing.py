@@ -122,13 +122,8 @@ def uv_at_faces(place: str | None) -> bool:
 
 def uv_properties(layout: Layout) -> dict[str, set[str]]:
     """The properties of vertices and faces that hold uv now."""
-    vertex, face = layout.element("vertex"), layout.element("face")
-    drop: dict[str, set[str]] = {"vertex": set(), "face": set()}
-    if vertex is not None:
-        drop["vertex"] = set(vertex_uv(vertex) or ())
-    if face is not None and face.find("texcoord"):
-        drop["face"] = {"texcoord"}
-    return drop
+    face = {"texcoord"} if layout.element("face").find("texcoord") else set()
+    return {"vertex": set(vertex_uv(layout.element("vertex")) or ()), "face": face}
 
 
 def with_face_uv(
@@ -145,9 +140,9 @@ def with_face_uv(
     pairs = take_ranges(text, at[corner_uv], length)
     piece = list_piece(scalars(layout, 2 * size[:, None], count_code), size, (pairs, length))
     blocks = {}
-    if face is not None and face.count:
+    if face.count:
         blocks["face"] = rebuild(layout, face, drop["face"], piece)
-    if vertex is not None and drop["vertex"]:
+    if drop["vertex"]:
         blocks["vertex"] = rebuild(layout, vertex, drop["vertex"])
     line = f"property list {_NAMES[count_code]} {_NAMES[code]} texcoord"
     return assemble(layout, header(layout, drop, {"face": [line]}, {}, {}), blocks)
@@ -156,8 +151,6 @@ def with_face_uv(
 def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) -> bytes:
     """The file with uv at every vertex, vertices duplicated where a seam runs."""
     vertex = layout.element("vertex")
-    if vertex is None:  # reading has asked for vertices
-        raise layout.source.error("it has no vertices")
     drop = uv_properties(layout)
     names = vertex_uv(vertex) or ("s", "t")
     uv = scalars(layout, split.uv, code)
@@ -166,7 +159,7 @@ def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) ->
     retype: dict[tuple[str, str], str] = {}
     for name in ("face", "tristrips"):
         e = layout.element(name)
-        if e is None or e.count == 0:
+        if e.count == 0:
             continue
         replace = {}
         indices = e.find(*INDICES)
