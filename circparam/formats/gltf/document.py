@@ -9,24 +9,11 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.core.records import dataclass
 from circparam.formats.document import Document, Encoded, Named, WriteOptions
-from circparam.formats.gltf import materials
+from circparam.formats.gltf import materials, scene
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, store_pages, stored_grouping
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
-from circparam.formats.gltf.scene import (
-    entry_names,
-    material_of,
-    mesh_matrices,
-    morph_targets,
-    node_names,
-    pool_rows,
-    read_meshes,
-    shown_again,
-    times,
-    unshare_meshes,
-    walk,
-)
 from circparam.formats.gltf.unused import short_views
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
@@ -80,7 +67,7 @@ class GltfDocument(Document):
             if name not in pool.attributes:
                 continue
             with sound_tree(self.source):
-                value = pool_rows(self.tree, pool, pool.attributes[name], 2, name)
+                value = scene.pool_rows(self.tree, pool, pool.attributes[name], 2, name)
             uv[pool.part, 0], uv[pool.part, 1] = value[:, 0], 1.0 - value[:, 1]
             has[pool.part] = True
         faces = self.mesh.faces
@@ -101,12 +88,12 @@ class GltfDocument(Document):
         """Names of materials, of meshes for groups, and of nodes, which have the faces of those below them."""
         with sound_tree(self.source):
             if kind == "material":
-                of = [material_of(self.tree, p) for p in self.primitives]
-                names = entry_names(self.tree, "materials", of)
+                of = [scene.material_of(self.tree, p) for p in self.primitives]
+                names = scene.entry_names(self.tree, "materials", of)
             else:
                 of = [p.mesh for p in self.primitives]
-                meshes = entry_names(self.tree, "meshes", of)
-                names = meshes if kind == "group" else node_names(self.tree)
+                meshes = scene.entry_names(self.tree, "meshes", of)
+                names = meshes if kind == "group" else scene.node_names(self.tree)
         return Named(self.of_faces(of), names) if names else None
 
     def colours(self) -> FloatArray | None:
@@ -120,7 +107,7 @@ class GltfDocument(Document):
             return None
         rows = np.zeros((len(self.mesh.points), 3))
         for part, value, matrix in self._directions("NORMAL", 3):
-            rows[part] = times(value, np.linalg.pinv(matrix))
+            rows[part] = scene.times(value, np.linalg.pinv(matrix))
         rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
         return rows[self.mesh.faces]
 
@@ -128,7 +115,7 @@ class GltfDocument(Document):
         """TANGENT of the vertices, turned into the world."""
         rows = np.full((len(self.mesh.points), 4), np.nan)
         for part, value, matrix in self._directions("TANGENT", 4):
-            turned = times(value[:, :3], matrix.T)
+            turned = scene.times(value[:, :3], matrix.T)
             length = np.linalg.norm(turned, axis=1, keepdims=True)
             rows[part] = np.c_[turned / np.maximum(length, 1e-300), value[:, 3]]
         return None if np.isnan(rows).all() else rows[self.mesh.faces]
@@ -136,17 +123,17 @@ class GltfDocument(Document):
     def _directions(self, name: str, width: int) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
         """(points, rows, (3, 3) matrix into the world) of an attribute of primitives that have normals."""
         with sound_tree(self.source):
-            matrix = mesh_matrices(self.tree)
+            matrix = scene.mesh_matrices(self.tree)
             for p in self.primitives:
                 pool = self.pools[p.pool]
                 if name in pool.attributes and "NORMAL" in pool.attributes:
-                    value = pool_rows(self.tree, pool, pool.attributes[name], width, name)
+                    value = scene.pool_rows(self.tree, pool, pool.attributes[name], width, name)
                     yield pool.part, value, matrix[p.mesh][:3, :3]
 
     def targets(self) -> list[tuple[str, FloatArray]]:
         """The morph targets of the meshes: the first of each mesh together, then the second ones."""
         with sound_tree(self.source):
-            return morph_targets(self.tree, self.primitives, self.pools, self.mesh.points)
+            return scene.morph_targets(self.tree, self.primitives, self.pools, self.mesh.points)
 
     def textures(self) -> Textures | None:
         """The base colour textures of the materials."""
@@ -209,14 +196,14 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     required = [k for k in tree.json.get("extensionsRequired", []) if k in COMPRESSED]
     if required:
         raise source.error(f"it is compressed with {required[0]}: {DECODE}")
-    shown = walk(tree)
+    shown = scene.walk(tree)
     if unshare:
-        unshare_meshes(tree, shown)
-        shown = walk(tree)
-    parts = read_meshes(tree, shown)
+        scene.unshare_meshes(tree, shown)
+        shown = scene.walk(tree)
+    parts = scene.read_meshes(tree, shown)
     faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
     points, groups, names = np.concatenate(parts.points), None, []
-    used = [material_of(tree, p) for p in parts.primitives]
+    used = [scene.material_of(tree, p) for p in parts.primitives]
     order = list(dict.fromkeys(used))
     if len(order) > 1:
         label = [order.index(k) for k in used]
@@ -229,7 +216,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     return GltfDocument(
         source, "glb" if tree.is_glb else "gltf", Mesh(points, faces, groups=groups),
         tuple(sets), parts.notes, _features(tree), tuple(names),
-        tree=tree, primitives=parts.primitives, pools=parts.pools, again=shown_again(shown),
+        tree=tree, primitives=parts.primitives, pools=parts.pools, again=scene.shown_again(shown),
     )  # fmt: skip
 
 
