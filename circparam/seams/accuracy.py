@@ -5,9 +5,9 @@ from dataclasses import replace
 from circparam.solvers.newton import RelaxOptions
 
 # candidates, of which most are refused: their order does not change below a thousandth of the energy
-TRIAL = RelaxOptions(tolerance=1e-3, max_iterations=25)
+TRIAL = RelaxOptions(tolerance=1e-3)
 # first charts: those a hundredth above an isometry need no further step to be judged
 ROUGH = replace(TRIAL, bound=1.01)
 # charts that are kept: the bound has four digits
-FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
+FINAL = RelaxOptions(tolerance=1e-4)
 UNROLLED = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled

@@ -20,7 +20,6 @@ from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.options import SeamOptions, Seams
 
-LOCKED = 1e6  # a locked edge is this many times longer: taken only where there is no other way
 SLIT = 1e-9  # a boundary whose vector area is below this share of its length² encloses nothing
 SLIT_EDGES = 6  # and only if it has at most so many edges: the opening of a pocket is flat as well
 SHORTEST_CUT = 3  # edges of the path that opens a closed surface
@@ -128,7 +127,9 @@ def _part(surface: Surface, cut: BoolArray, faces: BoolArray) -> _Part:
     edge = np.flatnonzero(~cut & faces[surface.edges[:, 0] // 3])
     locked = surface.locked[edge]
     weight = np.maximum(surface.edge_lengths[edge], 1e-9 * surface.edge_lengths.max(initial=0.0))
-    return _Part(cut_mesh, edge, np.where(locked, LOCKED * weight, weight), locked)
+    # a locked edge is longer than all others together: taken only where there is no other way
+    weight = np.where(locked, weight + weight.sum(), weight)
+    return _Part(cut_mesh, edge, weight, locked)
 
 
 def _nodes(cut_mesh: CutMesh) -> tuple[int, IntArray]:

@@ -45,7 +45,6 @@ MARGIN = 0.004  # share of the root of its area that parts of one chart keep apa
 # pairs of boundary edges that may cross before any Newton step: of some 400 unions of six meshes with more all
 # overlapped when they had converged
 SHALLOW = 2
-FITS = 1e-3  # of the excess of the bound: what two layouts may lose by fitting together as they are
 FIRST_STEPS = 2  # of Newton, which leave a lower bound of the energy
 UNTANGLE = 8  # rounds of local and global steps for a start with flipped faces
 # of the excess of the bound: charts are not relaxed further for a trial. Fewer steps, and shorter seams: 0.978
@@ -67,13 +66,15 @@ class Moves:
     """What charts would be, put together from parts of charts that have layouts.
 
     corners: (m, 3, 2) the layout each face has, parts turned. part: (m,) part that joins its chart, −1 on the
-    largest part of each, which stays. targets: (2, 2, m) Jacobians that the faces should have.
+    largest part of each, which stays. targets: (2, 2, m) Jacobians that the faces should have. most: (n,)
+    energy from which on a chart is not wanted, whatever the bound.
     """
 
     cut_mesh: CutMesh
     corners: FloatArray
     part: IntArray
     targets: FloatArray
+    most: FloatArray
 
     @staticmethod
     def joining(cut_mesh: CutMesh, corners: FloatArray, before: IntArray) -> "Moves":
@@ -89,7 +90,8 @@ class Moves:
         x, y = corners.transpose(2, 1, 0)
         turned = np.stack([cosine * x - sine * y, sine * x + cosine * y]).transpose(2, 1, 0)
         corners = np.where((part >= 0)[:, None, None], turned, corners)
-        return Moves(cut_mesh, corners, part, _jacobians(cut_mesh, corners))
+        no_limit = np.full(cut_mesh.n_charts, np.inf)
+        return Moves(cut_mesh, corners, part, _jacobians(cut_mesh, corners), no_limit)
 
     @property
     def moving(self) -> BoolArray:
@@ -102,10 +104,19 @@ class Moves:
         """(m,) energy of each face as it is laid out now."""
         return dirichlet.energy(_jacobians(self.cut_mesh, self.corners))
 
+    @cached_property
+    def apart(self) -> FloatArray:
+        """(n,) energy times area of the parts of each chart as they are laid out now."""
+        cut_mesh = self.cut_mesh
+        return group_sum(self.energies * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
+
     def subset(self, which: BoolArray) -> tuple["Moves", IntArray]:
         """(some moves ((n,) bool), their vertices)."""
         sub, vid, fid = self.cut_mesh.subset(which)
-        return Moves(sub, self.corners[fid], self.part[fid], self.targets[..., fid]), vid
+        part = Moves(
+            sub, self.corners[fid], self.part[fid], self.targets[..., fid], self.most[which]
+        )
+        return part, vid
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +141,9 @@ class Trial:
         for field in fields(self)[1:]:
             getattr(self, field.name)[some] = getattr(part, field.name)
 
-    def good(self, bound: float) -> BoolArray:
-        """(n,) bool: below the bound, without flips or overlaps."""
-        result: BoolArray = (self.energy <= bound) & ~self.overlapping
+    def good(self, most: FloatArray) -> BoolArray:
+        """(n,) bool: not above those energies, without flips or overlaps."""
+        result: BoolArray = (self.energy <= most) & ~self.overlapping
         return result
 
 
@@ -156,8 +167,7 @@ def _tried(moves: Moves, demands: Demands, monitor: Monitor) -> Trial:
     """The ladder for moves that are worked on together."""
     trial = _joined(moves)
     cut_mesh = moves.cut_mesh
-    apart = group_sum(moves.energies * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
-    most = apart / cut_mesh.chart_areas + FITS * (demands.bound - 1)
+    most = moves.apart / cut_mesh.chart_areas + TRIAL.tolerance * (demands.bound - 1)
     todo = ~(trial.energy <= np.minimum(most, demands.bound))
     if todo.any():
         rest, vid = moves.subset(todo)
@@ -165,8 +175,8 @@ def _tried(moves: Moves, demands: Demands, monitor: Monitor) -> Trial:
     _drop_crossed(moves, trial)
     live = todo & np.isfinite(trial.energy) & ~trial.overlapping
     if live.any():
-        _relax(cut_mesh, trial, live, demands)
-    _keep_apart(cut_mesh, trial, demands, monitor)
+        _relax(moves, trial, live, demands)
+    _keep_apart(moves, trial, demands, monitor)
     return trial
 
 
@@ -223,15 +233,17 @@ def _drop_crossed(moves: Moves, trial: Trial) -> None:
     trial.overlapping[sound] = crossed > SHALLOW
 
 
-def _relax(cut_mesh: CutMesh, trial: Trial, live: BoolArray, demands: Demands) -> None:
-    """Relax some charts ((n,) bool). After two steps those are left whose energy cannot come below the bound,
+def _relax(moves: Moves, trial: Trial, live: BoolArray, demands: Demands) -> None:
+    """Relax some charts ((n,) bool). After two steps those are left whose energy cannot come as low as wanted,
     or that overlap: of 160 unions of two meshes that did, 158 overlapped when they had converged."""
+    cut_mesh = moves.cut_mesh
     enough = 1 + ENOUGH * (demands.bound - 1)
     steps = replace(TRIAL, bound=enough, give_up=demands.bound)
     sub, vid, _ = cut_mesh.subset(live)
     first = relax(sub, trial.uv[vid], replace(steps, max_iterations=FIRST_STEPS))
     trial.uv[vid], trial.energy[live], trial.floor[live] = first.uv, first.energy, first.floor
     trial.energy[np.flatnonzero(live)[np.array(first.stopped) == "gave up"]] = np.inf
+    trial.energy[live & (trial.floor > moves.most)] = np.inf
     # what is as good as it needs to be is looked at once, when its margins are
     live = live & np.isfinite(trial.energy) & (trial.energy > enough)
     if live.any():
@@ -245,12 +257,13 @@ def _relax(cut_mesh: CutMesh, trial: Trial, live: BoolArray, demands: Demands) -
         trial.floor[live] = np.maximum(trial.floor[live], rest.floor)
 
 
-def _keep_apart(cut_mesh: CutMesh, trial: Trial, demands: Demands, monitor: Monitor) -> None:
+def _keep_apart(moves: Moves, trial: Trial, demands: Demands, monitor: Monitor) -> None:
     """Push parts of good charts apart that cross or come too near each other; where that fails, they overlap.
 
     Without pushing those that cross, 12 drafts and searches cost 1.02 to 1.035 times as much.
     """
-    good = trial.good(demands.bound)
+    cut_mesh = moves.cut_mesh
+    good = trial.good(np.minimum(moves.most, demands.bound))
     if not good.any():
         return
     sub, vid, _ = cut_mesh.subset(good)

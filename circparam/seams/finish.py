@@ -63,7 +63,7 @@ def finish(
             regroup(atlas, bound, options, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            merging, least = MergeOptions(bound, margin=MARGIN / 2), options.min_chart_faces
+            merging, least = MergeOptions(bound, MARGIN / 2, chart=np.inf), options.min_chart_faces
             notes += small_note(absorb(atlas, merging, least, monitor), least)
 
 

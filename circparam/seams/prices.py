@@ -21,13 +21,13 @@ from circparam.seams.options import SeamOptions
 
 FLAT_PRICE = COST.flat  # lengths: a seam inside a flat, so that any way round the flat is cheaper
 DIRECTIONS = 64  # of parallel light in which an edge may be seen
-PIXELS = 128  # side of the image of one direction
+PIXELS = 2 * DIRECTIONS  # side of the image of one direction
 TYPICAL_SHARE = 0.5  # of the directions see an edge of a convex shape
 LEAST_SHARE = 0.2  # of TYPICAL_SHARE: an edge seen from fewer directions counts as hidden
 VISIBILITY_POWER = 4.0  # of the share in the price, at full strength
 # seconds of visibility, and of what follows a proxy, in those of the repair: time is kept for both
 LATER_REPAIRS = 30.0
-LEAST_WEIGHT = 1e-3  # least weight of the user: seams that cost nothing would take any detour
+LEAST_WEIGHT = 1e-6  # least weight of the user: seams that cost nothing would take any detour
 
 
 def edge_costs(atlas: Atlas) -> FloatArray:

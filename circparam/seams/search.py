@@ -5,7 +5,7 @@ much less the seams would cost. A round has four steps, all of them array operat
 
 1. Choose a batch of independent moves: a greedy matching, in which no chart is changed by two moves.
 2. Lay all charts of the batch out in one block system (``seams.evaluate``), from cheap questions to dear ones.
-3. Make the moves whose charts are good, if they lower the cost.
+3. Make the moves whose charts are good and that lower the cost: ΔC = 26 ΔD − gain < 0.
 4. Tell the family, which forgets what failed until one of the charts changes.
 
 The search ends when the family proposes nothing, or when its trials have had as many faces as it may spend.
@@ -22,13 +22,15 @@ from circparam.core.graph import components, matching
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker
+from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.cost import COST
-from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
+from circparam.seams.evaluate import Demands, Moves, try_moves
 from circparam.solvers.pattern import eliminate_as, elimination_ranks
 
 SHARE = 0.5  # of the search for charts that merging is
+WORK = 16.0  # faces of all trials, in faces of the surface, where nothing else ends them
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,22 +61,41 @@ class Family(Protocol[Some]):
         """Its moves, with their scores."""
         ...
 
-    def learn(self, tried: Some, chosen: IntArray, made: BoolArray, excess: FloatArray) -> None:
-        """What came of a batch. made: (chosen,) bool. excess: (chosen,) at least so much is (energy − 1) · area
-        of the charts that a move leaves."""
+    def learn(self, tried: Some, outcome: "Outcome") -> None:
+        """What came of a batch."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a batch of moves.
+
+    chosen: (k,) numbers of the candidates. made: (k,) bool. excess: (k,) lower bound of (energy − 1) · area of
+    the charts that a move leaves. cut_mesh, uv: their layout. faces: (f,) of the surface that they hold.
+    """
+
+    chosen: IntArray
+    made: BoolArray
+    excess: FloatArray
+    cut_mesh: CutMesh
+    uv: FloatArray
+    faces: IntArray
+
+    def stretch(self, m: int) -> FloatArray:
+        """(m,) stretch of each face of the surface in the layout, 1 where nothing was laid out."""
+        out = np.ones(m)
+        out[self.faces] = face_stretch(self.cut_mesh, self.uv)
+        return out
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What a search accepts and how long it goes on.
+    """How long a search goes on.
 
-    cheaper: a move has to lower ``AtlasCost``, its distortion included; else charts have to meet the demands
-    alone. work: faces of all trials together. rounds: at most so many. ordered: systems take the order of
-    elimination of the surface, so that none looks for its own.
+    work: faces of all trials together. rounds: at most so many. ordered: systems take the order of elimination
+    of the surface, so that none looks for its own.
     """
 
-    cheaper: bool = False
     work: float = np.inf
     rounds: int = 1 << 32
     ordered: bool = True
@@ -99,11 +120,11 @@ def search(
             break
         n, _ = atlas.charts()
         chosen = number[matching(score[number], left[number], right[number], n)]
-        made, excess, faces = _tried(atlas, candidates, chosen, demands, effort, monitor, worker)
-        atlas.cut = candidates.seams(chosen[made])
-        family.learn(candidates, chosen, made, excess)
+        outcome = _tried(atlas, candidates, chosen, demands, effort, monitor, worker)
+        atlas.cut = candidates.seams(chosen[outcome.made])
+        family.learn(candidates, outcome)
         monitor.keep(atlas)
-        work, turn = work - faces, turn + 1
+        work, turn = work - len(outcome.faces), turn + 1
         monitor.update(SHARE * turn / (turn + 8))
 
 
@@ -128,11 +149,8 @@ def _tried(
     effort: Effort,
     monitor: Monitor,
     worker: Worker | None,
-) -> tuple[BoolArray, FloatArray, int]:
-    """Lay out what the chosen moves leave, and keep the layouts of those that are good.
-
-    Returns ((chosen,) bool: the move is good, (chosen,) lower bound of its excess, faces laid out).
-    """
+) -> Outcome:
+    """Lay out what the chosen moves leave, and keep the layouts of those that are good."""
     n, (_, chart) = len(chosen), atlas.charts()
     batch = _batch(atlas, candidates, chosen, np.ones(n, bool))
     before = 1 + (candidates.left[chosen] != candidates.right[chosen])
@@ -142,20 +160,23 @@ def _tried(
         batch = _batch(atlas, candidates, chosen, sound)
     cut_mesh, faces = batch.cut_mesh, batch.faces
     if not len(faces):
-        return sound, np.zeros(n), 0
+        return Outcome(chosen, sound, np.zeros(n), cut_mesh, np.zeros((0, 2)), faces)
     if effort.ordered:
         vertices = atlas.surface.corner_vertex[faces]
         eliminate_as(cut_mesh, elimination_ranks(atlas.surface), vertices)
     moves = Moves.joining(cut_mesh, atlas.corners[faces], chart[faces])
+    # energy times area that may be added
+    worth = candidates.gain[chosen] * atlas.surface.unit**2 / COST.distortion
+    moves = replace(moves, most=(moves.apart + worth[batch.move]) / cut_mesh.chart_areas)
     trial = try_moves(moves, demands, worker or Worker(1), monitor)
-    bad = batch.of_moves(~trial.good(demands.bound), n)
-    made = sound & (bad == 0)
-    if effort.cheaper:
-        more = batch.of_moves(_distortion_added(moves, trial), n)
-        made &= candidates.gain[chosen] > COST.distortion * more / atlas.surface.unit**2
+    good = trial.good(np.minimum(moves.most, demands.bound))
+    with np.errstate(invalid="ignore"):
+        added = batch.of_moves(trial.energy * cut_mesh.chart_areas - moves.apart, n)
+        made = sound & (batch.of_moves(~good, n) == 0) & (added < worth)
     kept = made[batch.move][cut_mesh.chart]
     atlas.corners[faces[kept]] = trial.uv[cut_mesh.faces[kept]]
-    return made, batch.of_moves((trial.floor - 1) * cut_mesh.chart_areas, n), len(faces)
+    excess = batch.of_moves((trial.floor - 1) * cut_mesh.chart_areas, n)
+    return Outcome(chosen, made, excess, cut_mesh, trial.uv, faces)
 
 
 def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolArray) -> _Batch:
@@ -175,12 +196,3 @@ def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolAr
         cut_mesh = replace(cut_mesh, chart=new.reshape(-1))
         return _Batch(cut_mesh, faces, number[charts // count])
     return _Batch(cut_mesh, faces, number)
-
-
-def _distortion_added(moves: Moves, trial: Trial) -> FloatArray:
-    """(charts,) how much more the energy times the area is than that of the layouts they had."""
-    cut_mesh = moves.cut_mesh
-    before = group_sum(moves.energies * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
-    with np.errstate(invalid="ignore"):
-        added: FloatArray = trial.energy * cut_mesh.chart_areas - before
-    return added

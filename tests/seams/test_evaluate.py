@@ -15,6 +15,7 @@ from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, surface_of, uncut
 
 DEMANDS = Demands(1.05)
+LIMIT = np.array(1.05)
 FINE = RelaxOptions(tolerance=1e-10, max_iterations=200)
 
 
@@ -52,7 +53,7 @@ def hill(height: float) -> tuple[np.ndarray, np.ndarray]:
 def test_halves_of_a_sheet_are_put_together_whatever_their_turn(angle: float) -> None:
     trial = tried(halves(shapes.grid(9, 5), angle=angle), DEMANDS)
     assert trial.energy == pytest.approx([1.0], abs=1e-6)
-    assert trial.good(1.05).all()
+    assert trial.good(LIMIT).all()
     span = np.ptp(trial.uv, axis=0)
     assert np.hypot(*span) >= np.sqrt(2) - 1e-3
 
@@ -64,7 +65,7 @@ def test_a_union_is_good_where_its_best_is_below_the_bound(share: float, good: b
     bound = 1 + (best - 1) * share
     moves = halves(hill(0.3))
     trial = tried(moves, Demands(bound))
-    assert trial.good(bound).tolist() == [good]
+    assert trial.good(np.array(bound)).tolist() == [good]
     assert not trial.overlapping.any()
     assert trial.floor[0] <= best + 1e-9
     if good:
@@ -90,17 +91,17 @@ def spiral(turn: float) -> Moves:
 @pytest.mark.parametrize(("turn", "good"), [(5.5, True), (8.0, False)])
 def test_unions_that_lie_on_themselves_are_refused(turn: float, good: bool) -> None:
     trial = tried(spiral(turn), DEMANDS)
-    assert trial.good(1.05).tolist() == [good]
+    assert trial.good(LIMIT).tolist() == [good]
     assert trial.energy[0] <= 1.05, "they are not distorted"
 
 
 def test_parts_that_only_touch_are_pushed_apart() -> None:
     moves = spiral(2 * np.pi - 0.001)
     trial = tried(moves, DEMANDS)
-    assert trial.good(1.05).all()
+    assert trial.good(LIMIT).all()
     assert not self_overlapping(moves.cut_mesh, trial.uv, margin=DEMANDS.margin / 2).any()
     assert chart_energies(moves.cut_mesh, trial.uv)[0] <= DEMANDS.bound
-    assert not tried(moves, Demands(1.05, margin=0.5)).good(1.05).any(), "no room for that much"
+    assert not tried(moves, Demands(1.05, margin=0.5)).good(LIMIT).any(), "no room for that much"
 
 
 def test_a_slit_is_sewn_without_turning_anything() -> None:
@@ -118,7 +119,7 @@ def test_moves_tried_in_parts_are_those_tried_at_once() -> None:
     moves = halves(*sheets, hill(0.6))
     assert len(in_parts(moves.cut_mesh.chart)) > 1
     trial = tried(moves, DEMANDS)
-    assert trial.good(1.05).tolist() == [True] * 8 + [False]
+    assert trial.good(LIMIT).tolist() == [True] * 8 + [False]
     assert trial.energy[:8] == pytest.approx(np.ones(8), abs=1e-6)
     energy = chart_energies(moves.cut_mesh, trial.uv)
     assert trial.energy[:8] == pytest.approx(energy[:8])

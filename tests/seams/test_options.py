@@ -19,7 +19,10 @@ def test_without_options_no_edge_is_forced_or_forbidden_and_no_chart_is_too_smal
     assert notes == []
     single = cut_between(surface, np.arange(len(surface.faces)))
     least = SeamOptions().min_chart_faces
-    assert absorb(single, MergeOptions(SeamOptions().max_distortion), least, Monitor()) == 0
+    assert (
+        absorb(single, MergeOptions(SeamOptions().max_distortion, chart=np.inf), least, Monitor())
+        == 0
+    )
     assert single.cut.all()
     assert SeamOptions().max_charts is None
 

@@ -19,6 +19,7 @@ from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import edge_prices
+from circparam.seams.search import WORK
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
@@ -28,8 +29,6 @@ from circparam.solvers.objective import chart_energies
 
 SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
 MARGIN = 0.001  # of the root of the area of a chart: its parts keep so far apart
-# times the faces of the surface: all trials of merging together hold no more, in a draft and in a full search
-DRAFT_WORK, WORK = 3.0, 16.0
 
 
 def hard_atlas(
@@ -80,7 +79,7 @@ def _decided(
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
         start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-        work = (DRAFT_WORK if options.search.draft else WORK) * len(atlas.surface.faces)
+        work = WORK * len(atlas.surface.faces)
         merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
         merge(atlas, merging, monitor, worker=worker)
     with monitor.stage("enforce"):
@@ -91,7 +90,7 @@ def _decided(
             prefer_exact(atlas, start, merging, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            absorbing = MergeOptions(bound, MARGIN)
+            absorbing = MergeOptions(bound, MARGIN, chart=np.inf)
             left = absorb(atlas, absorbing, options.min_chart_faces, monitor)
             notes += small_note(left, options.min_chart_faces)
     return atlas

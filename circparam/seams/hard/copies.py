@@ -3,15 +3,15 @@
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, IntArray, group_max, ranges
+from circparam.core.arrays import BoolArray, IntArray, ranges
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams.hard.regions import NOISE, extent, turns
+from circparam.seams.hard.regions import FLAT, NOISE, extent, turns
 
-ALIKE = 1e-5  # of the longest edge of a component: how much sides of copies may differ
-NOISY = 4 * NOISE  # of the extent of all: likewise, for what single precision does to two points
-BENT = 0.1  # radians by which the angles at edges of copies may differ
+SIDES = (
+    2 * 2 * NOISE
+)  # of the extent of all: sides of copies differ by what noise does to their four ends
 
 Hashes = npt.NDArray[np.uint64]
 
@@ -59,12 +59,10 @@ def find_copies(surface: Surface) -> Copies:
     edge = edge_order[edge_start[lead[of_edge]] + edge_rank]
     # equal hashes are no proof, nor do they see the shape
     side = np.linalg.norm(surface.rest_triangles[:, [1, 2, 0]] - surface.rest_triangles, axis=2)
-    longest = group_max(side.max(1), component, n)
-    allowed = ALIKE * longest[component] + NOISY * extent(surface)
-    differs = np.abs(side - side[original]).max(1) > allowed
+    differs = np.abs(side - side[original]).max(1) > SIDES * extent(surface)
     angle, concave = turns(surface)
     signed = np.where(concave, -angle, angle)
-    wrong = (half != half[edge]).any(1) | (np.abs(signed - signed[edge]) > BENT)
+    wrong = (half != half[edge]).any(1) | (np.abs(signed - signed[edge]) > 2 * FLAT)
     wrong |= surface.locked != surface.locked[edge]
     other = np.zeros(n, bool)
     other[component[differs]] = other[of_edge[wrong]] = True

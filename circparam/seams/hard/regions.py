@@ -20,25 +20,21 @@ from circparam.mesh.halfedge import corner_classes
 from circparam.mesh.surface import Surface
 
 NOISE = 3e-7  # of the extent of the mesh: single precision and exporters move a point so far
-TURNED = 0.02  # radians: a normal that noise may turn by less is sure
 NEEDLE = 1e-6  # height over longest edge: no normal of a flatter face is sure
-ACROSS = 3.0  # times its length: a sharp edge counts so long when a needle looks for the face it belongs to
-FLAT = np.radians(0.5)  # edges that turn less lie inside a flat
+ACROSS = 2.0  # times its length: a sharp edge counts so long when a needle looks for the face it belongs to
+# edges that turn less lie inside a flat, and noise turns sure normals by less
+FLAT = np.radians(0.5)
 LEVEL = 2 * FLAT  # no face of a flat leans more against its mean normal
 SHARP = np.radians(30)  # edges that turn more bound smooth regions
 CREASE = np.radians(20)  # edges that turn more bound regions that cannot be laid out otherwise
-BLUNT = np.radians(40)  # creases that turn less may come from few faces on a round shape
+BLUNT = 2 * CREASE  # creases that turn less may come from few faces on a round shape
 CURVED = 0.3  # radians of curvature: a region with less counts as developable
-FLAT_FACES = 3  # at least in a flat that tells a hard surface: quads are cut in two anywhere
+FLAT_FACES = 2  # a flat tells a hard surface by more faces: quads are cut in two anywhere
 REGION_FACES = 2  # at least in the mean region of a part: noise has regions of one face
 ORGANIC, DOUBTFUL, HARD = 0, 1, 2
-HARD_FLATS, HARD_REGIONS = 0.25, 0.5  # of the area: a component may be hard from either share on
-# of the area: from either share on it is hard if most creases are sharp
-SURE_FLATS, SURE_REGIONS = 0.5, 0.75
-FEW_BLUNT = (
-    0.1  # of the length of the creases: with fewer blunt ones a component is hard in any case
-)
-FRAGMENTS = 0.01  # of the area: hard components with less in all are not searched apart
+MOST = 0.5  # of the area in flats or developable regions: a component with more may be hard
+# of the area in developable regions: a component with less is in doubt, unless most of it lies in flats
+SURE_REGIONS = 0.75
 
 
 def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
@@ -65,7 +61,7 @@ def sure_normals(surface: Surface) -> FloatArray:
     """
     height, longest = face_heights(surface)
     noise = NOISE * extent(surface)
-    sure = (height > noise / TURNED) & (height > NEEDLE * longest)
+    sure = (height > noise / FLAT) & (height > NEEDLE * longest)
     if sure.all() or not sure.any():
         return surface.normals
     fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
@@ -152,7 +148,7 @@ def hardness(surface: Surface) -> IntArray:
     angle, _ = turns(surface)
     flat, _ = flats(surface)
     total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
-    in_flats = surface.areas * (np.bincount(flat) >= FLAT_FACES)[flat]
+    in_flats = surface.areas * (np.bincount(flat) > FLAT_FACES)[flat]
     flat_share = group_sum(in_flats, component, n) / total
     count, region, developable = developable_regions(surface)
     region_share = group_sum(surface.areas * developable[region], component, n) / total
@@ -163,13 +159,10 @@ def hardness(surface: Surface) -> IntArray:
     of, length = component[surface.edges[on, 0] // 3], surface.edge_lengths[on]
     creases = group_sum(length, of, n)
     blunt = group_sum(length * (angle[on] < BLUNT), of, n)
-    candidate = (creases > 0) & (region_share >= HARD_REGIONS) & large
-    candidate |= flat_share >= HARD_FLATS
-    clear = (flat_share >= SURE_FLATS) | (region_share >= SURE_REGIONS)
-    sure = (blunt < FEW_BLUNT * creases) | (clear & (blunt < 0.5 * creases))
+    level = flat_share >= MOST
+    candidate = level | ((creases > 0) & (region_share >= MOST) & large)
+    sure = (level | (region_share >= SURE_REGIONS)) & (blunt < MOST * creases)
     kind = np.where(candidate, np.where(sure, HARD, DOUBTFUL), ORGANIC)
-    if total[kind != ORGANIC].sum() < FRAGMENTS * total.sum():
-        kind[:] = ORGANIC
     result: IntArray = kind[component]
     return result
 

@@ -13,7 +13,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.seams.cost import COST
 from circparam.seams.evaluate import MARGIN, Demands
 from circparam.seams.options import USUAL, Search
-from circparam.seams.search import Candidates, Effort, search
+from circparam.seams.search import Candidates, Effort, Outcome, search
 from circparam.seams.segmentation.arcs import CONE, Arcs, arcs_of
 
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
@@ -26,16 +26,16 @@ class MergeOptions:
     """How charts are merged.
 
     bound, margin: see ``Demands``. cone: curvature of a vertex above which arcs end there. zip: whether the two
-    sides of one chart are glued too. cheaper, work, rounds: see ``Effort``. faces: no union has more (None: any
-    may). count: so many charts are few enough. search: how much is tried, and in which order near ties are, see
-    ``Search``.
+    sides of one chart are glued too. chart: what a chart less is worth, infinite where nothing else counts.
+    count: so many charts are few enough. faces: no union has more (None: any may). work, rounds: see
+    ``Effort``. search: how much is tried, and in which order near ties are, see ``Search``.
     """
 
     bound: float
     margin: float = MARGIN
     cone: float = CONE
     zip: bool = True
-    cheaper: bool = False
+    chart: float = COST.chart
     work: float = np.inf
     faces: int | None = None
     count: int = 0
@@ -60,7 +60,7 @@ def merge(
     rounds = min(DRAFT_ROUNDS, options.rounds) if draft else options.rounds
     # the few unions of a draft on the mesh itself do not pay for an order of the whole surface
     ordered = not draft or options.faces is None
-    effort = Effort(options.cheaper, options.work, rounds, ordered)
+    effort = Effort(options.work, rounds, ordered)
     search(atlas, Glue(atlas, options, fixed), options.demands, effort, monitor, worker)
 
 
@@ -122,7 +122,7 @@ class Glue:
         """All arcs and pairs of an atlas, scored by the length of the seam in shares of the boundary."""
         options, (n, chart) = self.options, atlas.charts()
         arcs = arcs_of(atlas, chart, options.cone)
-        glues = glues_of(atlas, arcs, chart, n)
+        glues = glues_of(atlas, arcs, chart, n, options.chart)
         one = glues.left == glues.right
         may = self._untried(glues)
         if n <= options.count:
@@ -141,12 +141,13 @@ class Glue:
         score = score * _luck(glues.key, options.search.draw) - one
         return replace(glues, score=np.where(may, score, -np.inf))
 
-    def learn(self, tried: Glues, chosen: IntArray, made: BoolArray, excess: FloatArray) -> None:
+    def learn(self, tried: Glues, outcome: Outcome) -> None:
         """Forget what was tried. Where all arcs of a pair were glued nothing is known of each alone."""
+        chosen = outcome.chosen
         self.tried = np.union1d(self.tried, tried.key[chosen])
         alone = chosen < tried.n_arcs
         of_arc = np.zeros(tried.n_arcs)
-        of_arc[chosen[alone]] = excess[alone]
+        of_arc[chosen[alone]] = outcome.excess[alone]
         edge, arc = tried.arcs.edge, tried.arcs.arc
         self.lower_bound[edge] = np.maximum(self.lower_bound[edge], of_arc[arc])
 
@@ -166,8 +167,8 @@ class Glue:
         return result
 
 
-def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int) -> Glues:
-    """All candidates of an atlas, without scores. chart: (m,) chart of each face, n of them."""
+def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int, worth: float) -> Glues:
+    """All candidates of an atlas, without scores. chart: (m,) chart of each face. worth: of a chart less."""
     pairs, pair = np.unique(arcs.left * n + arcs.right, return_inverse=True)
     pair = pair.reshape(-1)
     left, right = np.divmod(pairs, n)
@@ -189,7 +190,7 @@ def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int) -> Glues:
     for part in (first_face[left], size[left], first_face[right], size[right], mark):
         key = (key ^ part.astype(np.uint64)) * MIX
         key ^= key >> np.uint64(29)
-    gain = length / atlas.surface.unit + COST.chart * (left != right)
+    gain = length / atlas.surface.unit + np.where(left != right, worth, 0.0)
     return Glues(left, right, np.zeros(len(left)), gain, length, key, pair, arcs, atlas.cut)
 
 

@@ -9,12 +9,11 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands
 from circparam.seams.prices import edge_costs
-from circparam.seams.search import Candidates, Effort, search
+from circparam.seams.search import WORK, Candidates, Effort, Outcome, search
 from circparam.seams.segmentation.paths import Bands, bands, chains_of, route
 
 RINGS, PIECE_EDGES = 3, 20  # of the band round a piece that moves, and how long a piece is
 STEPS = 3  # each with other ends of the pieces
-WORK = 16.0  # faces of all trials, in faces of the surface
 
 
 def move_seams(
@@ -65,6 +64,7 @@ class Reroute:
     def __init__(self, atlas: Atlas, proposal: "Proposal") -> None:
         old, new = proposal.costs(edge_costs(atlas))
         self.proposal, self.gain = proposal, old - new
+        self.sides, self.faces = atlas.surface.edges // 3, len(atlas.surface.faces)
         on = np.flatnonzero(proposal.old >= 0)
         self.edge = np.zeros(proposal.n, np.int64)  # one edge of each piece
         self.edge[proposal.old[on]] = on
@@ -90,13 +90,16 @@ class Reroute:
             left, right, score, gain / unit, atlas.cut, self.proposal, self.group.copy()
         )
 
-    def learn(self, tried: Reroutes, chosen: IntArray, made: BoolArray, excess: FloatArray) -> None:
-        """Pieces that moved are done; of a group that failed either half is tried by itself, if it had two."""
+    def learn(self, tried: Reroutes, outcome: Outcome) -> None:
+        """Pieces that moved are done. A group that failed is halved: pieces beside faces that were stretched
+        most are tried apart from the others. One piece that failed stays."""
+        chosen, made = outcome.chosen, outcome.made
         self.group[np.isin(self.group, chosen[made])] = -1
-        rank = np.lexsort((np.arange(len(self.group)), self.group))
-        rank = rank[np.isin(self.group[rank], chosen[~made])]
-        if len(rank) == 0:
+        failed = np.isin(self.group, chosen[~made])
+        if not failed.any():
             return
+        rank = np.lexsort((self._stretch(outcome), self.group))
+        rank = rank[failed[rank]]
         of = self.group[rank]
         size = np.bincount(of)[of]
         place = np.arange(len(of)) - np.searchsorted(of, of)  # in its group
@@ -104,9 +107,20 @@ class Reroute:
         self.group[rank[later]] += 1 + int(self.group.max())
         self.group[rank[size == 1]] = -1
 
+    def _stretch(self, outcome: Outcome) -> FloatArray:
+        """(pieces,) mean stretch of the faces beside the old and the new path of each piece."""
+        here = outcome.stretch(self.faces)[self.sides].sum(1)
+        total, count = np.zeros(self.proposal.n), np.zeros(self.proposal.n)
+        for path in (self.proposal.old, self.proposal.new):
+            on = np.flatnonzero(path >= 0)
+            total += group_sum(here[on], path[on], self.proposal.n)
+            count += group_count(path[on], self.proposal.n)
+        result: FloatArray = total / np.maximum(count, 1)
+        return result
+
     def _beside(self, atlas: Atlas) -> tuple[IntArray, IntArray]:
         """((pieces,), (pieces,)) charts on both sides, the lower number first."""
-        sides = np.sort(atlas.charts()[1][atlas.surface.edges[self.edge] // 3], axis=1)
+        sides = np.sort(atlas.charts()[1][self.sides[self.edge]], axis=1)
         return sides[:, 0], sides[:, 1]
 
 

@@ -86,7 +86,7 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
     pieces, _ = atlas.surface.components
     if not pieces < n <= CROWD or monitor.expired:
         return
-    options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, cheaper=True, work=LAST_WORK)
+    options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, work=LAST_WORK)
     merge(atlas, options, monitor, worker=Worker(monitor.jobs))
 
 
@@ -110,7 +110,8 @@ def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> Non
         if atlas.charts()[0] <= max(count, pieces):
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
-        merge(atlas, MergeOptions(bound, 0.0, cone=SHORT_ARCS, zip=False, count=count), monitor)
+        options = MergeOptions(bound, 0.0, cone=SHORT_ARCS, zip=False, chart=np.inf, count=count)
+        merge(atlas, options, monitor)
 
 
 def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:

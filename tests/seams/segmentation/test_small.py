@@ -28,10 +28,10 @@ def straddled() -> Atlas:
 def test_small_charts_join_their_neighbours_face_by_face() -> None:
     atlas = straddled()
     few = int(np.bincount(atlas.charts()[1]).min())
-    assert absorb(atlas, MergeOptions(1.6), few, Monitor()) == 0
+    assert absorb(atlas, MergeOptions(1.6, chart=np.inf), few, Monitor()) == 0
     assert atlas.charts()[0] == 3, "as large as asked already"
     # the two halves alone would close to a sphere: the bound keeps them apart
-    assert absorb(atlas, MergeOptions(1.6), few + 1, Monitor()) == 0
+    assert absorb(atlas, MergeOptions(1.6, chart=np.inf), few + 1, Monitor()) == 0
     n, chart = atlas.charts()
     assert np.bincount(chart).min() > few
     cut_mesh = atlas.cut_mesh()
@@ -44,7 +44,7 @@ def test_small_charts_that_nobody_takes_stay_as_they_were() -> None:
     atlas = straddled()
     before = atlas.cut.copy()
     few = int(np.bincount(atlas.charts()[1]).min())
-    assert absorb(atlas, MergeOptions(1.0001), few + 1, Monitor()) == 1
+    assert absorb(atlas, MergeOptions(1.0001, chart=np.inf), few + 1, Monitor()) == 1
     assert np.array_equal(atlas.cut, before)
 
 
@@ -58,10 +58,12 @@ def test_charts_with_a_neighbour_count_as_small_below_the_number_asked_for() -> 
     for least, charts in ((4, 3), (5, 2), (20, 2)):
         atlas = as_it_lies(cut_between(surface, label))
         assert np.sort(np.bincount(atlas.charts()[1])).tolist() == [1, 4, 20]
-        assert absorb(atlas, MergeOptions(1.05), least, Monitor()) == 0
+        assert absorb(atlas, MergeOptions(1.05, chart=np.inf), least, Monitor()) == 0
         assert atlas.charts()[0] == charts
     atlas = as_it_lies(cut_between(surface, label))
-    assert absorb(atlas, MergeOptions(1.05), 5, Monitor(timeout=0.0)) == 1, "no time: it stays"
+    assert absorb(atlas, MergeOptions(1.05, chart=np.inf), 5, Monitor(timeout=0.0)) == 1, (
+        "no time: it stays"
+    )
     assert atlas.charts()[0] == 3
 
 
