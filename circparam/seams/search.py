@@ -97,7 +97,7 @@ class Effort:
     """
 
     work: float = np.inf
-    rounds: int = 1 << 32
+    rounds: float = np.inf
     ordered: bool = True
 
 

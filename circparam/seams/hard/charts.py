@@ -28,6 +28,7 @@ from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
 SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
+DRAFT_WORK = 3.0  # faces of all trials of a draft, in faces of the surface
 MARGIN = 0.001  # of the root of the area of a chart: its parts keep so far apart
 
 
@@ -79,7 +80,7 @@ def _decided(
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
         start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-        work = WORK * len(atlas.surface.faces)
+        work = (DRAFT_WORK if options.search.draft else WORK) * len(atlas.surface.faces)
         merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
         merge(atlas, merging, monitor, worker=worker)
     with monitor.stage("enforce"):

@@ -39,7 +39,7 @@ class MergeOptions:
     work: float = np.inf
     faces: int | None = None
     count: int = 0
-    rounds: int = 1 << 32
+    rounds: float = np.inf
     search: Search = USUAL
 
     @property
