@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from circparam.bake.texels import flat_areas
 from circparam.core.arrays import FloatArray, IntArray, slices
 from circparam.formats.materials import Textures, decode
-from circparam.geometry.closest import Found, closest_on_triangles, samples_of, walked
+from circparam.geometry.closest import Nearest, closest_on_triangles, samples_of, walked
 from circparam.geometry.shading import unit
 from circparam.mesh.halfedge import faces_across, shared_edges
 from circparam.mesh.mesh import Mesh, UVMap
@@ -123,7 +123,7 @@ class Closest:
         face, bary, distance = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return face, bary, distance
 
-    def _find(self, places: FloatArray, normals: FloatArray | None, far: float) -> Found:
+    def _find(self, places: FloatArray, normals: FloatArray | None, far: float) -> Nearest:
         """One block: the best face of the nearest samples, then its neighbours while one is nearer."""
         number = CANDIDATES if normals is None else FACING
         # a face that is within reach has all its samples within its longest side of that
@@ -131,12 +131,14 @@ class Closest:
         _, near = self.tree.query(places, k=min(number, len(self.face)), distance_upper_bound=bound)
         found = self.face[np.minimum(near, len(self.face) - 1).reshape(len(places), -1)]
 
-        def best(rows: IntArray, faces: IntArray) -> Found:
+        def best(rows: IntArray, faces: IntArray) -> Nearest:
             return self._best(places[rows], faces, None if normals is None else normals[rows])
 
         return walked(best(np.arange(len(places)), found), self.beside, best, MOST_STEPS)
 
-    def _best(self, places: FloatArray, candidates: IntArray, normals: FloatArray | None) -> Found:
+    def _best(
+        self, places: FloatArray, candidates: IntArray, normals: FloatArray | None
+    ) -> Nearest:
         """The closest of candidate faces (p, k) of each place, the point on it, and its distance."""
         bary, d2 = closest_on_triangles(places[:, None], self.corners[candidates])
         if normals is not None:

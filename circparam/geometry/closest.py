@@ -7,7 +7,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 
-Found: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
+Nearest: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 
 
 def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -53,8 +53,8 @@ def samples_of(areas: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
 
 
 def walked(
-    found: Found, beside: IntArray, best: Callable[[IntArray, IntArray], Found], steps: int
-) -> Found:
+    found: Nearest, beside: IntArray, best: Callable[[IntArray, IntArray], Nearest], steps: int
+) -> Nearest:
     """Walk to neighbouring faces for as long as one is nearer.
 
     found: face (p,), barycentric (p, 3), distance (p,) of points. beside (m, 3): the neighbours of each face.

@@ -26,7 +26,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.records import dataclass
 from circparam.errors import NoResultError
-from circparam.geometry.closest import Found, closest_on_triangles, samples_of, walked
+from circparam.geometry.closest import Nearest, closest_on_triangles, samples_of, walked
 from circparam.geometry.distortion import Tail
 from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas
@@ -143,7 +143,7 @@ class SourceCharts:
         other: points with distances. They stay where the walk ends no nearer.
         """
 
-        def best(rows: IntArray, faces: IntArray) -> Found:
+        def best(rows: IntArray, faces: IntArray) -> Nearest:
             bary, gap = closest_on_triangles(places[rows][:, None], self.corners[faces])
             first = np.arange(len(rows)), gap.argmin(1)
             return faces[first], bary[first], gap[first]
