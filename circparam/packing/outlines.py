@@ -13,14 +13,13 @@ from circparam.mesh.halfedge import run_opposite, sort_by_edge
 
 _QUARTER = np.pi / 2
 
-# Directions of the furthest vertices, which show vertices inside the convex hull; and the tolerance of this
-# test for rounding, as a share of a chart's radius.
-HULL_DIRECTIONS = 16
-HULL_ROUNDING_SHARE = 1e-12
-
-# Angles of a quarter turn that are tried for a box, then finer ones about the best: 0.03 degrees. With 90 pages
-# are equal within 0.2 %, with an interval of ±0.7 %.
+# Angles that are tried: of a quarter turn for a box, then finer ones about the best, to 0.03 degrees; of a turn
+# for the largest chart of a search. With 90 for boxes pages are equal within 0.2 %; 16 for a search cover 0.6 %
+# less. A multiple of four, so that quarters are among them.
 ANGLE_STEPS = 24
+
+# Tolerance for rounding of the test of vertices inside the convex hull, as a share of a chart's radius.
+HULL_ROUNDING_SHARE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +85,14 @@ class Shapes:
         """Outline vertices that may be corners of the convex hulls: (h,) by chart, and (n + 1,) offsets.
 
         All corners are among them, and of other vertices few: those inside the polygon of the furthest vertices
-        in ``HULL_DIRECTIONS`` directions are left out.
+        in ``ANGLE_STEPS`` directions are left out.
         """
         v, at = self.start, self.edge_start[:-1]
-        if np.diff(self.edge_start).max() <= HULL_DIRECTIONS:
+        if np.diff(self.edge_start).max() <= ANGLE_STEPS:
             return v, self.edge_start
         own, p = self.owner[v], self.points[v]
         furthest = []
-        for t in np.arange(HULL_DIRECTIONS) * (2 * np.pi / HULL_DIRECTIONS):
+        for t in np.arange(ANGLE_STEPS) * (2 * np.pi / ANGLE_STEPS):
             along = p @ np.array([np.cos(t), np.sin(t)])
             most = np.flatnonzero(along == np.maximum.reduceat(along, at)[own])
             first = np.empty(self.n, np.int64)
@@ -133,7 +132,7 @@ class Shapes:
         points k, x and y are (k, n), filled up with the first points."""
         v, at = self.hull
         first, count = at[:-1], np.diff(at)
-        if count.max() <= HULL_DIRECTIONS:
+        if count.max() <= ANGLE_STEPS:
             k = np.arange(count.max())[:, None]
             v = v[first + np.where(k < count, k, 0)]
         x, y = np.ascontiguousarray(np.moveaxis(self.points[v], -1, 0))

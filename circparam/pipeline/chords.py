@@ -6,13 +6,11 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, next_half_edge, ranges
 from circparam.core.records import dataclass
+from circparam.geometry.intersect import properly_cross
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.packing.nest.masks import chart_masks
+from circparam.packing.outlines import ANGLE_STEPS
 
 ANCHORS = 72  # points of an outline between which chords are tried
-ANGLES = 16  # of bounding boxes, in a quarter turn
-STEPS = 24  # places of a chord that must lie inside
-RASTER = 96  # cells along the longer side of a chart, in the grid that tells inside from outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,30 +147,27 @@ def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
 
 
 def _inside(outline: Outline, a: FloatArray, b: FloatArray) -> BoolArray:
-    """(c,) bool: the chord from a to b runs inside but for its ends."""
+    """(c,) bool: the chord from a to b crosses no edge of the outline, and its middle lies inside."""
     start, end = outline.edges
-    low = start.min(0)
-    cell = float(np.ptp(start, axis=0).max()) / RASTER
-    masks = chart_masks((start - low) / cell, (end - low) / cell, np.zeros(1), 0.0)
-    filled = masks.cells[0]
-    t = (np.arange(STEPS) + 0.5) / STEPS
-    at = a[:, None] * (1 - t)[None, :, None] + b[:, None] * t[None, :, None]
-    cells = np.floor((at - low) / cell - masks.low[0]).astype(np.int64)
-    y = np.clip(cells[..., 1], 0, filled.shape[0] - 1)
-    x = np.clip(cells[..., 0], 0, filled.shape[1] - 1)
-    return np.asarray(filled[y, x].all(1))
+    chord, edge = np.indices((len(a), len(start))).reshape(2, -1)
+    crossed = properly_cross(a[chord], b[chord], start[edge], end[edge]).reshape(len(a), -1)
+    middle = (a + b) / 2
+    inside = within(outline.p, middle)
+    for hole in outline.holes:
+        inside &= ~within(hole, middle)
+    return np.asarray(inside & ~crossed.any(1))
 
 
 def turned(points: FloatArray) -> FloatArray:
-    """(k, ANGLES, 2) coordinates of points (k, 2) in frames turned within a quarter turn."""
-    t = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
+    """(k, ANGLE_STEPS, 2) coordinates of points (k, 2) in frames turned within a quarter turn."""
+    t = np.arange(ANGLE_STEPS) * (np.pi / 2 / ANGLE_STEPS)
     x = points @ np.stack([np.cos(t), np.sin(t)])
     y = points @ np.stack([-np.sin(t), np.cos(t)])
     return np.stack([x, y], -1)
 
 
 def least_frames(size: FloatArray) -> FloatArray:
-    """(2, ...) area of the least bounding box and side of the least square, of sizes (..., ANGLES, 2)."""
+    """(2, ...) area of the least bounding box and side of the least square, of sizes (..., ANGLE_STEPS, 2)."""
     return np.stack([size.prod(-1).min(-1), size.max(-1).min(-1)])
 
 

@@ -10,10 +10,8 @@ from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 
-BAND = 0.2  # of a chord's length: largest distance of the path along edges from the chord
-EDGES = 4.0  # and this many edges more
-ENDS = (0.35, 0.1, 0.0)  # of a chord's length: largest distance of the path's ends from its ends
-ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
+BAND = 0.2  # of a chord's length, and two edges: largest distance of the path along edges from the chord
+ALIKE = 2.0  # ratio of the areas that the chord and the way cut off, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +50,13 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
     """The atlas of one chart cut along edges near a chord; None unless both parts are valid disks.
 
     costs: (e,) of a seam along each edge, infinite if seams are forbidden. The way begins and ends on a
-    boundary near the ends of the chord, wherever it is shortest. The layout stays.
+    boundary near the ends of the chord, wherever it is shortest, or else at its ends. The layout stays.
     """
-    atlas, tried = whole.atlas, np.zeros(0, np.int64)
-    for ends in ENDS:
+    atlas = whole.atlas
+    for ends in (BAND, 0.0):
         path = _path(whole, chord, costs, ends)
-        if path is None or np.array_equal(path, tried):
+        if path is None:
             continue
-        tried = path
         for edges in _cut_paths(whole.cut_mesh, atlas.surface.edges[path, 0], path):
             cut = atlas.cut.copy()
             cut[edges] = True
@@ -97,7 +94,7 @@ def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArr
     length = float(np.linalg.norm(chord.end - chord.start))
     step = float(np.median(np.linalg.norm(uv[a] - uv[b], axis=1))) if len(edge) else 0.0
     away = _distance(uv, chord.start, chord.end)
-    near = away <= BAND * length + EDGES * step
+    near = away <= BAND * length + 2 * step
     edge, a, b = (x[near[a] & near[b]] for x in (edge, a, b))
     reach = ends * length + (step if ends else 0.0)
     starts, goals = (_beside(cut_mesh, uv, p, reach) for p in (chord.start, chord.end))

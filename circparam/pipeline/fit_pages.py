@@ -12,11 +12,10 @@ from circparam.pipeline.configure import pack_options
 from circparam.pipeline.fuller_page import longer, packing, page_cutter, stretch_kept
 from circparam.pipeline.options import Options
 from circparam.pipeline.page_cuts import Cutter, Part, joined
+from circparam.pipeline.page_search import CHORDS
 from circparam.seams.cost import COST
 
-SHARES = (0.98, 0.7, 0.5)  # of a page's side that charts may have: askew, they leave no room
 CUTS = 64  # at most, if the user gives no number
-FAILED = 12  # chords of a chart along which no cut could be made before the search ends
 
 
 def fit_pages(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -35,7 +34,8 @@ def fit_pages(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     side = (page.resolution - 2 * page.border) / page.fixed_scale
     # there is no layout otherwise: cuts lead through flats too
     cutter = replace(page_cutter(cascade, options), through_flats=True)
-    for share in SHARES if cutter.charts else ():
+    # a chart as long as a page lies along its sides, and leaves no room beside it: shorter ones follow
+    for share in (1.0, np.sqrt(0.5), 0.5) if cutter.charts else ():
         parts = _divided(cutter, share * side, int(most), monitor)
         if parts is None:
             continue
@@ -72,7 +72,7 @@ def _halves(cutter: Cutter, part: Part, side: float) -> list[Part] | None:
     cost = chords.length / cutter.root + COST.page * page
     sound = [part.distortion(k) <= cutter.limits.bound for k in range(len(cost))]
     for k in np.lexsort([cost, ~np.array(sound, bool)]).tolist():
-        done = cutter.cut(part, k) if len(part.failed) < FAILED else None
+        done = cutter.cut(part, k) if len(part.failed) < CHORDS else None
         if done is not None:
             return done[0]
     return None

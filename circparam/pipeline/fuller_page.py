@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted
 from circparam.core.workers import Worker
@@ -26,7 +27,7 @@ from circparam.pipeline.cut_along import Limits
 from circparam.pipeline.layout_cost import finished_cost
 from circparam.pipeline.options import Options
 from circparam.pipeline.page_cuts import Cutter, joined
-from circparam.pipeline.page_search import LONGEST, SKETCHED, Plan, Search
+from circparam.pipeline.page_search import CELLS, SKETCHED, Plan, Search
 from circparam.pipeline.place import chart_signs, sized
 from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
@@ -36,7 +37,6 @@ from circparam.seams.stretch import STRETCH, stretch_asked
 WORK = 12.0  # work of a search: charts are cut that have so many faces together, in faces of the surface
 PACKED = 2  # plans that are packed, beside the page without cuts
 DOUBT = 2.0  # roots of the area by which estimates promise too much at most (28 meshes); a draft asks for more
-SPARED = 0.95e-3  # share of the area that cuts may stretch too much: just below the promise
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -72,7 +72,7 @@ def searched(cascade: Cascade, options: Options, most: int, monitor: Monitor) ->
     widest = max((np.ptp(part.outline.p, axis=0).max() for part in cutter.charts), default=np.inf)
     if not np.isfinite(widest):
         return []
-    drawn = len(cutter.charts) <= SKETCHED and widest <= LONGEST * cutter.root
+    drawn = len(cutter.charts) <= SKETCHED and 2 * widest <= CELLS * cutter.root
     sketches = one and drawn and not options.draft
     gain = DOUBT if options.draft else -np.inf  # of one cut: others may prepare the next one
     search = Search(cutter, most, pack_options(options), sketches, gain, budget, monitor)
@@ -99,10 +99,20 @@ def cheapest(cascade: Cascade, plans: list[Plan], options: Options, monitor: Mon
     tasks = [(c, options) for c in found]
     packings = Worker(monitor.jobs).map(_packing, tasks, monitor)
     packed = [replace(c, packing=p) for c, p in zip(found, packings, strict=True)]
-    best = min(packed, key=lambda c: np.inf if c.packing is None else finished_cost(c))
+    best = min(packed, key=lambda c: _priced_cost(c, cascade.atlas.cut))
     if options.cuts_asked is not None and best is packed[0] and found[0] is cascade:
         return best.noted("--pack-splits: no cut is worth its seam")
     return best
+
+
+def _priced_cost(cascade: Cascade, before: BoolArray) -> float:
+    """The cost of a layout, whose seams beyond those of ``before`` ((e,) bool) have the prices of the user."""
+    if cascade.packing is None:
+        return np.inf
+    surface = cascade.atlas.surface
+    new = cascade.atlas.cut & ~before
+    more = (surface.priced_lengths[new] - surface.edge_lengths[new]).sum() / surface.unit
+    return finished_cost(cascade) + float(more)
 
 
 def longer(cuts: str, purpose: str, before: Cascade, after: Cascade) -> str:
@@ -122,7 +132,7 @@ def stretch_kept(
     if not stretch_asked(options.max_stretch, options.bound or np.inf):
         return True
     limits = StretchLimits(bound, options.max_stretch or STRETCH)
-    allowed = max(_stretched(before, limits.most), SPARED)
+    allowed = max(_stretched(before, limits.most), limits.allowed)
     if _stretched(atlas, limits.most) <= allowed:
         return True
     limit_stretch(atlas, limits, monitor, turns=0)

@@ -25,8 +25,7 @@ from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
 from circparam.seams.hard.regions import ORGANIC, hardness
 from circparam.seams.prices import edge_prices
 
-SAMPLED = 2000  # faces of a chart that are looked at, so that the time does not grow with the mesh
-SIDES = 60  # of the polygon of a part, to tell its faces from the others
+SAMPLED = 500  # faces of a chart that are looked at, so that the time does not grow with the mesh
 IN_FLATS = 0.2  # of the length of a cut that may run through flats
 CORNERS = 100  # of an outline along the side of the square that all charts cover
 
@@ -88,8 +87,7 @@ class Part:
         """Mean distortion of the worse part that a straight cut along chord k leaves, laid out as it is."""
         middle, terms = self._terms
         i, j = int(self.chords.i[k]), int(self.chords.j[k])
-        polygon = self.places[i : j + 1 : 1 + (j - i) // SIDES]
-        inside = within(polygon, middle)
+        inside = within(self.places[i : j + 1], middle)
         square, inverse, area = np.stack([terms[inside].sum(0), terms[~inside].sum(0)], 1)
         return float((np.sqrt(square * inverse) / np.maximum(2 * area, 1e-300)).max())
 
@@ -121,7 +119,7 @@ class Cutter:
         return self._parts(whole, np.arange(self.cut_mesh.n_charts), None)
 
     def cut(self, part: Part, k: int) -> tuple[list[Part], float] | None:
-        """(both parts of a part cut near its chord k, length of the seam); None if that cannot be."""
+        """(both parts of a part cut near its chord k, length of the seam at the user's prices), or None."""
         i, j = int(part.chords.i[k]), int(part.chords.j[k])
         chord = Chord(part.places[i], part.places[j], float(part.chords.least[k]))
         ground = part.ground or self._ground(part.outline.chart)
@@ -133,7 +131,7 @@ class Cutter:
                 piece = ground.part(after, label == c)
                 parts += self._parts(piece.opened, np.zeros(1, np.int64), piece)
             new = after.cut & ~ground.opened.atlas.cut
-            length = after.surface.edge_lengths * new
+            length = np.where(new, after.surface.priced_lengths, 0.0)
             seen = float(length[ground.flat].sum()) > IN_FLATS * float(length.sum())
             if len(parts) == 2 and (self.through_flats or not seen):
                 return parts, float(length.sum())

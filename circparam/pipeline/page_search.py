@@ -26,12 +26,9 @@ from circparam.seams.cost import COST
 CELLS = 32  # squared: cells that all charts cover together on a sketch
 TRIES = 2  # orders of charts without a smaller page after which a sketch is done
 COARSE = 2  # cells by which a page with one cut more may seem larger
-LONGEST = 16.0  # roots of the area: longest chart of a page that is sketched
 SKETCHED = 30  # charts up to which a sketch takes less time than a cut
 CHORDS = 8  # that are sketched for each cut
-APART = 0.1  # roots of the area by which both ends together of sketched chords of a chart lie apart
 AHEAD = 2  # cuts without gain that are made before the search ends
-ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +165,7 @@ class Search:
             chords = plan.parts[n].chords
             square = np.maximum(chords.square, others[n])
             share = self._estimate(plan.parts, boxes.sum() - boxes[n] + chords.box, square)
-            seam = ZIGZAG * chords.length / self.cutter.root
+            seam = chords.length / self.cutter.root
             k = np.arange(len(seam))
             found.append(np.stack([np.full(len(k), n), k, seam, share, seam - COST.page * share]))
         every = np.concatenate(found, axis=1) if found else np.zeros((5, 0))
@@ -187,7 +184,7 @@ class Search:
                 ends[trial.n] = np.reshape(known, (-1, 4))
             here = np.concatenate(part.chords.ends(trial.k))
             d = np.sqrt((np.reshape(ends[trial.n] - here, (-1, 2, 2)) ** 2).sum(2)).sum(1)
-            if (d < APART * self.cutter.root).any():
+            if (d < 2 * COARSE / CELLS * self.cutter.root).any():
                 continue
             ends[trial.n] = np.vstack([ends[trial.n], here])
             if part.distortion(trial.k) > self.cutter.limits.bound:

@@ -73,13 +73,16 @@ def test_nothing_is_split_that_packs_well() -> None:
 
 
 @pytest.mark.parametrize("splits", ["auto", 3])
-@pytest.mark.parametrize("how", ["no_seams", "seam_weights"])
-def test_no_page_is_worth_a_seam_where_none_may_run(how: str, splits: int | str) -> None:
+@pytest.mark.parametrize("weight", [None, np.inf, 50.0])
+def test_no_page_is_worth_a_seam_that_none_may_be_or_that_is_dear(
+    weight: float | None, splits: int | str
+) -> None:
     """A tube of twelve sides opens along the one line that is left, however long its strip is."""
     lines: Any = [(2 * k, 2 * k + 1) for k in range(12) if k != 2]
-    if how == "seam_weights":
-        lines = [(a, b, np.inf) for a, b in lines]
-    result = circparam.unwrap(_tube(12), **{how: lines}, pack_splits=splits, resolution=256)
+    given: Any = {"no_seams": lines}
+    if weight is not None:
+        given = {"seam_weights": [(a, b, weight) for a, b in lines]}
+    result = circparam.unwrap(_tube(12), **given, pack_splits=splits, resolution=256)
     assert result.measures["charts"] == 1
 
 

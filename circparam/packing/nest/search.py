@@ -14,9 +14,8 @@ from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks
 from circparam.packing.nest.places import GridPages, Spectrum
+from circparam.packing.outlines import ANGLE_STEPS
 
-# Even angles at which the largest chart is tried, a multiple of four. 16 cover 0.6 % less of the page.
-ANGLES = 24
 QUARTERS = np.pi / 2 * np.array([0, 1, 2, -1])  # of a turn, in radians
 
 # Spread of the logarithmic area by which later trials change the order.
@@ -53,7 +52,7 @@ def tried_angles(box: float, square: float, reach: float = 1.0) -> FloatArray:
     reach: radius of the chart over that of the largest one. From one angle to the next no tip moves further
     than a tip of the largest chart does.
     """
-    count = 4 * max(int(np.ceil(reach * ANGLES / 4)), 1)
+    count = 4 * max(int(np.ceil(reach * ANGLE_STEPS / 4)), 1)
     even = box + 2 * np.pi / count * np.arange(count)
     return np.concatenate([even, square + QUARTERS])
 

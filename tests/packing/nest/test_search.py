@@ -11,7 +11,7 @@ from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import spectra_of
 from circparam.packing.nest.search import (
-    ANGLES,
+    ANGLE_STEPS,
     Board,
     GridLayout,
     lay_out,
@@ -134,9 +134,9 @@ def test_tips_of_small_charts_move_no_further_than_those_of_the_largest(
     even = angles[:-4]
     step = np.diff(np.r_[even, even[0] + 2 * np.pi])
     np.testing.assert_allclose(step, step[0])
-    assert step[0] * reach <= 2 * np.pi / ANGLES + 1e-12
+    assert step[0] * reach <= 2 * np.pi / ANGLE_STEPS + 1e-12
     assert len(even) % 4 == 0
-    assert len(even) <= max(reach * ANGLES + 4, 4)
+    assert len(even) <= max(reach * ANGLE_STEPS + 4, 4)
 
 
 def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
@@ -155,7 +155,7 @@ def side_of(some: list[Sketch], below: int = 60, budget: Budget | None = None) -
 def test_a_sketch_has_the_cells_of_its_outline() -> None:
     """A rectangle of 8 by 4 cells: at least these, at most those that its outline touches."""
     (one,) = sketches((0.8, 0.4))
-    assert len(one.masks.angle) == ANGLES + 4
+    assert len(one.masks.angle) == ANGLE_STEPS + 4
     assert one.masks.area.min() >= 32
     assert one.masks.area.max() <= (8 + 2 * np.sqrt(2)) * (4 + 2 * np.sqrt(2)) + 1
     assert 8 * np.sqrt(0.5) < one.least <= 10
