@@ -36,9 +36,8 @@ DEFAULT_BOUND = 1.05
 AUTO = "auto"
 EFFORTS = {"draft": 0.0, "normal": 1.0, "high": 4.0}
 HOUR = 60  # searches at most where a timeout alone says how many
-# of the usual work of packing, at least: with 0.25 pages of few charts are hardly fuller, with 0.1 they cover
-# 0.03 less
-DRAFT_PACKING = 0.15
+# of the usual work of packing, at least: with 0.15 pages are as full
+DRAFT_PACKING = 0.1
 
 
 # names that the tables of the library know, read when they are needed
