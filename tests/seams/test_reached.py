@@ -25,7 +25,7 @@ def assembly() -> tuple[np.ndarray, np.ndarray]:
     """Parts of a machine beside a rough ball: some are charted by their flats, some are grown."""
     ball, faces = shapes.icosphere(2)
     ball = ball * (1 + 0.3 * np.sin(5 * ball[:, :1]))
-    pieces = [(p.points, p.faces) for p in (parts.bracket(), parts.bushing(), parts.plate())]
+    pieces = [(p.points, p.faces) for p in (parts.bracket(), parts.letters())]
     pieces.append((ball, faces))
     starts = np.cumsum([0, *(len(p) for p, _ in pieces)])
     points = np.concatenate([p + np.array([4.0 * k, 0, 0]) for k, (p, _) in enumerate(pieces)])
