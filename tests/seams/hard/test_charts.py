@@ -113,9 +113,9 @@ def test_plates_with_any_holes_stay_whole(holes, around, radius, height, sunk) -
 
 
 def test_organic_components_are_laid_out_as_without_the_hard_ones() -> None:
-    """A sphere beside a plate gets the seams it has alone, where the plate hides none of it."""
-    ball = shapes.noisy(*shapes.icosphere(3), amount=0.02)
-    part = PARTS["plate"]()
+    """A sphere beside a bracket gets the seams it has alone, where the bracket hides none of it."""
+    ball = shapes.noisy(*shapes.icosphere(2), amount=0.02)
+    part = PARTS["bracket"]()
     both = surface_of(*shapes.join(ball, (part.points + np.array([5.0, 0, 0]), part.faces)))
     alone = surface_of(*ball)
     find = SEAMS["charts"].function
