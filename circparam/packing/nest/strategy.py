@@ -14,8 +14,8 @@ from circparam.packing.outlines import Shapes, least_box_angles, least_square_an
 from circparam.packing.placement import PackTask, Placement
 from circparam.packing.straight import Straight, straight_charts
 
-# Side of the largest page on the grid, for one chart. It grows with the fourth root of the number of charts: with
-# the sixth pages cover 2 to 3 % less. Compaction mends the error of the grid.
+# Side of the largest page on the grid, for one chart. It grows with the fourth root of the number of charts:
+# with the sixth pages cover 2 to 3 % less. Compaction mends the error of the grid.
 GRID_CELLS = 46
 
 # Share of the largest page that the charts cover, so of the smallest that is worth a search.
