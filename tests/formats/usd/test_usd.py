@@ -284,7 +284,7 @@ def test_each_process_writes_the_same_bytes(tmp_path: Path) -> None:
     )
     scene(tmp_path)
     pipes = []
-    for name, zone in (("a", "UTC"), ("b", "Asia/Tokyo"), ("c", "America/Lima")):
+    for name, zone in (("a", "America/Lima"), ("b", "Asia/Tokyo")):
         (tmp_path / name).mkdir()
         line = [sys.executable, "-c", code, f"{name}/o.usdz"]
         env = {**os.environ, "TZ": zone}  # packages store local times
