@@ -104,8 +104,8 @@ def undirected(n: int, i: IntArray, j: IntArray, length: FloatArray) -> sps.csr_
     first = first_of_runs(key[order])
     shortest = np.minimum.reduceat(w[order], first) if len(first) else w
     kept = order[first]
-    start = np.searchsorted(a[kept], np.arange(n + 1))
-    return sps.csr_matrix((shortest, b[kept], start), shape=(n, n))
+    start = np.searchsorted(a[kept], np.arange(n + 1)).astype(np.int32)
+    return sps.csr_matrix((shortest, b[kept].astype(np.int32), start), shape=(n, n))
 
 
 def nearest(

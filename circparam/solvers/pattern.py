@@ -100,8 +100,9 @@ class VertexPattern:
             self.place[self.source] = np.cumsum(np.concatenate([[0], ~twice]))
             found = found[np.concatenate([[True], ~twice])]
             self.source = np.arange(len(found))
-        self.row = found % n
-        self.start = np.searchsorted(found, np.arange(n + 1) * n)
+        # SciPy looks through indices of 64 bits to see whether 32 are enough
+        self.row = (found % n).astype(np.int32)
+        self.start = np.searchsorted(found, np.arange(n + 1) * n).astype(np.int32)
         self._blocks: tuple[IntArray, sps.csc_matrix] | None = None
 
     def numbers(self, weight: FloatArray, added: FloatArray) -> sps.csc_matrix:

@@ -144,17 +144,23 @@ def push_apart(
     the energy is within the bound). The input is not changed.
     """
     work, u, scale = in_units_of_faces(cut_mesh, uv)
-    n = cut_mesh.n_charts
-    weight = np.full(n, WEIGHT)
-    objective = Objective(work, None, 0.0)
-    fine = np.zeros(n, bool)
     # charts above the bound are not worth a round, nor charts that are hardly more than their boundary
     limit = 1 + AFFORDED * (bound - 1)
-    around = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, n)
+    around = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, cut_mesh.n_charts)
     todo = around * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
+    charts, vertices = np.arange(len(todo)), np.arange(len(u))  # those still worked on
+    fine, out = np.zeros(len(todo), bool), u.copy()
+    weight = np.full(len(todo), WEIGHT)
     conflicts: list[IntArray] = []
     for turn in range(ROUNDS + 1):
-        energy, _ = objective.energies(u)
+        if not todo.any():
+            break
+        if not todo.all():
+            work, kept, _ = work.subset(todo)
+            u, vertices, charts, weight = u[kept], vertices[kept], charts[todo], weight[todo]
+            conflicts = [count[todo] for count in conflicts]
+            todo = np.ones(len(charts), bool)
+        energy, _ = Objective(work, None, 0.0).energies(u)
         todo &= energy <= limit
         boundary = boundary_in(work, u)
         i, _, _ = meeting(boundary, between=False)
@@ -163,14 +169,13 @@ def push_apart(
         tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)
         free[boundary.chart[i]] = free[boundary.chart[tight]] = False
-        fine |= free
+        fine[charts[free]] = True
         todo &= ~free
-        count = group_count(boundary.chart[np.r_[i, tight]], n)
-        conflicts.append(count)
+        conflicts.append(group_count(boundary.chart[np.r_[i, tight]], len(todo)))
         if turn == 0:
-            todo &= count < HOPELESS * group_count(boundary.chart, n)
+            todo &= conflicts[0] < HOPELESS * group_count(boundary.chart, len(todo))
         if turn >= PATIENCE:
-            todo &= count < HEADWAY * conflicts[turn - PATIENCE]
+            todo &= conflicts[-1] < HEADWAY * conflicts[turn - PATIENCE]
         if turn == ROUNDS or not todo.any() or (monitor is not None and monitor.expired):
             break
         springs, lost = _find(boundary, work.faces.ravel(), near, margin, weight, todo)
@@ -178,11 +183,13 @@ def push_apart(
         if not todo.any():
             break
         u, wide = _moved(work, u, springs, LOCAL * 2.0**turn * boundary.size)
+        out[vertices] = u
         todo &= ~wide
         weight[todo] *= STIFFER
-    # parts folded out of a hole, or wound twice, have no boundaries that meet
-    fine &= ~self_overlapping(work, u)
-    return u * scale, fine
+    if fine.any():  # parts folded out of a hole, or wound twice, have no boundaries that meet
+        part, kept, _ = cut_mesh.subset(fine)
+        fine[fine] = ~self_overlapping(part, out[kept])
+    return out * scale, fine
 
 
 def _moved(

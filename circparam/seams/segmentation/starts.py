@@ -27,7 +27,7 @@ from circparam.seams.segmentation.layout import lay_out_fresh
 # charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
 # faces). The draft beside a search is the fourth.
 STARTS = ((1.0, 60), (0.7, 30), (0.5, 100))
-DRAFT_START = (1.0, 12)
+DRAFT_START = (1.0, 30)
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
 DIRECT_FACES = 1_500
 
