@@ -38,7 +38,7 @@ from circparam.seams.hard.unroll import transported
 from circparam.solvers import dirichlet
 from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
-from circparam.solvers.poisson import Poisson, from_jacobians
+from circparam.solvers.poisson import Poisson
 from circparam.solvers.separate import push_apart
 
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
@@ -46,7 +46,6 @@ MARGIN = 0.004  # share of the root of its area that parts of one chart keep apa
 # overlapped when they had converged
 SHALLOW = 2
 FIRST_STEPS = 2  # of Newton, which leave a lower bound of the energy
-UNTANGLE = 8  # rounds of local and global steps for a start with flipped faces
 # of the excess of the bound: charts are not relaxed further for a trial. Fewer steps, and shorter seams: 0.978
 # [0.953, 0.998] of the cost on 41 meshes
 ENOUGH = 0.8
@@ -205,7 +204,7 @@ def _joined(moves: Moves) -> Trial:
 
 def _started(moves: Moves, bound: float) -> Trial:
     """The layout with the Jacobians that are wanted; where that is above the bound, smaller parts bend
-    round the largest one, if that comes closer. The energy is infinite where faces stay flipped."""
+    round the largest one, if that comes closer. The energy is infinite where faces are flipped."""
     cut_mesh = moves.cut_mesh
     system, trial = Poisson(cut_mesh), Trial.unknown(cut_mesh)
     trial.uv[:] = system.layout(moves.targets)
@@ -214,7 +213,7 @@ def _started(moves: Moves, bound: float) -> Trial:
     if not poor.any():
         return trial
     wanted = transported(cut_mesh, moves.targets, moves.moving & poor[cut_mesh.chart])
-    uv, _ = from_jacobians(cut_mesh, wanted, UNTANGLE, system=system)
+    uv = system.layout(wanted)
     energy = chart_energies(cut_mesh, uv)
     better = poor & (energy < trial.energy)
     trial.uv[:] = np.where(better[cut_mesh.vertex_chart][:, None], uv, trial.uv)

@@ -121,7 +121,6 @@ def _on_proxies(
 ) -> tuple[Proxy, Atlas] | None:
     """The cheapest atlas of several starts, each on a proxy, with that; None where the surface is as small."""
     merging = MergeOptions(bound, margin=PROXY_MARGIN, search=options.search)
-    draft = options.search.draft
     if len(surface.faces) <= DIRECT_FACES:
         return None
     starts = starts_of(options.search, surface)
@@ -131,7 +130,10 @@ def _on_proxies(
         if not found:
             return None
         proxy, coarse = min(found, key=lambda one: COST.of_components(one[1], relaxed=True).sum())
-        if not draft:
+        if not options.search.draft:
+            if options.max_charts is None and options.min_chart_faces == 1:
+                merging_on = partial(merged_on, coarse, bound, monitor)
+                coarse = in_time(proxy.surface, merging_on, monitor)
             coarse = _moved(coarse, surface, proxy, merging, options, monitor)
     return proxy, coarse
 
@@ -162,11 +164,6 @@ def _on_proxy(
         if needed:
             raise
         return None
-    free = most is None and options.min_chart_faces == 1 and not merging.search.draft
-    if free and not monitor.expired:
-        coarse = in_time(
-            proxy.surface, partial(_merged_on, coarse, merging.bound, monitor), monitor
-        )
     return proxy, coarse
 
 
@@ -200,12 +197,6 @@ def _before_transfer(monitor: Monitor) -> Iterator[None]:
     later = LATER_REPAIRS * monitor.seconds.get("repair", 0.0)
     with monitor.holding(later, least=DECIDING_SHARE), clock.bounded(monitor.last):
         yield
-
-
-def _merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
-    """As ``merged_on``, from what has been reached."""
-    monitor.keep(coarse)
-    return merged_on(coarse, bound, monitor)
 
 
 def _from_level(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Decided:

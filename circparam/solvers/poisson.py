@@ -17,8 +17,6 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import pattern_of
 
-MOSTLY = 0.5  # share of the faces in charts with flips, above which the factor of all charts serves again
-
 
 def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
     """(nv, nv) cotangent Laplacian of all charts, positive semidefinite, from the rest triangles alone."""
@@ -46,74 +44,36 @@ def from_jacobians(
     cut_mesh: CutMesh,
     targets: FloatArray,
     untangle: int = 0,
-    low: float = 0.5,
     held: tuple[IntArray, FloatArray] | None = None,
-    hopeless: tuple[float, float | FloatArray] = (np.inf, np.inf),
-    system: "Poisson | None" = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
     targets: (2, 2, m). untangle: largest number of rounds for charts with flipped faces. A round clamps the
-    singular values of their Jacobians to [low, 1/low], as a rotation times a stretch. It then solves again with
-    the same factor (the local/global method of Liu and others 2008). held: vertices (k,) of every chart and
-    their places (k, 2); None: the first vertex of every chart lies at the origin. hopeless: limits on the mean
-    of |J(u) − target|² over a chart's area and on its flipped faces (in each chart, or in all). Charts above
-    either limit are not untangled. system: the factored system of the cut mesh and ``held``, if it exists
-    already. Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
+    singular values of their Jacobians to [½, 2], as a rotation times a stretch. It then solves again with the
+    same factor (the local/global method of Liu and others 2008). held: vertices (k,) of every chart and their
+    places (k, 2), which untangling does not hold; None: the first vertex of every chart lies at the origin.
+    Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
-    solver = Poisson(cut_mesh, held) if system is None else system
+    solver = Poisson(cut_mesh, held)
     uv = solver.layout(targets)
     jacobian, flipped = solver.judged(uv)
-    off = ((jacobian - targets) ** 2).sum((0, 1)) * cut_mesh.areas
-    mean = group_sum(off, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.chart_areas
-    again = flipped & ~(mean > hopeless[0])
-    if np.isfinite(hopeless[1]).all() and again.any():
-        over = ~(dirichlet.determinants(jacobian) > 0)
-        again &= np.bincount(cut_mesh.chart[over], minlength=len(again)) <= hopeless[1]
-    if not (untangle and again.any()):
+    if not (untangle and flipped.any()):
         return uv, ~flipped
-    if again[cut_mesh.chart].mean() > MOSTLY:
-        uv, flipped[again] = _untangled(solver, jacobian, uv, again, untangle, low)
-        return uv, ~flipped
-    part, vertices, faces = cut_mesh.subset(again)
-    if held is not None:
-        number = np.full(cut_mesh.n_vertices, -1)
-        number[vertices] = np.arange(len(vertices))
-        inside = again[cut_mesh.vertex_chart[held[0]]]
-        held = number[held[0][inside]], held[1][inside]
-    uv[vertices], flipped[again] = _untangled(
-        Poisson(part, held),
-        jacobian[:, :, faces],
-        uv[vertices],
-        np.ones(part.n_charts, bool),
-        untangle,
-        low,
-    )
-    return uv, ~flipped
-
-
-def _untangled(
-    solver: "Poisson",
-    jacobian: FloatArray,
-    uv: FloatArray,
-    which: BoolArray,
-    rounds: int,
-    low: float,
-) -> tuple[FloatArray, BoolArray]:
-    """As ``from_jacobians``, for charts ((n,) bool) that have flipped faces: (layout, which still do)."""
-    chart, vertex_chart = solver.cut_mesh.chart, solver.cut_mesh.vertex_chart
-    flipped = which.copy()
-    targets = np.zeros_like(jacobian)
-    for _ in range(rounds):
-        again = flipped[chart]
-        targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
-        moving = flipped[vertex_chart]
-        uv = np.where(moving[:, None], solver.layout(targets), uv)
-        jacobian, found = solver.judged(uv)
-        flipped &= found
-        if not flipped.any():
+    part, vertices, faces = cut_mesh.subset(flipped)
+    if part is not cut_mesh:
+        solver, jacobian = Poisson(part), jacobian[:, :, faces]
+    left = np.ones(part.n_charts, bool)
+    wanted, out = np.zeros_like(jacobian), uv[vertices]
+    for _ in range(untangle):
+        again = left[part.chart]
+        wanted[:, :, again] = clamp_stretch(jacobian[:, :, again], 0.5)
+        out = np.where(left[part.vertex_chart][:, None], solver.layout(wanted), out)
+        jacobian, found = solver.judged(out)
+        left &= found
+        if not left.any():
             break
-    return uv, flipped[which]
+    uv[vertices], flipped[flipped] = out, left
+    return uv, ~flipped
 
 
 def divergence(cut_mesh: CutMesh, gradients: FloatArray, targets: FloatArray) -> FloatArray:

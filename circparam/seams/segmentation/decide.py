@@ -91,10 +91,11 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
 
 
 def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
-    """The atlas of a proxy relaxed to the end and merged on."""
+    """The atlas of a proxy relaxed to the end and merged on, as far as there is time."""
+    monitor.keep(coarse)
     pieces, _ = coarse.surface.components
     out = Atlas(coarse.surface, coarse.cut, coarse.corners)
-    if coarse.charts()[0] > pieces:
+    if coarse.charts()[0] > pieces and not monitor.expired:
         cut_mesh, uv = out.open()
         relaxed = judge(cut_mesh, relax(cut_mesh, uv, FINAL).uv)
         fine = ~relaxed.bad(bound)[cut_mesh.vertex_chart]
