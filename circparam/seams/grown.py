@@ -48,7 +48,7 @@ ROUGH_MOST_EXCESS = (
 ROUGH_TIMES_MEAN = (
     1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
 )
-LEVEL_STEPS = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
+LEVEL_STEPS = dataclasses.replace(FINAL, max_iterations=3, local=8)  # from a level on
 
 
 def grown_atlas(

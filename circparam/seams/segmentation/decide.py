@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import CutMesh, not_disks
+from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH
 from circparam.seams.moves.glue import MergeOptions, merge
@@ -20,9 +20,6 @@ from circparam.solvers.newton import relax
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts of a finished atlas merge
 CROWD = 300  # charts: an atlas with more is not merged on
 LAST_WORK = 200_000  # faces that its trials may have together
-# Logarithm of the stretch of a boundary over the excess of the bound: above it a component needs a seam.
-# Caps of balls reach excesses of 0.05 and 0.2 at stretches of 1.5 and 2.5; this gives 2.7 and 55.
-RIM_EXCESS = 20.0
 ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
 
 
@@ -54,26 +51,10 @@ def whole_components(atlas: Atlas, bound: float) -> BoolArray:
     """(m,) bool: faces of components that are good charts without a seam. They are laid out."""
     cut_mesh = atlas.cut_mesh()
     able = ~not_disks(cut_mesh)
-    # a ball with a pinhole is a disk, and takes long to lay out before its energy tells
-    able &= np.log(np.maximum(least_rim_stretch(cut_mesh), 1.0)) <= RIM_EXCESS * (bound - 1)
     if able.any():
         layouts = lay_out_fresh(atlas, able, replace(ROUGH, give_up=bound))
         able &= ~layouts.bad(bound)
     return able[cut_mesh.chart]
-
-
-def least_rim_stretch(cut_mesh: CutMesh) -> FloatArray:
-    """(n,) how many times the longest boundary loop of each chart is stretched at least, in the mean.
-
-    A chart in the plane has at least the boundary of a disk of its area (isoperimetric inequality).
-    Infinite for a chart without boundary.
-    """
-    loops = cut_mesh.loops
-    longest = np.zeros(cut_mesh.n_charts)
-    longest[loops.chart[loops.outer]] = loops.length[loops.outer]
-    disk = np.sqrt(4 * np.pi * cut_mesh.chart_areas)
-    least: FloatArray = np.divide(disk, longest, out=np.full(len(disk), np.inf), where=longest > 0)
-    return least
 
 
 def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:

@@ -21,7 +21,6 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 
 NORMAL_WEIGHT = 3.0  # how much a turn of the normal lengthens a step
-LLOYD_ROUNDS = 4
 NEEDLES = 0.05  # of the distance of their centroids: two faces are needles where the way across is shorter
 
 
@@ -105,7 +104,7 @@ def _cells_and_steps(
 
 
 def grow(
-    n: int, tail: IntArray, head: IntArray, step: FloatArray, count: int, rounds: int = LLOYD_ROUNDS
+    n: int, tail: IntArray, head: IntArray, step: FloatArray, count: int, rounds: int = 2
 ) -> IntArray:
     """(n,) region of every cell: at least one region a component, ``count`` regions if there are cells enough.
 
