@@ -77,7 +77,9 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     best = Atlas(opened, atlas.cut, atlas.corners)
     try:
         with monitor.stage("stretch"):
-            if not monitor.expired:
+            # the level of a large draft is held: on the mesh itself weights and slits gain hardly anything
+            level = options.search.draft and len(opened.faces) > LEVEL_FACES
+            if not (level or monitor.expired):
                 limit_stretch_of_all(atlas, limits, monitor, 0 if mirror else turns, splits)
     except OutOfTimeError:
         monitor.late = True

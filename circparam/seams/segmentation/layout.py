@@ -4,7 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_max,
+    group_min,
+    group_sum,
+)
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker, in_parts
@@ -15,6 +23,7 @@ from circparam.seams.accuracy import TRIAL
 from circparam.solvers.dirichlet import energy, jacobians
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
+from circparam.solvers.preconditioner import SMALL_CHART
 from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
@@ -136,7 +145,9 @@ def lay_out_part(
         uv = uv.copy()
         uv[cut_mesh.faces[alone]] = cut_mesh.rest_triangles[alone]
     bad = ~np.isfinite(chart_energies(cut_mesh, uv))
-    wild = bad & _wild(cut_mesh, uv)
+    # to untangle a small chart takes longer than to relax it from a circle
+    small = group_count(cut_mesh.vertex_chart, cut_mesh.n_charts) <= SMALL_CHART
+    wild = bad & (small | _wild(cut_mesh, uv))
     bad &= ~wild
     if wild.any():
         uv = uv.copy()
