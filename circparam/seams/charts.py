@@ -78,8 +78,8 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     try:
         with monitor.stage("stretch"):
             # the level of a large draft is held: on the mesh itself weights and slits gain hardly anything
-            level = options.search.draft and len(opened.faces) > LEVEL_FACES
-            if not (level or monitor.expired):
+            quick = options.search.draft and options.max_stretch is None
+            if not (monitor.expired or (quick and len(opened.faces) > LEVEL_FACES)):
                 limit_stretch_of_all(atlas, limits, monitor, 0 if mirror else turns, splits)
     except OutOfTimeError:
         monitor.late = True
