@@ -22,11 +22,10 @@ TAIL = 1e-3  # share of the surface on which the stretch may be larger
 # stretch over 1: from there on a face weighs more
 AIMED = 0.8
 POWER = 3  # of the stretch over that: by how much its weight grows a round
-HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
 ROUNDS = 8  # of weighing; most charts need three
 PATIENCE = 3  # rounds without headway after which a chart is left
 STEP = replace(FINAL, max_iterations=2)
-NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
+NEAR = 0.5  # share of the root of a chart's area that moves round such faces at first
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def relax_weighted(
         if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
         heavier = weight * np.maximum(stretch / (1 + AIMED * (most - 1)), 1.0) ** POWER
-        weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
+        weight = np.where(active[chart], heavier, weight)
         reach = np.where(
             whole, np.inf, limits.near * (1 + turn / 2) * np.sqrt(cut_mesh.chart_areas)
         )
