@@ -11,7 +11,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 
 BAND = 0.2  # of a chord's length, and two edges: largest distance of the path along edges from the chord
-ALIKE = 2.0  # ratio of the areas that the chord and the way cut off, at most
+ALIKE = 1.6  # ratio of the areas that the chord and the way cut off, at most: with 2 long charts fit on no page
 
 
 @dataclass(frozen=True, eq=False)

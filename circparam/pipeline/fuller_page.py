@@ -97,7 +97,7 @@ def cheapest(cascade: Cascade, plans: list[Plan], options: Options, monitor: Mon
     if len(found) > 1 and options.draft:
         found = found[1:]
     tasks = [(c, options) for c in found]
-    packings = Worker(monitor.jobs).map(_packing, tasks, monitor)
+    packings = Worker(monitor.jobs).map(packing, tasks, monitor)
     packed = [replace(c, packing=p) for c, p in zip(found, packings, strict=True)]
     best = min(packed, key=lambda c: _priced_cost(c, cascade.atlas.cut))
     if options.cuts_asked is not None and best is packed[0] and found[0] is cascade:
@@ -142,10 +142,6 @@ def stretch_kept(
 def _stretched(atlas: Atlas, most: float) -> float:
     cut_mesh, uv = atlas.open()
     return float(share_over(cut_mesh, face_stretch(cut_mesh, uv), most).sum())
-
-
-def _packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacking | None:
-    return packing(cascade, options, monitor)
 
 
 def packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacking | None:
