@@ -130,11 +130,15 @@ def search(
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """What charts some moves leave. faces: (f,) of the surface. move: (charts,) that leaves each chart."""
+    """What charts some moves leave. faces: (f,) of the surface. move: (charts,) that leaves each chart.
+
+    part: (f,) of each face. No seam, old or new, runs inside a part, so its layout stays as it is.
+    """
 
     cut_mesh: CutMesh
     faces: IntArray
     move: IntArray
+    part: IntArray
 
     def of_moves(self, value: FloatArray | BoolArray, n: int) -> FloatArray:
         """(n,) sum of a value of charts for each move."""
@@ -151,7 +155,7 @@ def _tried(
     worker: Worker | None,
 ) -> Outcome:
     """Lay out what the chosen moves leave, and keep the layouts of those that are good."""
-    n, (_, chart) = len(chosen), atlas.charts()
+    n = len(chosen)
     batch = _batch(atlas, candidates, chosen, np.ones(n, bool))
     before = 1 + (candidates.left[chosen] != candidates.right[chosen])
     sound = np.bincount(batch.move, minlength=n) <= before
@@ -164,7 +168,7 @@ def _tried(
     if effort.ordered:
         vertices = atlas.surface.corner_vertex[faces]
         eliminate_as(cut_mesh, elimination_ranks(atlas.surface), vertices)
-    moves = Moves.joining(cut_mesh, atlas.corners[faces], chart[faces])
+    moves = Moves.joining(cut_mesh, atlas.corners[faces], batch.part)
     # energy times area that may be added
     worth = candidates.gain[chosen] * atlas.surface.unit**2 / COST.distortion
     moves = replace(moves, most=(moves.apart + worth[batch.move]) / cut_mesh.chart_areas)
@@ -189,10 +193,13 @@ def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolAr
     label = move[chart]
     cut = candidates.seams(chosen[number])
     cut_mesh, faces = atlas.surface.part_cut_mesh(cut, label >= 0, label)
-    count, part = components(len(faces), *(cut_mesh.edges.T // 3))
+    whole = (label >= 0)[atlas.surface.edges[~cut] // 3].all(1)  # the edges of the cut mesh
+    uncut = cut_mesh.edges[~atlas.cut[~cut][whole]]
+    _, part = components(len(faces), *(uncut.T // 3))
+    count, new = components(len(faces), *(cut_mesh.edges.T // 3))
     if count > len(number):
-        key = cut_mesh.chart * count + part
+        key = cut_mesh.chart * count + new
         charts, new = np.unique(key, return_inverse=True)
         cut_mesh = replace(cut_mesh, chart=new.reshape(-1))
-        return _Batch(cut_mesh, faces, number[charts // count])
-    return _Batch(cut_mesh, faces, number)
+        return _Batch(cut_mesh, faces, number[charts // count], part)
+    return _Batch(cut_mesh, faces, number, part)
