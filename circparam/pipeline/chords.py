@@ -150,7 +150,8 @@ def _inside(outline: Outline, a: FloatArray, b: FloatArray) -> BoolArray:
     """(c,) bool: the chord from a to b crosses no edge of the outline, and its middle lies inside."""
     start, end = outline.edges
     chord, edge = np.indices((len(a), len(start))).reshape(2, -1)
-    crossed = properly_cross(a[chord], b[chord], start[edge], end[edge]).reshape(len(a), -1)
+    crossed = properly_cross(a[chord], b[chord], start[edge], end[edge])
+    crossed = crossed.reshape(len(a), len(start))
     middle = (a + b) / 2
     inside = within(outline.p, middle)
     for hole in outline.holes:

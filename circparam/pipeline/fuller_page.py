@@ -135,7 +135,7 @@ def stretch_kept(
     allowed = max(_stretched(before, limits.most), limits.allowed)
     if _stretched(atlas, limits.most) <= allowed:
         return True
-    limit_stretch(atlas, limits, monitor, turns=0)
+    limit_stretch(atlas, limits, monitor, slits=False)
     return _stretched(atlas, limits.most) <= allowed
 
 

@@ -65,7 +65,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         notes.append(mirror.note)
     opened = surface.without_edges(forced)
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
-    limits, turns, splits = stretch_limits(bound, options)
+    limits, slits, splits = stretch_limits(bound, options)
 
     def search() -> Atlas:
         if mirror is not None:
@@ -80,7 +80,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
             # the level of a large draft is held: on the mesh itself weights and slits gain hardly anything
             quick = options.search.draft and options.max_stretch is None
             if not (monitor.expired or (quick and len(opened.faces) > LEVEL_FACES)):
-                limit_stretch_of_all(atlas, limits, monitor, 0 if mirror else turns, splits)
+                limit_stretch_of_all(atlas, limits, monitor, slits and mirror is None, splits)
     except OutOfTimeError:
         monitor.late = True
         return _seams(best, forced, notes)

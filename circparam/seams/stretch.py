@@ -9,7 +9,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.seams.finish import LEVEL_FACES
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.tail import TURNS, limit_stretch
+from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import AIMED, Limits, share_over
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
@@ -31,19 +31,12 @@ def stretch_asked(most: float | None, bound: float) -> bool:
     return most is not None or bound <= STRICT
 
 
-def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, int, bool]:
-    """How far faces may be stretched; how often seams may be added for that, and whether charts be split.
-
-    A draft adds slits once, unless a stretch is asked for: further seams cost more than the stretch that they
-    mend.
-    """
-    quick = options.search.draft and options.max_stretch is None
+def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bool]:
+    """How far faces may be stretched; whether seams may be added for that, and charts be split."""
     asked = stretch_asked(options.max_stretch, options.max_distortion)
-    free = asked and not quick and options.max_charts is None and options.min_chart_faces == 1
-    limits = Limits(
-        bound, options.max_stretch or STRETCH, local=LOCAL_STEPS if options.search.draft else None
-    )
-    return limits, (1 if quick else TURNS) if asked else 0, free
+    free = asked and options.max_charts is None and options.min_chart_faces == 1
+    local = LOCAL_STEPS if options.search.draft else None
+    return Limits(bound, options.max_stretch or STRETCH, local=local), asked, free
 
 
 def stretch_held(atlas: Atlas, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
@@ -53,23 +46,23 @@ def stretch_held(atlas: Atlas, bound: float, options: SeamOptions, monitor: Moni
     """
     out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
     if not monitor.expired:
-        limits, turns, splits = stretch_limits(bound, options)
+        limits, slits, splits = stretch_limits(bound, options)
         if limits.local is not None:  # the surface that it stands for gets what a level leaves
             limits = replace(limits, allowed=AIMED * limits.allowed)
         most = 1 + (limits.most - 1) * LEVEL_STRETCH
         stricter = replace(limits, most=most, allowed=limits.allowed / 2)
         with monitor.shown_as("level"), monitor.stage("stretch"):
-            limit_stretch(out, stricter, monitor, turns=0)
-            limit_stretch(out, limits, monitor, turns, splits)
+            limit_stretch(out, stricter, monitor, slits=False)
+            limit_stretch(out, limits, monitor, slits, splits)
     return out
 
 
 def limit_stretch_of_all(
-    atlas: Atlas, limits: Limits, monitor: Monitor, turns: int = TURNS, splits: bool = True
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
 ) -> None:
     """As ``limit_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
     if len(atlas.surface.faces) <= LEVEL_FACES and limits.local is None:
-        limit_stretch(atlas, limits, monitor, turns, splits)
+        limit_stretch(atlas, limits, monitor, slits, splits)
         return
     cut_mesh, uv = atlas.open()
     over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
@@ -84,6 +77,6 @@ def limit_stretch_of_all(
     # on a rough mesh such faces are everywhere: what is near is told in faces
     face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
     near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
-    turns = turns if len(part.surface.faces) <= MOST_SLIT else 0
-    limit_stretch(part, replace(rest, near=near, local=LOCAL_STEPS), monitor, turns, splits)
+    slits = slits and len(part.surface.faces) <= MOST_SLIT
+    limit_stretch(part, replace(rest, near=near, local=LOCAL_STEPS), monitor, slits, splits)
     atlas.put(faces, part)

@@ -140,8 +140,7 @@ def push_apart(
     """Separate the overlapping parts of charts where the bound permits.
 
     uv: (nv, 2) without flips, about isometric. margin: share of the root of a chart's area that parts of its
-    boundary should keep apart. Returns (uv, (n_charts,) bool: nothing meets or comes nearer than the margin and
-    the energy is within the bound). The input is not changed.
+    boundary should keep apart. Returns (uv, (n_charts,) bool: parts keep it, and the bound holds).
     """
     work, u, scale = in_units_of_faces(cut_mesh, uv)
     # charts above the bound are not worth a round, nor charts that are hardly more than their boundary

@@ -32,6 +32,7 @@ from circparam.solvers.preconditioner import SMALL_CHART
 
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
+UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 
 
@@ -47,7 +48,7 @@ def enforce(
 
     layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
     little is slit from its boundary to where it is distorted most; others are split in two. Parts that lie on
-    each other are pushed apart once, but cut apart at once where options stop at a bound. Single cells cannot
+    each other are pushed apart, but cut apart at once where options stop at a bound. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
     the faces, the work goes on with the others alone.
     """
@@ -57,7 +58,8 @@ def enforce(
     whole, faces = atlas, np.ones(len(slits), bool)
     clear, last = np.zeros(len(slits), bool), atlas.corners
     for turn in range(ROUNDS):
-        pushed = np.full(layouts.cut_mesh.n_charts, turn == 0 and options.bound is None)
+        small = np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES
+        pushed = (small | (turn == 0)) & (options.bound is None)
         layouts = unstick(atlas, layouts, bound, monitor, pushed)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:

@@ -31,19 +31,18 @@ REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
 def limit_stretch(
-    atlas: Atlas, limits: Limits, monitor: Monitor, turns: int = TURNS, splits: bool = True
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
 ) -> None:
     """Bring the share of the surface that is stretched or shrunk too much below what is allowed.
 
-    turns: how often seams may be added where weights do not help; slits of a single turn lead all of the way.
-    splits: whether charts may be split where slits do not help.
+    slits, splits: whether seams may be added where weights do not help, and charts be split where slits do not.
     No chart comes above the bound that was not; charts stay as they are where nothing helps. Deterministic.
     """
     cut_mesh, uv = atlas.open()
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
     # how often slits have not helped the chart of each face
-    failed = np.full(len(atlas.surface.faces), int(turns == 1))
-    for _ in range(turns):
+    failed = np.zeros(len(atlas.surface.faces), np.int64)
+    for _ in range(TURNS if slits else 0):
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
         over = share_over(cut_mesh, stretch, limits.most)
