@@ -27,9 +27,8 @@ from circparam.geometry.shading import Frames, unit
 from circparam.mesh.mesh import UVMap
 
 MAGNIFIED = 0.5  # texels of an old image along a new one, below which samples hardly differ
-DENSE = (
-    2.0  # the same, above which twice as many samples are taken: 2 × 2 lose 10 dB of a weave at 4.5
-)
+# the same, above which twice as many samples are taken: 2 × 2 lose 10 dB of a weave at 4.5
+DENSE = 2.0
 LEVEL = 4  # of compression: 5 % more bytes than 7 in two fifths of its time
 AT_ONCE = 250_000  # texels, a few hundred bytes each in every thread
 

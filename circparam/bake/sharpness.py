@@ -14,9 +14,8 @@ from circparam.core.records import dataclass
 from circparam.geometry.distortion import Tail
 from circparam.mesh.mesh import UVMap
 
-LEAST_DENSITY_SHARE = (
-    0.9  # of the old density along a side: lower limit on all but TAIL of the surface
-)
+# of the old density along a side: lower limit on all but TAIL of the surface
+LEAST_DENSITY_SHARE = 0.9
 TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
 FILLED = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel

@@ -12,9 +12,8 @@ CURVE_CELLS = 1 << 16  # cells along a side of the polygon, along which corners 
 # Corners from which the ear with the shortest diagonal goes first. Small triangles hold only near corners;
 # triangles along a side of many corners meet the boxes of all these.
 SHORTEST_FIRST_CORNERS = 1000
-SLIVER_AREA_SHARE = (
-    1e-9  # area over the square of the length below which such an ear waits for a better one
-)
+# area over the square of the length below which such an ear waits for a better one
+SLIVER_AREA_SHARE = 1e-9
 MAX_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
 # Looks at a corner, for each corner of a polygon and in addition, before the rest is cut in order. Three
 # looks each are enough for polygons that do not cross themselves.

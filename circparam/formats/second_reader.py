@@ -29,9 +29,8 @@ from circparam.formats.source import Source, bytes_beside
 # time, text most memory. The libraries alone take 370 MB.
 PROCESSOR_SECONDS, SECONDS_PER_BYTE = 12.0, 30e-6
 ADDRESS_BYTES, ADDRESS_BYTES_PER_BYTE = 750_000_000, 60
-CLOCK_SECONDS_PER_SECOND = (
-    5.0  # seconds on the clock for each processor second: the machine may be busy
-)
+# seconds on the clock for each processor second: the machine may be busy
+CLOCK_SECONDS_PER_SECOND = 5.0
 
 Arrays = dict[str, Any]
 

@@ -17,9 +17,8 @@ from circparam.geometry.straight import axis_parallel, on_multiples, straight_ed
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
-THIN = (
-    8.0  # texels: below, blocks of compressed textures and the first mip levels show the neighbours
-)
+# texels: below, blocks of compressed textures and the first mip levels show the neighbours
+THIN = 8.0
 
 
 @dataclass(frozen=True, eq=False)

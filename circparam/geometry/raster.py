@@ -27,9 +27,8 @@ from circparam.core.records import dataclass
 LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
 CHUNK = 4_000_000  # fragments at once: bounds the memory at about 0.3 GB
-BAND = (
-    32  # rows of a page at once: arrays of 4096 texels a row stay in the cache, a third of the time
-)
+# rows of a page at once: arrays of 4096 texels a row stay in the cache, a third of the time
+BAND = 32
 ROWS_AT_ONCE = 1_000_000  # rows of triangles at once: bounds the memory at about 0.2 GB
 # texels: a gap looked for up to here is found offset by offset, beyond by trees, in less time there
 NEAR = 16

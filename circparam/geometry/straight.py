@@ -10,9 +10,8 @@ BINS = 180  # of a quarter turn: half a degree each
 # one. A square has 4, a regular polygon of 16 sides 0.9 along two perpendicular directions.
 LONG = 1.0
 PARALLEL = np.pi / 2 / BINS  # radians from an axis: resolution of directions
-ON_TEXEL = (
-    0.01  # texels: rounding of uv to single precision on the largest page, and of what packing adds
-)
+# texels: rounding of uv to single precision on the largest page, and of what packing adds
+ON_TEXEL = 0.01
 _QUARTER = np.pi / 2
 
 

@@ -5,9 +5,8 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray, slices, sorted_distinct
 from circparam.core.records import dataclass
 
-TIE_TOLERANCE_SIZES = (
-    1e-6  # ten times the rounding of float32: nearer moments and reaches are equal
-)
+# ten times the rounding of float32: nearer moments and reaches are equal
+TIE_TOLERANCE_SIZES = 1e-6
 ORDER_STEP_UNITS = 1e-9  # roots of the area: a million times the rounding of a turned float64
 
 

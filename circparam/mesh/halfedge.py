@@ -16,9 +16,8 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components, follower_components, matching
 
-COMPARED_FACES = (
-    16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
-)
+# up to so many faces at one edge all pairs are compared; above, opposite ones pair
+COMPARED_FACES = 16
 TURN_COST = 1.5  # how much straightness a pair must gain to join inconsistently oriented faces
 AVOID_COST = 4.0  # of a pair that was tried and made two vertices the ends of two edges
 REPAIR_ROUNDS = 3  # other pairs tried at edges that coincide, before such pairs are let go

@@ -9,12 +9,10 @@ from circparam.errors import OptionError
 from circparam.mesh.mesh import Mesh
 
 DEGENERATE_AREA_SHARE = 1e-12  # a face with area <= this x longest edge² is degenerate
-TINY_EDGE_SHARE = (
-    1e-50  # also one whose edges are this much shorter than the longest: its squares underflow
-)
-MAX_PAIRS_PER_VERTEX = (
-    64  # more pairs within the weld tolerance than this a vertex: the tolerance is absurd
-)
+# also one whose edges are this much shorter than the longest: its squares underflow
+TINY_EDGE_SHARE = 1e-50
+# more pairs within the weld tolerance than this a vertex: the tolerance is absurd
+MAX_PAIRS_PER_VERTEX = 64
 
 
 def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:

@@ -25,9 +25,8 @@ from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.weld import first_duplicates
 from circparam.pipeline.verify import flipped_faces
 
-SHARP_DEGREES = (
-    40.0  # between a face and the mean of a vertex, beyond which the face is shaded flat
-)
+# between a face and the mean of a vertex, beyond which the face is shaded flat
+SHARP_DEGREES = 40.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,15 +39,12 @@ PROXY_MOST_SHARE = 0.5  # of the faces: a proxy that keeps more (many small comp
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 DECIDING_SHARE = 0.5  # of the time that is left, at least, for charts on the proxy
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
-LEVEL_SLACK_EXCESS = (
-    0.08  # the same for the mesh after a level: splitting large charts gives less back
-)
-ROUGH_MOST_EXCESS = (
-    0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
-)
-ROUGH_TIMES_MEAN = (
-    1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
-)
+# the same for the mesh after a level: splitting large charts gives less back
+LEVEL_SLACK_EXCESS = 0.08
+# of the bound's excess that is given up to roughness: beyond it charts are split
+ROUGH_MOST_EXCESS = 0.7
+# times the mean roughness: half of the charts have more, and pieces of those more yet
+ROUGH_TIMES_MEAN = 1.3
 LEVEL_STEPS = dataclasses.replace(FINAL, max_iterations=3, local=8)  # from a level on
 
 

@@ -19,9 +19,8 @@ from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.source import Source
 
-MAX_CLIP_FILES = (
-    100_000  # files that one template of value clips may name: an hour at 24 frames a second
-)
+# files that one template of value clips may name: an hour at 24 frames a second
+MAX_CLIP_FILES = 100_000
 CURE = "put it beside the file, or flatten the file (usdcat --flatten)"
 
 

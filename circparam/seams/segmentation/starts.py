@@ -26,9 +26,8 @@ from circparam.seams.segmentation.layout import lay_out_fresh
 # (size of the proxy, regions that charts are grown from) of each start of a search. Which leads to the fewest
 # charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
 # faces). The draft beside a search is the fourth.
-REGIONS = (
-    30  # of a draft: from 12 most charts were halved eight times before they were below the bound
-)
+# of a draft: from 12 most charts were halved eight times before they were below the bound
+REGIONS = 30
 STARTS = ((1.0, 2 * REGIONS), (0.7, REGIONS), (0.5, 100))
 DRAFT_START = (1.0, REGIONS)
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
