@@ -163,8 +163,7 @@ def dilate(image: Texels, mask: BoolArray) -> Texels:
     if mask.all() or not mask.any():
         return image
     nearest: Any = distance_transform_edt(~mask, return_distances=False, return_indices=True)
-    grown: Texels = image[nearest[0], nearest[1]]
-    return grown
+    return image[nearest[0], nearest[1]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,5 +79,4 @@ def _of_charts(value: FloatArray, area: FloatArray, chart: IntArray, n: int) -> 
     within = share - before[chart[order]] >= (1 - TAIL) * whole[chart[order]] * (1 - 1e-9)
     first = np.full(n, len(order) - 1)
     np.minimum.at(first, chart[order][within], np.flatnonzero(within))
-    out: FloatArray = value[order][first]
-    return out
+    return value[order][first]

@@ -143,8 +143,7 @@ def ssim(a: FloatArray, b: FloatArray) -> float:
     x, y = a.mean(2), b.mean(2)
 
     def blurred(values: FloatArray) -> FloatArray:
-        out: FloatArray = gaussian_filter(values, 1.5, truncate=3.5)
-        return out
+        return gaussian_filter(values, 1.5, truncate=3.5)
 
     mx, my = blurred(x), blurred(y)
     vx, vy = blurred(x * x) - mx * mx, blurred(y * y) - my * my

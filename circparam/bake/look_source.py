@@ -90,22 +90,19 @@ class Source:
                 down = np.stack([uv[..., 0], 1 - uv[..., 1], np.ones(uv.shape[:2])], 2)
                 with np.errstate(invalid="ignore", over="ignore"):
                     self._known[key] = down @ use.move.T, (layout.uv_faces >= 0).all(1)
-        found: tuple[FloatArray, npt.NDArray[np.bool_]] = self._known[key]
-        return found
+        return self._known[key]
 
     def sampled(self, use: Use, srgb: bool) -> SourceImage:
         """The image of a use, ready to be looked up."""
         key = (use.image, srgb)
         if key not in self._known:
             self._known[key] = SourceImage(self.images[use.image], srgb)
-        found: SourceImage = self._known[key]
-        return found
+        return self._known[key]
 
     def in_texels(self, use: Use) -> FloatArray:
         """(m, 3, 2) the corners of faces in texels of the image of a use."""
         h, w = self.images[use.image].shape[:2]
-        out: FloatArray = self.places(use)[0] * np.array([w, h])
-        return out
+        return self.places(use)[0] * np.array([w, h])
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -147,5 +144,4 @@ class Source:
                 tangent[has], sign[has] = given[has, :, :3], given[has, 0, 3]
                 made = Frames(made.normal, tangent, sign)
             self._known[key] = made
-        found: Frames = self._known[key]
-        return found
+        return self._known[key]

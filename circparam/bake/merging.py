@@ -61,8 +61,7 @@ def common_factor(slot: Slot, values: Sequence[FloatArray]) -> FloatArray:
         return np.array([max(value[0] for value in values), 0.0])
     if slot.kind == "range":
         return np.array([min(value[0] for value in values), max(value[1] for value in values)])
-    largest: FloatArray = np.max(values, axis=0)
-    return largest
+    return np.max(values, axis=0)
 
 
 def fitted(slot: Slot, texel: FloatArray, own: FloatArray, common: FloatArray) -> FloatArray:

@@ -38,8 +38,7 @@ def corner_paint(corners: FloatArray) -> Paint:
     """Colours of corners (m, 3, c), blended inside every face."""
 
     def paint(face: IntArray, bary: FloatArray) -> FloatArray:
-        result: FloatArray = np.einsum("pk,pkc->pc", bary, corners[face])
-        return result
+        return np.einsum("pk,pkc->pc", bary, corners[face])
 
     return paint
 

@@ -128,15 +128,13 @@ def wrapped(index: FloatArray, size: int, wrap: Wrap) -> IntArray:
     if wrap == "mirror":
         k = k % (2 * size)
         return np.minimum(k, 2 * size - 1 - k)
-    out: IntArray = k % size
-    return out
+    return k % size
 
 
 def coded(values: npt.NDArray[np.floating], as_srgb: bool) -> npt.NDArray[np.uint8]:
     """Values 0..1 as codes of 8 bit; as_srgb: linear light, coded so."""
     step = np.nan_to_num(np.clip(values, 0, 1) * STEPS + 0.5).astype(np.uint16)
-    out: npt.NDArray[np.uint8] = _codes(as_srgb).take(step)
-    return out
+    return _codes(as_srgb).take(step)
 
 
 @cache

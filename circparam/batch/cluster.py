@@ -149,8 +149,7 @@ class Cluster:
                 out.update({task.key: seconds for task, seconds in worker.executing.items()})
             return out
 
-        found: dict[Any, float] = self.client.run_on_scheduler(executing)
-        return found
+        return self.client.run_on_scheduler(executing)
 
     def threads(self) -> int:
         """Tasks that can be at work at one time."""

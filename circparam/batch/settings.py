@@ -74,5 +74,4 @@ class Settings:
 @functools.lru_cache(maxsize=8)
 def unpickled(data: bytes) -> Settings:
     """The settings out of their pickled form, kept for the next mesh."""
-    settings: Settings = pickle.loads(data)
-    return settings
+    return pickle.loads(data)

@@ -146,8 +146,7 @@ class Folder:
             if not self.remote:
                 return Path(self.of(name)).read_bytes()
             store, root = root_store(self.address)
-            data: bytes = again(store.cat_file, f"{root}/{name}")
-            return data
+            return again(store.cat_file, f"{root}/{name}")
         except FileNotFoundError:
             return None
 

@@ -31,8 +31,7 @@ def slices(count: int, size: int = SLICE_ROWS) -> list[slice]:
 
 def edge_keys(a: IntArray, b: IntArray, n: int) -> IntArray:
     """One number for each undirected edge a–b between nodes 0..n−1: the same for a–b and b–a, no two alike."""
-    result: IntArray = np.minimum(a, b) * n + np.maximum(a, b)
-    return result
+    return np.minimum(a, b) * n + np.maximum(a, b)
 
 
 def ranges(counts: IntArray) -> IntArray:
@@ -71,8 +70,7 @@ def stable_order(keys: IntArray) -> IntArray:
     bits = 62 - shift
     if int(keys.max()) >> bits:
         low = stable_order(keys & ((1 << bits) - 1))
-        order: IntArray = low[stable_order((keys >> bits)[low])]
-        return order
+        return low[stable_order((keys >> bits)[low])]
     packed = keys.astype(np.int64) << shift
     packed |= np.arange(n)
     packed.sort()
@@ -86,14 +84,12 @@ def sorted_distinct(values: IntArray) -> IntArray:
     ``np.unique`` of NumPy 2.3 and later uses a hash table: 10 to 100 times slower than a sort.
     """
     ordered = np.sort(values, axis=None)
-    result: IntArray = ordered[first_of_runs(ordered)]
-    return result
+    return ordered[first_of_runs(ordered)]
 
 
 def group_sum(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
     """Sum of the values of each of ``n`` groups, added in index order (so it is reproducible)."""
-    result: FloatArray = np.bincount(groups, values, n).astype(np.float64, copy=False)
-    return result
+    return np.bincount(groups, values, n).astype(np.float64, copy=False)
 
 
 def group_count(groups: IntArray, n: int) -> IntArray:
@@ -122,21 +118,18 @@ def dot(a: FloatArray, b: FloatArray) -> float:
 
 def dot2(a: FloatArray, b: FloatArray) -> FloatArray:
     """Scalar products of plane vectors, over the last axis: several times as fast as a sum over it."""
-    result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
-    return result
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
 
 
 def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
     """z component of the cross product of plane vectors, over the last axis."""
-    result: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return result
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def norms2(vectors: FloatArray) -> FloatArray:
     """(n,) lengths of plane vectors (n, 2); sums over an axis of length 2 take NumPy many times as long."""
     x, y = vectors[:, 0], vectors[:, 1]
-    result: FloatArray = np.sqrt(x * x + y * y)
-    return result
+    return np.sqrt(x * x + y * y)
 
 
 def relabel(labels: IntArray) -> tuple[int, IntArray]:

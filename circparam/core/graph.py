@@ -136,8 +136,7 @@ def distances(
     """(n,) distance from the nearest of several sources, infinite if none reaches. As in ``nearest``."""
     tick()
     found: Any = dijkstra(graph, indices=sources, min_only=True, limit=limit, directed=symmetric)
-    result: FloatArray = found
-    return result
+    return found
 
 
 class Graph:
@@ -171,8 +170,7 @@ class Graph:
 
     def edge(self, a: IntArray, b: IntArray) -> IntArray:
         """The lightest edge between each pair of neighbouring nodes."""
-        result: IntArray = self._edge[np.searchsorted(self._key, edge_keys(a, b, self.n))]
-        return result
+        return self._edge[np.searchsorted(self._key, edge_keys(a, b, self.n))]
 
     def trace(self, parent: IntArray, ends: IntArray) -> IntArray:
         """Edges of the paths from the ends back to the sources, each once; all paths are walked together."""

@@ -47,8 +47,7 @@ class Factor:
         b = np.asarray(b, np.float64)
         if b.size == 0:
             return b.copy()
-        result: FloatArray = self._lu.solve(np.asfortranarray(b))
-        return result
+        return self._lu.solve(np.asfortranarray(b))
 
 
 def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
@@ -59,8 +58,7 @@ def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
         from scipy.sparse.linalg import splu
 
         columns: Any = order
-        whole: SuperLU = splu(matrix, columns, 0.0, None, panel, {"SymmetricMode": True})
-        return whole
+        return splu(matrix, columns, 0.0, None, panel, {"SymmetricMode": True})
     matrix.sum_duplicates()
     options = {
         "ColPerm": order,
@@ -70,7 +68,7 @@ def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
         "SymmetricMode": True,
     }
     rows, start = matrix.indices.astype(np.intc), matrix.indptr.astype(np.intc)
-    factor: SuperLU = gstrf(
+    return gstrf(
         n,
         matrix.nnz,
         matrix.data,
@@ -80,7 +78,6 @@ def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
         ilu=False,
         options=options,
     )
-    return factor
 
 
 class ComplexFactor(Factor):

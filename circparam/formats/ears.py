@@ -121,8 +121,7 @@ class Ears:
     def _area(self, k: int) -> float:
         """Twice the area of the triangle of a corner and its neighbours, above 0 if it turns left."""
         i, m, x, y = self.before[k], self.after[k], self.x, self.y
-        twice: float = (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
-        return twice
+        return (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
 
     def _remove(self, k: int) -> None:
         """Take a corner out; neighbours that turn left now are no obstacles."""
@@ -190,5 +189,4 @@ def _along_a_curve(q: FloatArray) -> IntArray:
     bits = ((q - low) / width * (CURVE_CELLS - 1)).astype(np.int64)
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         bits = (bits | bits << shift) & mask
-    result: IntArray = np.argsort(bits[:, 0] | bits[:, 1] << 1, kind="stable")
-    return result
+    return np.argsort(bits[:, 0] | bits[:, 1] << 1, kind="stable")

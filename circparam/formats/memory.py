@@ -146,8 +146,7 @@ def _colours(given: Any, n: int) -> FloatArray | None:
     if table.ndim != 2 or len(table) != n or table.shape[1] < 3:
         return None
     whole = 255.0 if table.dtype.kind in "iu" else 1.0
-    result: FloatArray = np.clip(table[:, :3] / whole, 0.0, 1.0)
-    return result
+    return np.clip(table[:, :3] / whole, 0.0, 1.0)
 
 
 def from_trimesh(mesh: "trimesh.Trimesh | Any") -> Document:

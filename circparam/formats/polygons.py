@@ -61,8 +61,7 @@ class Polygons:
 
 def values(uv: FloatArray, index: IntArray) -> FloatArray:
     """Rows of uv; zeros where the index is −1."""
-    out: FloatArray = np.where((index >= 0)[..., None], uv[np.maximum(index, 0)], 0.0)
-    return out
+    return np.where((index >= 0)[..., None], uv[np.maximum(index, 0)], 0.0)
 
 
 def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polygons:
@@ -157,8 +156,7 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
 
 def _doubled_areas(a: FloatArray, b: FloatArray, normal: FloatArray) -> FloatArray:
     """(k, t) twice the area along the normal (k, 3) of triangles with sides (k, t, 3)."""
-    out: FloatArray = np.einsum("kti,ki->kt", np.cross(a, b), normal)
-    return out
+    return np.einsum("kti,ki->kt", np.cross(a, b), normal)
 
 
 def clip_ears(p: FloatArray) -> IntArray:

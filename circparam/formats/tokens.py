@@ -45,8 +45,7 @@ class Tokens:
         mark = np.zeros(len(self.clean) + 1, np.int8)
         mark[self.start[words]] = 1
         mark[self.end[words] + 1] -= 1
-        result: ByteArray = self.clean[np.cumsum(mark, dtype=np.int8, out=mark)[:-1].view(np.bool_)]
-        return result
+        return self.clean[np.cumsum(mark, dtype=np.int8, out=mark)[:-1].view(np.bool_)]
 
     def floats(self, words: IntArray) -> FloatArray:
         """The given words as decimal numbers, correctly rounded. Raises ValueError if they are others."""

@@ -140,5 +140,4 @@ def turned_loops(boundary: BoundarySegments) -> BoolArray:
     order = np.lexsort((-area, chart))
     largest = np.zeros(count, bool)
     largest[order[first_of_runs(chart[order])]] = True
-    result: BoolArray = (outward & ~largest)[loop]
-    return result
+    return (outward & ~largest)[loop]

@@ -38,8 +38,7 @@ def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray
 def _gap(p: FloatArray, corners: FloatArray, bary: FloatArray) -> FloatArray:
     """Squared distance of places to points in triangles."""
     d = p - (bary[..., None] * corners).sum(-2)
-    result: FloatArray = (d * d).sum(-1)
-    return result
+    return (d * d).sum(-1)
 
 
 def samples_of(areas: FloatArray, count: int) -> tuple[IntArray, FloatArray]:

@@ -258,8 +258,7 @@ def _one_to_one(which: IntArray, near: IntArray, size: IntArray) -> BoolArray:
     pairs = np.lexsort((near, which))
     a, b = which[pairs], near[pairs]
     new = np.r_[True, (np.diff(a) != 0) | (np.diff(b) != 0)]
-    result: BoolArray = group_count(a[new], len(size)) == size
-    return result
+    return group_count(a[new], len(size)) == size
 
 
 def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
@@ -298,8 +297,7 @@ def _rarest(
     lead = order[first_of_runs(owner[order])]
     chosen = np.zeros(int(owner.max(initial=-1)) + 1, np.int64)
     chosen[owner[lead]] = vertex[lead]
-    result: IntArray = chosen[owner]
-    return result
+    return chosen[owner]
 
 
 def _like(parts: _Parts, frame: IntArray, leader: IntArray, asked: BoolArray) -> BoolArray:
@@ -358,8 +356,7 @@ def _motions(
     to = leader[own]
     target = _axes(parts.points[frames.base[to]], parts.points[frames.side[to]], 1.0)
     source = _axes(parts.points[base], parts.points[side], handed)
-    result: FloatArray = np.einsum("kai,kaj->kij", target, source)
-    return result
+    return np.einsum("kai,kaj->kij", target, source)
 
 
 def _axes(a: FloatArray, b: FloatArray, handed: float) -> FloatArray:

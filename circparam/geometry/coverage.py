@@ -79,8 +79,7 @@ def pages_of(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
     """
     lo, hi = chart_boxes(cut_mesh, uv)
     middle = lo[:, 0] / 2 + hi[:, 0] / 2
-    result: IntArray = np.clip(np.floor(middle), 0, LAST_PAGE).astype(np.int64)
-    return result
+    return np.clip(np.floor(middle), 0, LAST_PAGE).astype(np.int64)
 
 
 def chart_boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:

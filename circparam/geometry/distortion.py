@@ -238,8 +238,7 @@ def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
 def at_best_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """A layout (nv, 2) with every chart at the size at which its symmetric Dirichlet energy is smallest."""
-    result: FloatArray = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-    return result
+    return uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
 
 
 def _best_scales(square: FloatArray, inverse: FloatArray) -> FloatArray:
@@ -291,5 +290,4 @@ def energy_terms(cut_mesh: CutMesh, uv: FloatArray, faces: IntArray) -> FloatArr
     large, small = np.maximum(large, COLLAPSED), np.maximum(np.abs(small), COLLAPSED)
     area = cut_mesh.areas[faces]
     terms = [area * (large**2 + small**2), area * (large**-2.0 + small**-2.0), area]
-    result: FloatArray = np.where(_live(cut_mesh)[faces], terms, 0.0).T
-    return result
+    return np.where(_live(cut_mesh)[faces], terms, 0.0).T

@@ -15,8 +15,7 @@ def space_gradients(atlas: Atlas, faces: IntArray | slice = slice(None)) -> Floa
     opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
     hat = np.cross(normal[:, None], opposite) / (2 * surface.areas[faces])[:, None, None]
     d = atlas.corners[faces] - atlas.corners[faces, :1]
-    result: FloatArray = np.einsum("fkd,fkx->fdx", d, hat)
-    return result
+    return np.einsum("fkd,fkx->fdx", d, hat)
 
 
 def turn_gradients(gradients: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
@@ -25,12 +24,11 @@ def turn_gradients(gradients: FloatArray, before: FloatArray, after: FloatArray)
     axis = np.cross(before, after)
     factor = 1 / np.maximum(1 + cosine, 1e-3)
     along = np.einsum("fx,fdx->fd", axis, gradients) * factor[:, None]
-    result: FloatArray = (
+    return (
         gradients * cosine[:, None, None]
         + np.cross(axis[:, None], gradients)
         + axis[:, None] * along[:, :, None]
     )
-    return result
 
 
 def face_axes(
@@ -53,10 +51,9 @@ def in_rest_axes(
 ) -> FloatArray:
     """As ``targets_from``, of faces (m, 3) of points (n, 3) with those unit normals (m, 3)."""
     x, y = face_axes(points, faces, normals)
-    result: FloatArray = np.stack(
+    return np.stack(
         [np.einsum("fdx,fx->df", gradients, x), np.einsum("fdx,fx->df", gradients, y)], 1
     )
-    return result
 
 
 def nearest_known(atlas: Atlas, known: BoolArray) -> tuple[IntArray, BoolArray]:

@@ -48,8 +48,7 @@ def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArr
 def _moves(boundary: BoundarySegments) -> BoolArray:
     """(b,) bool: the segment is no single point."""
     s, e = boundary.start, boundary.end
-    result: BoolArray = (s[:, 0] != e[:, 0]) | (s[:, 1] != e[:, 1])
-    return result
+    return (s[:, 0] != e[:, 0]) | (s[:, 1] != e[:, 1])
 
 
 def _meet(boundary: BoundarySegments, i: IntArray, j: IntArray) -> IntArray:
@@ -115,8 +114,7 @@ def wedge_left_of(boundary: BoundarySegments, vertex: IntArray, segment: IntArra
     reaches = (side_out > 0) | (side_in > 0) | forward_out
     reaches |= back_in & (back_out | (side_out < 0))
     reaches |= (side_out < 0) & (side_in < 0) & (turn <= 0)
-    result: BoolArray = reaches
-    return result
+    return reaches
 
 
 def wedges_meet(boundary: BoundarySegments, a: IntArray, b: IntArray) -> BoolArray:
@@ -140,14 +138,12 @@ def _within(o: FloatArray, first: FloatArray, last: FloatArray, x: FloatArray) -
     convex = (span > 0) & (first_x > 0) & (x_last > 0)
     # a reflex arc holds the directions outside the convex arc from last to first
     reflex = (span < 0) & ~((x_last <= 0) & (first_x <= 0))
-    result: BoolArray = at_first | same | convex | (flat & (first_x > 0)) | reflex
-    return result
+    return at_first | same | convex | (flat & (first_x > 0)) | reflex
 
 
 def _same_direction(v: FloatArray, w: FloatArray) -> BoolArray:
     """Whether parallel vectors point the same way; the signs of differences of floats are exact."""
-    result: BoolArray = (np.sign(v) == np.sign(w)).all(1)
-    return result
+    return (np.sign(v) == np.sign(w)).all(1)
 
 
 def nearby(
@@ -238,8 +234,7 @@ def _all_pairs(
 def properly_cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
     """(n,) bool: segments ab and cd cross, no end of one on the other: by plain signs, not exact ones."""
     first = cross2(b - a, c - a) * cross2(b - a, d - a) < 0
-    result: BoolArray = first & (cross2(d - c, a - c) * cross2(d - c, b - c) < 0)
-    return result
+    return first & (cross2(d - c, a - c) * cross2(d - c, b - c) < 0)
 
 
 def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
@@ -256,11 +251,10 @@ def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray)
 
     ab, cd = b - a, d - c
     of_ab, of_cd = squares(ab), squares(cd)
-    result: FloatArray = np.minimum(
+    return np.minimum(
         np.minimum(to_segment(a, ab, of_ab, c), to_segment(a, ab, of_ab, d)),
         np.minimum(to_segment(c, cd, of_cd, a), to_segment(c, cd, of_cd, b)),
     )
-    return result
 
 
 def winding_pairs(

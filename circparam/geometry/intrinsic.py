@@ -26,8 +26,7 @@ def corner_products(cut_mesh: CutMesh) -> tuple[FloatArray, FloatArray]:
 def corner_angles(cut_mesh: CutMesh) -> FloatArray:
     """(m, 3) angle at each corner, in radians, between 0 and π."""
     dot, cross = corner_products(cut_mesh)
-    result: FloatArray = np.arctan2(cross, dot)
-    return result
+    return np.arctan2(cross, dot)
 
 
 def tan_half_angles(cut_mesh: CutMesh) -> FloatArray:

@@ -10,8 +10,7 @@ PAIRS = 4_000_000  # of points and places up to which all are compared: a tree t
 
 def centres(uv: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 2) centre of each face (m, 3) of a layout (n, 2)."""
-    result: FloatArray = (uv[faces[:, 0]] + uv[faces[:, 1]] + uv[faces[:, 2]]) / 3
-    return result
+    return (uv[faces[:, 0]] + uv[faces[:, 1]] + uv[faces[:, 2]]) / 3
 
 
 def within(
@@ -54,5 +53,4 @@ def _by_tree(
     tree = kd_tree(np.c_[to, of * apart])
     most = float(reach[np.unique(of)].max())
     far, _ = tree.query(np.c_[at, group * apart], distance_upper_bound=most)
-    result: BoolArray = far < reach[group]
-    return result
+    return far < reach[group]

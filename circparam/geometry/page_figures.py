@@ -72,8 +72,7 @@ def chart_widths(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     h = cut_mesh.boundary
     side = norms2(uv[flat[next_half_edge(h)]] - uv[flat[h]])
     quarter = group_sum(side, cut_mesh.chart[h // 3], n) / 4
-    result: FloatArray = quarter - np.sqrt(np.maximum(quarter**2 - _uv_areas(cut_mesh, uv), 0.0))
-    return result
+    return quarter - np.sqrt(np.maximum(quarter**2 - _uv_areas(cut_mesh, uv), 0.0))
 
 
 def _straight_shares(

@@ -42,8 +42,7 @@ def diagonals(cut_mesh: CutMesh, locked: BoolArray) -> IntArray:
     inside = lies_inside.reshape(m, 3)
     other = group_count(cut_mesh.chart[inside.sum(1) != 1], cut_mesh.n_charts) > 0
     longest = cut_mesh.edge_lengths.argmax(1)
-    result: IntArray = np.where(other[cut_mesh.chart], longest, inside.argmax(1))
-    return result
+    return np.where(other[cut_mesh.chart], longest, inside.argmax(1))
 
 
 def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, BoolArray]:
@@ -108,8 +107,7 @@ def _regular(cut_mesh: CutMesh, quads: _Quads, diagonal: IntArray) -> BoolArray:
     inner = np.ones(n, bool)
     inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
     wrong = inner & (around != 4)
-    result: BoolArray = group_count(cut_mesh.vertex_chart[wrong], cut_mesh.n_charts) == 0
-    return result
+    return group_count(cut_mesh.vertex_chart[wrong], cut_mesh.n_charts) == 0
 
 
 def _directions(cut_mesh: CutMesh, quads: _Quads, charts: BoolArray) -> tuple[IntArray, BoolArray]:
@@ -151,8 +149,7 @@ def _widths(cut_mesh: CutMesh, quads: _Quads) -> FloatArray:
     count, row = components(3 * m, i, j)
     square, area = cut_mesh.edge_lengths.ravel() ** 2, np.repeat(cut_mesh.areas, 3)
     wide = group_sum(area * square, row, count) / group_sum(area / square, row, count)
-    result: FloatArray = wide[row] ** 0.25
-    return result
+    return wide[row] ** 0.25
 
 
 def _summed(tail: IntArray, head: IntArray, step: FloatArray, n: int) -> FloatArray:

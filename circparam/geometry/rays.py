@@ -77,8 +77,7 @@ def _morton(places: FloatArray) -> IntArray:
     for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
                         (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249)):  # fmt: skip
         cell = (cell | (cell << shift)) & mask
-    out: IntArray = cell[:, 0] | (cell[:, 1] << 1) | (cell[:, 2] << 2)
-    return out
+    return cell[:, 0] | (cell[:, 1] << 1) | (cell[:, 2] << 2)
 
 
 def _meets(

@@ -23,8 +23,7 @@ class Frames:
     @property
     def bitangent(self) -> FloatArray:
         """(m, 3, 3) w · n × t."""
-        result: FloatArray = self.sign[:, None, None] * np.cross(self.normal, self.tangent)
-        return result
+        return self.sign[:, None, None] * np.cross(self.normal, self.tangent)
 
     def into(self, face: IntArray, bary: FloatArray, direction: FloatArray) -> FloatArray:
         """Directions (p, 3) in the frames of places: (p, 3) unit, x along t, y along w n × t, z along n.
@@ -54,16 +53,14 @@ class Frames:
 def unit(vectors: FloatArray) -> FloatArray:
     """(..., 3) vectors of length 1; those of length 0 stay."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    out: FloatArray = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
-    return out
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
 def corner_angles_of(corners: FloatArray) -> FloatArray:
     """(m, 3) angles of triangles (m, 3, 3), 0 if a side has no length."""
     a = unit(corners[:, [1, 2, 0]] - corners)
     b = unit(corners[:, [2, 0, 1]] - corners)
-    angle: FloatArray = np.arctan2(np.linalg.norm(np.cross(a, b), axis=2), (a * b).sum(2))
-    return angle
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=2), (a * b).sum(2))
 
 
 def corner_normals(corners: FloatArray, vertex: IntArray, sharp: float = 180.0) -> FloatArray:
@@ -115,5 +112,4 @@ def _by_group(rows: FloatArray, group: IntArray) -> FloatArray:
     label = label.reshape(-1)
     n = int(label.max()) + 1
     total = np.stack([group_sum(rows[:, k], label, n) for k in range(3)], 1)
-    out: FloatArray = total[label]
-    return out
+    return total[label]

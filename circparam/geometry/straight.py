@@ -54,20 +54,17 @@ def straight_edges(edges: FloatArray, owner: IntArray, area: FloatArray) -> Bool
     """
     found = directions(edges, owner, len(area))
     long = (found.length >= LONG * np.sqrt(np.maximum(area, 0.0))) & (found.length > 0)
-    result: BoolArray = found.along & long[owner]
-    return result
+    return found.along & long[owner]
 
 
 def axis_parallel(edges: FloatArray) -> BoolArray:
     """(b,) bool: edges (b, 2) that lie along an axis, up to half a degree."""
     turn = np.mod(np.arctan2(edges[:, 1], edges[:, 0]), _QUARTER)
-    result: BoolArray = np.minimum(turn, _QUARTER - turn) <= PARALLEL
-    return result
+    return np.minimum(turn, _QUARTER - turn) <= PARALLEL
 
 
 def on_multiples(tail: FloatArray, head: FloatArray, block: float) -> BoolArray:
     """(b,) bool: edges tail (b, 2) to head (b, 2), in texels, on a multiple of ``block`` in u or in v."""
     whole = block * np.rint(tail / block)
     off = np.maximum(np.abs(tail - whole), np.abs(head - whole))
-    result: BoolArray = off.min(1) <= ON_TEXEL
-    return result
+    return off.min(1) <= ON_TEXEL

@@ -108,8 +108,7 @@ def seen_shares(
             _fill(buffers, part, frame, pixels)
         for look, buffer in zip(looks, buffers, strict=True):
             seen[look.place] += look.sign * look.height >= look.sign * buffer[look.pixel]
-    result: FloatArray = seen / (2 * (count // 2))
-    return result
+    return seen / (2 * (count // 2))
 
 
 def _scene(triangles: FloatArray) -> Scene:
@@ -202,8 +201,7 @@ def _fill_faces(buffers: Buffers, p: FloatArray, pixels: int) -> None:
 def _between(x: FloatArray) -> BoolArray:
     """(l,) bool: whether a pixel's centre lies between the least and the largest of coordinates (3, l)."""
     low, high = extremes(x.T)
-    result: BoolArray = np.ceil(high - 0.5) > np.ceil(low - 0.5)
-    return result
+    return np.ceil(high - 0.5) > np.ceil(low - 0.5)
 
 
 def _slopes(p: FloatArray) -> FloatArray:
@@ -213,15 +211,13 @@ def _slopes(p: FloatArray) -> FloatArray:
         inverse = 1 / (u[0] * v[1] - u[1] * v[0])
         x = (u[2] * v[1] - v[2] * u[1]) * inverse
         y = (u[0] * v[2] - v[0] * u[2]) * inverse
-    result: FloatArray = np.nan_to_num(np.stack([x, y]), posinf=0.0, neginf=0.0)
-    return result
+    return np.nan_to_num(np.stack([x, y]), posinf=0.0, neginf=0.0)
 
 
 def _pixel(p: FloatArray, pixels: int) -> IntArray:
     """(k,) pixel of each point (3, k), its own x and y counted from the middle."""
     column, row = np.clip(np.floor(p[:2] + pixels / 2), 0, pixels - 1).astype(np.int64)
-    result: IntArray = row * pixels + column
-    return result
+    return row * pixels + column
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,8 +279,7 @@ def edge_shares(
         start[edge] * (1 - at) + end[edge] * at, normal[edge], sheet[h[:, 0] // 3][edge]
     )
     shares = seen_shares(triangles, places, count, pixels, turn)
-    result: FloatArray = group_sum(shares, edge, len(asked)) / number
-    return result
+    return group_sum(shares, edge, len(asked)) / number
 
 
 def visible_share(surface: Surface, cut: BoolArray) -> float | None:

@@ -159,26 +159,22 @@ class SourceCharts:
 
     def uv(self, spots: SurfacePoints) -> FloatArray:
         """(p, 2) places of points in the layout."""
-        result: FloatArray = np.einsum("pk,pkc->pc", spots.bary, self.atlas.corners[spots.face])
-        return result
+        return np.einsum("pk,pkc->pc", spots.bary, self.atlas.corners[spots.face])
 
     def places_of(self, spots: SurfacePoints) -> FloatArray:
         """(p, 3) places of points in space."""
-        result: FloatArray = np.einsum("pk,pkx->px", spots.bary, self.corners[spots.face])
-        return result
+        return np.einsum("pk,pkx->px", spots.bary, self.corners[spots.face])
 
     def expected(self, spots: SurfacePoints, places: FloatArray, normals: FloatArray) -> FloatArray:
         """(p, 2) uv of places beside points, continued along the plane of the normals."""
         there = self.places_of(spots)
         normal = self.atlas.surface.normals[spots.face]
         turned = turn_gradients(self.gradients[spots.face], normal, normals)
-        result: FloatArray = self.uv(spots) + np.einsum("pdx,px->pd", turned, places - there)
-        return result
+        return self.uv(spots) + np.einsum("pdx,px->pd", turned, places - there)
 
 
 def _nearest(tree: cKDTree, places: FloatArray) -> IntArray:
-    near: IntArray = tree.query(places, k=min(CANDIDATES, tree.n))[1].reshape(len(places), -1)
-    return near
+    return tree.query(places, k=min(CANDIDATES, tree.n))[1].reshape(len(places), -1)
 
 
 def _in_blocks(find: Callable[..., SurfacePoints], *arrays: FloatArray | IntArray) -> SurfacePoints:
@@ -391,8 +387,7 @@ def _at_fault(
     bad = heights(uv, sign[source.chart[led.face]])[0] <= 0
     cut_mesh, _ = Atlas(target, _seams(source, target, led, uv), uv).open()
     bad[meetings(cut_mesh, _means(cut_mesh, uv)).ravel() // 3] = True
-    result: IntArray = np.flatnonzero(bad)
-    return result
+    return np.flatnonzero(bad)
 
 
 def _depths(triangles: FloatArray, own: IntArray, corners: FloatArray) -> FloatArray:
@@ -440,10 +435,9 @@ def _seams(source: SourceCharts, target: Surface, led: SurfacePoints, uv: FloatA
     )
     length = source.scale * target.edge_lengths
     chart = source.chart[led.face]
-    result: BoolArray = (chart[i // 3] != chart[j // 3]) | (
+    return (chart[i // 3] != chart[j // 3]) | (
         apart > np.minimum(SAME_EDGE_SHARE * length, SAME_PAGE_SHARE)
     )
-    return result
 
 
 def _means(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:

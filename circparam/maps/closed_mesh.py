@@ -108,8 +108,7 @@ class ClosedMesh:
         """(p,) position of the vertices along a path, from 0 to 1, by length."""
         steps = np.linalg.norm(np.diff(self.points[path], axis=0), axis=1)
         run = np.r_[0.0, np.cumsum(np.maximum(steps, 1e-9 * steps.max()))]
-        result: FloatArray = run / run[-1]
-        return result
+        return run / run[-1]
 
     def divided(self, path: IntArray, parts: int) -> IntArray:
         """The entries of a path that divide it into so many parts by length, none at its ends.

@@ -28,12 +28,11 @@ DETERMINANT_ERROR = (7 + 56 * 2.0**-53) * 2.0**-53
 
 def determinants(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """(k,) determinant of the rows a, b, c, (k, 3) each: positive for a counter-clockwise cone."""
-    result: FloatArray = (
+    return (
         a[..., 0] * (b[..., 1] * c[..., 2] - b[..., 2] * c[..., 1])
         + a[..., 1] * (b[..., 2] * c[..., 0] - b[..., 0] * c[..., 2])
         + a[..., 2] * (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0])
     )
-    return result
 
 
 def signs_of(p: FloatArray) -> SignArray:
@@ -85,8 +84,7 @@ class Geometry:
         if not self.curvature:
             return q / q[..., 2:]
         square = self.curvature * (q * q * self.metric).sum(-1, keepdims=True)
-        result: FloatArray = q / np.sqrt(np.maximum(square, 1e-300))
-        return result
+        return q / np.sqrt(np.maximum(square, 1e-300))
 
     def tangents(self, q: FloatArray) -> FloatArray:
         """(n, 3, 2) two tangents at places (n, 3), orthonormal, counter-clockwise."""
@@ -220,8 +218,7 @@ def _angles(r: FloatArray, curved: bool) -> FloatArray:
     part, whole = (np.sinh(r), np.sinh(s)) if curved else (r, s)
     log = np.log(part)
     tangent = np.exp((log.sum(1)[:, None] - 2 * log - np.log(whole)[:, None]) / 2)
-    result: FloatArray = 2 * np.arctan(tangent)
-    return result
+    return 2 * np.arctan(tangent)
 
 
 def _radii(nodes: IntArray, n: int, curved: bool) -> FloatArray:
@@ -326,5 +323,4 @@ def _lifted(faces: IntArray, plane: FloatArray) -> FloatArray:
     places = np.column_stack([plane, np.ones(k)])
     height = np.zeros(k)
     height[inner] = (slope[:, None] * places[inner]).sum(2)
-    result: FloatArray = height - places @ np.linalg.solve(places[outer], height[outer])
-    return result
+    return height - places @ np.linalg.solve(places[outer], height[outer])

@@ -120,8 +120,7 @@ def add_paths(marks: Landmarks, paths: list[list[int]], a: MapInput) -> None:
 
 def points_of(side: MapInput, vertices: list[int] | IntArray) -> FloatArray:
     """(k, 3) their positions, in units of the root of the area."""
-    result: FloatArray = side.closed.points[vertices] / np.sqrt(side.area)
-    return result
+    return side.closed.points[vertices] / np.sqrt(side.area)
 
 
 def aligned(p: FloatArray, q: FloatArray, mirror: bool = False) -> tuple[float, FloatArray]:
@@ -233,8 +232,7 @@ def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list
 def _between(side: MapInput, start: int, end: int, parts: int) -> list[int]:
     """Vertices that divide a boundary from one vertex to another (or round) into so many parts by length."""
     path = side.along_boundary(start, end)
-    out: list[int] = path[side.closed.divided(path, parts)].tolist()
-    return out
+    return path[side.closed.divided(path, parts)].tolist()
 
 
 def _best_start(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> int:

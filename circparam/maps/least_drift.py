@@ -124,8 +124,7 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
 def meetings(cut_mesh: CutMesh, x: FloatArray) -> IntArray:
     """(p, 2) boundary half-edges that cross at places x (nv, 2), within a chart or between charts."""
     boundary, pairs = _crossings(cut_mesh, _stored(x))
-    result: IntArray = boundary.half_edge[pairs]
-    return result
+    return boundary.half_edge[pairs]
 
 
 def _crossings(cut_mesh: CutMesh, x: FloatArray) -> tuple[BoundarySegments, IntArray]:

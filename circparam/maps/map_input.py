@@ -63,8 +63,7 @@ class MapInput:
         loop = self.loops[int(self.on_boundary[start])]
         first, last = (int(np.flatnonzero(loop == v)[0]) for v in (start, end))
         count = (last - first) % len(loop) or len(loop)
-        out: IntArray = loop[(first + np.arange(count + 1)) % len(loop)]
-        return out
+        return loop[(first + np.arange(count + 1)) % len(loop)]
 
 
 def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:

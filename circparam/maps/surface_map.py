@@ -39,8 +39,7 @@ class Places:
 
     def of(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """(k, d) values ((n, d) a vertex) interpolated at the places; faces: (m, 3) of that mesh."""
-        out: FloatArray = np.einsum("kc,kcd->kd", self.weights, values[faces[self.face]])
-        return out
+        return np.einsum("kc,kcd->kd", self.weights, values[faces[self.face]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +138,7 @@ def turned_over(mapped: SurfaceMap, target: Mesh, source: Mesh) -> BoolArray:
     there = mapped.to_b.face[target.faces]
     own = _cross(source.points[source.faces])
     own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300)
-    result: BoolArray = (normal * own[there].sum(1)).sum(1) < 0
-    return result
+    return (normal * own[there].sum(1)).sum(1) < 0
 
 
 def _cross(corners: FloatArray) -> FloatArray:

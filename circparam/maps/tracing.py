@@ -112,8 +112,7 @@ class Tracer:
         label, euler = self.mesh.pieces(self.on_arcs(), self.on)
         name = np.full(len(euler), -1)
         name[label[self.left_faces(known)]] = np.arange(len(known))
-        out: IntArray = name[label]
-        return out
+        return name[label]
 
     def shapes(self, walks: list[list[int]]) -> list[tuple[int, list[int]]]:
         """The pieces of the mesh between the arcs: the Euler characteristic of each, and the walks round it."""

@@ -76,8 +76,7 @@ class Atlas:
         """Length of every boundary half-edge of the surface."""
         h = self.surface.boundary
         f = self.surface.rest_triangles.reshape(-1, 2)
-        result: FloatArray = np.linalg.norm(f[next_half_edge(h)] - f[h], axis=1)
-        return result
+        return np.linalg.norm(f[next_half_edge(h)] - f[h], axis=1)
 
     @cached_property
     def angle_defects(self) -> FloatArray:
@@ -87,8 +86,7 @@ class Atlas:
         back = corner[:, [2, 0, 1]] - corner
         angle = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
         total = group_sum(angle.ravel(), self.surface.corner_vertex.ravel(), self.n_vertices)
-        result: FloatArray = 2 * np.pi - total
-        return result
+        return 2 * np.pi - total
 
     @cached_property
     def lengths(self) -> FloatArray:

@@ -100,15 +100,13 @@ class CutMesh:
         """(m, 3): length of half-edge 3f + k."""
         x, y = self.rest_triangles.T
         dx, dy = x[[1, 2, 0]] - x, y[[1, 2, 0]] - y
-        result: FloatArray = np.sqrt(dx * dx + dy * dy).T
-        return result
+        return np.sqrt(dx * dx + dy * dy).T
 
     def lengths(self, half_edges: IntArray) -> FloatArray:
         """(h,) length of each of the given half-edges."""
         corners = self.rest_triangles.reshape(-1, 2)
         x, y = (corners[next_half_edge(half_edges)] - corners[half_edges]).T
-        result: FloatArray = np.sqrt(x * x + y * y)
-        return result
+        return np.sqrt(x * x + y * y)
 
     @cached_property
     def chart_areas(self) -> FloatArray:
@@ -135,8 +133,7 @@ class CutMesh:
     @property
     def elimination(self) -> IntArray | None:
         """(n_vertices,) an order of the vertices in which factorisations fill little, where one is known."""
-        order: IntArray | None = self.__dict__.get("_elimination")
-        return order
+        return self.__dict__.get("_elimination")
 
     def eliminated_in(self, order: IntArray) -> None:
         """Keep an order of elimination; it goes along to parts of the cut mesh. Results change by rounding."""
@@ -283,5 +280,4 @@ def close_holes(cut_mesh: CutMesh) -> tuple[CutMesh, IntArray]:
 def not_disks(cut_mesh: CutMesh) -> BoolArray:
     """(n_charts,) bool: the chart is neither a disk nor a disk with holes."""
     loops = np.bincount(cut_mesh.loops.chart, minlength=cut_mesh.n_charts)
-    result: BoolArray = (loops < 1) | (cut_mesh.euler() != 2 - loops)
-    return result
+    return (loops < 1) | (cut_mesh.euler() != 2 - loops)

@@ -36,8 +36,7 @@ class Frame:
     def order(self, points: FloatArray) -> IntArray:
         """(n,) points by their coordinates in steps of ORDER_STEP_UNITS; ties stay as they are."""
         x, y, z = np.round(self.inside(points) / ORDER_STEP_UNITS).T
-        result: IntArray = np.lexsort((z, y, x))
-        return result
+        return np.lexsort((z, y, x))
 
 
 def frame_of(points: FloatArray, faces: IntArray) -> Frame:
@@ -103,16 +102,14 @@ def _moments(
 
 def _areas(corner: FloatArray) -> FloatArray:
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    result: FloatArray = np.sqrt((normal**2).sum(1)) / 2
-    return result
+    return np.sqrt((normal**2).sum(1)) / 2
 
 
 def _farthest(points: FloatArray, reach: FloatArray, size: float) -> FloatArray:
     """(3,) the point of the largest absolute reach; of several the one with the lowest coordinates."""
     most = np.abs(reach).max()
     near = points[np.abs(reach) >= most - TIE_TOLERANCE_SIZES * size]
-    result: FloatArray = near[np.lexsort(near.T)[0]]
-    return result
+    return near[np.lexsort(near.T)[0]]
 
 
 def _towards_farthest(points: FloatArray, space: FloatArray, size: float) -> FloatArray:

@@ -60,8 +60,7 @@ def sort_by_edge(faces: IntArray, n_points: int, which: BoolArray | None = None)
 def run_opposite(faces: IntArray, pairs: IntArray) -> BoolArray:
     """(p,) bool: the two half-edges of a pair (p, 2) on one edge run against each other."""
     start, end = faces.ravel()[pairs], faces.ravel()[next_half_edge(pairs)]
-    result: BoolArray = (start[:, 0] == end[:, 1]) & (start[:, 0] != end[:, 0])
-    return result
+    return (start[:, 0] == end[:, 1]) & (start[:, 0] != end[:, 0])
 
 
 def shared_edges(faces: IntArray) -> IntArray:
@@ -183,8 +182,7 @@ def _same_uv(faces: IntArray, uv: FloatArray, i: IntArray, j: IntArray) -> BoolA
     ni, nj = next_half_edge(i), next_half_edge(j)
     alike = faces.ravel()[i] == faces.ravel()[j]
     start, end = np.where(alike, j, nj), np.where(alike, nj, j)
-    result: BoolArray = (corner[i] == corner[start]).all(1) & (corner[ni] == corner[end]).all(1)
-    return result
+    return (corner[i] == corner[start]).all(1) & (corner[ni] == corner[end]).all(1)
 
 
 def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
@@ -214,8 +212,7 @@ def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
 
 def _keys(fans: _Fans, pairs: IntArray) -> IntArray:
     """One number for each pair (p, 2) of indices into ``fans.h``."""
-    result: IntArray = pairs.min(1) * len(fans.h) + pairs.max(1)
-    return result
+    return pairs.min(1) * len(fans.h) + pairs.max(1)
 
 
 def _doubled(faces: IntArray, others: IntArray, fans: _Fans, chosen: IntArray) -> BoolArray:
@@ -226,8 +223,7 @@ def _doubled(faces: IntArray, others: IntArray, fans: _Fans, chosen: IntArray) -
     a, b = vertex[i], vertex[next_half_edge(i)]
     key = edge_keys(a, b, faces.size)
     _, which, count = np.unique(key, return_inverse=True, return_counts=True)
-    result: BoolArray = count[which.reshape(-1)] > 1
-    return result
+    return count[which.reshape(-1)] > 1
 
 
 def point_corners(faces: IntArray, pairs: IntArray) -> IntArray:

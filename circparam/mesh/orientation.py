@@ -113,5 +113,4 @@ def _along_tree(
     up = parent[child].astype(np.int64)
     edge = order[np.searchsorted(key[order], edge_keys(child, up, count))]
     _, sign, _ = double_cover(count, a[edge], b[edge], step[edge])
-    result: BoolArray = sign[node] ^ inside
-    return result
+    return sign[node] ^ inside

@@ -147,10 +147,9 @@ def _corner_uv(uvmap: UVMap | None) -> FloatArray | None:
     if uvmap is None or len(uvmap.uv) == 0:
         return None
     index = uvmap.uv_faces
-    result: FloatArray = np.where(
+    return np.where(
         index[..., None] >= 0, uvmap.uv[np.maximum(index, 0)].astype(np.float64), np.nan
     )
-    return result
 
 
 class _Aside(NamedTuple):
@@ -225,8 +224,7 @@ def _rotated(values: _Values, first: IntArray | None) -> _Values:
     """Values (m, 3, ...) of corners, each face from its corner ``first`` (m,) on."""
     if first is None:
         return values
-    result: _Values = values[np.arange(len(values))[:, None], (first[:, None] + np.arange(3)) % 3]
-    return result
+    return values[np.arange(len(values))[:, None], (first[:, None] + np.arange(3)) % 3]
 
 
 def _oriented(
@@ -253,8 +251,7 @@ def _part_of_another_polygon(
     """
     own = np.zeros(int(polygons.max()) + 1, bool)
     own[polygons[~duplicate & ~bad]] = True
-    result: BoolArray = own[polygons] & (polygons != polygons[first])
-    return result
+    return own[polygons] & (polygons != polygons[first])
 
 
 def _refuse_closed(mesh: Mesh, polygons: IntArray, pairs: Pairs, kept: IntArray) -> None:

@@ -56,8 +56,7 @@ class Surface:
 
     def from_file(self, values: IntArray) -> IntArray:
         """(m, 3) values of the corners, from those of the corners of the file's faces (f, 3)."""
-        result: IntArray = values[self.source[:, None], self.file_corners]
-        return result
+        return values[self.source[:, None], self.file_corners]
 
     def to_file(self, values: IntArray) -> IntArray:
         """(m, 3) values of the corners in the order of the file's faces ``source``, from (m, 3) of these."""
@@ -83,8 +82,7 @@ class Surface:
         flat = laid_flat(self.points, self.faces)
         if not self.dense or self.density is None:
             return flat
-        scaled: FloatArray = flat * self.density[:, None, None]
-        return scaled
+        return flat * self.density[:, None, None]
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -101,8 +99,7 @@ class Surface:
         """(m,) area of each face in space, whatever its density."""
         if not self.dense or self.density is None:
             return self.areas
-        result: FloatArray = self.areas / self.density**2
-        return result
+        return self.areas / self.density**2
 
     def at_density(self) -> "Surface":
         """The surface with faces as large as their density asks, which layouts are compared with.
@@ -136,15 +133,13 @@ class Surface:
         flat = corners.reshape(-1, corners.shape[-1])
         i, j = self.torn[:, 0], self.torn[:, 1]
         apart = (flat[i] != flat[j]) | (flat[next_half_edge(i)] != flat[next_half_edge(j)])
-        out: IntArray = i[apart.any(1)]
-        return out
+        return i[apart.any(1)]
 
     def lengths(self, half_edges: IntArray) -> FloatArray:
         """(h,) length of each of the given half-edges."""
         flat = self.faces.ravel()
         d = self.points[flat[next_half_edge(half_edges)]] - self.points[flat[half_edges]]
-        result: FloatArray = np.linalg.norm(d, axis=1)
-        return result
+        return np.linalg.norm(d, axis=1)
 
     @cached_property
     def priced_lengths(self) -> FloatArray:

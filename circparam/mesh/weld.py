@@ -60,10 +60,7 @@ def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     longest = np.max([(e1**2).sum(1), (e2**2).sum(1), ((e2 - e1) ** 2).sum(1)], 0)
     tiny = span <= TINY_EDGE_SHARE * span.max(initial=0.0)
     a, b, c = faces.T
-    result: BoolArray = (
-        (area <= DEGENERATE_AREA_SHARE * longest) | tiny | (a == b) | (b == c) | (c == a)
-    )
-    return result
+    return (area <= DEGENERATE_AREA_SHARE * longest) | tiny | (a == b) | (b == c) | (c == a)
 
 
 def first_duplicates(faces: IntArray, n_points: int) -> IntArray:

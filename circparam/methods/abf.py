@@ -97,8 +97,7 @@ class _HoleBoundaries:
         run = np.cumsum(step + np.repeat(lack / self.size, self.size))
         edge = np.exp(run - np.repeat(run[first], self.size))
         total = np.add.reduceat(np.abs(edge), first)
-        result: ComplexArray = edge / np.repeat(total, self.size)
-        return result
+        return edge / np.repeat(total, self.size)
 
     def gaps(self, alpha: FloatArray) -> FloatArray:
         """(2h,) how far the walks miss their starts, as a share of their lengths: all x, then all y."""

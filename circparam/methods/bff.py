@@ -56,8 +56,7 @@ class _Walk:
         """(b,) running sum along each boundary, the entry's own value included."""
         total = np.cumsum(values)
         first = self.outer.start
-        result: FloatArray = total - (total[first] - values[first])[self.outer.index]
-        return result
+        return total - (total[first] - values[first])[self.outer.index]
 
 
 def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
@@ -235,8 +234,7 @@ class _Flattening:
         given = np.zeros(n)
         given[self.on_outer] = u[self.on_outer]
         matrix = sps.csc_matrix(tie.T @ self.L @ tie)
-        result: FloatArray = given + tie @ Factor(matrix).solve(-excess - tie.T @ (self.L @ given))
-        return result
+        return given + tie @ Factor(matrix).solve(-excess - tie.T @ (self.L @ given))
 
     def _pinned(self) -> _Solution:
         """Solutions with the first boundary vertex of every chart given."""
@@ -275,8 +273,7 @@ def _closed_curve(boundary: _Walk, lengths: FloatArray, turning: FloatArray) -> 
             break
         lengths = np.maximum(lengths, floor)
     step = lengths[:, None] * T
-    result: FloatArray = np.stack([boundary.running(s) - s for s in step.T], 1)
-    return result
+    return np.stack([boundary.running(s) - s for s in step.T], 1)
 
 
 ROW: MethodRow = Row(

@@ -112,8 +112,7 @@ def _rayleigh_ritz(
     big = 1e3 * (1 + np.abs(energy).max((1, 2)))
     energy += np.eye(k) * np.where(keep, 0.0, big[:, None])[:, None, :]
     _, turn = np.linalg.eigh(energy)
-    result: ComplexArray = np.einsum("vk,vkl->vl", x, turn[chart])
-    return result
+    return np.einsum("vk,vkl->vl", x, turn[chart])
 
 
 def at_surface_area(cut_mesh: CutMesh, uv: FloatArray, charts: BoolArray) -> FloatArray:

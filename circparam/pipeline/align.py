@@ -93,8 +93,7 @@ def align(
     for k in range(int(tile.max()) + 1):
         part, vertices, _ = cut_mesh.subset(tile == k)
         moved[vertices] = _with_room(part, texels[vertices], moved[vertices], asked)
-    result: FloatArray = moved / side + origin
-    return result
+    return moved / side + origin
 
 
 def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArray:
@@ -107,8 +106,7 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
 
     def in_units(layout: FloatArray) -> FloatArray:
         """A layout in units of the mesh at the present scales, without mirrored charts."""
-        scaled: FloatArray = layout * scale * np.stack([sign, np.ones_like(sign)], 1)
-        return scaled
+        return layout * scale * np.stack([sign, np.ones_like(sign)], 1)
 
     limit = options.max_stretch or STRETCH
     stretched = share_over(cut_mesh, face_stretch(cut_mesh, in_units(texels)), limit)

@@ -156,8 +156,7 @@ def at_densities(cut_mesh: CutMesh, surface: Surface, uv: FloatArray) -> FloatAr
         asked[cut_mesh.chart] = surface.density
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(size > 0, asked / size, 1.0)
-    result: FloatArray = uv * factor[cut_mesh.vertex_chart][:, None]
-    return result
+    return uv * factor[cut_mesh.vertex_chart][:, None]
 
 
 def density_rows(

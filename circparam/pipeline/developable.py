@@ -95,5 +95,4 @@ def _isometric(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     length = norms2((p[:, [1, 2, 0]] - p).reshape(-1, 2)).reshape(-1, 3)
     size = np.sqrt(cut_mesh.chart_areas)[cut_mesh.chart]
     off = np.abs(length - cut_mesh.edge_lengths).max(1) > EXACT * size
-    result: BoolArray = group_count(cut_mesh.chart[off], cut_mesh.n_charts) == 0
-    return result
+    return group_count(cut_mesh.chart[off], cut_mesh.n_charts) == 0

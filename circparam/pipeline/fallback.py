@@ -210,8 +210,7 @@ def _farthest(graph: sps.csr_matrix, sources: IntArray, label: IntArray) -> IntA
     distance = np.where(np.isfinite(distance), distance, -1.0)
     order = np.lexsort((np.arange(len(label)), -distance, label))
     _, first = np.unique(label[order], return_index=True)
-    result: IntArray = order[first]
-    return result
+    return order[first]
 
 
 def _causes(codes: IntArray) -> str:

@@ -47,10 +47,7 @@ def names_in(found: Named) -> list[str]:
 def faces_called(found: Named, names: Iterable[str]) -> BoolArray:
     """(m,) faces with one of these names."""
     wanted = set(names)
-    result: BoolArray = np.isin(
-        found.label, [label for name, label in found.names if name in wanted]
-    )
-    return result
+    return np.isin(found.label, [label for name, label in found.names if name in wanted])
 
 
 def named_by(document: Document, kind: str, missing: str, cure: str) -> Named:
@@ -107,8 +104,7 @@ def _numbered(document: Document, given: NDArray[Any], flag: str) -> BoolArray:
     if given.dtype == bool:
         if given.shape != (m,):
             raise OptionError(f"{flag}: a mask has {m} entries, one a triangle, not {given.shape}")
-        mask: BoolArray = np.array(given, bool)
-        return mask
+        return np.array(given, bool)
     polygons = document.mesh.polygons
     own = np.arange(m) if polygons is None else polygons
     count = int(own.max()) + 1

@@ -50,8 +50,7 @@ class Declared:
         rounding of a sum."""
         away = corners - [self.offset, 0.0] - corners.reshape(-1, 2)[self.corner]
         slack = OFFSET_SLACK if self.offset else 0.0
-        result: BoolArray = self.copy & (np.abs(away) <= slack).all((1, 2))
-        return result
+        return self.copy & (np.abs(away) <= slack).all((1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +173,7 @@ def corners_of(surface: Surface, uvmap: UVMap) -> tuple[FloatArray, BoolArray]:
 def _with_uv(uvmap: UVMap) -> BoolArray:
     """(m,) faces that have finite uv at all three corners."""
     finite = np.append(np.isfinite(uvmap.uv).all(1), False)  # the last stands for −1: no uv
-    result: BoolArray = np.asarray(finite[uvmap.uv_faces].all(1))
-    return result
+    return np.asarray(finite[uvmap.uv_faces].all(1))
 
 
 def verify(
@@ -301,10 +299,7 @@ def _beyond(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     """(n_charts,) charts that leave the page they lie on."""
     low, high = chart_boxes(cut_mesh, uv)
     corner = pages_of(cut_mesh, uv)[:, None] * [1, 0]
-    result: BoolArray = np.asarray(
-        ((low < corner - EDGE_SLACK) | (high > corner + 1 + EDGE_SLACK)).any(1)
-    )
-    return result
+    return np.asarray(((low < corner - EDGE_SLACK) | (high > corner + 1 + EDGE_SLACK)).any(1))
 
 
 def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
@@ -322,8 +317,7 @@ def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     charts, first = np.unique(cut_mesh.chart, return_index=True)
     front = np.zeros(n, bool)
     front[charts] = surface.reversed_faces[first]
-    result: BoolArray = np.where(even, front, balance < 0)
-    return result
+    return np.where(even, front, balance < 0)
 
 
 def _at_best_scales(cut_mesh: CutMesh, uv: FloatArray, tile: IntArray) -> FloatArray:
@@ -345,8 +339,7 @@ def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
     i, j = surface.edges[:, 0], surface.edges[:, 1]
     ni, nj = (h - h % 3 + (h + 1) % 3 for h in (i, j))
     differs = (flat[i] != flat[nj]).any(1) | (flat[ni] != flat[j]).any(1)
-    result: BoolArray = differs | ~ok[surface.edges // 3].all(1)
-    return result
+    return differs | ~ok[surface.edges // 3].all(1)
 
 
 @dataclass(frozen=True)

@@ -149,5 +149,4 @@ def _visibility(
     np.minimum.at(nearest, key, depth)
     cosine = normals @ direction
     facing = np.where(cosine > 0, np.minimum(cosine / 0.5, 1), 0.3 * np.minimum(-cosine / 0.5, 1))
-    result: FloatArray = facing * (depth <= nearest[key] + 2 * cell)
-    return result
+    return facing * (depth <= nearest[key] + 2 * cell)

@@ -51,8 +51,7 @@ def _folded(scene: Scene, corner: IntArray, left: IntArray) -> BoolArray:
     """Whether faces that are left have come to lie on each other in pairs: one of two would end in a seam."""
     first = first_duplicates(corner[left], len(scene.uv))
     count = group_count(first[scene.single[left]], len(left))
-    folded: BoolArray = scene.mapped[left] & (count[first] % 2 == 0)
-    return folded
+    return scene.mapped[left] & (count[first] % 2 == 0)
 
 
 def _representatives(scene: Scene, most: int) -> IntArray:

@@ -67,8 +67,7 @@ _LAB = np.array(
 
 def oklab(colour: FloatArray) -> FloatArray:
     """OKLab coordinates (…, 3) of sRGB values (…, 3)."""
-    result: FloatArray = np.cbrt(linear(colour) @ _LMS.T) @ _LAB.T
-    return result
+    return np.cbrt(linear(colour) @ _LMS.T) @ _LAB.T
 
 
 def from_oklab(lab: FloatArray) -> FloatArray:
@@ -105,8 +104,7 @@ def distortion_position(distortion: FloatArray, top: float) -> FloatArray:
     """Where a distortion value (1 is perfect) lies on the map: log(value) / log(top), clipped to 0..1."""
     with np.errstate(invalid="ignore"):
         t = np.log(np.maximum(distortion, 1.0)) / np.log(top)
-    result: FloatArray = np.clip(np.nan_to_num(t, nan=0.0, posinf=1.0), 0, 1)
-    return result
+    return np.clip(np.nan_to_num(t, nan=0.0, posinf=1.0), 0, 1)
 
 
 END = 2.0  # of the scale of distortion where nothing else is asked for: one for all pictures

@@ -51,5 +51,4 @@ def shrink(image: FloatArray, factor: int) -> FloatArray:
     if factor == 1:
         return image
     h, w = image.shape[0] // factor, image.shape[1] // factor
-    result: FloatArray = image.reshape(h, factor, w, factor, -1).mean((1, 3))
-    return result
+    return image.reshape(h, factor, w, factor, -1).mean((1, 3))

@@ -110,8 +110,7 @@ class Scene:
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) area of every face on the surface."""
-        result: FloatArray = np.linalg.norm(self._crosses, axis=1) / 2
-        return result
+        return np.linalg.norm(self._crosses, axis=1) / 2
 
     @cached_property
     def _crosses(self) -> FloatArray:
@@ -164,8 +163,7 @@ class Scene:
             out = (grow * k2 + shrink / k2) / 4
         out[broken] = np.inf
         out[~self.mapped] = np.nan
-        result: FloatArray = out
-        return result
+        return out
 
     @cached_property
     def flipped(self) -> BoolArray:
@@ -185,8 +183,7 @@ class Scene:
     def single(self) -> BoolArray:
         """(m,) faces with uv; double faces (two sides of a sheet) count once, as in reports."""
         first = first_duplicates(self.uv_faces, len(self.uv))
-        result: BoolArray = self.mapped & (first == np.arange(len(first)))
-        return result
+        return self.mapped & (first == np.arange(len(first)))
 
     @cached_property
     def seams(self) -> IntArray:
@@ -204,8 +201,7 @@ class Scene:
         lone = np.ones(len(key), bool)
         lone[1:] &= ranked[1:] != ranked[:-1]
         lone[:-1] &= ranked[1:] != ranked[:-1]
-        out: IntArray = np.sort(order[lone & (ranked >= 0)])
-        return out
+        return np.sort(order[lone & (ranked >= 0)])
 
     @cached_property
     def seam_ends(self) -> tuple[IntArray, IntArray]:

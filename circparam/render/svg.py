@@ -50,8 +50,7 @@ def _borders(scene: Scene, label: IntArray) -> IntArray:
     base = int(label.max(initial=0)) + 2
     there = np.where(a >= 0, (a * n + b) * base + own + 1, -1)
     back = np.where(a >= 0, (b * n + a) * base + own + 1, -2)
-    out: IntArray = np.flatnonzero(~np.isin(there, back) & (own >= 0))
-    return out
+    return np.flatnonzero(~np.isin(there, back) & (own >= 0))
 
 
 def figure_svg(scene: Scene, options: PictureOptions) -> str:

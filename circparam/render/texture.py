@@ -19,8 +19,7 @@ def bilinear(image: FloatArray, uv: FloatArray) -> FloatArray:
     i1, j1 = (i0 + 1) % w, (j0 + 1) % h
     top = image[j0, i0] * (1 - fx) + image[j0, i1] * fx
     bottom = image[j1, i0] * (1 - fx) + image[j1, i1] * fx
-    result: FloatArray = top * (1 - fy) + bottom * fy
-    return result
+    return top * (1 - fy) + bottom * fy
 
 
 def unmoved(image: Image.Image, move: FloatArray) -> Image.Image:

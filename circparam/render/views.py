@@ -82,8 +82,7 @@ def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArr
     n[back] *= -1
     key = np.clip(0.5 + 0.5 * (n @ (LIGHT / np.linalg.norm(LIGHT))), 0, 1) ** 1.6
     sky = 0.5 + 0.5 * n[:, 1]
-    result: FloatArray = 0.42 + 0.56 * key + 0.10 * sky
-    return result
+    return 0.42 + 0.56 * key + 0.10 * sky
 
 
 def _occlusion(z: FloatArray, pixel: IntArray, factor: int) -> FloatArray:
@@ -101,8 +100,7 @@ def _occlusion(z: FloatArray, pixel: IntArray, factor: int) -> FloatArray:
     span = max(float(np.ptp(small[mask])), 1e-12)
     below = np.clip((depth - mean / np.maximum(weight, 1e-9)) / (0.18 * span), 0, 1) * mask
     row, column = pixel // z.shape[1] // factor, pixel % z.shape[1] // factor
-    result: FloatArray = 1 - 0.38 * below[row, column]
-    return result
+    return 1 - 0.38 * below[row, column]
 
 
 def paint(

@@ -56,8 +56,7 @@ class Packing:
 
     def primitive(self, p: Primitive) -> Json:
         """The entry of a primitive in the new tree."""
-        entry: Json = self.json["meshes"][p.mesh]["primitives"][p.number]
-        return entry
+        return self.json["meshes"][p.mesh]["primitives"][p.number]
 
     def view(self, data: bytes, **entry: int) -> int:
         """Append a buffer view and its bytes; returns its number."""

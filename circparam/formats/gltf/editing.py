@@ -79,8 +79,7 @@ def _pool_order(blocks: list[list[int]], primitives: list[Primitive], n: int) ->
     for block in blocks:
         own = sorted({primitives[i].pool for i in block})
         place[own] = place[own[0]]
-    order: list[int] = np.argsort(place, kind="stable").tolist()
-    return order
+    return np.argsort(place, kind="stable").tolist()
 
 
 def stored_uv(uv: FloatArray) -> FloatArray:

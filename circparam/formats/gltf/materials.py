@@ -91,8 +91,7 @@ def _base_colour(material: Json) -> Json:
     """
     gloss = material.get("extensions", {}).get(GLOSS)
     if gloss is None:
-        found: Json = material.get("pbrMetallicRoughness", {})
-        return found
+        return material.get("pbrMetallicRoughness", {})
     names = {"diffuseTexture": "baseColorTexture", "diffuseFactor": "baseColorFactor"}
     return {names[key]: value for key, value in gloss.items() if key in names}
 
@@ -104,8 +103,7 @@ def texture_sets(entries: Any) -> set[int]:
 
 def _moved(info: Json) -> Json:
     """How a texture info moves the uv."""
-    found: Json = info.get("extensions", {}).get(TRANSFORM, {})
-    return found
+    return info.get("extensions", {}).get(TRANSFORM, {})
 
 
 def _uv_set(info: Json) -> int:

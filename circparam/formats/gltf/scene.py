@@ -194,8 +194,7 @@ def unit_rows(
 ) -> FloatArray:
     """Vectors of length 1; ``instead`` where there is no direction, since glTF allows no other length."""
     length = np.linalg.norm(rows, axis=1, keepdims=True)
-    out: FloatArray = np.where(length > 0, rows / np.maximum(length, 1e-300), instead)
-    return out
+    return np.where(length > 0, rows / np.maximum(length, 1e-300), instead)
 
 
 def triangles_of(index: IntArray, mode: int) -> IntArray:

@@ -93,14 +93,12 @@ def holder_of(material: Json, place: Place) -> Json | None:
         found = found.get(key)
         if found is None:
             return {} if key == _PBR else None
-    out: Json = found
-    return out
+    return found
 
 
 def texture_info(holder: Json, place: Place) -> Json | None:
     """The texture info of a slot, None if it has no texture."""
-    found: Json | None = holder.get(place.texture)
-    return found
+    return holder.get(place.texture)
 
 
 def factors_of(holder: Json, place: Place) -> FloatArray:

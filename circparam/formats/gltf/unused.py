@@ -220,8 +220,7 @@ def _words(spans: Iterable[Span], size: int, whole: bool) -> BoolArray:
     some = low < high
     np.add.at(change, np.minimum(low[some], words), 1)
     np.add.at(change, np.minimum(high[some], words), -1)
-    out: BoolArray = np.cumsum(change)[:-1] > 0
-    return out
+    return np.cumsum(change)[:-1] > 0
 
 
 def close_gaps(entries: list[Json], gone: Iterable[int], slots: Slots) -> dict[int, int]:

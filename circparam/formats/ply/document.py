@@ -159,8 +159,7 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
 def round_ply(uv: FloatArray, document: Document | None) -> FloatArray:
     """uv as PLY stores them: float32, or doubles where the document is a PLY file with uv in doubles."""
     kind = document.uv_type if isinstance(document, PlyDocument) else "f4"
-    rounded: FloatArray = uv.astype(kind).astype(np.float64) + 0.0
-    return rounded
+    return uv.astype(kind).astype(np.float64) + 0.0
 
 
 def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:

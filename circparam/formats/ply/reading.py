@@ -362,8 +362,7 @@ class Layout:
             got = np.ndarray((len(at),), self.order + code, self.data, int(at[0]), (step,))
         else:
             got = self.raw[at[:, None] + np.arange(width)].view(self.order + code)[:, 0]
-        out: npt.NDArray[Any] = got.astype(code)
-        return out
+        return got.astype(code)
 
     def scalar(self, e: Element, name: str) -> npt.NDArray[Any]:
         """(n,) values of a scalar property."""
