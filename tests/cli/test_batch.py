@@ -14,6 +14,7 @@ from circparam.batch.manifest import encode_line
 from circparam.batch.progress import Meter, Progress, printable
 from circparam.cli.batch_progress import Screen, clock, headline
 from tests.support.batch_faults import QUICK, told, write_set
+from tests.support.clock import Clock
 from tests.support.command_line import one_line_error, run
 
 ARGS = [part for k, v in QUICK.items() for part in (f"--{k}", str(v))]
@@ -24,7 +25,7 @@ def batch(*args: object) -> Result:
 
 
 def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     source = write_set(tmp_path / "src", 1)
     one_line_error(
         batch(source, "--out", tmp_path / "o", *ARGS), 2, "pip install 'circparam[batch]'"
@@ -88,24 +89,28 @@ def test_what_is_running_is_told(tmp_path: Path) -> None:
 
 
 def test_a_line_a_minute_without_a_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    now = [0.0]
-    monkeypatch.setattr("circparam.cli.batch_progress.time.monotonic", lambda: now[0])
     screen = Screen(False, 0, False)
     progress = Progress(10, 0, {"ok": 1, "repaired": 0, "degraded": 0, "failed": 0})
     for second in range(0, 200, 10):
-        now[0] = float(second)
+        clock.now = float(second)
         screen.show(progress)
     assert capsys.readouterr().err.count("1 of 10 done") == 3
     screen.line({"name": "a.obj", "error": "broken"})
     assert capsys.readouterr().err == "circparam: error: a.obj: broken\n"
 
 
+class Terminal(io.StringIO):
+    """What is written to a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
 def test_on_a_terminal_names_and_ages_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    out = io.StringIO()
+    out = Terminal()
     monkeypatch.setattr("sys.stderr", out)
-    monkeypatch.setattr(out, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("TERM", "xterm")
     screen = Screen(False, 0, False)
     running = tuple((f"m{k}\x1b.obj", 100.0 - k) for k in range(12))

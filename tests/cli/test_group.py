@@ -1,18 +1,14 @@
 """The command line as a whole: help, sections, names out of tables, and the keywords of the library."""
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from circparam import __version__
 from circparam.cli import COMMANDS, cli, common
-from circparam.core.fields import flag, option, specs
-from circparam.formats.table import FORMATS
+from circparam.core.fields import flag, specs
 from circparam.pipeline.options import Options
 from tests.support import shapes
 from tests.support.command_line import QUICK, obj, report, run
@@ -75,20 +71,6 @@ def test_the_help_of_unwrap_has_sections() -> None:
         assert text.count(f"    {word}") == 1
 
 
-def test_a_new_option_falls_into_a_section_by_its_stage() -> None:
-    @dataclass(frozen=True, eq=False)
-    class More(Options):
-        toy: bool | None = option("packing", "A toy.")
-
-    @click.command(cls=common.SectionedCommand)
-    @common.apply(common.library_options("packing", More))
-    def command(**_: object) -> None:
-        """Nothing."""
-
-    text = CliRunner().invoke(command, ["--help"]).stdout
-    assert "--toy" in text.split("Packing:")[1].split("Information:")[0]
-
-
 def test_every_option_of_the_library_is_a_flag() -> None:
     """Of unwrap, or of pack, where charts are there that can be locked; batch has those of unwrap."""
     unwrap, pack, batch = (
@@ -100,35 +82,6 @@ def test_every_option_of_the_library_is_a_flag() -> None:
     assert unwrap - streams <= batch
 
 
-@pytest.mark.parametrize(
-    ("word", "now"),
-    [
-        ("--border", "--boundary"),
-        ("--border=square", "--boundary=square"),
-        ("--bff-border=a=b", "--bff-boundary=a=b"),
-        ("--borders", "--borders"),
-        ("border", "border"),
-        ("a=b", "a=b"),
-    ],
-)
-def test_words_by_the_name_of_today(word: str, now: str) -> None:
-    assert common.today(word) == now
-
-
-@pytest.mark.parametrize(
-    ("given", "keywords"),
-    [
-        ({"padding": None, "clamp": False, "no_scale": False}, {}),
-        ({"padding": 0, "uv_set": 0, "effort": 0.0}, {"padding": 0, "uv_set": 0, "effort": 0.0}),
-        ({"no_scale": True, "no_normalize": True}, {"scale": False, "normalize": False}),
-        ({"repair": False, "cut_materials": False}, {"repair": False, "cut_materials": False}),
-        ({"clamp": True, "quiet": True, "as_json": True}, {"clamp": True}),
-    ],
-)
-def test_keywords_are_what_was_given(given: dict[str, Any], keywords: dict[str, Any]) -> None:
-    assert common.library_keywords(given) == keywords
-
-
 def test_nothing_is_not_the_same_as_no_option(tmp_path: Path) -> None:
     """``--padding 0`` is a padding, not the lack of one."""
     mesh = obj(tmp_path / "m.obj", shapes.bumped_disk(60))
@@ -137,26 +90,3 @@ def test_nothing_is_not_the_same_as_no_option(tmp_path: Path) -> None:
     assert got["border_texels"] < 4
     words = ("--uv-set", "0", "--overwrite-uv", *QUICK, "-q")
     assert run("unwrap", tmp_path / "m_uv.obj", *words).exit_code == 0
-
-
-@click.command()
-@click.option("--fruit", type=common.Name("fruit", lambda: ["apple", "pear"]))
-@click.option("--nut", type=common.Name("nut", lambda: ["hazel", "wal"], listed=True))
-def fruit(fruit: str, nut: str) -> None:
-    click.echo(fruit)
-
-
-def test_names_of_a_table() -> None:
-    invoke = CliRunner().invoke
-    for word in ("pear", "pear:ripe"):
-        assert invoke(fruit, ["--fruit", word]).output == f"{word}\n"
-    wrong = invoke(fruit, ["--fruit", "appel"])
-    assert wrong.exit_code == 2
-    assert "unknown fruit 'appel': did you mean apple?" in wrong.output
-    text = invoke(fruit, ["--help"]).output
-    assert "--fruit FRUIT" in text
-    assert "--nut [hazel|wal]" in text
-    param = fruit.params[0]
-    items = param.type.shell_complete(click.Context(fruit), param, "p")
-    assert [item.value for item in items] == ["pear"]
-    assert f"[{'|'.join(FORMATS.names())}]" in run("check", "--help").stdout

@@ -1,13 +1,12 @@
 """Where outputs go, and what is refused before any work begins."""
 
-import contextlib
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
-from circparam.errors import OptionError, OutputError
+from circparam.cli.paths import made_folder, output_path, without_outputs
+from circparam.errors import OutputError
 
 NOTHING = {"output": None, "out_dir": None, "as_json": False, "format": None, "overwrite": False}
 
@@ -37,50 +36,6 @@ NOTHING = {"output": None, "out_dir": None, "as_json": False, "format": None, "o
 )
 def test_output_path(mesh: str, given: dict[str, Any], path: str) -> None:
     assert Path(output_path(mesh, NOTHING | given)) == Path(path)
-
-
-@pytest.mark.parametrize(
-    ("meshes", "outputs", "given", "word"),
-    [
-        ("a b", "x y", {"index_map": "m.npz"}, "--map names one file"),
-        ("a b", "x y", {"preview": "p.png"}, "--preview names one file"),
-        ("-", "-", {"as_json": True, "format": "obj"}, "stdout"),
-        ("a b", "- -", {}, "stdout"),
-        ("a", "o", {"index_map": "m.txt"}, "--map m.txt: the name must end in .npz"),
-        ("a", "o", {"preview": "p"}, "--preview p: the name must end in .png"),
-        ("- a", "- o", {"format": "obj"}, "one by one"),
-        ("a b", "x y", {"out_dir": ".", "as_json": True}, None),
-        ("-", "o", {"output": "o", "format": "obj", "as_json": True}, None),
-        ("a", "-", {"output": "-", "format": "obj"}, None),
-        ("a", "o", {"index_map": "m.npz"}, None),
-    ],
-)
-def test_what_is_refused_and_what_is_fine(
-    meshes: str, outputs: str, given: dict[str, Any], word: str | None
-) -> None:
-    with pytest.raises(OptionError, match=word) if word else contextlib.nullcontext():
-        check_outputs(tuple(meshes.split()), outputs.split(), NOTHING | given)
-
-
-@pytest.mark.parametrize("extra", [{}, {"index_map": "there.npz"}, {"export_seams": "there"}])
-def test_a_file_that_is_there_stays(extra: dict[str, Any], tmp_path: Path) -> None:
-    there = tmp_path / next(iter(extra.values()), "there")
-    there.write_text("mine")
-    given = NOTHING | {name: str(there) for name in extra}
-    out = str(tmp_path / "new") if extra else str(there)
-    with pytest.raises(OptionError, match="exists: give --overwrite"):
-        check_outputs(("a",), [out], given)
-    check_outputs(("a",), [out], given | {"overwrite": True})
-
-
-@pytest.mark.parametrize("name", ["output", "export_seams"])
-def test_directories_and_missing_folders_are_told_before_the_work(
-    name: str, tmp_path: Path
-) -> None:
-    for path, says in ((tmp_path, "is a directory"), (tmp_path / "no" / "x", "does not exist")):
-        out = str(path if name == "output" else tmp_path / "x.obj")
-        with pytest.raises(OutputError, match=says):
-            check_outputs(("a",), [out], NOTHING | {name: str(path), "overwrite": True})
 
 
 def test_outputs_of_an_earlier_call_are_no_inputs() -> None:

@@ -85,29 +85,6 @@ def test_progress_never_runs_back(searches: int, steps: list[tuple[str, float]])
     assert told[-1] <= 1
 
 
-@given(st.lists(st.sampled_from(STAGES), min_size=1, max_size=30))
-def test_a_stage_that_begins_says_that_earlier_groups_are_done_and_no_more(
-    stages: list[str],
-) -> None:
-    """The stage round all seams begins first; it told 56 % of the run at once."""
-    forward = progress.Forward()
-    costs = [sum(group.values()) for group in progress.GROUPS]
-    last = 0
-    for stage in stages:
-        last = max(last, next(k for k, g in enumerate(progress.GROUPS) if stage in g))
-        assert forward(stage, 0.0) == pytest.approx(sum(costs[:last]) / sum(costs))
-
-
-@pytest.mark.parametrize("searches", [2, 4, 60])
-def test_each_search_is_an_equal_share_of_the_run(searches: int) -> None:
-    forward = progress.Forward(searches)
-    first = forward("pack", 1.0)
-    assert 0.5 / searches < first < 1 / searches
-    for done in range(searches):
-        assert forward("search", done / (searches - 1)) == pytest.approx(first + done / searches)
-    assert forward("write", 1.0) == pytest.approx(1.0)
-
-
 def test_searches_say_how_many_are_done() -> None:
     heard: list[float] = []
 

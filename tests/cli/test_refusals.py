@@ -131,6 +131,17 @@ ROWS = """
 2 | unwrap disk.obj --cut disk --max-distortion 1.1    | --cut charts
 2 | unwrap disk.obj --fail-if flipps>0                 | did you mean flips
 2 | unwrap disk.obj -o - --json                        | stdout
+2 | unwrap disk.obj ball.obj --map m.npz              | --map names one file
+2 | unwrap disk.obj ball.obj --preview p.png          | --preview names one file
+2 | unwrap disk.obj ball.obj -o -                     | --out-dir
+2 | unwrap disk.obj --map m.txt                        | the name must end in .npz
+2 | unwrap disk.obj --preview p                        | the name must end in .png
+2 | unwrap disk.obj -o x.obj --map mine.npz            | --overwrite
+2 | unwrap disk.obj -o x.obj --export-seams mine.csv   | --overwrite
+2 | unwrap - disk.obj --format obj                     | one by one
+8 | unwrap disk.obj -o none                            | is a directory
+8 | unwrap disk.obj -o x.obj --export-seams none       | is a directory
+8 | unwrap disk.obj -o x.obj --export-seams no/x       | does not exist
 2 | unwrap disk.obj --format obj -o a.obj              | --format
 2 | unwrap disk.obj -o a.obj --out-dir .               | exclude
 2 | unwrap disk.obj --max-memory lots                  | 4G

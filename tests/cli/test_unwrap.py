@@ -1,5 +1,6 @@
 """``circparam unwrap`` from the outside: outputs, reports, exit codes (refusals: test_refusals.py)."""
 
+import io
 import json
 import os
 import subprocess
@@ -62,15 +63,6 @@ def test_json_and_index_map_hold_what_is_promised(disk: Path, tmp_path: Path) ->
     assert sorted(m["face"].tolist()) == list(range(faces))
     assert m["chart"].tolist() == [0] * faces
     assert m["vertex"].max() < len(lines_of(disk, "v"))
-
-
-def test_the_defaults_are_isometric_charts(tmp_path: Path) -> None:
-    got = report("unwrap", obj(tmp_path / "cube.obj", shapes.cube(3)), *QUICK)
-    assert (got["method"], got["cut"], got["status"]) == ("isometric", "charts", "ok")
-    assert got["distortion_max_chart"] <= 1.05 * (1 + 1e-4)
-    assert got["flips"] == got["overlap"] == 0
-    assert got["gap_texels"] is None or got["gap_texels"] >= 5
-    assert got["border_texels"] >= 4
 
 
 def test_a_format_names_the_outputs_of_several_meshes(tmp_path: Path) -> None:
@@ -224,9 +216,7 @@ def test_an_unreadable_file_is_an_error_of_the_input(
     def refuse(path: object, *_: object, **__: object) -> bytes:
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(os, "access", lambda *_, **__: False)
-    monkeypatch.setattr(Path, "read_bytes", refuse)
-    monkeypatch.setattr(Path, "read_text", refuse)
+    monkeypatch.setattr(io, "open", refuse)
     bake = ("--from", "texture", "-o", disk.with_name("x.png"))
     for command in ("unwrap", "check", "view", "pack", "compare", "bake"):
         more = bake if command == "bake" else ()
@@ -273,14 +263,6 @@ def python(*args: object, **keywords: Any) -> subprocess.CompletedProcess[bytes]
     keywords["env"] = {**os.environ, **keywords.pop("env", {})}
     command = [sys.executable, "-m", "circparam", *map(str, args)]
     return subprocess.run(command, capture_output=True, check=False, **keywords)
-
-
-def test_a_real_process(disk: Path, tmp_path: Path) -> None:
-    done = python("unwrap", disk, "-o", tmp_path / "o.obj", *CONVEX, "--json")
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert json.loads(done.stdout)["status"] == "ok"
-    done = python("unwrap", tmp_path / "none.obj")
-    assert (done.returncode, done.stderr.count(b"\n")) == (3, 1)
 
 
 def test_the_same_bytes_whatever_the_surroundings(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -75,15 +74,6 @@ def test_a_texture_that_cannot_be_shown_is_a_note_in_the_page(
     page = page_of(quad)
     assert said in page
     assert ("data:image/png" in page) or image is None  # a grey placeholder
-
-
-def test_a_large_texture_is_scaled_down(quad: Path):
-    rng = np.random.default_rng(0)
-    noise = rng.integers(0, 256, (400, 3000, 3), dtype=np.uint8)
-    Image.fromarray(noise).save(quad.with_name("big.png"))
-    quad.with_name("m.mtl").write_text("newmtl m\nmap_Kd big.png\n")
-    quad.write_text("mtllib m.mtl\nusemtl m\n" + QUAD + UV + FACES)
-    assert len(page_of(quad)) < 1_500_000 < quad.with_name("big.png").stat().st_size
 
 
 def test_before_and_after_are_in_one_page(quad: Path, tmp_path: Path):
