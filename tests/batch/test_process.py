@@ -26,6 +26,7 @@ from circparam.batch.process import (
 )
 from circparam.batch.settings import Settings
 from circparam.batch.task import do_item, pack_settings, settings_of
+from circparam.core import workers
 from circparam.core.messages import send
 from circparam.errors import OptionError
 from circparam.pipeline.gates import parse_gates
@@ -74,20 +75,16 @@ def test_a_server_is_used_again_and_its_child_knows_nothing_of_the_last_mesh(
     assert len(pids) == 1
 
 
-def test_a_mesh_opens_no_processes_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mesh_opens_no_processes_of_its_own(tmp_path: Path) -> None:
     """A batch has a mesh at work on each core already, and --jobs is no option of it."""
-    asked: list[int] = []
-    monkeypatch.setattr("circparam.core.workers.start", lambda jobs, *_: asked.append(jobs))
-    monkeypatch.setattr("circparam.pipeline.options.cores", lambda: 4)
+    workers.stop()
     mesh = str(write_disk(tmp_path / "large.obj", 30))  # alone it would open some
     (tmp_path / "o").mkdir()
     for jobs in (None, 4):
         given = settings(tmp_path, method="isometric", cut="charts", jobs=jobs)
         out = unwrap_one(given, mesh, str(tmp_path / "o" / "m.obj"), "m.obj")
         assert (out["code"], out["error"]) == (0, None)
-    assert not asked
+        assert workers.current() is None
 
 
 HARM = {
@@ -163,7 +160,6 @@ def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
     os.kill(server.pid, signal.SIGKILL)
     thread.join(20)
     assert failed
-    server._process.wait()
     pause = threading.Event()
     assert any(not Path(f"/proc/{child[0]}").exists() or pause.wait(0.05) for _ in range(400))
     server.close()

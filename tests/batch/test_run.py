@@ -39,7 +39,6 @@ from tests.support.batch_faults import (
     write_set,
 )
 
-ROOT = Path(__file__).parents[2]
 ARGS = [part for k, v in QUICK.items() for part in (f"--{k}", str(v))]
 PROGRAM = [sys.executable, "-P", "-m", "circparam", "batch"]
 
@@ -81,7 +80,7 @@ def private_semaphores() -> list[str]:
     return [*PRIVATE, "sh"]
 
 
-def test_a_batch_and_its_continuation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_batch_and_its_continuation(tmp_path: Path) -> None:
     """On a cluster of its own, which leaves nothing in temporary folders; then there is nothing to do."""
     source, out, scratch = write_set(tmp_path / "src", 3), tmp_path / "out", tmp_path / "scratch"
     old = scratch / "circparam-batch-dask-killed"
@@ -100,8 +99,7 @@ def test_a_batch_and_its_continuation(tmp_path: Path, monkeypatch: pytest.Monkey
     assert status(str(out))["counts"] == {"ok": 3}
     before = (out / "manifest.jsonl").read_bytes()
 
-    # continued: nothing to do, and no cluster for it
-    monkeypatch.setattr("circparam.batch.batch.Cluster", None)
+    # continued: nothing to do
     again = batch(source, out)
     assert (again.done, again.skipped, again.counts) == (0, 3, {"ok": 3})
     assert (out / "manifest.jsonl").read_bytes() == before
@@ -375,10 +373,9 @@ def stopped(due: Callable[[Any], bool]) -> Hooks:
 
 
 def test_what_has_begun_gets_its_line_whatever_the_scheduler_knows(
-    shared: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shared: str, tmp_path: Path
 ) -> None:
     """Workers tell the scheduler what they are at twice a second: a batch must not rely on it."""
-    monkeypatch.setattr("circparam.batch.cluster.Cluster.running", lambda self: {})
     source, out, begun = write_set(tmp_path / "src", 12), tmp_path / "out", tmp_path / "begun"
     begun.mkdir()
     os.mkfifo(tmp_path / "go")
@@ -460,19 +457,13 @@ def test_a_scheduler_that_runs_and_then_ends(
     expect_quiet(source, out, 12)
 
 
-def test_no_scheduler_and_another_version(
-    shared: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source, out = write_set(tmp_path / "src", 1), tmp_path / "out"
     monkeypatch.setattr("circparam.batch.cluster.ANSWER", 1.0)
     with pytest.raises(OptionError, match=r"--scheduler tcp://127.0.0.1:9: no answer within 1 s"):
         batch(source, out, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: cannot be read"):
         batch(source, out, scheduler_file=str(tmp_path / "nowhere"))
-    monkeypatch.undo()
-    monkeypatch.setattr("circparam.batch.cluster.__version__", "9.9")
-    with pytest.raises(OptionError, match=rf"has circparam {circparam.__version__}, this is 9.9"):
-        batch(source, out, scheduler=shared)
 
 
 def test_the_disk_is_full_for_a_while(

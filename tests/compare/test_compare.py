@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -120,7 +121,8 @@ def test_names_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     assert method_names("all") == METHODS.names()
     assert method_names(" circle, floater ") == ["circle", "floater"]
     assert method_names(["circle"]) == ["circle"]
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    for package in ("uvunwrap", "xatlas"):
+        monkeypatch.setitem(sys.modules, package, None)
     for words, said in (
         ("circel", "did you mean circle"),
         ("circle,all", "twice"),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from circparam.core.fields import Range, Spec, flag
+from circparam.core.fields import Range
 from circparam.core.limits import check_page
 from circparam.errors import OptionError
 
@@ -25,25 +25,6 @@ def test_what_is_outside_or_no_number(value: object) -> None:
     assert value not in ROOM
     with pytest.raises(OptionError, match=r"^--room .*: give a room from 1 to 10$"):
         ROOM.check("--room", value)
-
-
-@pytest.mark.parametrize(
-    ("name", "words", "spelling"),
-    [
-        ("max_charts", "", "--max-charts"),
-        ("scale", "--no-scale", "--no-scale"),
-        ("repair", "--repair/--no-repair", "--repair"),
-    ],
-)
-def test_the_spelling_of_a_flag(name: str, words: str, spelling: str) -> None:
-    spec = Spec("stage", "help", flag=words)
-    assert flag(name, spec) == spelling
-    assert spec.switches_off == (name == "scale")
-
-
-def test_the_help_has_the_default_where_there_is_one() -> None:
-    assert Spec("stage", "A word.").text == "A word."
-    assert Spec("stage", "A word.", shown="x").text == "A word.  [default: x]"
 
 
 @pytest.mark.parametrize(("resolution", "padding"), [(1, 0), (3, 1), (64, 31), (65, 32)])

@@ -1,6 +1,5 @@
 """Worker processes change seconds, never results, and are gone when the work is over."""
 
-import importlib
 import os
 import signal
 import subprocess
@@ -28,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
     """x² and the process that found it; dies in any other process than ``where`` unless that is empty."""
     if where and str(os.getpid()) != where:
-        os._exit(3)
+        os.kill(os.getpid(), signal.SIGKILL)
     return x * x, os.getpid()
 
 
@@ -78,25 +77,6 @@ def test_tasks_are_done_here_and_beside_in_order_by_so_many() -> None:
     assert Worker(2).map(square, [(k, "") for k in range(3)], Monitor())[2][0] == 4
 
 
-def outer(k: int, monitor: Monitor) -> list[tuple[int, int]]:
-    """What a task finds that hands out tasks itself: the first here, in the end with all processes idle."""
-    if k == 0:
-        pool = current()
-        while pool.free < 1:  # until the other task is done
-            os.sched_yield()
-    return Worker(monitor.jobs).map(square, [(k, ""), (k + 1, "")], monitor)
-
-
-def test_a_task_here_shares_its_own_work_with_processes_that_are_idle() -> None:
-    pool = opened(2)
-    first, second = Worker(2).map(outer, [(0,), (5,)], Monitor(jobs=2))
-    assert [[value for value, _ in part] for part in (first, second)] == [[0, 1], [25, 36]]
-    assert first[1][1] != os.getpid(), "the process was idle by then"
-    assert first[0][1] == os.getpid()
-    assert len({pid for _, pid in second}) == 1, "in a process nothing is shared further"
-    assert pool.free == 1
-
-
 def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> None:
     pool = opened(2)
     first, second = (DeferredTask(2, square, (k, ""), Monitor()) for k in (3, 4))
@@ -135,23 +115,6 @@ def test_what_a_process_was_too_late_for_is_known_here(seconds: float) -> None:
     assert monitor.late is (seconds < 0)
 
 
-def test_tasks_wait_for_a_process_that_does_something_else() -> None:
-    """As soon as it has done it, it gets those of them that are left."""
-    pool = opened(2)
-    DeferredTask(2, square, (3, ""), Monitor()).begin()
-    got = Worker(2).map(patient, [(k,) for k in range(3)], Monitor())
-    assert got[0] == os.getpid()
-    assert got[1] in pids(pool)
-
-
-def patient(k: int, monitor: Monitor) -> int:
-    """The process; the first task, which is done here, waits until the process has taken one up or ended it."""
-    pool = current()
-    while k == 0 and pool is not None and pool._waiting:
-        os.sched_yield()
-    return os.getpid()
-
-
 @pytest.mark.parametrize("when", ["at work", "idle"])
 def test_what_a_dead_worker_leaves_is_done_here_and_the_next_mesh_has_new_ones(when: str) -> None:
     pool, here = opened(), os.getpid()
@@ -177,19 +140,11 @@ def test_what_fails_in_a_worker_is_done_here() -> None:
     assert current() is None
 
 
-@pytest.mark.parametrize("why", ["no semaphores", "frozen", "another program", "inside a worker"])
+@pytest.mark.parametrize("why", ["frozen", "another program", "inside a worker"])
 def test_where_no_worker_can_be_had_all_is_done_here(
     why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if why == "no semaphores":  # as without /dev/shm
-
-        def refuse(*_: object) -> None:
-            raise FileNotFoundError(2, "No such file or directory")
-
-        # by name it would be multiprocessing's module, where nobody has imported loky's yet
-        synchronize = importlib.import_module("loky.backend.synchronize")
-        monkeypatch.setattr(synchronize, "_SemLock", refuse)
-    elif why == "frozen":
+    if why == "frozen":
         monkeypatch.setattr(sys, "frozen", True, raising=False)
     elif why == "another program":
         monkeypatch.setattr(sys, "executable", "/opt/modeller/modeller")
