@@ -9,7 +9,6 @@ import pytest
 from click.testing import CliRunner, Result
 
 from circparam.cli import cli
-from circparam.compare import process
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
 from circparam.errors import OptionError
@@ -95,17 +94,6 @@ def test_it_accepts_what_its_row_names(toyish: Row[Any]) -> None:
     assert Options(method="toyish", boundary="square").boundary == "square"
     with pytest.raises(OptionError, match="--spacing has no effect here"):
         Options(method="toyish", spacing="uniform")
-
-
-def test_it_is_compared(disk: Path, toyish: Row[Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    # a process of its own would not know the row: the methods run in this one
-    here = lambda task, arrays, told, _: process.here(task, arrays, told)  # noqa: E731
-    monkeypatch.setattr(process, "run", here)
-    result = run("compare", disk, "--methods", "toyish,mean-value", "--json")
-    assert result.exit_code == 0, result.stderr
-    ours, same = json.loads(result.stdout)["meshes"][0]["rows"]
-    assert (ours["method"], ours["status"]) == ("toyish", "ok")
-    assert ours["distortion"] == same["distortion"]
 
 
 @pytest.mark.parametrize("promise", contract.PROMISES)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
-from circparam.mesh.cut_mesh import close_holes, not_disks, rest_triangles_of
+from circparam.mesh.cut_mesh import close_holes, rest_triangles_of
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -21,33 +21,6 @@ def test_rest_triangles_keep_all_lengths() -> None:
     assert (flat[:, 1, 0] > 0).all()
     assert not flat[:, 1, 1].any()
     assert (flat[:, 2, 1] > 0).all()
-
-
-def test_lengths_areas_and_gradients_of_a_known_triangle() -> None:
-    cut_mesh, _ = patches_of((np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]]), [[0, 1, 2]]))
-    np.testing.assert_allclose(cut_mesh.edge_lengths, [[4, 5, 3]])
-    np.testing.assert_allclose(cut_mesh.areas, [6])
-    np.testing.assert_allclose(cut_mesh.chart_areas, [6])
-    np.testing.assert_allclose(
-        cut_mesh.gradients[0], [[-1 / 4, 1 / 4, 0], [-1 / 3, 0, 1 / 3]], atol=1e-15
-    )
-    assert cut_mesh.boundary.tolist() == [0, 1, 2]
-
-
-@pytest.mark.parametrize(
-    ("shape", "euler", "loops", "disk"),
-    [
-        (shapes.grid(4, 3), 1, 1, True),
-        (shapes.annulus(), 0, 2, True),
-        (shapes.icosphere(1), 2, 0, False),
-        (shapes.torus(), 0, 0, False),
-    ],
-)
-def test_euler_characteristics(shape, euler, loops, disk) -> None:
-    cut_mesh, _ = patches_of(shape)
-    assert cut_mesh.euler().tolist() == [euler]
-    assert len(cut_mesh.loops.chart) == loops
-    assert not_disks(cut_mesh).tolist() == [not disk]
 
 
 def test_loops_run_along_the_boundary_and_the_longest_is_the_outer_one() -> None:

@@ -8,8 +8,6 @@ from scipy.spatial import cKDTree
 
 from circparam import unwrap
 from circparam.mesh.frame import frame_of
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import RepairOptions, repair
 from tests.support import shapes
 
 # those with equal moments, with mirror images, flat ones, and one with neither
@@ -64,16 +62,6 @@ def test_a_frame_is_a_rigid_motion_to_unit_area(name: str) -> None:
     second = np.einsum("m,mki,mkj->ij", area, middle, middle) / 3
     np.testing.assert_allclose(second, np.diag(np.diag(second)), atol=1e-5 * np.trace(second))
     assert (np.diff(np.diag(second)) <= 1e-5 * np.trace(second)).all()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_faces_enter_in_the_same_order_in_every_pose(seed: int) -> None:
-    points, faces = SHAPES["bumpy"]
-    options = RepairOptions(by_position=True)
-    one = repair(Mesh(points, faces), options)[0]
-    other = repair(Mesh(_moved(points, seed), faces), options)[0]
-    np.testing.assert_array_equal(one.faces, other.faces)
-    np.testing.assert_array_equal(one.edges, other.edges)
 
 
 @pytest.mark.parametrize(("name", "effort"), [("torus", 0), ("bumpy", 1)])

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from circparam.core.arrays import IntArray
 from circparam.mesh.halfedge import (
     boundary_half_edges,
-    corner_classes,
     opposite_half_edges,
     point_corners,
     run_opposite,
@@ -82,12 +81,3 @@ def test_corners_join_at_their_points_however_faces_are_wound(seed: int) -> None
     again = point_corners(turned, sort_by_edge(turned, 6).pairs)
     again = np.where(back[:, None], again.reshape(-1, 3)[:, ::-1], again.reshape(-1, 3)).ravel()
     assert np.array_equal(label[:, None] == label, again[:, None] == again)
-
-
-@given(seeds)
-def test_where_faces_run_alike_both_ways_to_join_corners_agree(seed: int) -> None:
-    faces = soup(seed)
-    pairs = shared_edges(faces)
-    count, corners = corner_classes(len(faces), pairs)
-    assert count == corners.max() + 1
-    assert np.array_equal(corners.ravel(), point_corners(faces, pairs))

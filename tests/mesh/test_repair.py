@@ -119,22 +119,6 @@ def test_any_soup_becomes_a_surface_and_comes_back(case, paired):
     assert (genus >= 0).all()
 
 
-@pytest.mark.parametrize("n", [40])
-def test_a_mesh_with_many_crowded_edges(n):
-    """Three layers through every line of a grid, as in a soup of walls."""
-    p, f = shapes.grid(n, n)
-    up = p.copy()
-    up[:, 2] += 0.01
-    walls = np.array([[k, k + 1, len(p) + k] for k in range(0, len(p) - 1) if (k + 1) % n])
-    mesh = Mesh(np.concatenate([p, up]), np.concatenate([f, walls]))
-    surface, repairs = repair(mesh)
-    assert repairs.nonmanifold_edges > 0.3 * len(f) / 2
-    check_surface(mesh, surface, repairs)
-    flat = surface.source < len(f)
-    inner = flat[surface.edges // 3].all(1)
-    assert inner.sum() == (3 * len(f) - 4 * (n - 1)) // 2, "the flat sheet goes on straight"
-
-
 def test_no_face_or_vertex_is_touched():
     p, f = shapes.fins(3)
     points, faces = p.copy(), f.copy()

@@ -55,16 +55,6 @@ def test_neither_labels_nor_winding_nor_welding_matter(shape, verdict, euler, ge
     assert len(f) == 1 or report.inconsistent_edges > 0
 
 
-def test_faces_removed_from_a_handlebody_make_boundaries():
-    p, f = shapes.handles(2, 3)
-    centres = p[f].mean(1)
-    far = [int(np.argmax(centres @ d)) for d in ([1, 0, 0], [-1, 0.3, 0], [0.2, 1, 0.1])]
-    report = describe(Mesh(p, np.delete(f, far, 0)))
-    assert report.components[0].verdict == "genus 2 with 3 boundaries"
-    assert not report.is_disks
-    assert report.not_disks == [0]
-
-
 def test_boundary_lengths_are_in_units_of_the_mesh_longest_first():
     for unit in (1e-40, 1.0, 1e40):
         p, f = shapes.grid(5, 3, width=4.0, height=2.0)

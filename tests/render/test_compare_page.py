@@ -3,18 +3,14 @@
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from PIL import Image
 
-from circparam import samples
 from circparam.render.bars import bars, scale_of
 from circparam.render.compare_page import compare_page
 from circparam.render.side_by_side import MethodLayout, SideBySide, caption
 from circparam.render.text import drawable, has_glyph
-from tests.support.command_line import run
 from tests.support.side_by_side import compared_sheet
 
 
@@ -116,19 +112,3 @@ def test_captions_have_no_missing_glyphs():
     assert said.startswith("1 chart · distortion inf · 0.5 s")
     assert drawable("é×\u00a0–") == "ex -"
     assert not has_glyph("\u00a0")
-
-
-def test_from_the_shell(tmp_path: Path):
-    """compare --report --plot: both files, and a refusal before any work."""
-    words = ("compare", samples.path("bumped-disk"), "--methods", "circle,mean-value", "-q")
-    report, plot = tmp_path / "r.html", tmp_path / "p.png"
-    result = run(*words, "--report", report, "--plot", plot)
-    assert result.exit_code == 0, result.output
-    text = report.read_text("utf-8")
-    assert "Table 1" not in text  # the page is about the meshes that were given
-    assert text.count("<article>") == 2
-    assert text.count("<img ") == 6
-    assert Image.open(plot).size[0] >= 660
-    for option, name in (("--report", "r.txt"), ("--plot", "p.jpg"), ("--report", "r.html")):
-        again = run(*words, option, tmp_path / name)
-        assert again.exit_code == 2

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from circparam.render import colours as col
 from circparam.render.figures import PageImages, PictureOptions
-from circparam.render.html import PageLayout, page
+from circparam.render.html import page
 from circparam.render.scene import make_scene, with_instances
 from tests.support.scenes import cube
 
@@ -68,15 +67,6 @@ def test_all_pages_have_one_scale_unless_asked():
     assert meta["distortionEnd"] == 7.0
 
 
-def test_both_schemes_are_in_the_page():
-    text = page(make_scene(*cube()))
-    assert "@media (prefers-color-scheme: dark)" in text
-    schemes = meta_of(text)["schemes"]
-    for name, code in (("light", col.LIGHT), ("dark", col.DARK)):
-        assert schemes[name] == {key.lower(): value for key, value in code.items()}
-        assert all(value in text.split("</style>")[0] for value in code.values())
-
-
 def test_copies_are_in_the_page_with_their_images():
     """The geometry holds them, what is said of charts does not count them."""
     scene = make_scene(*cube())
@@ -104,20 +94,6 @@ def test_a_page_without_targets_has_no_slider():
     assert "&lt;b&gt;" in text
     assert "<b>" not in text
     assert 'id="morph-0"' not in page(scene)
-
-
-def test_before_stands_beside_after():
-    """Both layouts are in the page with their own figures; a page of one has neither names nor boxes."""
-    points, faces, uv, uv_faces = cube()
-    old = make_scene(points, faces, np.concatenate([uv[:4], uv[4:] * 0.5]), uv_faces)
-    before = PageLayout("<before>", old, PictureOptions(), [("charts", "17")])
-    text = page(make_scene(points, faces, uv, uv_faces), before=before)
-    layouts = json.loads(re.search(r'id="meta">(.*?)</script>', text, re.S).group(1))["layouts"]
-    assert [each["name"] for each in layouts] == ["<before>", "after"]
-    assert text.count('type="text/plain" id="mesh-') == 2
-    assert "<before>" not in text
-    assert re.search(r"<td data-figures=0>17</td><td data-figures=1>6</td>", text)
-    assert 'name="layout"' not in page(old)
 
 
 def test_copies_take_their_targets_along():

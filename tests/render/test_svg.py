@@ -27,19 +27,6 @@ def test_outlines_close_and_keep_holes():
         assert step.max() < 0.4  # neighbours along the ring, no jumps
 
 
-def test_svg_is_well_formed_and_has_one_path_a_chart():
-    points, faces, uv, uv_faces = cube()
-    text = figure_svg(make_scene(points, faces, uv, uv_faces), PictureOptions(title="a < b & c"))
-    root = ET.fromstring(text)
-    name = "{http://www.w3.org/2000/svg}"
-    assert root.find(f"{name}title").text == "a < b & c"
-    charts = [p for p in root.iter(f"{name}path") if p.get("id", "").startswith("chart-")]
-    assert len(charts) == 6
-    x, y = (float(c) for c in re.match(r"M([\d.]+),([\d.]+)", charts[0].get("d")).groups())
-    assert 0 <= x <= 1000
-    assert 0 <= y <= 1000
-
-
 def area_of(path: str) -> float:
     """Area inside all loops of a path, holes taken off: loops of one chart run round it with one hand."""
     total = 0.0
