@@ -52,19 +52,6 @@ def test_the_turn_is_the_least_one_between_two_normals(angle: float) -> None:
     np.testing.assert_allclose(turn_gradients(turned, after, before), gradients, atol=1e-12)
 
 
-def test_turns_keep_lengths_and_lie_in_the_new_plane() -> None:
-    rng = np.random.default_rng(4)
-    n, m = rng.normal(size=(2, 50, 3))
-    n, m = (v / np.linalg.norm(v, axis=1)[:, None] for v in (n, m))
-    g = rng.normal(size=(50, 2, 3))
-    g -= np.einsum("fdx,fx->fd", g, n)[:, :, None] * n[:, None]
-    keep = (n * m).sum(1) > -0.99
-    out = turn_gradients(g, n, m)[keep]
-    np.testing.assert_allclose(np.einsum("fdx,fx->fd", out, m[keep]), 0, atol=1e-9)
-    dots = [np.einsum("fdx,fex->fde", v, v) for v in (out, g[keep])]
-    np.testing.assert_allclose(*dots, atol=1e-9)
-
-
 def test_normals_that_are_opposite_give_finite_numbers() -> None:
     g = np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
     up = np.array([[0.0, 0.0, 1.0]])
@@ -89,32 +76,3 @@ def test_spread_unrolls_a_bent_sheet_from_what_is_known() -> None:
     )
     flat = found[~beyond]
     np.testing.assert_allclose(flat, np.broadcast_to(np.eye(3)[:2], flat.shape), atol=1e-9)
-
-
-def test_spread_takes_the_nearest_known_face_and_stays_in_the_chart() -> None:
-    points, faces = shapes.join(shapes.grid(9, 2, 8.0, 1.0), shapes.grid(3, 3))
-    atlas = atlas_of((points, faces))
-    m = len(faces)
-    x = atlas.surface.points[atlas.surface.faces].mean(1)[:, 0]
-    strip = np.arange(m) < 16
-    known = np.zeros(m, bool)
-    left, right = np.argmin(np.where(strip, x, np.inf)), np.argmax(np.where(strip, x, -np.inf))
-    known[[left, right]] = True
-    gradients = np.zeros((m, 2, 3))
-    gradients[left, :, 0], gradients[right, :, 0] = 1.0, 2.0
-    found, have = spread(atlas, gradients, known)
-    assert have.tolist() == strip.tolist(), "nothing is known of the other chart"
-    np.testing.assert_array_equal(found[strip & (x < 3.5)][:, 0, 0], 1.0)
-    np.testing.assert_array_equal(found[strip & (x > 4.5)][:, 0, 0], 2.0)
-    # a seam in the middle: each half has only its own
-    surface = atlas.surface
-    flat = surface.faces.ravel()
-    a = surface.points[flat[surface.edges[:, 0]]]
-    other = surface.edges[:, 0] // 3 * 3 + (surface.edges[:, 0] + 1) % 3
-    b = surface.points[flat[other]]
-    cut = (a[:, 0] == 6) & (b[:, 0] == 6)
-    parted = Atlas(surface, cut)
-    found, have = spread(parted, gradients, known)
-    assert have.tolist() == strip.tolist()
-    np.testing.assert_array_equal(found[strip & (x < 6)][:, 0, 0], 1.0)
-    np.testing.assert_array_equal(found[strip & (x > 6)][:, 0, 0], 2.0)

@@ -12,14 +12,6 @@ from circparam.mesh.halfedge import corner_classes, shared_edges
 from tests.support import shapes
 from tests.support.exact import exact_sign
 
-
-def test_signs_turn_with_the_winding():
-    rng = np.random.default_rng(3)
-    uv, faces = rng.random((50, 2)), rng.integers(0, 50, (400, 3))
-    assert np.array_equal(signs(uv, faces), -signs(uv, faces[:, ::-1]))
-    assert (signs(uv, faces[:, [0, 1, 0]]) == 0).all()
-
-
 # Random charts on a small grid of integers: all faces positive, many touches, many overlaps.
 step = st.tuples(
     st.integers(0, 10**6), st.integers(0, 5), st.integers(0, 5), st.sampled_from([0, 0, 0, 1, 2])
@@ -118,14 +110,6 @@ def fan(turns, n):
     uv = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(t), np.sin(t)], 1) + 0.0])
     k = np.arange(n)
     return uv, np.stack([np.zeros(n, int), 1 + k, 1 + (k + 1) % n], 1)
-
-
-@pytest.mark.parametrize("mirror", [1.0, -1.0])
-def test_a_fan_wound_twice_overlaps(mirror):
-    uv, faces = fan(2, 10)
-    assert overlaps(faces, uv * [mirror, 1.0], np.zeros(10, np.int64)).self_overlapping[0]
-    uv, faces = fan(1, 10)
-    assert not overlaps(faces, uv * [mirror, 1.0], np.zeros(10, np.int64)).self_overlapping[0]
 
 
 def coil(turns, n=12):

@@ -269,21 +269,3 @@ def test_a_nearly_level_edge_just_below_a_row_covers_no_more_than_its_nearer_end
         assert covered.min() >= 1
         assert covered.max() <= 6
         assert (6 if slope > 0 else 1) in covered
-
-
-def test_outlines_share_what_they_share_whichever_way_they_run() -> None:
-    rng = np.random.default_rng(6)
-    page = np.full((16, 16), -1, np.int32)
-    page[4:9, 3:12] = 2
-    start, end = rng.uniform(0, 16, (2, 12, 2))
-    owner = np.arange(12) % 3
-    found = shared_texels(page, start, end, owner)
-    assert found > 0
-    assert shared_texels(page, end, start, owner) == found
-    p, q = (v * [-1, 1] + [16, 0] for v in (start, end))
-    assert shared_texels(np.ascontiguousarray(page[:, ::-1]), p, q, owner) == found
-    # straight down, up, left and right through the middle of a page that another chart covers
-    full = np.zeros((7, 7), np.int32)
-    for a, b in (([0.5, 3.5], [6.5, 3.5]), ([3.5, 0.5], [3.5, 6.5])):
-        for s, e in ((a, b), (b, a)):
-            assert shared_texels(full, np.array([s]), np.array([e]), np.array([1])) == 7

@@ -49,19 +49,6 @@ def test_the_modes_are_the_hessian_without_its_negative_part(blend: float) -> No
     assert (np.abs(assembled - positive) / scale).max() < 1e-4
 
 
-def test_the_proxy_has_the_gradient_of_the_energy_at_its_centre() -> None:
-    """SLIM chooses its weights so that W (J − R) is the gradient: that is what makes its step a descent."""
-    j = _jacobians(3)
-    values, modes = dirichlet.proxy_modes(j)
-    (a, b), (c, d) = j
-    length = np.hypot(a + d, c - b)
-    cosine, sine = (a + d) / length, (c - b) / length
-    rotation = np.stack([np.stack([cosine, -sine]), np.stack([sine, cosine])])
-    along = np.einsum("kdcm,dcm->km", modes, j - rotation)
-    pull = np.einsum("km,km,kdcm->dcm", values, along, modes)
-    assert np.allclose(pull, dirichlet.gradient(j), rtol=1e-8, atol=1e-8 * np.abs(pull).max())
-
-
 @given(st.integers(0, 10_000))
 @settings(max_examples=40)
 def test_the_largest_step_is_where_a_face_first_collapses(seed: int) -> None:
@@ -118,18 +105,3 @@ def test_flipped_and_collapsed_faces_have_infinite_energy(bad: list[list[float]]
     j = np.array(bad, float)[:, :, None]
     for blend in (0.0, 0.5, 1.0):
         assert dirichlet.energy(j, blend)[0] == np.inf
-
-
-def test_edge_blocks_are_the_off_diagonal_blocks_of_the_hessian_of_a_face() -> None:
-    j = _jacobians(7, 5)
-    values, modes = dirichlet.newton_modes(j)
-    rng = np.random.default_rng(0)
-    gradients = rng.normal(size=(2, 3, 5))
-    gradients[:, 0] = -gradients[:, 1] - gradients[:, 2]
-    blocks = dirichlet.edge_blocks(values, modes, gradients)
-    hessian = np.einsum("km,kabm,kcdm->mabcd", values, modes, modes)
-    for k in range(3):
-        expected = np.einsum(
-            "mabcd,bm,dm->acm", hessian, gradients[:, k], gradients[:, (k + 1) % 3]
-        )
-        np.testing.assert_allclose(blocks[:, :, k], expected, atol=1e-9)

@@ -22,42 +22,6 @@ def test_the_gradient_is_that_of_the_energy(epsilon):
     assert (gradient * direction).sum() == pytest.approx(((up - down) / (2 * h)).sum(), rel=1e-4)
 
 
-def whole(shape):
-    """(region of everything with nothing held but its first vertex, flat layout of its vertices)."""
-    cut_mesh, points = patches_of(shape)
-    uv = points[:, :2]
-    part = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), np.zeros(len(uv), bool), uv)
-    return part, uv[part.source]
-
-
-def test_energies_of_known_maps_whatever_the_area():
-    """An isometry has D = 1: (2 + λ 2) / χ, χ = 1 without ε; the mean over a group is that of each face."""
-    for scale in (1.0, 10.0):
-        points, faces = shapes.delaunay_disk(50)
-        part, x = whole((points * scale, faces))
-        n = np.ones(part.n_groups)
-        assert FoldoverEnergy(part, 0 * n).energy(x)[0] == pytest.approx(4 * n)
-        assert FoldoverEnergy(part, n).energy(x)[0] == pytest.approx(8 / (1 + np.sqrt(2)) * n)
-        mirrored = FoldoverEnergy(part, n).energy(x * [-1, 1])[0]
-        assert mirrored == pytest.approx(8 / (np.sqrt(2) - 1) * n)
-        # twice as large: 8 + 1 + 16 over 4
-        assert FoldoverEnergy(part, 0 * n).energy(2 * x)[0] == pytest.approx(25 / 4 * n)
-
-
-@pytest.mark.parametrize("epsilon", [1.0, 1e-2, 1e-5])
-def test_the_barrier_is_smooth_and_keeps_its_digits(epsilon):
-    part, _ = whole(shapes.grid(3, 3))
-    problem = FoldoverEnergy(part, np.full(part.n_groups, epsilon))
-    det = np.resize([-1e3, -1.0, 0.0, 1.0, 1e3], len(part.cut_mesh.faces))
-    chi, root = problem.barrier(det)
-    np.testing.assert_allclose(root, np.hypot(epsilon, det))
-    assert (chi > 0).all()
-    np.testing.assert_allclose(chi * (root - det) * 2, epsilon**2, rtol=1e-3, atol=1e-7)
-    assert chi[2] == pytest.approx(epsilon / 2)
-    assert chi[0] == pytest.approx(epsilon**2 / 4000, rel=1e-6)
-    assert chi[4] == pytest.approx(1000, rel=1e-6)
-
-
 def test_lowering_turns_every_face_upright_and_moves_nothing_that_is_held():
     cut_mesh, uv = tangled(200)
     hold = rim(cut_mesh)

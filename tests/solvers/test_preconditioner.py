@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from circparam.core.graph import components
 from circparam.core.linalg import conjugate_gradients
 from circparam.solvers import dirichlet
 from circparam.solvers.objective import Objective
 from circparam.solvers.preconditioner import (
-    AGGREGATE_SIZE,
     BlockPattern,
     TwoLevel,
     aggregates,
@@ -52,21 +50,6 @@ def test_conjugate_gradients_with_two_levels_equal_a_direct_solve():
     assert rough @ g.ravel() > 0, "a descent direction"
     gap = [np.abs(matrix @ y - g.ravel()).max() for y in (x.ravel(), rough)]
     assert gap[0] < 1e-3 * gap[1], "the tolerance is heeded"
-
-
-def test_aggregates_are_connected_parts_of_one_chart_of_about_the_size_asked_for():
-    cut_mesh, uv = layout()
-    pattern, _ = hessian(cut_mesh, uv)
-    group = aggregates(cut_mesh, pattern, uv)
-    charts = {(g, c) for g, c in zip(group, cut_mesh.vertex_chart, strict=True)}
-    assert len(charts) == group.max() + 1, "no group spans two charts"
-    tail, head = pattern.tail, pattern.head
-    same = group[tail] == group[head]
-    count, _ = components(len(group), tail[same], head[same])
-    assert count == group.max() + 1, "connected"
-    size = np.bincount(group)
-    assert size.max() <= 2.5 * AGGREGATE_SIZE
-    assert len(uv) / len(size) > AGGREGATE_SIZE / 8
 
 
 def test_the_assembled_matrix_is_the_second_derivative_of_the_energy():

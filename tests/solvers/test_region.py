@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from circparam.solvers.region import THINNEST, WHOLE, cut_out, grow, moving_region
+from circparam.solvers.region import THINNEST, cut_out, grow, moving_region
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -12,25 +12,6 @@ def seed_at(cut_mesh, face):
     seed = np.zeros(len(cut_mesh.faces), bool)
     seed[face] = True
     return seed
-
-
-@pytest.mark.parametrize("rings", [0, 1, 2, 3])
-def test_a_region_grows_ring_by_ring(rings):
-    cut_mesh, _ = patches_of(shapes.grid(12, 12))
-    face = len(cut_mesh.faces) // 2
-    region = grow(cut_mesh, seed_at(cut_mesh, face), rings)
-    # by hand: faces that can be reached over so many shared vertices
-    near = {face}
-    for _ in range(rings):
-        v = set(cut_mesh.faces[sorted(near)].ravel().tolist())
-        near = {f for f, corners in enumerate(cut_mesh.faces.tolist()) if v & set(corners)}
-    assert set(np.flatnonzero(region).tolist()) == near
-
-
-def test_the_whole_of_a_chart_and_of_no_other():
-    cut_mesh, _ = patches_of(shapes.row_of(shapes.grid(5, 5), 2))
-    region = grow(cut_mesh, seed_at(cut_mesh, 3), WHOLE)
-    np.testing.assert_array_equal(region, cut_mesh.chart == cut_mesh.chart[3])
 
 
 def test_vertices_of_other_faces_and_held_ones_are_fixed():

@@ -6,8 +6,8 @@ import scipy.sparse as sps
 
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.objective import Objective, chart_energies
-from circparam.solvers.separate import _SpringObjective, _Springs, push_apart
+from circparam.solvers.objective import chart_energies
+from circparam.solvers.separate import push_apart
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -66,39 +66,6 @@ def test_a_chart_that_is_separate_stays_where_it_is() -> None:
     pushed, fine = push_apart(cut_mesh, uv, MARGIN, 1.05)
     assert fine.all()
     np.testing.assert_allclose(pushed, uv, atol=1e-12)
-
-
-def test_energy_gradient_and_hessian_of_springs_fit_together() -> None:
-    cut_mesh, points = patches_of(shapes.delaunay_disk(30))
-    uv = points[:, :2] + 0.01 * np.random.default_rng(0).normal(size=(len(points), 2))
-    far = int(np.argmax(uv[:, 1]))
-    a, b = (int(k) for k in np.argsort(uv[:, 1])[:2])
-    k = _Springs(
-        *(np.array([x, x]) for x in (far, a, b)),
-        np.array([0.3, 0.6]),
-        np.array([[0.6, 0.8], [0.0, -1.0]]),
-        np.array([9.0, 0.1]),  # both pull: the second is on its wrong side
-        np.array([0.2, 0.1]),
-        np.array([0, 0]),
-    )
-    objective = _SpringObjective(cut_mesh, None, k)
-    plain = Objective(cut_mesh, None, 0.0)
-    value, jacobian = objective.energies(uv)
-    extra = value - plain.energies(uv)[0]
-    assert extra[0] == pytest.approx((k.weight * k.strain(uv) ** 2).sum())
-    g = objective.gradient(jacobian, uv)
-    step = np.random.default_rng(1).normal(size=uv.shape)
-    h = 1e-6
-    up, down = objective.energies(uv + h * step)[0], objective.energies(uv - h * step)[0]
-    assert (g * step).sum() == pytest.approx(((up - down) / (2 * h))[0], rel=1e-6)
-    # the springs are quadratic where they pull: their Hessian is exact
-    n = len(uv)
-    zero = np.zeros((2 * n, 2 * n))
-    added = objective.stiffened(sparse(zero), uv).toarray()
-    change = [objective.gradient(objective.energies(x)[1], x) - plain.gradient(
-        plain.energies(x)[1], x) for x in (uv + h * step, uv - h * step)]  # fmt: skip
-    along = (change[0] - change[1]).ravel() / (2 * h)
-    np.testing.assert_allclose(added @ step.ravel(), along, rtol=1e-6, atol=1e-7)
 
 
 def sparse(matrix: np.ndarray) -> sps.bsr_matrix:

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.methods import METHODS
-from circparam.methods.base import MethodOptions
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import flipped, untangle
@@ -56,29 +54,12 @@ def test_a_chart_without_flips_is_returned_as_it_is():
     assert report.before[0] == 0
 
 
-def test_flips_that_stay_on_request_are_told():
-    cut_mesh, _ = patches_of(shapes.spiked_disk(150, 6.0))
-    layout = METHODS["arap"].function(cut_mesh, MethodOptions(repair=False), Monitor())
-    assert flipped(cut_mesh.faces, layout.uv).any()  # arap folds a spike: else this shows nothing
-    assert any("they stay" in note for note in layout.notes)
-    repair_report = METHODS["arap"].function(cut_mesh, MethodOptions(), Monitor())
-    assert not flipped(cut_mesh.faces, repair_report.uv).any()
-    assert any("arap" in note and "flipped" in note for note in repair_report.notes)
-
-
 def test_a_sliver_counts_as_flipped_only_where_its_sign_is_not_certain():
     uv = np.array([[0, 0], [1, 0], [0.5, 1e-12], [0.5, -1e-12], [0.5, 0.0]])
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 0, 1]])
     assert flipped(faces, uv).tolist() == [False, True, True, True]
     plain, _ = tutte_embedding(patches_of(shapes.grid())[0])
     assert np.isfinite(plain).all()
-
-
-def test_a_thin_face_off_the_axes_counts_as_flipped_below_rounding_only():
-    faces = np.array([[0, 1, 2]])
-    for height, bad in ((1e-12, False), (1e-16, True), (-1e-12, True)):
-        uv = np.array([[0, 0], [1, 1], [0.5, 0.5 + height]])
-        assert flipped(faces, uv).tolist() == [bad]
 
 
 @pytest.mark.parametrize("power", [-20, -10, 0, 10, 20])

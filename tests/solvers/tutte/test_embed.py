@@ -27,36 +27,6 @@ def test_inner_vertices_are_the_weighted_means_of_their_neighbours(scheme):
     assert not report.clamped
 
 
-def test_holes_are_closed_for_the_solve_and_left_out_of_the_result():
-    cut_mesh, _ = patches_of(shapes.planar_holes(2))
-    uv, report = tutte_embedding(cut_mesh, "mean-value")
-    assert uv.shape == (cut_mesh.n_vertices, 2)
-    assert report.system.cut_mesh.n_vertices == cut_mesh.n_vertices + 2
-    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
-
-
-def test_a_grade_draws_neighbours_together_and_a_level_one_does_nothing():
-    cut_mesh, _ = patches_of(shapes.bumped_disk(120))
-    plain, _ = tutte_embedding(cut_mesh, "mean-value")
-    level, _ = tutte_embedding(cut_mesh, "mean-value", grade=np.full(cut_mesh.n_vertices, 0.7))
-    inner = ~rim(cut_mesh)
-    np.testing.assert_allclose(level, plain, atol=1e-9)
-    # rows are weighted by exp(-grade of the neighbour): by hand for one vertex
-    grade = np.random.default_rng(0).random(cut_mesh.n_vertices)
-    uv, _ = tutte_embedding(cut_mesh, "mean-value", grade=grade)
-    w = half_edge_weights(cut_mesh, WEIGHTS["mean-value"].function)
-    i, j = cut_mesh.faces.ravel(), cut_mesh.faces[:, [1, 2, 0]].ravel()
-    for v in np.flatnonzero(inner)[:10]:
-        out = i == v
-        share = w[out] * np.exp(-grade[j[out]])
-        np.testing.assert_allclose((share[:, None] * uv[j[out]]).sum(0) / share.sum(), uv[v])
-    assert np.abs(uv - plain).max() > 1e-3
-    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
-    holed, _ = patches_of(shapes.annulus(12, 3))
-    uv, _ = tutte_embedding(holed, "mean-value", grade=np.linspace(0, 2, holed.n_vertices))
-    assert (signed_areas(holed.faces, uv) > 0).all()
-
-
 def test_negative_weights_are_counted_in_their_chart_and_clamped_where_asked():
     sound, rough = shapes.delaunay_disk(50), shapes.noisy(*shapes.bumped_disk(600), amount=0.5)
     cut_mesh, _ = patches_of(shapes.join(sound, (rough[0] + [9, 0, 0], rough[1])))

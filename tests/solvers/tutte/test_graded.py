@@ -1,14 +1,12 @@
 """Long protrusions: where convex maps fail in double precision, and graded weights do not."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import measure
 from circparam.solvers.tutte.embed import tutte_embedding
-from circparam.solvers.tutte.graded import boundary_depth, embed, embed_start
+from circparam.solvers.tutte.graded import embed, embed_start
 from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.untangle import flipped
 from tests.support import shapes
@@ -63,26 +61,3 @@ def test_a_crushed_tube_starts_from_the_weights_that_distort_least():
     assert "graded" in notes[0]
     again, _ = embed_start(cut_mesh, "circle", TutteOptions(), Monitor())
     np.testing.assert_array_equal(uv, again)
-
-
-def test_an_ordinary_start_is_the_plain_map_at_its_best_scale():
-    cut_mesh, _ = patches_of(shapes.bumped_disk(200))
-    uv, notes = embed_start(cut_mesh, "circle", TutteOptions(), Monitor())
-    plain, _ = tutte_embedding(cut_mesh)
-    scale = np.hypot(*uv.T).max() / np.hypot(*plain.T).max()
-    np.testing.assert_allclose(uv, scale * plain, atol=1e-12)
-    assert notes == []
-
-
-def test_depth_counts_edges_from_the_outer_boundary():
-    cut_mesh, points = patches_of(shapes.rings(4))
-    depth = boundary_depth(cut_mesh)
-    assert depth.max() == depth[np.argmin(np.abs(points).sum(1))] == 4
-    assert (depth[rim(cut_mesh)] == 0).all()
-
-
-def test_without_repair_the_flips_stay():
-    cut_mesh, _ = patches_of(LONG)
-    uv, notes = embed(cut_mesh, "circle", replace(SKEW, repair=False), Monitor())
-    assert notes == []
-    assert flipped(cut_mesh.faces, uv).any()
