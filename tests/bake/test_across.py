@@ -9,7 +9,7 @@ from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.errors import InputError, OptionError
+from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.io import encode, read, read_data
@@ -202,7 +202,7 @@ def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
         bake_document(target, "normals", source=over, across=across, size=16)
 
 
-def test_what_does_not_go_together(tmp_path: Path):
+def test_a_map_of_another_mesh_is_refused(tmp_path: Path):
     points, faces = sheet(3)
     layout = UVMap(points[:, :2].copy(), faces)
     a = stored(tmp_path, "a", Mesh(points, faces), layout)
@@ -213,19 +213,6 @@ def test_what_does_not_go_together(tmp_path: Path):
         bake_document(a, "normals", source=b, across=Across(own), size=16)
     with pytest.raises(InputError, match=r"b\.obj: the map was made for another mesh"):
         bake_document(b, "normals", source=a, across=Across(own), size=16)
-    for across, message in (
-        (Across("nearest", 0.0), "above 0"),
-        (Across("nearest", float("nan")), "above 0"),
-        (Across(own, 0.1), "--map nearest"),
-    ):
-        with pytest.raises(OptionError, match=message):
-            bake_document(a, "normals", source=a, across=across, size=16)
-    with pytest.raises(OptionError, match="--source"):
-        bake_document(a, "normals", size=16)
-    with pytest.raises(OptionError, match="--source"):
-        bake_document(a, "texture", across=Across("nearest"), size=16)
-    with pytest.raises(OptionError, match="--map nearest"):
-        bake_document(a, "vertex-colors", source=b, across=Across(None, 0.1), size=16)
 
 
 def test_a_map_tells_between_layers(tmp_path: Path):

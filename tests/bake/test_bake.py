@@ -9,7 +9,7 @@ from PIL import Image
 from circparam.bake.bake import bake, bake_document, dilate
 from circparam.bake.sampling import corner_paint
 from circparam.core.arrays import FloatArray
-from circparam.errors import InputError, OptionError
+from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
 from circparam.render.texture import bilinear
@@ -74,15 +74,6 @@ def test_layouts_that_hold_no_image(uv: FloatArray, message: str):
     layout = UVMap(uv, np.array([[0, 1, 2]]))
     with pytest.raises(InputError, match=message):
         bake(layout, corner_paint(np.ones((1, 3, 3))), 16)
-
-
-def test_no_uv_and_bad_sizes():
-    with pytest.raises(InputError, match="circparam unwrap"):
-        bake(UVMap(np.zeros((0, 2)), np.full((1, 3), -1)), corner_paint(np.ones((1, 3, 3))), 16)
-    layout = UVMap(np.eye(3)[:, :2], np.array([[0, 1, 2]]))
-    for size in (0, 20_000):
-        with pytest.raises(OptionError, match="size"):
-            bake(layout, corner_paint(np.ones((1, 3, 3))), size)
 
 
 def test_overlapping_faces_are_told():
@@ -161,34 +152,6 @@ def test_alpha_is_kept_and_plain_materials_are_opaque(files: Path):
     shown = inside & (face < half)
     uv = np.einsum("pk,pkc->pc", bary, before.uv[before.uv_faces[face]])
     assert np.abs(seen - bilinear(rgba, uv))[shown].max() < 3 / 255
-
-
-@pytest.mark.parametrize(
-    ("break_it", "message"),
-    [
-        (lambda d: (d / "skin.png").unlink(), "skin.png is missing"),
-        (lambda d: (d / "m.mtl").unlink(), "m.mtl is missing"),
-        (lambda d: (d / "skin.png").write_bytes(b"not an image"), r"cannot be read \(no known"),
-    ],
-)
-def test_missing_and_broken_textures(files: Path, break_it, message: str):
-    break_it(files)
-    with pytest.raises(InputError, match=rf"old.obj: .*{message}"):
-        bake_document(read(files / "new.obj"), "texture", source=read(files / "old.obj"), size=32)
-
-
-def test_what_is_refused(files: Path):
-    new, old = read(files / "new.obj"), read(files / "old.obj")
-    with pytest.raises(InputError, match="no vertex colours"):
-        bake_document(new, "vertex-colors", size=32)
-    with pytest.raises(InputError, match="no texture"):
-        bake_document(new, "texture", size=32)
-    with pytest.raises(InputError, match="--source"):
-        bake_document(old, "texture", size=32)  # the texture and the uv belong together already
-    with pytest.raises(InputError, match="uv set 3"):
-        bake_document(new, "vertex-colors", uv_set=3, size=32)
-    with pytest.raises(OptionError, match="vertex-colors"):
-        bake_document(new, "smell", size=32)
 
 
 def test_a_bake_at_equal_density_keeps_the_picture(tmp_path: Path):

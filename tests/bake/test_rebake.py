@@ -223,18 +223,11 @@ REFUSED = {
     "density of a layout that is there": (
         ("bake", "model.glb", "--all", "--density", "source", "-o", "x.glb"), 2, "--density"
     ),
-    "size without rebake": (("unwrap", "model.glb", "--size", "64"), 2, "--rebake"),
     "pages": (("unwrap", "model.glb", "--rebake", "--pages", "2"), 2, "--pages"),
     "unpacked": (("unwrap", "model.glb", "--rebake", "--no-normalize"), 2, "--no-normalize"),
     "another format": (("unwrap", "model.glb", "--rebake", "-o", "x.ply"), 2, "PLY"),
     "no texture": (("unwrap", "bare.glb", "--rebake"), 3, "nothing to carry"),
     "two sizes": (("unwrap", "model.glb", "--rebake", "--size", "64", "--resolution", "128"), 2, "--size"),
-    "nothing to bake": (("bake", "model.glb", "-o", "x.glb"), 2, "--from"),
-    "all and one": (("bake", "model.glb", "--all", "--from", "texture", "-o", "x.glb"), 2, "--from"),
-    "all along rays": (("bake", "model.glb", "--all", "--map", "nearest", "-o", "x.glb"), 2, "--map"),
-    "auto of one image": (
-        ("bake", "model.glb", "--from", "texture", "--size", "auto", "-o", "x.png"), 2, "auto"
-    ),
     "another mesh": (("bake", "bare.glb", "--all", "--source", "model.glb", "-o", "x.glb"), 3, "triangles"),
 }  # fmt: skip
 

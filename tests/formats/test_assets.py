@@ -77,27 +77,6 @@ def test_a_name_with_blanks_is_one_file_or_several(tmp_path: Path) -> None:
     assert notes == ["'none' is named by the file and is not there"]
 
 
-def test_copies_only_when_asked_and_only_what_differs(tmp_path: Path) -> None:
-    assert found(tmp_path, "a") == (
-        {},
-        ["'a' won't resolve from 'out': leave --no-copy-assets out"],
-    )
-    (tmp_path / "out" / "a").write_bytes(b"a")
-    assert found(tmp_path, "a", copy=True) == ({}, [])
-    (tmp_path / "out" / "a").write_bytes(b"other")
-    copies, _ = found(tmp_path, "a", copy=True)
-    assert list(copies.values()) == [b"a"]
-    copies, (warning,) = found(tmp_path, "a", copy=None)
-    assert copies == {}
-    assert "another file" in warning
-
-
-def test_what_the_output_cannot_be_read_without_goes_along_always(tmp_path: Path) -> None:
-    for copy in (None, False, True):
-        copies, warnings = found(tmp_path, "a", copy=copy, needed=True)
-        assert (list(copies.values()), warnings) == ([b"a"], [])
-
-
 def external(tmp_path: Path) -> Path:
     """A glTF whose buffer and image lie beside it."""
     g = full_mesh()

@@ -12,7 +12,6 @@ from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode, read, read_data, stored, write
 from tests.support.formats_tools import (
     GltfMaker,
-    assert_round_trip,
     corners,
     grid,
     layout_with_seams,
@@ -115,20 +114,3 @@ def test_json_is_indented_as_it_was(indent: int | str | None) -> None:
     separators = (",", ":") if indent is None else None
     again = json.dumps(json.loads(out), indent=indent, separators=separators, ensure_ascii=False)
     assert out == again + ("" if indent is None else "\n")
-
-
-def test_a_glb_becomes_a_gltf_with_its_data_beside_it_or_inside(tmp_path: Path) -> None:
-    document = read_data(full_mesh(4).glb())
-    uvmap = smooth_layout(document)
-    assert_round_trip(document, uvmap, "gltf")
-    inside = json.loads(encode(document, uvmap, "gltf").data)
-    assert [set(b) for b in inside["buffers"]] == [{"uri", "byteLength"}]
-    (tmp_path / "in.glb").write_bytes(full_mesh(4).glb())
-    files = write(tmp_path / "out.gltf", read(tmp_path / "in.glb"), uvmap).files
-    assert files[0].name == "out.gltf", "the file itself first"
-    assert sorted(p.name for p in files) == ["out.bin", "out.gltf"]
-    beside = json.loads((tmp_path / "out.gltf").read_bytes())
-    assert [b["uri"] for b in beside["buffers"]] == ["out.bin"]
-    size = (tmp_path / "out.bin").stat().st_size
-    assert [b["byteLength"] for b in beside["buffers"]] == [size]
-    np.testing.assert_array_equal(read(tmp_path / "out.gltf").mesh.points, document.mesh.points)

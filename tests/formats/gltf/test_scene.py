@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from circparam.formats.gltf.scene import node_matrix
 from circparam.formats.io import encode, read_data
@@ -144,16 +142,6 @@ def test_a_node_moves_then_turns_then_scales() -> None:
     matrix = {"matrix": list(range(16))}
     assert node_matrix(matrix).T.ravel().tolist() == list(range(16))
     np.testing.assert_array_equal(node_matrix({}), np.eye(4))
-
-
-@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.hypot(*q[:2]) > 0.1))
-def test_unit_quaternions_are_rotations(q: list[float]) -> None:
-    unit = np.array(q) / np.linalg.norm(q)
-    r = node_matrix({"rotation": unit.tolist()})[:3, :3]
-    np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(r) == pytest.approx(1)
-    np.testing.assert_allclose(r @ unit[:3], unit[:3], atol=1e-12)  # the axis stays
-    assert np.trace(r) == pytest.approx(4 * unit[3] ** 2 - 1)  # 1 + 2 cos of the angle
 
 
 def test_indices_end_at_the_last_vertex() -> None:

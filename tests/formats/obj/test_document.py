@@ -5,27 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.errors import NoResultError, OptionError
+from circparam.errors import OptionError
 from circparam.formats.io import encode, read_data
-from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import assert_round_trip, corners, layout_with_seams, smooth_layout
-from tests.support.obj_files import CUBE, naive, without_uv
-
-
-def test_a_seam_through_a_polygon_is_refused_and_named() -> None:
-    document = read_data(CUBE, format="obj")
-    m = len(document.mesh.faces)
-    uvmap = UVMap(np.random.default_rng(0).random((3 * m, 2)), np.arange(3 * m).reshape(-1, 3))
-    with pytest.raises(NoResultError, match="polygon 0 got two uv"):
-        encode(document, uvmap, "obj")
-
-
-def test_two_uv_with_the_same_numbers_are_no_seam() -> None:
-    document = read_data(CUBE, format="obj")
-    smooth = smooth_layout(document)
-    m = len(document.mesh.faces)
-    unrolled = UVMap(smooth.uv[smooth.uv_faces].reshape(-1, 2), np.arange(3 * m).reshape(-1, 3))
-    assert_round_trip(document, unrolled, "obj")
+from tests.support.obj_files import naive, without_uv
 
 
 def test_groups_stand_in_where_no_material_is_named() -> None:

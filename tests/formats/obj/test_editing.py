@@ -28,15 +28,6 @@ def test_new_vt_lines_stand_where_the_old_ones_stood() -> None:
     assert out.startswith(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nvt ")
 
 
-def test_the_shortest_digits_read_back_to_the_same_number() -> None:
-    document = read_data(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", format="obj")
-    uvmap = UVMap(np.array([[0.1, 1 / 3], [1e-9, 0.5], [-0.0, 2**-60]]), np.array([[0, 1, 2]]))
-    out = encode(document, uvmap, "obj").data
-    assert b"vt 0.1 0.3333333333333333\n" in out
-    again = read_data(out).uv()
-    np.testing.assert_array_equal(again.uv, uvmap.uv)
-
-
 def test_corners_without_uv_get_none() -> None:
     document = read_data(CUBE, format="obj")
     uvmap = smooth_layout(document)
@@ -93,14 +84,6 @@ def test_the_field_of_vt_in_every_form(face: bytes, expected: bytes) -> None:
     out = encode(document, smooth_layout(document), "obj").data
     assert out.split(b"\n")[-2] == expected
     assert out.count(b"vt ") == 3
-
-
-def test_vt_lines_may_stand_behind_the_faces() -> None:
-    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\nvt 0 0\n#x"
-    document = read_data(data)
-    out = encode(document, smooth_layout(document), "obj").data
-    lines = out.split(b"\n")
-    assert [line[:2] for line in lines] == [b"v ", b"v ", b"v ", b"vt", b"vt", b"vt", b"f ", b"#x"]
 
 
 @pytest.mark.parametrize("newline", [b"\n", b"\r\n", b"\r"])

@@ -71,21 +71,6 @@ def test_the_last_index_of_a_type_is_used(n: int) -> None:
     assert naive(out)["face"][1]["vertex_indices"] == [n, 2, n - 1]
 
 
-@pytest.mark.parametrize(("corners", "kind"), [(127, b"list uchar"), (128, b"list int")])
-def test_texcoord_lists_outgrow_a_byte(corners: int, kind: bytes) -> None:
-    """A byte counts 127 pairs."""
-    a = 2 * np.pi * np.arange(corners) / corners
-    points = np.stack([np.cos(a), np.sin(a), 0 * a], 1).astype("f4").tolist()
-    data = build("binary_big_endian", {
-        "vertex": (["float x", "float y", "float z"], points),
-        "face": (["list uchar int vertex_indices"], [[list(range(corners))]]),
-    })  # fmt: skip
-    document = read_data(data)
-    out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv="face")).data
-    assert b"property " + kind + b" float texcoord\n" in out
-    assert len(naive(out)["face"][0]["texcoord"]) == 2 * corners
-
-
 def test_what_lies_behind_the_elements_is_kept() -> None:
     data = sample("binary_little_endian", uv="face") + b"\0behind"
     document = read_data(data)

@@ -13,7 +13,7 @@ from circparam.formats.io import encode, read_data
 from circparam.formats.memory import PlainDocument, from_arrays
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
-from tests.support.formats_tools import assert_round_trip, grid, layout_with_seams, smooth_layout
+from tests.support.formats_tools import grid, layout_with_seams, smooth_layout
 from tests.support.ply_files import naive
 
 
@@ -44,22 +44,6 @@ def test_other_programs_read_the_default(tmp_path: Path, again: bool) -> None:
     found = meshio.read(path)
     uv = np.stack([found.point_data["s"], found.point_data["t"]], 1)
     np.testing.assert_array_equal(uv[found.cells_dict["triangle"]], corners)
-
-
-@pytest.mark.parametrize("place", ["vertex", "face"])
-@pytest.mark.parametrize("seams", [False, True])
-def test_where_the_option_says(place: str, seams: bool) -> None:
-    doc = from_arrays(*grid(3))
-    uvmap = layout_with_seams(doc) if seams else smooth_layout(doc)
-    options = WriteOptions(ply_uv=place)
-    out = encode(doc, uvmap, "ply", options=options)
-    rows = naive(out.data)
-    assert ("texcoord" in rows["face"][0]) == (place == "face")
-    added = len(rows["vertex"]) - 9
-    assert (added > 0) == (seams and place == "vertex")
-    said = f"{added} vertices duplicated along seams, behind the input's"
-    assert out.notes == ([said] if added else [])
-    assert_round_trip(doc, uvmap, "ply", options)
 
 
 @pytest.mark.parametrize(("place", "last"), [("vertex", 255), ("face", 127)])
