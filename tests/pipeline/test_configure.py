@@ -12,7 +12,6 @@ from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
-from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions
 from circparam.pipeline.cascade import FAULTY
 from circparam.pipeline.configure import (
@@ -58,11 +57,6 @@ def test_target_format(output: str | None, asked: str | None, written: str) -> N
     assert target_format(document, output, Options(format=asked)) == written
 
 
-def test_defaults_are_those_of_the_stages() -> None:
-    assert method_options(Options()) == MethodOptions()
-    assert pack_options(Options()) == PackOptions()
-
-
 def test_what_is_given_goes_to_its_stage() -> None:
     got = method_options(Options(method="circle", boundary="square", spacing="uniform", clamp=True))
     assert (got.boundary, got.spacing, got.clamp) == ("square", "uniform", True)
@@ -82,19 +76,6 @@ def seams_of(shape: tuple[np.ndarray, np.ndarray], **keywords: object) -> SeamOp
     return seam_options(document, surface, report, Options(**keywords))
 
 
-def test_seams_are_told_in_points_of_the_surface() -> None:
-    p, f = shapes.grid(3, 3)
-    doubled = np.r_[p, p[:1]]  # the last vertex lies on the first: they are one point
-    f = np.where(f == 0, len(p), f)
-    got = seams_of((doubled, f), seams=[[9, 1]], no_seams=[[3, 4]], max_charts=5, sharp=90)
-    _, report = repair(Mesh(doubled, f), RepairOptions())
-    assert got.cut is not None
-    assert got.cut.tolist() == [report.weld[[9, 1]].tolist()]
-    assert got.no_cut is not None
-    assert got.no_cut.tolist() == [report.weld[[3, 4]].tolist()]
-    assert (got.max_charts, got.sharp, got.cut_groups) == (5, np.pi / 2, False)
-
-
 @pytest.mark.parametrize("vertex", [-1, 9])
 def test_a_seam_of_no_vertex(vertex: int) -> None:
     with pytest.raises(errors.OptionError, match=f"vertex {vertex}: .* 0 to 8"):
@@ -111,18 +92,6 @@ def test_options_that_do_not_fit_the_file() -> None:
             seams_of(shapes.grid(3, 3), **keywords)
     with pytest.raises(errors.OptionError, match="share no meshes"):
         check_scene(from_arrays(*shapes.grid(3, 3)), Options(unshare=True))
-
-
-def test_materials_are_cut_unless_told_otherwise() -> None:
-    document = read(samples.path("bracket"))
-    surface, report = repair(document.mesh, RepairOptions())
-    for keywords, cut in (
-        ({}, True),
-        ({"cut_materials": True}, True),
-        ({"cut_materials": False}, False),
-    ):
-        got = seam_options(document, surface, report, Options(**keywords))
-        assert got.cut_groups == cut
 
 
 def test_atlases_lie_side_by_side(tmp_path: Path) -> None:
@@ -163,9 +132,3 @@ def test_the_bound_holds_only_where_splitting_can_reach_it() -> None:
         assert rules(Options(**free)).bound == FAULTY
     assert rules(Options()).may_split
     assert not rules(Options(cut="disk")).may_split
-
-
-def test_a_convex_map_of_a_disk_is_not_replaced_by_another() -> None:
-    assert not rules(Options(method="circle", cut="disk")).remap
-    assert rules(Options(method="circle")).remap
-    assert rules(Options(method="lscm", cut="disk")).remap

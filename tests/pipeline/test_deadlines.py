@@ -66,21 +66,3 @@ def test_no_charts_are_begun_that_the_time_is_too_short_for(
     assert ("charts" in monitor.seconds) == begun
     assert any("out of time" in note for note in seams.notes) != begun
     assert monitor.hurried
-
-
-def test_time_is_kept_for_what_comes_later(clock: Clock) -> None:
-    monitor = Monitor(timeout=10.0)
-    with monitor.holding(3.0):
-        clock.now += 6.9
-        assert not monitor.expired
-        clock.now += 0.2
-        assert monitor.expired
-        last = monitor.last
-        assert last is not None
-        assert 7.0 < last < 10.0
-    assert not monitor.expired
-    assert monitor.hurried, "something was cut short"
-    with monitor.holding(100.0, least=0.5):
-        assert not monitor.expired, "at least half of what is left"
-        clock.now += 1.5
-        assert monitor.expired

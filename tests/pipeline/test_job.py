@@ -9,7 +9,7 @@ import pytest
 from circparam import errors
 from circparam.core.monitor import Monitor
 from circparam.errors import OutOfTimeError
-from circparam.formats.io import read, read_data
+from circparam.formats.io import read_data
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import Mesh
 from circparam.pipeline.job import prepare
@@ -17,25 +17,6 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.unwrap import unwrap
 from tests.support import shapes
 from tests.support.gltf_files import full_mesh
-
-
-def test_faces_set_aside_get_uv_and_numbers_are_those_of_the_format() -> None:
-    p, f = shapes.grid(4, 4)
-    f = np.r_[f, f[2:3], [[0, 0, 1]]]
-    document = from_arrays(p, f)
-    for name, exact in (("glb", False), ("obj", True)):
-        job = prepare(document, None, Options(format=name), Monitor())
-        assert job.target == name
-        assert job.tiles is None
-        assert len(job.surface.faces) == len(f) - 2
-        cut_mesh = job.surface.cut_mesh(np.zeros(len(job.surface.edges), bool))
-        uv = np.random.default_rng(0).random((cut_mesh.n_vertices, 2))
-        whole = job.completed(cut_mesh, uv)
-        assert whole.uv_faces.shape == f.shape
-        np.testing.assert_array_equal(whole.uv, uv)
-        stored = job.stored(cut_mesh, uv)
-        assert np.array_equal(stored.uv, uv) == exact
-        np.testing.assert_allclose(stored.uv[stored.uv_faces], uv[whole.uv_faces], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -64,13 +45,6 @@ def test_an_output_without_a_place_for_uv_is_refused_before_the_work(
     with pytest.raises(errors.OptionError, match=word):
         prepare(document, target, Options(**keywords), monitor)
     assert not monitor.seconds
-
-
-def test_a_lightmap_of_an_obj_is_refused_by_the_option_that_was_given(tmp_path: Path) -> None:
-    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    document = read(tmp_path / "m.obj")
-    with pytest.raises(errors.OptionError, match="OBJ holds one uv set; leave --lightmap out"):
-        prepare(document, tmp_path / "o.obj", Options(lightmap=True), Monitor())
 
 
 def test_a_deadline_and_refused_repairs_end_it_at_once() -> None:

@@ -13,8 +13,7 @@ from circparam.errors import OptionError
 from circparam.methods import METHODS
 from circparam.packing.options import PackOptions
 from circparam.pipeline.configure import pack_options
-from circparam.pipeline.options import CUTS, Options, from_keywords
-from circparam.seams import SEAMS
+from circparam.pipeline.options import Options, from_keywords
 
 BAD = {
     "unknown cut": ({"cut": "chart"}, "choose one of charts, disk, none"),
@@ -159,10 +158,6 @@ def test_what_options_let_pass_packing_takes(name: str) -> None:
         PackOptions(**{name: beyond})
 
 
-def test_the_names_of_cuts_are_those_of_the_table() -> None:
-    assert list(CUTS) == SEAMS.names()
-
-
 def test_what_a_method_accepts_is_an_option_with_a_reason() -> None:
     """Whatever a row may accept can be given, and is refused, with a reason, where a row does not."""
     names = {name for row in METHODS for name in row.accepts}
@@ -193,13 +188,6 @@ def test_defaults_and_given() -> None:
         "boundary": "square",
         "border": "square",
     }
-
-
-def test_off_is_no_option_and_fits_with_all() -> None:
-    assert Options(stack="off", normalize=False).stack == "off"
-    assert Options(pages=4, pack_splits=3).fills_page
-    assert Options(texel_density=9.0, pack_splits=3).fills_page
-    assert not Options(pages=4, pack_splits=0).fills_page
 
 
 def test_unknown_keyword() -> None:

@@ -9,7 +9,7 @@ import circparam
 from circparam.core.monitor import Monitor
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.options import Options
-from circparam.pipeline.place import place, sized
+from circparam.pipeline.place import place
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -65,14 +65,3 @@ def test_side_by_side_the_first_stays_and_none_touches_another() -> None:
     gaps = [b[0] - a[1] for a, b in itertools.pairwise(span)]
     assert gaps == pytest.approx([0.02, 0.02]), "two hundredths of the widest"
     assert [b - a for a, b in span] == pytest.approx([1, 1, 1])
-
-
-def test_sizes_are_those_of_the_surface_but_for_charts_that_keep_theirs() -> None:
-    cut_mesh, points = patches_of(shapes.row_of(shapes.grid(4, 4), 2))
-    grown = points[:, :2] * np.where(cut_mesh.vertex_chart == 0, 5.0, 0.25)[:, None]
-
-    def width(uv: np.ndarray) -> list[float]:
-        return [float(np.ptp(uv[cut_mesh.vertex_chart == c, 0])) for c in (0, 1)]
-
-    assert width(sized(cut_mesh, grown, None)) == pytest.approx([1, 1])
-    assert width(sized(cut_mesh, grown, np.array([True, False]))) == pytest.approx([5, 1])

@@ -18,7 +18,6 @@ from circparam.pipeline.representable_uv import (
     FAR_ON_BOUNDARY,
     RADII,
     Patch,
-    following,
     mend_faces,
 )
 from circparam.pipeline.rounding_slivers import relieve
@@ -35,19 +34,6 @@ seeds = st.integers(0, 2**20)
 
 def patch_of(p: np.ndarray, f: np.ndarray, name: str) -> Patch:
     return Patch(f, p, needles.boundary_vertices(f, len(p)), ROUNDINGS[name])
-
-
-@given(st.sampled_from(sorted(ROUNDINGS)), st.tuples(numbers, numbers), st.floats(0, 1))
-def test_the_next_storable_number_is_the_next(name: str, value: tuple, t: float) -> None:
-    number = ROUNDINGS[name]
-    x = number(np.array([value]))
-    for side in (1, -1):
-        y = following(x, number, side)
-        assert (side * (y - x) > 0).all()
-        np.testing.assert_array_equal(number(y), y)
-        between = number(x + t * (y - x))
-        fine = np.abs(y - x) <= 2.0**-59  # next to zero finer numbers are left out
-        assert ((between == x) | (between == y) | fine).all()
 
 
 @given(
@@ -72,15 +58,6 @@ def test_needles_are_upright_after_a_few_units(name, make, n: int, width: float,
     for _ in range(5):
         near[f[near[f].any(1)]] = True
     assert not away[~near].any(), "only what is near a spoilt face moves"
-
-
-def test_doubles_are_representable_too() -> None:
-    """Rows of vertices that fall together in doubles come apart by a few units of doubles."""
-    p, f = needles.band(np.random.default_rng(3), 12, 1e-10)
-    p = ROUNDINGS["f4"](p)
-    uv, _ = mend_faces(patch_of(p, f, "f8"))
-    assert (signs(uv, f) > 0).all()
-    assert 0 < np.abs(uv - p).max() < RADII[-1] * 2.0**-52
 
 
 @pytest.mark.parametrize("inside", [False, True])
@@ -140,20 +117,6 @@ def test_slivers_are_upright_and_hardly_distorted(
         assert energy(f, p, got) < 1.02
     away = np.abs(got - patch.start).max(1)
     assert away[patch.on_boundary].max(initial=0.0) <= FAR_ON_BOUNDARY * 2.0**-23
-
-
-def test_a_needle_left_with_a_cell_gets_its_area_back_and_no_other_face_moves() -> None:
-    p = np.array([[0.25, 0.25], [0.75, 0.25], [0.5, 0.75], [0.25 + 3e-6, 0.25 + 2e-6]])
-    f = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    patch = patch_of(p, f, "f4")
-    at = patch.start.copy()
-    at[3] = np.float32(0.25) + np.array([2.0**-16, 2.0**-25])  # upright, all but flat
-    assert (signs(at, f) > 0).all()
-    assert energy(f, p, at) > 1.1
-    assert energy(f, p, relieve(patch, at, np.zeros(3, np.int64))) < 1.001
-    whole = patch_of(*fan_with_needles(np.random.default_rng(1), 5, 0.3, 1e-2), "f4")
-    same = relieve(whole, whole.start, np.zeros(len(whole.faces), np.int64))
-    np.testing.assert_array_equal(same, whole.start)
 
 
 def flat_chart(p: np.ndarray, f: np.ndarray) -> tuple[CutMesh, np.ndarray]:
@@ -220,22 +183,6 @@ def test_a_sound_layout_is_only_rounded_and_moves_are_counted() -> None:
         assert got.sound
         assert got.moved == (got.uv != ROUNDINGS["f4"](uv)).any(1).sum()
         assert (got.moved > 0) == moves == any("nearby storable" in note for note in got.notes)
-
-
-def test_a_chart_that_meets_itself_is_repaired_beside_others_as_alone() -> None:
-    number, (one, uv) = ROUNDINGS["f4"], slit()
-    other, place = flat_chart(*shapes.grid(12, 12))
-    n, m, place = one.n_vertices, len(one.faces), 0.25 * place + [0.7, 0.7]
-    both = CutMesh(
-        np.r_[one.faces, other.faces + n],
-        np.r_[one.rest_triangles, other.rest_triangles],
-        np.r_[one.chart, other.chart + 1],
-        np.r_[one.edges, other.edges + 3 * m],
-    )
-    got = store(both, np.r_[uv, place], np.zeros(2, bool), number)
-    assert got.sound
-    alone = store(one, uv, np.zeros(1, bool), number)
-    np.testing.assert_array_equal(got.uv, np.r_[alone.uv, number(place)])
 
 
 def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
