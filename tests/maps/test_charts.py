@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.errors import InputError, TopologyError
-from circparam.maps.charts import chart_graph
-from circparam.maps.map_input import map_input_of
+from circparam.errors import TopologyError
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support import pairs, shapes, tori
 from tests.support.baking import stored
@@ -45,15 +43,6 @@ def test_charts_go_to_charts(tmp_path: Path, relax: bool) -> None:
         assert gap[inside].max() < 1.05
     far = (there - own + [2, 1.5]) % [4, 3] - [2, 1.5]
     assert np.abs(far).max() < 0.6
-
-
-def test_what_has_a_symmetry_needs_landmarks(tmp_path: Path) -> None:
-    x = tori.patchwork(24, 12, 4, 3)
-    a = stored(tmp_path, "a", *x)
-    with pytest.raises(InputError, match=r"correspond in 24 ways: give --landmarks"):
-        circparam.map_surfaces(a, a, charts=True)
-    found = circparam.map_surfaces(a, a, charts=True, landmarks=beside(a.mesh, a.mesh))
-    assert np.abs(found.map.to_b.of(a.mesh.points, a.mesh.faces) - a.mesh.points).max() < 1e-3
 
 
 def net(level: int, directions: np.ndarray, seed: int) -> tuple[Mesh, UVMap]:
@@ -114,13 +103,6 @@ def test_a_ring_is_no_chart(tmp_path: Path) -> None:
     a = stored(tmp_path, "a", *tori.patchwork(24, 12, 3, 1))
     with pytest.raises(TopologyError, match="closed loop that meets no other"):
         circparam.map_surfaces(a, a, charts=True)
-    rings, layout = tori.patchwork(24, 12, 3, 1)
-    side = map_input_of(rings, "A")
-    at = tori.angles(rings.points)
-    goals = [[k * 2 * np.pi / 3, 0] for k in (0, 1, -1)]
-    marks = [int(side.vertex[np.linalg.norm(at - goal, axis=1).argmin()]) for goal in goals]
-    with pytest.raises(TopologyError, match=r"chart of face .* is a ring"):
-        chart_graph(side, layout, marks)
 
 
 def test_a_layout_without_seams_is_refused(tmp_path: Path) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.errors import InputError, OptionError
+from circparam.errors import InputError
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import from_arrays
 from circparam.formats.source import Source
-from circparam.maps.morph import key_frames, morph
+from circparam.maps.morph import morph
 from circparam.maps.surface_map import Places
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.bake.test_write import chunks
@@ -206,17 +206,6 @@ def test_faces_that_end_against_the_other_surface_are_counted(tmp_path: Path):
     assert made.report["reversed"] == against
 
 
-@pytest.mark.parametrize("frames", [2, 3, 13, 100])
-def test_key_frames_go_there_and_back_evenly(frames: int):
-    times, weights = key_frames(frames)
-    assert len(times) == 2 * frames - 1
-    assert (np.diff(times) > 0).all()
-    assert np.allclose(np.diff(times), times[1])
-    assert (weights[0], weights[frames - 1], weights[-1]) == (0, 1, 0)
-    assert np.array_equal(weights, weights[::-1])
-    assert (np.diff(weights[:frames]) > 0).all()
-
-
 @pytest.mark.parametrize("uv", [True, False])
 def test_the_validator_finds_nothing_and_the_animation_plays_the_weight(tmp_path: Path, uv: bool):
     a, b = belt(6, 12), belt(8, 16, 0.05)
@@ -249,29 +238,12 @@ def test_the_validator_finds_nothing_and_the_animation_plays_the_weight(tmp_path
 def test_what_is_refused(tmp_path: Path):
     a, b = belt(4, 8), belt(5, 9)
     one, two = stored(tmp_path, "one", *a), stored(tmp_path, "two", *b)
-    mapped = known_map(one.mesh, two.mesh)
     with pytest.raises(InputError, match=r"two\.obj: the map was made for another mesh"):
         morph(one, two, same_map(one.mesh))
-    for frames in (1, 0, -3, 10_001):
-        with pytest.raises(OptionError, match="key frames"):
-            morph(one, two, mapped, frames)
     over = Mesh(two.mesh.points, two.mesh.faces[:, ::-1])
     turned = stored(tmp_path, "turned", over, UVMap(b[1].uv, b[1].uv_faces[:, ::-1]))
     with pytest.raises(InputError, match="mirrored"):
         morph(one, turned, known_map(one.mesh, turned.mesh))
-
-
-def test_vertices_that_no_face_uses_stay(tmp_path: Path):
-    mesh, layout = belt(4, 8)
-    loose = Mesh(np.concatenate([mesh.points, [[9.0, 9, 9]]]), mesh.faces)
-    one = stored(tmp_path, "one", loose, layout)
-    two = stored(tmp_path, "two", Mesh(mesh.points * 2, mesh.faces), layout)
-    mapped = same_map(one.mesh, two.mesh)
-    mapped.to_b.face[-1] = -1
-    back = Places(mapped.to_b.face[:-1], mapped.to_b.weights[:-1])
-    mapped = replace(mapped, to_a=back)
-    points, _ = ends(reopened(morph(one, two, mapped).data))
-    assert points[len(mesh.points)].tolist() == [9, 9, 9]
 
 
 def flat_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
