@@ -14,7 +14,6 @@ from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
-from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import assert_promises, relaxed, surface_of
 from tests.support.formats_tools import corpus_files
@@ -178,7 +177,6 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one() -> None:
     assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1
 
 
-FINE = RelaxOptions(tolerance=1e-8, max_iterations=60)
 FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 

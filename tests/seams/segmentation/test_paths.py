@@ -56,10 +56,6 @@ def test_two_chains_between_the_same_ends_get_the_same_edge() -> None:
     assert len(found.failed) == 0
 
 
-def line(count: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.arange(count - 1), np.arange(1, count)
-
-
 def test_paths_stay_in_their_own_band_and_take_the_lightest_way() -> None:
     """Two ways round a square, one of them lighter; then the lighter one belongs to nobody, then to another."""
     a, b = np.array([0, 1, 0, 2]), np.array([1, 3, 2, 3])
