@@ -7,11 +7,12 @@ effort contains the searches of less, a draft included, and never gives a dearer
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
 
+from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -98,45 +99,65 @@ def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Ef
     return best, Effort(len(costs), tuple(costs), kept, options.searches - len(costs))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Drafted:
-    """A draft beside a full search, which never costs more than the draft does.
+    """A draft beside a full search: a rival that it must not cost more than, and its fallback when time is up.
 
     The cheaper layout of both gets its page. The other one may still cost less on its own page if that layout
     is the draft's, so this page is made too, with as little work as in a draft.
+
+    rival: the draft also replaces a full search that ended in time.
     """
 
     job: Job
     asked: SeamOptions
     seams: DeferredTask
+    rival: bool
+    _layout: Cascade | None = None
+    _paged: Cascade | None = None
 
     @classmethod
-    def of(cls, job: Job, monitor: Monitor) -> "Drafted | None":
-        """The draft, begun where a process is idle; None if a search contains it."""
+    def of(cls, job: Job, monitor: Monitor, full_search: float) -> "Drafted | None":
+        """The draft, begun where a process is idle; None if a search contains it and has enough time.
+
+        full_search: seconds that a full search may take. If fewer are left, the draft comes first, with its
+        page.
+        """
         options, surface = job.options, job.surface
         if options.draft or not applies.searches(options):
             return None
         from circparam.seams.charts import contains_draft
 
         asked = seam_options(job.document, surface, job.repair_report, options)
-        if contains_draft(surface, asked):
+        rival, urgent = not contains_draft(surface, asked), monitor.short(full_search)
+        if not (rival or urgent):
             return None
         task = (surface, asked, options.cut, Search(draft=True))
-        seams = DeferredTask(monitor.jobs, _seams, task, monitor)
-        seams.begin()
-        return cls(job, asked, seams)
+        draft = cls(job, asked, DeferredTask(monitor.jobs, _seams, task, monitor), rival)
+        if urgent:
+            with monitor.stage("draft"), clock.bounded(monitor.last), suppress(*FAILURES):
+                layout = draft.layout(monitor)
+                if layout is not None:
+                    draft.on_page(layout, monitor)
+        else:
+            draft.seams.begin()
+        return draft
 
     def layout(self, monitor: Monitor) -> Cascade | None:
         """The layout of the draft; None if there is no time for it."""
-        seams = None if monitor.expired else self.seams.result()
-        if seams is None:
-            return None
-        return _laid_out(surface_of_layout(self.job.surface, self.asked), seams, self.job.options)
+        if self._layout is None and not monitor.expired:
+            seams = self.seams.result()
+            if seams is not None:
+                surface = surface_of_layout(self.job.surface, self.asked)
+                self._layout = _laid_out(surface, seams, self.job.options)
+        return self._layout
 
     def on_page(self, layout: Cascade, monitor: Monitor) -> Cascade:
         """The layout on the page of a draft."""
-        quick = replace(self.job.options, effort=0.0)
-        return _packed(with_room(layout, quick, monitor), quick, monitor)
+        if self._paged is None:
+            quick = replace(self.job.options, effort=0.0)
+            self._paged = _packed(with_room(layout, quick, monitor), quick, monitor)
+        return self._paged
 
 
 def on_page(
@@ -146,16 +167,20 @@ def on_page(
 
     A draft replaces the layout if it costs less.
     """
-    with monitor.stage("draft"):
-        other = None if draft is None else draft.layout(monitor)
+    other, hurried = None, monitor.hurried
+    if draft is not None and (draft.rival or hurried):
+        with monitor.stage("draft"):
+            other = draft.layout(monitor)
     if draft is None or other is None:
         return with_room(cascade, options, monitor), cascade
+    if hurried:
+        other = other.noted("out of time for a full search: its charts are those of a draft")
     sound = not cascade.repairs and np.isfinite(cascade.atlas.corners).all()
     if not sound or finished_cost(other) < finished_cost(cascade):
         cascade = other
     filled = _packed(with_room(cascade, options, monitor), options, monitor)
     if finished_cost(other) < cost_of(filled, options):  # perhaps, if the page of the draft is full
-        drafted = draft.on_page(other, monitor)
+        drafted = draft.on_page(other, monitor).noted(*other.notes)
         if cost_of(drafted, options) < cost_of(filled, options):
             return drafted, other
     return filled, cascade

@@ -44,6 +44,7 @@ from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, stored_la
 # machine: for projected charts with all later stages; for packing in rows, writing and verifying; for all but
 # packing.
 LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
+SEARCH_COST = 600.0  # a long full search, as the same multiple
 RESERVE_SECONDS = 0.05  # seconds added to the reserve
 KEEPING = 100_000  # faces from which on freed memory is kept for the next arrays
 
@@ -144,7 +145,7 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
     with monitor.holding(PACK_COST * pace + RESERVE_SECONDS), monitor.stage("seams"):
-        draft = Drafted.of(job, monitor)
+        draft = Drafted.of(job, monitor, SEARCH_COST * pace)
         seams = checkpoint.seams_of(job, monitor, find_seams)
         with monitor.stage("flatten"):
             cascade = first_layout(job, seams, monitor)

@@ -7,7 +7,12 @@ import pytest
 
 import circparam
 from circparam import errors
+from circparam.core.monitor import Monitor
+from circparam.pipeline.configure import open_source
+from circparam.pipeline.flatten import find_seams, first_layout
+from circparam.pipeline.job import prepare
 from circparam.pipeline.options import HOUR, Options
+from circparam.pipeline.searches import Drafted, cost_of, on_page
 from circparam.seams.cost import COST
 from tests.support import shapes
 from tests.support.clock import Clock
@@ -73,6 +78,24 @@ def test_a_draft_keeps_every_promise(shape: shapes.Shape) -> None:
     assert measures["distortion_max_chart"] <= 1.05
     assert measures["share_over_2"] <= 1e-3
     assert measures["gap_texels"] is None or measures["gap_texels"] >= 4
+
+
+@pytest.mark.parametrize(
+    "shape", [bumpy(3), shapes.cube(8), shapes.noisy(*shapes.torus(50, 25), amount=0.06, seed=1)]
+)
+def test_where_time_is_up_a_full_search_costs_no_more_than_a_draft(
+    shape: shapes.Shape, clock: Clock
+) -> None:
+    """The draft comes first where a full search may not end in time, on every kind of surface."""
+    options, monitor = Options(jobs=1, **PAGE), Monitor(timeout=10.0)
+    job = prepare(open_source(shape, options), None, options, monitor)
+    draft = Drafted.of(job, monitor, 20.0)
+    clock.now += 20.0
+    cascade = first_layout(job, find_seams(job, monitor), monitor)
+    found, _ = on_page(cascade, draft, options, monitor)
+    assert monitor.hurried
+    assert cost_of(found, options) <= cost(unwrapped(shape, effort="draft")) * 1.02
+    assert any("out of time" in note for note in found.notes)
 
 
 def test_time_chooses_the_effort_where_nothing_else_does(clock: Clock) -> None:
