@@ -65,11 +65,27 @@ def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     return fill_page(cascade, options, monitor)
 
 
-def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Effort]:
+def begun_beside(job: Job, monitor: Monitor) -> list[DeferredTask]:
+    """The next searches, one for each idle process; none where time decides how many are made."""
+    options = job.options
+    if options.searches < 2 or monitor.jobs < 2 or monitor.deadline is not None:
+        return []
+    asked = seam_options(job.document, job.surface, job.repair_report, options)
+    numbers = range(1, min(options.searches, monitor.jobs))
+    tasks = [(job.surface, asked, options, number) for number in numbers]
+    begun = [DeferredTask(monitor.jobs, searched, task, monitor) for task in tasks]
+    for search in begun:
+        search.begin()
+    return begun
+
+
+def best_layout(
+    first: Cascade, begun: list[DeferredTask], job: Job, monitor: Monitor
+) -> tuple[Cascade, Effort]:
     """The cheapest of the layout at hand and those of further searches, as many as the effort asks for.
 
-    first: the layout of the first search, with its cuts for a fuller page. Where there is a deadline, searches
-    are begun as long as one is likely to end in time.
+    first: the layout of the first search, with its cuts for a fuller page. begun: of ``begun_beside``. Where
+    there is a deadline, searches are begun as long as one is likely to end in time.
     """
     options = job.options
     numbers = range(1, options.searches)
@@ -85,16 +101,17 @@ def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Ef
         while len(costs) <= len(numbers):
             if monitor.short(LIKELY * took):
                 break
-            begun = time.monotonic()
+            since = time.monotonic()
             some = numbers[len(costs) - 1 : len(costs) - 1 + wave]
-            tasks = [(job.surface, asked, options, number) for number in some]
-            for found in Worker(monitor.jobs).map(searched, tasks, monitor):
+            tasks = [(job.surface, asked, options, number) for number in some[len(begun) :]]
+            later = Worker(monitor.jobs).map(searched, tasks, monitor)
+            for found in [*(search.result() for search in begun), *later]:
                 costs.append(np.inf if found is None else found.cost)
                 if found is not None and found.cost < costs[kept]:
                     atlas = Atlas(first.atlas.surface, found.cut, found.corners)
                     best = Cascade(atlas, rules(options), notes=found.notes, packing=found.packing)
                     kept = len(costs) - 1
-            took = time.monotonic() - begun
+            took = time.monotonic() - since
             monitor.update((len(costs) - 1) / len(numbers))
     return best, Effort(len(costs), tuple(costs), kept, options.searches - len(costs))
 

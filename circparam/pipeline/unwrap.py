@@ -36,7 +36,7 @@ from circparam.pipeline.pinned import check_pins, check_storable
 from circparam.pipeline.result import Effort, Result, verify_layout, with_status
 from circparam.pipeline.save import save
 from circparam.pipeline.seam_visibility import SeamVisibility
-from circparam.pipeline.searches import Drafted, best_layout, on_page
+from circparam.pipeline.searches import Drafted, begun_beside, best_layout, on_page
 from circparam.pipeline.stacks import copies_hold
 from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, stored_layout
 
@@ -145,6 +145,7 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
     with monitor.holding(PACK_COST * pace + RESERVE_SECONDS), monitor.stage("seams"):
+        begun = begun_beside(job, monitor)
         draft = Drafted.of(job, monitor, SEARCH_COST * pace)
         seams = checkpoint.seams_of(job, monitor, find_seams)
         with monitor.stage("flatten"):
@@ -152,7 +153,7 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
     with monitor.holding(WRITE_COST * pace + RESERVE_SECONDS):
         with monitor.stage("pack"):
             filled, cascade = on_page(cascade, draft, options, monitor)
-        best, effort = best_layout(filled, job, monitor)
+        best, effort = best_layout(filled, begun, job, monitor)
         if best is filled and options.fills_one_page and not options.draft:
             from circparam.pipeline.advice import advised  # the FFT takes 0.1 s to import
 
