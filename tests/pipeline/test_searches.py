@@ -68,19 +68,6 @@ def test_a_full_search_costs_no_more_than_a_draft() -> None:
 
 
 @pytest.mark.parametrize(
-    "shape", [bumpy(3), shapes.cube(3), shapes.torus(24, 12), shapes.handles(2), shapes.grid()]
-)
-def test_a_draft_keeps_every_promise(shape: shapes.Shape) -> None:
-    result = unwrapped(shape, effort="draft")
-    measures: dict[str, Any] = result.measures
-    assert result.status == "ok"
-    assert measures["flips"] == measures["overlap"] == measures["mirrored"] == 0
-    assert measures["distortion_max_chart"] <= 1.05
-    assert measures["share_over_2"] <= 1e-3
-    assert measures["gap_texels"] is None or measures["gap_texels"] >= 4
-
-
-@pytest.mark.parametrize(
     "shape", [bumpy(3), shapes.cube(8), shapes.noisy(*shapes.torus(50, 25), amount=0.06, seed=1)]
 )
 def test_where_time_is_up_a_full_search_costs_no_more_than_a_draft(
@@ -115,11 +102,6 @@ def test_an_effort_beside_a_deadline_ends_with_the_earlier_one() -> None:
     assert Options(timeout=900.0).searches == HOUR
     assert Options().searches == 1
     assert Options(effort=0.5, timeout=900.0).searches == 1
-
-
-def test_charts_stay_within_the_number_asked_for() -> None:
-    result = unwrapped(bumpy(), effort=2, max_charts=3, max_distortion=1.5)
-    assert result.measures["charts"] <= 3
 
 
 @pytest.mark.parametrize("word", ["fast", "drft", "nomal", -1, float("nan"), 1e9])

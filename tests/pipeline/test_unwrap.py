@@ -50,10 +50,8 @@ def test_every_method_gives_a_valid_layout(method: str) -> None:
     assert result.options.method == method
 
 
-@pytest.mark.parametrize(
-    "name", ["icosphere", "torus", "cube", "moebius", "klein", "cylinder", "pinched", "fins"]
-)
-def test_charts_of_known_shapes_keep_the_bound(name: str) -> None:
+@pytest.mark.parametrize("name", ["moebius", "klein", "pinched"])
+def test_charts_of_odd_shapes_keep_the_bound(name: str) -> None:
     result = circparam.unwrap(getattr(shapes, name)(), **QUICK)
     assert result.status in ("ok", "repaired"), result.reasons
     assert result.verification.valid
