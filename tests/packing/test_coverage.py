@@ -97,12 +97,3 @@ def test_faces_without_area_are_scanned():
     flat = np.array([[10.5, 10.5], [20.5, 20.5], [15.5, 15.5], [30, 30], [40, 30], [30, 40]])
     shapes = agrees(np.array([[0, 1, 2], [3, 4, 5]]), flat, np.array([0, 1]))
     assert shapes.simple.tolist() == [False, True]
-
-
-def test_texels_of_two_owners_are_counted():
-    square = np.array([[0.0, 0], [8, 0], [8, 8], [0, 8]]) + 0.3
-    uv = np.concatenate([square, square + np.array([4, 2])])
-    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
-    (grid, clashes), _ = by_outline(faces, uv, np.array([0, 0, 1, 1]))
-    assert clashes == 4 * 6
-    assert np.bincount(grid.ravel() + 1)[1:].tolist() == [8 * 8 - 24] * 2  # shared texels have none

@@ -52,15 +52,6 @@ def test_a_chart_without_a_border_ends_at_its_folds():
     )
 
 
-def test_a_chart_without_border_and_fold_is_known_by_all_its_edges():
-    """A face twice, the same way round."""
-    shapes = shapes_of(
-        np.array([[0, 1, 2], [0, 1, 2]]), np.array([[0.0, 0], [2, 0], [0, 1]]), np.zeros(2, int)
-    )
-    assert np.diff(shapes.edge_start).tolist() == [6]
-    np.testing.assert_allclose(shapes.boxes(np.zeros(1)), [[-1, -0.5, 1, 0.5]])
-
-
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6))
 def test_boxes_hold_what_is_placed(seed):
@@ -77,18 +68,6 @@ def test_boxes_hold_what_is_placed(seed):
         np.testing.assert_allclose(box[c, 2:], placed[v].max(0), atol=1e-9)
         turned = (shapes.points[v] @ [1, 1j]) * scale * np.exp(1j * angle[c]) + offset[c] @ [1, 1j]
         np.testing.assert_allclose(placed[v] @ [1, 1j], turned, atol=1e-9)
-
-
-def test_quarter_turns_are_exact():
-    shapes = shapes_of(
-        np.array([[0, 1, 2]]), np.array([[0.0, 0], [1, 0], [0, 1]]), np.zeros(1, int)
-    )
-    for k, axes in enumerate(
-        [[[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]]]
-    ):
-        for turn in (k, k - 4):
-            placed = shapes.place(np.array([turn * np.pi / 2]), np.zeros((1, 2)), 1.0)
-            np.testing.assert_array_equal(placed, shapes.points @ np.array(axes))
 
 
 @settings(max_examples=30)

@@ -17,7 +17,7 @@ from circparam.packing.pack import finish
 from circparam.packing.placement import PackTask, Placement
 from circparam.packing.rows import row_placement
 from circparam.packing.shelf import shelf_placement
-from circparam.packing.skyline import profiles, skyline_placement
+from circparam.packing.skyline import skyline_placement
 from circparam.packing.table import SKYLINE_CHARTS
 from tests.support.packing import QUICK, blobs, rectangles, triangles
 
@@ -90,14 +90,6 @@ def test_ragged_charts_sink_into_each_other(packer: str, gain: float) -> None:
     assert tight.scale**2 > gain * boxes.scale**2
 
 
-def test_a_page_of_rows_is_full_before_the_next_begins() -> None:
-    """Of 16 squares to a page 40 need two full pages and half of the third."""
-    options = PackOptions(256, 2, "none", pages=4, texel_density=58.0)
-    for packer in ("rows", "shelf"):
-        found = placed(packer, rectangles(np.ones((40, 2))), options)
-        assert np.bincount(found.page).tolist() == [16, 16, 8]
-
-
 def test_boxes_without_extent_have_places_of_their_own_or_none() -> None:
     points = rectangles(np.full((9, 2), 1e-200))
     assert shelf_placement(points, PackOptions(resolution=9, padding=2)) is not None
@@ -121,40 +113,3 @@ def test_more_charts_than_a_skyline_takes_go_into_rows_where_these_are_fuller() 
         found = row_placement(shapes, options, Monitor(), boxes.scale)
         assert (found is not None) == fuller
     assert pack(*triangles(SKYLINE_CHARTS + 1, 5), PackOptions(1024, 1)).share[0] > 0.25
-
-
-@pytest.mark.parametrize("grow", [0.0, 3.7])
-@pytest.mark.parametrize("cell", [0.5, 2.0])
-def test_column_bounds_hold_the_grown_chart_and_hardly_more(grow: float, cell: float) -> None:
-    """Points of the outline grown by a disc lie between the bounds of their column, close to them somewhere."""
-    shapes = shapes_of(*blobs(4, 7, 0.3))
-    angle, scale = np.random.default_rng(1).uniform(0, 6, (4, 2)), 12.0
-    found = profiles(shapes, angle, scale, grow, cell)
-    circle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-    disc = grow * np.stack([np.cos(circle), np.sin(circle)], 1)
-    t = np.linspace(0, 1, 60)[:, None, None]
-    for e in range(8):
-        a, b = shapes.outline(e // 2)
-        k, s = np.cos(angle.flat[e]), np.sin(angle.flat[e])
-        p = (a * (1 - t) + b * t).reshape(-1, 2) @ np.array([[k, s], [-s, k]]) * scale
-        p = (p[:, None] + disc).reshape(-1, 2)
-        part = slice(found.start[e], found.start[e + 1])
-        lower, upper = found.lower[part], found.upper[part]
-        assert [lower.min(), upper.max()] == pytest.approx([p[:, 1].min(), p[:, 1].max()], abs=0.05)
-        x = (p[:, 0] - found.left[e]) / cell
-        assert -1e-6 < x.min() < x.max() < len(lower) + 1e-6
-        assert len(lower) <= np.ptp(x) + 4
-        inside = np.abs(x - np.round(x)) > 1e-6  # on a line between columns either may hold it
-        y, column = p[inside, 1], np.floor(x[inside]).astype(int)
-        assert (lower[column] - 1e-3 <= y).all()
-        assert (y <= upper[column] + 1e-3).all()
-
-
-def test_a_chart_in_parts_is_bounded_where_it_is() -> None:
-    """Nothing lies between two far parts of one chart, so that their columns rest on nothing."""
-    p = np.array([[0.0, 0], [1, 0], [0, 1], [8, 4], [9, 4], [8, 5]])
-    shapes = shapes_of(np.array([[0, 1, 2], [3, 4, 5]]), p, np.zeros(2, int))
-    found = profiles(shapes, np.zeros((1, 1)), 1.0, 0.0, 0.25)
-    assert (found.lower[6:30] > found.upper[6:30]).all()
-    assert found.lower[0] == pytest.approx(-2.5)
-    assert found.upper[-1] == pytest.approx(1.5, abs=0.3)

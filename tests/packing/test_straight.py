@@ -46,15 +46,6 @@ def test_the_angle_lays_borders_along_the_axes() -> None:
     assert not found.lying(found.angle + 1e-6).any()
 
 
-def test_an_angle_at_the_end_of_the_bins_is_no_exception() -> None:
-    """Borders half a quarter of a degree to both sides of an axis belong to one direction."""
-    p = np.array([[0.0, 0], [1, 1e-3], [2, 0], [2, 1], [0, 1]])
-    faces = np.array([[0, 1, 4], [1, 3, 4], [1, 2, 3]])
-    found = straight_charts(shapes_of(faces, p, np.zeros(3, int)), np.inf)
-    assert found.counts.all()
-    assert abs(np.mod(found.angle[0] + QUARTER / 2, QUARTER) - QUARTER / 2) < 1e-6
-
-
 def test_round_and_long_charts_do_not_count() -> None:
     assert not straight_charts(shapes_of(*blobs(20, 3)), np.inf).counts.any()
     faces, uv, chart, _ = turned_boxes(20, 1)

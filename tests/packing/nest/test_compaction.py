@@ -9,14 +9,13 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.packing.budget import Budget
-from circparam.packing.nest.compaction import Ascent, Growth, compaction_step
-from circparam.packing.nest.contacts import find_contacts, sample_outlines
+from circparam.packing.nest.compaction import Ascent, Growth
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import Placement
 from circparam.packing.skyline import skyline_placement
-from tests.support.packing import blobs, rectangles
+from tests.support.packing import rectangles
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -42,27 +41,10 @@ def growth_of(shapes, options, budget=None):
     return Growth(shapes, options, budget or Budget(1e9, lambda: False))
 
 
-def step(growth, placement, trust, strict=False):
-    found = growth.contacts(placement, trust)
-    return compaction_step(growth, placement, found, trust, strict)
-
-
 def lone_square(options, scale=20.0):
     shapes = rectangles([[1.0, 1.0]])
     middle = np.full((1, 2), options.resolution / 2)
     return shapes, Placement(scale, np.zeros(1), middle, np.zeros(1, int))
-
-
-@pytest.mark.parametrize("resolution", [512, 2048])
-def test_a_step_grows_by_the_trust_region_and_no_further(resolution):
-    """Far from everything a chart's furthest point moves by the trust region, in texels of a page of 2048."""
-    options = PackOptions(resolution=resolution, padding=2, rotate="none")
-    shapes, start = lone_square(options)
-    after = step(growth_of(shapes, options), start, 8.0)
-    reach = shapes.radius[0] * start.scale
-    assert after.scale / start.scale - 1 == pytest.approx(8.0 * resolution / 2048 / reach)
-    assert np.abs(after.offset - start.offset).max() <= 8.0 * resolution / 2048 * (1 + 1e-9)
-    np.testing.assert_array_equal(after.angle, start.angle)
 
 
 @pytest.mark.parametrize("corner", [[0, 0], [0, 1], [1, 0], [1, 1]])
@@ -110,54 +92,6 @@ def test_a_rod_turns_to_the_diagonal_only_where_it_may():
         assert found[rotate].scale == pytest.approx(
             room / (10 * np.cos(0.3) + 0.1 * np.sin(0.3)), rel=2e-3
         )
-
-
-def test_the_budget_counts_rows_and_ends_the_steps():
-    options = PackOptions(resolution=512, padding=2)
-    shapes, start = lone_square(options, 100.0)
-    budget = Budget(10.0, lambda: False)
-    after = Ascent(start).climb(growth_of(shapes, options, budget))
-    assert budget.left < 10.0
-    many = Ascent(start).climb(growth_of(shapes, options))
-    assert start.scale < after.scale < many.scale
-    late = Ascent(start).climb(growth_of(shapes, options, Budget(1e9, lambda: True)))
-    assert late.scale == start.scale
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_short_step_keeps_all_distances_while_charts_turn(seed: int) -> None:
-    """To first order nothing comes nearer than the gap, whichever way the charts turn."""
-    options = PackOptions(resolution=512, padding=4)
-    shapes = shapes_of(*blobs(8, seed, 0.3))
-    start = skyline_placement(shapes, options, Monitor())
-    assert start is not None
-    growth = growth_of(shapes, options)
-    placement, turned = start, 0.0
-    for _ in range(12):
-        after = step(growth, placement, 1.0, strict=True)
-        assert after is not None
-        turned = max(turned, float(np.abs(after.angle - placement.angle).max()))
-        found = find_contacts(after, sample_outlines(shapes, 0.5 / after.scale), 8.0)
-        assert np.linalg.norm(found.p - found.q, axis=1).min() > options.gap - 0.2
-        placement = after
-    assert turned > 1e-3
-    assert placement.scale > start.scale
-
-
-def test_charts_that_overlap_are_seen_whatever_the_distance_of_their_outlines():
-    """A small square inside a large one, whose outlines are far apart, or over its side."""
-    options = PackOptions(resolution=512, padding=4)
-    shapes = rectangles([[1.0, 1.0], [0.2, 0.2]])
-    options = replace(options, pages=2)
-    for inside, page, expected in (
-        (256.0, 0, True),
-        (356.0, 0, True),
-        (470.0, 0, False),
-        (256.0, 1, False),
-    ):
-        offset = np.array([[256.0, 256], [inside, 256]])
-        placement = Placement(200.0, np.zeros(2), offset, np.array([0, page]))
-        assert (finish(shapes, placement, options)[1] is not None) == expected
 
 
 def test_three_faces_at_an_edge_are_no_overlap() -> None:

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from circparam.packing.nest.contacts import (
-    THINNED_SHARE,
     find_contacts,
     sample_outlines,
     to_world,
 )
 from circparam.packing.outlines import shapes_of
 from circparam.packing.placement import Placement
-
-SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
 
 def polygons(*rings):
@@ -37,41 +34,6 @@ def at(*offsets, scale=1.0, angle=None, page=None):
     n = len(offsets)
     turned = np.zeros(n) if angle is None else np.array(angle, float)
     return Placement(scale, turned, np.array(offsets, float), np.array(page or [0] * n))
-
-
-def test_samples_lie_on_their_edges_at_most_a_step_apart():
-    for step in (0.07, 0.5, 3.0):
-        found = outlines(SQUARE, SQUARE * 2, step=step)
-        for c in (0, 1):
-            on = found.chart == c
-            points = found.points[on] / (c + 1)
-            assert np.abs(points).max(1) == pytest.approx(np.ones(len(points)))  # on the boundary
-            ring = points[np.argsort(np.arctan2(points[:, 1], points[:, 0]))]
-            gaps = np.linalg.norm(np.roll(ring, -1, 0) - ring, axis=1)
-            assert gaps.max() <= (2.0 if step >= 2 else step / (c + 1)) * (1 + 1e-9)
-            for corner in SQUARE:
-                assert np.abs(points - corner).sum(1).min() < 1e-12
-        d = found.end - found.start
-        t = ((found.points - found.start) * d).sum(1) / (d * d).sum(1)
-        np.testing.assert_allclose(found.start + t[:, None] * d, found.points, atol=1e-12)
-        assert ((t >= -1e-12) & (t <= 1)).all()
-        assert (np.diff(found.chart) >= 0).all()
-
-
-def test_short_edges_are_thinned_but_nowhere_lost():
-    t = np.arange(1000) * 2 * np.pi / 1000
-    circle = np.stack([np.cos(t), np.sin(t)], 1)
-    thinned = outlines(circle, step=0.4).points
-    assert len(thinned) < 2 * 2 * np.pi / (0.4 * THINNED_SHARE)
-    assert len(outlines(circle, step=0.005).points) >= 1000
-    far = np.linalg.norm(circle[:, None] - thinned, axis=2).min(1)
-    assert far.max() <= 0.4 * THINNED_SHARE * np.sqrt(2) + 1e-9
-
-
-def test_world_turns_scales_and_moves():
-    placement = at([0, 0], [3, 4], scale=2.0, angle=[0, np.pi / 2])
-    here = to_world(placement, np.array([1, 0]), np.array([[1.0, 0], [1, 0]]))
-    np.testing.assert_allclose(here, [[3, 6], [2, 0]], atol=1e-12)
 
 
 def random_contacts(seed, side, n=6, reach=2.5):
@@ -109,39 +71,6 @@ def test_contacts_against_all_pairs(seed, side):
             if near:
                 assert distance[here].min() == pytest.approx(gap, abs=0.05 * 1.7)
                 assert distance[here].min() <= gap + 1e-9  # to the edge, not to its sample
-
-
-def test_of_each_square_only_the_nearest_pair_counts():
-    """Fewer contacts on larger squares, and each that is left out has a nearer one about a square away."""
-    side = 0.7
-    *_, everything = random_contacts(1, 0.0)
-    *_, thinned = random_contacts(1, side)
-    assert 0 < len(thinned.i) < len(everything.i) / 3
-    distance = [np.linalg.norm(c.p - c.q, axis=1) for c in (everything, thinned)]
-    middle = [(c.p + c.q) / 2 for c in (everything, thinned)]
-    for k in range(len(everything.i)):
-        same = (thinned.i == everything.i[k]) & (thinned.j == everything.j[k])
-        close = np.linalg.norm(middle[1][same] - middle[0][k], axis=1) < side * np.sqrt(2) + 0.1
-        assert distance[1][same][close].min() <= distance[0][k] + 0.1
-
-
-def test_the_nearest_point_of_an_edge_counts_not_its_sample():
-    """A tip over a long edge, between two of its samples: the tip is a sample, the point below it is not."""
-    wall = np.array([[-5.0, -1], [5, -1], [5, 0], [-5, 0]])
-    tip = np.array([[0.0, 0.0], [1, 2], [-1, 2]])
-    samples = outlines(wall, tip, step=0.9)
-    found = find_contacts(at([0, 0], [0.137, 1.8]), samples, 2.5, 1.0)
-    assert np.linalg.norm(found.p - found.q, axis=1).min() == pytest.approx(0.3, abs=1e-9)
-
-
-def test_far_charts_have_no_contacts():
-    samples = outlines(SQUARE, SQUARE)
-    found = find_contacts(at([0, 0], [9, 0]), samples, 6.9)
-    assert len(found.i) == 0
-    assert found.p.shape == found.q.shape == (0, 2)
-    near = find_contacts(at([0, 0], [9, 0]), samples, 7.2)
-    assert np.linalg.norm(near.p - near.q, axis=1).min() == pytest.approx(7.0)
-    assert len(find_contacts(at([0, 0], [0, 0], page=[0, 1]), samples, 7.2).i) == 0
 
 
 @pytest.mark.parametrize("step", [0.05, 0.3, 1.5])

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import spectra_of
 from circparam.packing.nest.search import (
-    ANGLE_STEPS,
     Board,
     GridLayout,
     lay_out,
     search,
-    smallest_page,
-    tried_angles,
 )
 from circparam.packing.nest.sketch import Sketch, SketchGrid, least_page
 from tests.support.packing import blobs, edges_of
@@ -75,22 +70,6 @@ def test_layouts_do_not_overlap_and_pages_get_smaller(pages: int) -> None:
         np.testing.assert_array_equal([f.mask, f.row, f.column], [same.mask, same.row, same.column])
 
 
-def test_layouts_are_as_large_and_use_such_masks_as_asked() -> None:
-    board = stars(8, 4)
-    free = search(board, board.side, 1, Budget(4e6, lambda: False))
-    largest = free[-1].side - 1
-    found = search(board, largest, 1, Budget(4e6, lambda: False))
-    assert found
-    assert max(f.side for f in found) <= largest
-    assert not search(board, free[0].side // 2, 1, Budget(4e6, lambda: False))
-    only = search(board, largest, 1, endless(), least=largest)
-    assert [f.side for f in only] == [largest]
-    allowed = [np.array([1, 3])] * 8
-    found = search(board, board.side, 1, Budget(2e6, lambda: False), allowed=allowed)
-    assert found
-    assert all(np.isin(f.mask, [1, 3]).all() for f in found)
-
-
 def test_squares_of_whole_cells_fill_a_page_to_the_last_cell() -> None:
     """Four masks of k cells a side fit a page of 2k cells and none of 2k - 1."""
     board = boxes(*[(8, 8)] * 4)
@@ -110,35 +89,6 @@ def test_squares_of_whole_cells_fill_a_page_to_the_last_cell() -> None:
         assert (found is not None) == fits
 
 
-@given(st.integers(1, 200), st.integers(0, 200), st.integers(0, 200))
-def test_the_smallest_page_is_found_by_bisection(least: int, more: int, slack: int) -> None:
-    """Where larger pages hold what smaller ones do; each layout is of a page that was tried, best first."""
-    side, fits_from, tried = least + more, least + slack, []
-
-    def fits(cells: int) -> GridLayout | None:
-        tried.append(cells)
-        none = np.zeros(0, int)
-        return GridLayout(cells, none, none, none, none) if cells >= fits_from else None
-
-    found = [layout.side for layout in smallest_page(fits, side, least)]
-    assert found == sorted(found)
-    assert (found[:1] == [fits_from]) == (fits_from <= side)
-    assert len(tried) <= 2 + np.log2(more + 1)
-
-
-@given(st.floats(0.0, 1.0), st.floats(0, 6))
-def test_tips_of_small_charts_move_no_further_than_those_of_the_largest(
-    reach: float, box: float
-) -> None:
-    angles = tried_angles(box, 0.5, reach)
-    even = angles[:-4]
-    step = np.diff(np.r_[even, even[0] + 2 * np.pi])
-    np.testing.assert_allclose(step, step[0])
-    assert step[0] * reach <= 2 * np.pi / ANGLE_STEPS + 1e-12
-    assert len(even) % 4 == 0
-    assert len(even) <= max(reach * ANGLE_STEPS + 4, 4)
-
-
 def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
     return [GRID.sketch(*box(w, h)) for w, h in sizes]
 
@@ -150,17 +100,6 @@ def side_of(some: list[Sketch], below: int = 60, budget: Budget | None = None) -
         return None
     sound(Board([s.masks for s in some], [], page.side), page)
     return page.side
-
-
-def test_a_sketch_has_the_cells_of_its_outline() -> None:
-    """A rectangle of 8 by 4 cells: at least these, at most those that its outline touches."""
-    (one,) = sketches((0.8, 0.4))
-    assert len(one.masks.angle) == ANGLE_STEPS + 4
-    assert one.masks.area.min() >= 32
-    assert one.masks.area.max() <= (8 + 2 * np.sqrt(2)) * (4 + 2 * np.sqrt(2)) + 1
-    assert 8 * np.sqrt(0.5) < one.least <= 10
-    grown = SketchGrid(0.1, 1.5).sketch(*box(0.8, 0.4))
-    assert (grown.masks.size >= one.masks.size + 2).all()
 
 
 @pytest.mark.parametrize(("count", "across"), [(1, 1), (4, 2), (9, 3)])
