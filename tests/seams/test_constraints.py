@@ -39,47 +39,11 @@ def test_named_edges() -> None:
         constrain(surface, SeamOptions(cut=np.array([[5, 6]]), no_cut=np.array([[6, 5]])))
 
 
-def test_every_edge_is_found_by_its_points_in_either_order_and_no_other_is() -> None:
-    surface = surface_of(*shapes.bumped_disk(60))
-    pairs = pairs_of(surface)
-    for k in (0, 1, len(pairs) // 2, len(pairs) - 1):
-        for pair in (pairs[k], pairs[k][::-1]):
-            edges, missing = match_edges(surface, pair[None])
-            assert np.flatnonzero(edges).tolist() == [k]
-            assert len(missing) == 0
-    edges, missing = match_edges(surface, pairs)
-    assert edges.all()
-    assert len(missing) == 0
-    n = len(surface.points)
-    edges, missing = match_edges(surface, np.array([[-1, 3], [3, n], [4, 4]]))
-    assert not edges.any()
-    assert missing.tolist() == [0, 1, 2]
-    # (0, n + 1) would have the key of (1, 1)
-    edges, missing = match_edges(surface, np.zeros((0, 2), np.int64))
-    assert not edges.any()
-    assert len(missing) == 0
-
-
-def test_points_off_the_mesh_do_not_stand_for_an_edge_with_the_same_key() -> None:
-    """(i, j + n) is no edge, although i · n + j + n is the key of (i + 1, j)."""
-    surface = surface_of(*shapes.grid(4, 4))
-    i, j = pairs_of(surface)[7]
-    n = len(surface.points)
-    edges, missing = match_edges(surface, np.array([[i - 1, j + n]]))
-    assert not edges.any()
-    assert missing.tolist() == [0]
-
-
 def roof(degrees: float) -> Surface:
     """Two triangles that meet in one edge, their normals at an angle."""
     a = np.radians(degrees)
     points = [[0.0, 0, 0], [0, 1, 0], [1, 0, 0], [-np.cos(a), 0, -np.sin(a)]]
     return surface_of(np.array(points), np.array([[0, 2, 1], [0, 1, 3]]))
-
-
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 90.0, 150.0])
-def test_the_angle_of_an_edge_is_that_of_the_normals(degrees: float) -> None:
-    assert dihedral_angles(roof(degrees)) == pytest.approx([np.radians(degrees)], abs=1e-12)
 
 
 def test_angles_of_a_cube_belong_to_its_edges() -> None:

@@ -76,16 +76,6 @@ def test_disks_and_inner_holes_are_not_cut():
         assert not cut_disk(surface_of(shape)).cut.any()
 
 
-@pytest.mark.parametrize("holes", [1, 3, 8])
-def test_handles_with_holes(holes):
-    """A cut through a hole may join it to the outer boundary; the chart stays in one piece."""
-    p, f = shapes.torus(40, 20)
-    keep = np.ones(len(f), bool)
-    keep[np.linspace(0, len(f) - 1, holes).astype(int)] = False
-    surface = surface_of((p, f[keep]))
-    check_disks(surface, cut_disk(surface).cut, 1)
-
-
 def test_a_seam_between_two_holes_uses_them():
     """Where a slot nearly closes a loop of a torus, the seam takes the bridge instead of the loop."""
     p, f = shapes.torus(64, 32, 1.0, 0.4)
@@ -194,11 +184,6 @@ def test_a_slit_of_a_face_without_area_is_no_boundary():
     assert cut_mesh.loops.length.max() > 2, (
         "a closed surface with a slit is opened like a closed one"
     )
-
-
-def test_the_same_input_gives_the_same_cut():
-    surface = surface_of(shapes.handles(3))
-    assert np.array_equal(cut_disk(surface).cut, cut_disk(surface).cut)
 
 
 soup = st.integers(4, 9).flatmap(

@@ -7,7 +7,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
-from circparam.seams.evaluate import Demands, Moves, Trial, main_parts, try_moves
+from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
@@ -47,15 +47,6 @@ def hill(height: float) -> tuple[np.ndarray, np.ndarray]:
     points, faces = shapes.grid(9, 9)
     away = ((points[:, :2] - 0.5) ** 2).sum(1)
     return points + np.outer(height * np.exp(-away / 0.05), [0, 0, 1]), faces
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.8, 2.5, -1.5])
-def test_halves_of_a_sheet_are_put_together_whatever_their_turn(angle: float) -> None:
-    trial = tried(halves(shapes.grid(9, 5), angle=angle), DEMANDS)
-    assert trial.energy == pytest.approx([1.0], abs=1e-6)
-    assert trial.good(LIMIT).all()
-    span = np.ptp(trial.uv, axis=0)
-    assert np.hypot(*span) >= np.sqrt(2) - 1e-3
 
 
 @pytest.mark.parametrize(("share", "good"), [(1.6, True), (1.05, True), (0.95, False)])
@@ -123,13 +114,3 @@ def test_moves_tried_in_parts_are_those_tried_at_once() -> None:
     assert trial.energy[:8] == pytest.approx(np.ones(8), abs=1e-6)
     energy = chart_energies(moves.cut_mesh, trial.uv)
     assert trial.energy[:8] == pytest.approx(energy[:8])
-
-
-def test_a_chart_comes_mainly_from_where_most_of_its_area_was() -> None:
-    chart = np.array([0, 0, 0, 1, 1, 2, 2])
-    before = np.array([0, 1, 1, 1, 2, 0, 3])
-    area = np.array([3.0, 1.0, 1.5, 1.0, 1.1, 2.0, 2.0])
-    main = main_parts(chart, before, area)
-    # 3 against 2.5; 1 against 1.1; of equals the first
-    assert main.tolist() == [True, False, False, False, True, True, False]
-    assert main_parts(chart, chart, area).all()

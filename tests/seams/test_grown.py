@@ -9,7 +9,6 @@ from circparam.seams import SEAMS, finish, grown, stretch
 from circparam.seams import charts as module
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
-from circparam.seams.multires.transfer_seams import NEAR_RINGS, transfer_seams
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.grow import dual_graph
 from tests.support import shapes
@@ -50,37 +49,6 @@ def test_a_level_leads_to_seams_as_short_as_without_one(monkeypatch: pytest.Monk
     a, b = (Atlas(surface, s.cut, s.uv) for s in (by_level, direct))
     assert a.seam_length <= 1.25 * b.seam_length
     assert a.charts()[0] <= b.charts()[0] + 2
-
-
-def test_what_no_level_can_shrink_is_taken_over_as_it_is() -> None:
-    """Components too small to be decimated keep their very seams, whatever the rings round a seam."""
-    surface = surface_of(*rough(2))
-    level = grown.decimate(surface, 4_000)
-    coarse = Atlas(level.surface, np.zeros(len(level.surface.edges), bool))
-    _, component = level.surface.components
-    size = np.bincount(component)
-    small = np.flatnonzero(size == 80)
-    assert len(small) == 3
-    rng = np.random.default_rng(4)
-    # a random path of edges in every ball, not the shortest between its ends, which do not touch
-    ends = np.sort(np.stack(coarse.ends, 1), 1)
-    for ball in small:
-        edges = np.flatnonzero(component[coarse.surface.edges[:, 0] // 3] == ball)
-        at, used = int(ends[edges[0], 0]), set()
-        for _ in range(7):
-            ways = [e for e in edges if at in ends[e] and int(ends[e].sum()) - at not in used]
-            used.add(at)
-            if not ways:
-                break
-            edge = int(rng.choice(ways))
-            coarse.cut[edge] = True
-            at = int(ends[edge].sum()) - at
-    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    assert transfer_seams(coarse, level, fine, NEAR_RINGS) == 0
-    assert fine.surface.edge_lengths[fine.cut].sum() == pytest.approx(
-        coarse.surface.edge_lengths[coarse.cut].sum()
-    )
-    assert fine.cut.sum() == coarse.cut.sum()
 
 
 def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:

@@ -63,24 +63,6 @@ def test_processes_look_along_some_of_the_directions_each() -> None:
     assert shared == pytest.approx(visibility_prices(surface, 0.5))
 
 
-def test_parts_keep_the_prices_of_their_edges_and_so_do_surfaces_that_are_cut_open() -> None:
-    surface = surface_of(*shapes.icosphere(2))
-    price = np.random.default_rng(1).uniform(0.1, 1, len(surface.edges))
-    priced = Surface(
-        surface.points, surface.faces, surface.source, surface.reversed_faces, surface.edges,
-        surface.locked, price=price,
-    )  # fmt: skip
-    assert priced.priced_lengths == pytest.approx(price * surface.edge_lengths)
-    faces = surface.points[surface.faces].mean(1)[:, 2] > 0.1
-    inside = faces[surface.edges // 3].all(1)
-    part = priced.part(faces)
-    assert part.priced_lengths == pytest.approx((price * surface.edge_lengths)[inside])
-    open_edges = price < 0.3
-    opened = priced.without_edges(open_edges)
-    assert opened.priced_lengths == pytest.approx((price * surface.edge_lengths)[~open_edges])
-    assert surface.part(faces).price is None
-
-
 @pytest.mark.parametrize("level", [3, 4])  # decided on the mesh itself, and on its proxy
 def test_seams_hide_in_a_groove_and_every_chart_is_good(level: int) -> None:
     surface = grooved(level)

@@ -102,15 +102,6 @@ def test_the_cheapest_of_each_component_is_kept(shuffled: bool) -> None:
     assert reached.atlas().charts()[0] == 4
 
 
-def test_other_surfaces_and_parts_of_components_are_left_alone() -> None:
-    surface = two_balls()
-    reached = Reached(surface)
-    reached.keep(halved(two_balls()))
-    some = np.arange(len(surface.faces)) < 7
-    reached.keep(halved(surface).part(some))
-    assert not np.isfinite(reached.cost).any()
-
-
 def test_a_search_that_is_broken_off_answers_with_what_it_has() -> None:
     surface = two_balls()
     first = surface.components[1] == 0

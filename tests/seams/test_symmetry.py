@@ -8,13 +8,12 @@ import pytest
 import circparam
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
-from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS
 from circparam.seams.options import SeamOptions
-from circparam.seams.symmetry import both_sides, find_mirror, image_of
+from circparam.seams.symmetry import find_mirror
 from tests.support import shapes
 
 
@@ -57,12 +56,6 @@ def test_seams_are_the_mirror_image_of_each_other(axis: str, bound: float) -> No
     image[:, :, turn] = 1 - image[:, :, turn]
     assert len(edges)
     assert as_set(edges) == as_set(image)
-
-
-def test_without_it_they_are_not() -> None:
-    surface, cut = seams_of(bumpy(), max_distortion=1.05)
-    edges = ends(surface, cut)
-    assert as_set(edges) != as_set(edges * [-1, 1, 1] + [1, 0, 0])
 
 
 @pytest.mark.parametrize("columns", [6, 7])
@@ -126,25 +119,3 @@ def test_an_unwrap_with_symmetry_keeps_all_promises(tmp_path: Path) -> None:
     )
     assert result.measures["distortion_max_chart"] <= 1.02
     assert any("mirrored across x = 0.5" in note for note in result.notes)
-
-
-def test_the_image_of_a_half_is_its_mirror_image_corner_by_corner() -> None:
-    """Laid out as (y, z), where the plane is x = const: the other half gets (−y, z), and its seams."""
-    surface = repair(Mesh(*bumpy(6)))[0]
-    mirror = find_mirror(surface, "x")
-    assert mirror.images is not None
-    own = surface.part(mirror.half)
-    half = Atlas(own, np.arange(len(own.edges)) % 3 == 0)
-    half.corners = np.ascontiguousarray(own.points[own.faces][:, :, 1:])
-    other = image_of(surface, mirror, mirror.images, half)
-    there = other.surface
-    expected = there.points[there.faces][:, :, 1:] * [-1, 1]
-    assert other.corners == pytest.approx(expected, abs=1e-9)
-    mine = ends(own, half.cut)
-    assert as_set(ends(there, other.cut)) == as_set(mine * [-1, 1, 1] + [1, 0, 0])
-    atlas, between = both_sides(surface, mirror, half, other)
-    assert np.array_equal(atlas.corners[mirror.half], half.corners)
-    assert np.array_equal(atlas.corners[~mirror.half], other.corners)
-    assert atlas.cut[between].all()
-    assert (np.abs(ends(surface, between)[..., 0] - 0.5) < 1e-9).all()
-    assert atlas.cut.sum() == half.cut.sum() + other.cut.sum() + between.sum()

@@ -84,11 +84,6 @@ def test_flats_of_a_part_without_any_sharp_edge_stay_whole(bound) -> None:
     check_whole(part, bound)
 
 
-@pytest.mark.parametrize("name", ["plate", "gear", "bracket"])
-def test_a_tight_bound_does_not_cut_flats_either(name) -> None:
-    check_whole(PARTS[name](), 1.002)
-
-
 @pytest.mark.parametrize(
     ("name", "scale"),
     [("plate", 25.4), ("flanged pipe", 1e-3), ("letters", 1e-3), ("letters", 25.4)],
@@ -141,17 +136,6 @@ def test_of_two_atlases_each_component_takes_the_better() -> None:
     assert np.array_equal(taken[surface.edges[:, 0] // 3], first)
 
 
-def test_doubtful_components_end_no_worse_than_either_way(monkeypatch) -> None:
-    surface = surface_of(*shapes.icosphere(1))
-    monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
-    both = module.charts(surface, SeamOptions(), Monitor())
-    costs = []
-    for kind in (ORGANIC, HARD):
-        monkeypatch.setattr(module, "hardness", lambda s, kind=kind: np.full(len(s.faces), kind))
-        costs.append(cost(surface, module.charts(surface, SeamOptions(), Monitor()).cut))
-    assert cost(surface, both.cut) == pytest.approx(min(costs))
-
-
 def test_a_pocket_that_is_stretched_too_much_is_cut_off_along_its_rim(monkeypatch) -> None:
     """Not slit across the flat it lies in: the plate and the rest keep few charts and short seams."""
     pocket = (circle(13, 0.09375, -1.2), 0.25)
@@ -179,12 +163,6 @@ def test_only_hard_components_have_creases() -> None:
     assert np.array_equal(module.with_creases(atlas), hard)
     few = module.bounded_atlas(surface, 1.05, SeamOptions(max_charts=2), Monitor(), [])
     assert np.array_equal(module.with_creases(few), hard)
-
-
-def cost(surface: Surface, cut: np.ndarray) -> float:
-    """Seam length and a quarter for every chart."""
-    atlas = Atlas(surface, cut)
-    return atlas.seam_length + 0.25 * atlas.charts()[0]
 
 
 def test_a_flanged_pipe_keeps_the_number_of_its_charts_whatever_its_tubes_have() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
@@ -58,21 +57,6 @@ def fan(faces: int) -> tuple[np.ndarray, np.ndarray]:
     return np.r_[[[0.0, 0, 0]], rim], np.stack([0 * k, k, k + 1], 1)
 
 
-@pytest.mark.parametrize("faces", [1, 2, 3, 5, 6])
-def test_three_of_a_kind_are_copies_of_the_first_whatever_their_number_of_faces(faces) -> None:
-    """And so are their edges, in the same order."""
-    points, corners = fan(faces)
-    far = np.array([5.0, 0, 0])
-    surface = surface_of(*shapes.join(*[(points + k * far, corners) for k in range(3)]))
-    copies = find_copies(surface)
-    m, e = faces, faces - 1
-    if faces > 1:
-        assert np.array_equal(copies.original, np.tile(np.arange(m), 3))
-        assert np.array_equal(surface.edges[copies.edge] // 3, surface.edges // 3 % m)
-        assert np.unique(copies.edge).size == e
-        assert copies.first.sum() == m
-
-
 def test_charts_of_one_hold_for_all() -> None:
     """Cut and layout of what is no copy, spread: the others get the same, and one of its kind its own."""
     points, corners = fan(5)
@@ -90,17 +74,3 @@ def test_charts_of_one_hold_for_all() -> None:
     cut = {tuple(e // 3): bool(c) for e, c in zip(part.surface.edges, part.cut, strict=True)}
     for e, c in zip(surface.edges // 3, whole.cut, strict=True):
         assert c == cut[tuple(copies.original[e])]
-
-
-def test_a_larger_a_bent_and_a_stretched_one_are_no_copies() -> None:
-    points, faces = fan(5)
-    far = np.array([8.0, 0, 0])
-    for change, same in (
-        (points, True),
-        (points * (1 + 1e-7), True),
-        (points * (1 + 1e-3), False),
-        (points * [1, 1, 1.5], False),
-        (points * [1, 1, -1], False),
-    ):
-        surface = surface_of(*shapes.join((points, faces), (change + far, faces)))
-        assert find_copies(surface).first.all() != same

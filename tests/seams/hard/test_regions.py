@@ -5,73 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import (
     HARD,
     ORGANIC,
-    curvature,
     flats,
     hardness,
-    sure_normals,
     turns,
 )
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import surface_of
 from tests.support.parts import PARTS, circle, extrude, lathe, rectangle
-
-
-def test_slivers_have_the_normals_of_what_they_lie_in() -> None:
-    """Points on the edge between two triangles of a flat, off it by less than single precision can tell."""
-    rng = np.random.default_rng(0)
-    n = 12
-    x = np.linspace(0, 1, n)
-    low = np.stack([x, 0 * x, 0 * x], 1)
-    high = low + [0, 1e-7, 0] + 1e-7 * rng.uniform(-1, 1, (n, 3)) * [0, 0, 1]
-    top, bottom = [[0.5, 1.0, 0.0]], [[0.5, -1.0, 0.0]]
-    points = np.concatenate([low, high, top, bottom])
-    k = np.arange(n - 1)
-    faces = np.concatenate(
-        [
-            np.stack([k, k + 1, n + k + 1], 1),
-            np.stack([k, n + k + 1, n + k], 1),
-            np.stack([n + k, n + k + 1, 0 * k + 2 * n], 1),
-            np.stack([k + 1, k, 0 * k + 2 * n + 1], 1),
-        ]
-    )
-    surface = Surface(
-        points,
-        faces,
-        np.arange(len(faces)),
-        np.zeros(len(faces), bool),
-        surface_of(points, faces).edges,
-        np.zeros(len(surface_of(points, faces).edges), bool),
-    )
-    assert surface.normals[:, 2].min() < 0.9
-    assert sure_normals(surface)[:, 2] == pytest.approx(np.ones(len(faces)), abs=1e-6)
-    label, _ = flats(surface)
-    assert label.max() == 0
-
-
-def test_a_needle_beside_a_wall_stays_in_its_flat() -> None:
-    """Its edge to the wall is longer than that to the flat, and beyond its longest lies another needle."""
-    points = np.array(
-        [
-            [0, 0, 0],
-            [0.4, 0, 0],
-            [0.7, 1.2e-5, 0],
-            [0.8, 2.5e-5, 0],
-            [0.5, 1, 0],
-            [0.7, -1, 0],
-            [0.2, 0, 1],
-        ]
-    )
-    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 5, 2], [2, 5, 3], [1, 0, 6]])
-    surface = surface_of(points, faces)
-    assert sure_normals(surface)[:5] == pytest.approx(surface.normals[:5], abs=1e-9)
-    label, _ = flats(surface)
-    assert len(set(label[:5])) == 1
-    assert label[5] != label[0]
 
 
 def test_a_fine_tube_is_not_a_flat() -> None:
@@ -136,22 +80,6 @@ def test_curved_walls_between_mostly_sharp_edges_are_hard_without_any_large_flat
     assert (hardness(surface) == HARD).all()
 
 
-@pytest.mark.parametrize("rings", [8, 20])
-def test_many_regions_of_many_faces_are_parts_not_scraps(rings: int) -> None:
-    """A bellows, every fourth of its creases blunt: more than sixteen regions, each of many faces."""
-    height = np.cumsum([0.5 if k % 4 < 2 else 0.2 for k in range(rings)]) - 0.5
-    radius = np.where(np.arange(rings) % 2 == 0, 1.0, 0.88)
-    outside = np.stack([radius, height], 1)
-    profile = np.r_[[[0.3, 0.0]], outside, [[0.3, height[-1]]]]
-    part = lathe(profile, 48)
-    surface = surface_of(part.points, part.faces)
-    angle, _ = turns(surface)
-    crease = angle > np.radians(20)
-    blunt = surface.edge_lengths[crease & (angle < np.radians(40))].sum()
-    assert 0.1 < blunt / surface.edge_lengths[crease].sum() < 0.5
-    assert (hardness(surface) == HARD).all()
-
-
 def test_a_comb_of_boxes_is_hard_and_a_surface_of_spikes_is_not() -> None:
     """Both have many regions of few faces between sharp creases; those of spikes are single faces."""
     teeth = [np.array([[k, 0], [k + 0.5, 0], [k + 0.5, 3], [k + 1, 3]]) for k in range(20)]
@@ -163,20 +91,6 @@ def test_a_comb_of_boxes_is_hard_and_a_surface_of_spikes_is_not() -> None:
     points, faces = shapes.icosphere(3)
     reach = np.random.default_rng(0).uniform(0.2, 3, len(points))
     assert (hardness(surface_of(points * reach[:, None], faces)) == ORGANIC).all()
-
-
-def test_curvature_is_what_angles_leave_of_a_turn() -> None:
-    """A cube has a quarter turn at each corner, and a square sheet one at each of its own."""
-    box = surface_of(*shapes.cube(2))
-    defect, rim = curvature(box.cut_mesh(np.zeros(len(box.edges), bool)))
-    assert not rim.any()
-    assert np.sort(defect)[-8:] == pytest.approx(np.pi / 2)
-    assert np.sort(defect)[:-8] == pytest.approx(0, abs=1e-9)
-    sheet = surface_of(*shapes.grid(4, 4))
-    defect, rim = curvature(sheet.cut_mesh(np.zeros(len(sheet.edges), bool)))
-    assert rim.sum() == 12
-    assert np.sort(defect)[-4:] == pytest.approx(np.pi / 2)
-    assert np.sort(defect)[:-4] == pytest.approx(0, abs=1e-9)
 
 
 def test_edges_of_a_box_are_sharp_and_creases() -> None:

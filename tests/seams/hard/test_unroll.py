@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
-from circparam.seams.hard.unroll import slits, transported, unroll
+from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import energies, surface_of
@@ -56,20 +54,6 @@ def uncut_hard(shape) -> Atlas:
     return Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
 
 
-def test_only_charts_that_are_named_are_slit() -> None:
-    tube = shapes.cylinder(around=24, along=3)
-    atlas = uncut_hard(shapes.row_of(tube, 2))
-    _, chart = atlas.charts()
-    for which in ([True, False], [False, True]):
-        new = slits(atlas, np.array(which))
-        assert new.any()
-        assert np.array(which)[chart[atlas.surface.edges[new, 0] // 3]].all()
-        length = atlas.surface.edge_lengths[new].sum()
-        assert length == pytest.approx(2.0)
-    assert slits(atlas).sum() == 6
-    assert not slits(atlas, np.zeros(2, bool)).any()
-
-
 def test_a_closed_tube_is_slit_to_both_tips_and_a_box_between_its_corners() -> None:
     """Every tip of curvature is joined; what is flat inside needs nothing."""
     atlas = uncut_hard(shapes.cube(2))
@@ -85,48 +69,3 @@ def test_a_closed_tube_is_slit_to_both_tips_and_a_box_between_its_corners() -> N
     assert cap.surface.edge_lengths[new].sum() == pytest.approx(np.hypot(1, 1.5))
     flat = uncut_hard(shapes.grid(5, 5))
     assert not slits(flat).any()
-
-
-def test_moving_faces_bend_along_with_the_nearest_that_stay() -> None:
-    """A strip between two ends that are turned apart; its cells get longer, so the middle is not that of
-    their count."""
-    x = np.cumsum(np.r_[0.0, 0.05 * 1.35 ** np.arange(16)])
-    points = np.stack([np.repeat(x, 2), np.tile([0, 0.1], 17), np.zeros(34)], 1)
-    k = 2 * np.arange(16)
-    faces = np.r_[np.stack([k, k + 2, k + 3], 1), np.stack([k, k + 3, k + 1], 1)]
-    surface = surface_of(points, faces)
-    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    # the rest triangles lie along their first sides
-    own = np.arctan2(*np.moveaxis(points[faces[:, 1]] - points[faces[:, 0]], 1, 0)[[1, 0]])
-    cell = np.r_[np.arange(16), np.arange(16)]
-    moves = (cell > 0) & (cell < 15)
-    given = own + np.where(cell == 15, 1.0, 0.0) + np.where(moves, 0.3, 0.0)
-    bent = transported(cut_mesh, rotations(given), moves)
-    # the way goes from face to face: its length is that of half the sum of their mean sides, twice
-    middle = cut_mesh.edge_lengths.mean(1)
-    way = np.concatenate([[c, c + 16] for c in range(16)])
-    way = way if shares(faces[way[1]], faces[way[2]]) else way.reshape(-1, 2)[:, ::-1].ravel()
-    assert all(shares(faces[p], faces[q]) for p, q in pairwise(way))
-    step = np.cumsum(np.r_[0.0, middle[way[:-1]] + middle[way[1:]]])
-    at = np.empty(32)
-    at[way] = step
-    from_left = at - step[1]
-    from_right = step[30] - at
-    expected = own + np.where(moves, from_right < from_left, cell == 15)
-    assert 2 < np.sum(moves & (from_right < from_left)) < 26
-    assert np.allclose(bent, rotations(expected), atol=1e-9)
-    # nothing stays: nothing to bend round
-    assert transported(cut_mesh, rotations(given), np.ones(32, bool)) == pytest.approx(
-        rotations(given)
-    )
-
-
-def rotations(angle: np.ndarray) -> np.ndarray:
-    """(2, 2, m)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([np.stack([c, -s]), np.stack([s, c])])
-
-
-def shares(one: np.ndarray, other: np.ndarray) -> bool:
-    """Two faces have a side in common."""
-    return len(np.intersect1d(one, other)) == 2

@@ -5,7 +5,7 @@ import pytest
 
 from circparam.core.graph import components
 from circparam.mesh.surface import Surface
-from circparam.seams.multires.decimate import decimate, pair_edges
+from circparam.seams.multires.decimate import decimate
 from tests.support import shapes
 from tests.support.atlases import surface_of
 
@@ -44,16 +44,6 @@ def test_cells_are_connected_and_their_vertices_lie_near() -> None:
     assert proxy.surface.areas.sum() == pytest.approx(area, rel=0.05)
 
 
-def test_size_and_place_of_a_mesh_do_not_matter() -> None:
-    points, faces = shapes.bumped_disk(400)
-    plain = decimate(surface_of(points, faces), 150)
-    moved = decimate(surface_of(points * 64 + [128.0, -256.0, 512.0], faces), 150)
-    assert np.array_equal(plain.cell, moved.cell)
-    assert moved.surface.points == pytest.approx(
-        plain.surface.points * 64 + [128.0, -256.0, 512.0], abs=1e-3
-    )
-
-
 def test_components_of_few_faces_are_taken_over_as_they_are() -> None:
     """300 faces are few, 320 are not; a mesh of small ones only stays whole."""
     small, large = shapes.grid(11, 16), shapes.icosphere(2)
@@ -71,34 +61,3 @@ def test_components_of_few_faces_are_taken_over_as_they_are() -> None:
     alone = decimate(surface_of(*small), 10)
     assert len(alone.surface.faces) == 300
     assert np.array_equal(np.sort(alone.cell), np.arange(len(small[0])))
-
-
-@pytest.mark.parametrize("turn", [0, 1, 2])
-def test_needles_are_left_out_whatever_their_first_corner(turn: int) -> None:
-    """A face below 1e-10 of its longest side squared, at the side of a sheet; one above it stays."""
-    for height, kept in ((2e-11, False), (1e-9, True)):
-        points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, -height, 0]])
-        needle = np.roll([0, 4, 1], turn)
-        faces = np.array([[0, 1, 2], [0, 2, 3], needle])
-        surface, _ = pair_edges(points, faces)
-        proxy = decimate(surface, 3)
-        assert len(proxy.surface.faces) == 2 + kept
-        assert proxy.cell.min() >= 0, "a vertex without a face goes to the nearest cell"
-
-
-def test_edges_of_several_faces_or_of_one_direction_are_told_apart() -> None:
-    points, faces = shapes.fins(3, 2)
-    surface, apart = pair_edges(points, faces)
-    ends = points[apart]
-    assert len(apart) >= 1
-    assert (np.abs(ends[:, :, :2]) < 1e-9).all(), "all on the axis"
-    assert (apart[:, 0] < apart[:, 1]).all()
-    assert len(surface.edges) == 3, "the diagonals"
-    assert np.array_equal(surface.source, np.arange(len(faces)))
-    # two faces wound against each other share no inner edge
-    torn, apart = pair_edges(np.eye(4, 3), np.array([[0, 1, 2], [0, 1, 3]]))
-    assert len(torn.edges) == 0
-    assert np.unique(apart, axis=0).tolist() == [[0, 1]]
-    whole, apart = pair_edges(np.eye(4, 3), np.array([[0, 1, 2], [1, 0, 3]]))
-    assert len(whole.edges) == 1
-    assert len(apart) == 0

@@ -11,10 +11,8 @@ from circparam.seams.multires.transfer_layout import (
     fine_targets,
     nearest_coarse_face,
     prolonged,
-    separate,
     take_over,
 )
-from circparam.seams.segmentation.grow import dual_graph
 from circparam.solvers.poisson import from_jacobians
 from tests.support import shapes
 from tests.support.atlases import cut_between, energies, middles, surface_of
@@ -40,94 +38,6 @@ def sheets(bend: float = 0.0) -> tuple[Surface, Proxy]:
 
 def in_two(surface: Surface, at: float = 0.5) -> Atlas:
     return cut_between(surface, (middles(surface)[:, 0] > at).astype(np.int64))
-
-
-def test_every_fine_face_has_a_coarse_face_near_it() -> None:
-    fine, proxy = sheets()
-    near = nearest_coarse_face(fine, proxy)
-    centre = middles(proxy.surface)
-    away = np.linalg.norm(middles(fine) - centre[near], axis=1)
-    assert near.min() >= 0
-    assert away.max() < 1.2 / N
-    # among the faces round the cell of its first corner none is nearer
-    cell = proxy.cell[fine.corner_vertex[:, 0]]
-    beside = (proxy.surface.faces[None] == cell[:, None, None]).any(2)
-    every = np.linalg.norm(middles(fine)[:, None] - centre, axis=2)
-    assert away == pytest.approx(np.where(beside, every, np.inf).min(1))
-    assert beside[np.arange(len(near)), near].all()
-
-
-def test_faces_without_a_cell_have_none_and_those_that_face_away_come_last() -> None:
-    fine, proxy = sheets()
-    lost = proxy.cell.copy()
-    lost[:40] = -1
-    near = nearest_coarse_face(fine, Proxy(proxy.surface, lost, proxy.apart))
-    assert np.array_equal(near < 0, lost[fine.corner_vertex[:, 0]] < 0)
-    # two coarse sheets on each other, one wound the other way: the fine one takes that of its own side
-    points, faces = proxy.surface.points, proxy.surface.faces
-    twin = Surface(
-        points,
-        np.r_[faces[:, ::-1], faces],
-        np.arange(2 * len(faces)),
-        np.zeros(2 * len(faces), bool),
-        proxy.surface.edges,
-        proxy.surface.locked,
-    )
-    near = nearest_coarse_face(fine, Proxy(twin, proxy.cell, proxy.apart))
-    assert (near >= len(faces)).all()
-
-
-def test_slivers_are_glued_to_the_neighbour_with_the_longest_common_seam() -> None:
-    """A small square in a corner of the left chart, another one on the seam, more of it in the right one."""
-    fine, proxy = sheets()
-    coarse_chart = in_two(proxy.surface).charts()[1]
-    near = nearest_coarse_face(fine, proxy)
-    x, y = middles(fine)[:, 0], middles(fine)[:, 1]
-    label = (x > 0.5).astype(np.int64)
-    label[(x < 0.25) & (y < 0.25)] = 2
-    label[(x > 0.375) & (x < 0.75) & (y > 0.375) & (y < 0.625)] = 3
-    atlas = cut_between(fine, label)
-    assert atlas.charts()[0] == 4
-    found = drop_slivers(atlas, coarse_chart, near)
-    assert found.real.all()
-    n, chart = atlas.charts()
-    assert n == 2
-    assert np.array_equal(found.chart, chart)
-    left, right = chart[label == 0][0], chart[label == 1][0]
-    assert left != right
-    assert (chart[label == 2] == left).all()
-    assert (chart[label == 3] == right).all()
-    # good ones are left alone
-    good = in_two(fine)
-    before = good.cut.copy()
-    assert drop_slivers(good, coarse_chart, near).real.all()
-    assert np.array_equal(good.cut, before)
-
-
-def test_charts_whose_seam_was_not_found_are_parted_along_their_labels() -> None:
-    fine, proxy = sheets()
-    coarse = in_two(proxy.surface)
-    _, coarse_chart = coarse.charts()
-    near = nearest_coarse_face(fine, proxy)
-    atlas = Atlas(fine, np.zeros(len(fine.edges), bool))
-    separate(atlas, dual_graph(fine), coarse, coarse_chart, near)
-    n, chart = atlas.charts()
-    assert n == 2
-    x = middles(fine)[:, 0]
-    left, right = chart[x < 0.5 - 1 / N], chart[x > 0.5 + 1 / N]
-    assert len(np.unique(left)) == len(np.unique(right)) == 1
-    assert left[0] != right[0]
-    assert 0.99 < fine.edge_lengths[atlas.cut].sum() < 1.3
-    # where the seam is there, nothing is added
-    good = in_two(fine)
-    before = good.cut.copy()
-    separate(good, dual_graph(fine), coarse, coarse_chart, near)
-    assert np.array_equal(good.cut, before)
-    # nor for a small part of another chart: here less than a third of it
-    most = in_two(fine, 0.6)
-    before = most.cut.copy()
-    separate(most, dual_graph(fine), coarse, coarse_chart, near)
-    assert np.array_equal(most.cut, before)
 
 
 @pytest.mark.parametrize("bend", [0.0, 1.2])

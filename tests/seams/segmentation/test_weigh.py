@@ -38,15 +38,6 @@ def test_weights_shorten_the_tail_and_keep_to_the_bound(shape, local):
     assert not self_overlapping(cut_mesh, out).any()
 
 
-def test_nothing_moves_where_the_bound_leaves_no_room_or_nothing_is_to_be_done():
-    cut_mesh, uv = relaxed(shapes.spiked_disk(400, 2.0))
-    most = 0.8 * float(np.quantile(face_stretch(cut_mesh, uv), 0.995)) + 0.2
-    for limits in (Limits(1.0, most, 0.0), Limits(9.0, most, 0.5), Limits(9.0, 1e3, 0.0)):
-        out, better = relax_weighted(cut_mesh, uv, limits, Monitor())
-        assert np.array_equal(out, uv)
-        assert not better.any()
-
-
 def test_charts_that_are_good_stay_bit_by_bit():
     spike, flat = shapes.spiked_disk(400, 2.0), shapes.delaunay_disk(300)
     shape = shapes.join(spike, (flat[0] + [9, 0, 0], flat[1]))
@@ -57,11 +48,3 @@ def test_charts_that_are_good_stay_bit_by_bit():
     assert better.tolist() == [True, False]
     calm = cut_mesh.vertex_chart == 1
     assert np.array_equal(out[calm], uv[calm])
-
-
-def test_what_a_part_may_have_is_what_the_others_leave():
-    cut_mesh, _ = patches_of(shapes.row_of(shapes.grid(5, 5), 4))
-    part, _, _ = cut_mesh.subset(np.array([True, False, False, False]))
-    limits = Limits(1.05, 2.0, 1e-3)
-    assert limits.without(4e-4, cut_mesh, part).allowed == pytest.approx(6e-4 * 4)
-    assert limits.without(2e-3, cut_mesh, part).allowed == 0
