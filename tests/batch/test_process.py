@@ -29,7 +29,6 @@ from circparam.batch.task import do_item, pack_settings, settings_of
 from circparam.core import workers
 from circparam.core.messages import send
 from circparam.errors import OptionError
-from circparam.pipeline.gates import parse_gates
 from circparam.pipeline.options import Options
 from tests.support.batch_faults import QUICK, Poison, files, settings, write_disk
 
@@ -107,18 +106,6 @@ def test_harm_stays_where_it_is(name: str, tmp_path: Path) -> None:
     assert re.search(text, line["error"])
     assert files(tmp_path / "o") == set()
     assert do(write_disk(tmp_path / "good.obj"), given)["status"] == "ok"
-
-
-def test_broken_input_and_a_missed_gate_are_those_of_unwrap(tmp_path: Path) -> None:
-    bad = tmp_path / "bad.obj"
-    bad.write_text("nothing\n")
-    line = do(bad, settings(tmp_path / "o"))
-    assert (line["exit"], line["output"]) == (3, None)
-    assert line["error"] == f"{bad}: it has no v and f lines: this is not an OBJ mesh"
-    line = do(write_disk(tmp_path / "m.obj"), settings(tmp_path / "o", parse_gates("faces>1")))
-    assert (line["status"], line["exit"]) == ("ok", 6)
-    assert "faces>1: it is 18" in line["error"]
-    assert (tmp_path / "o" / "m.obj").is_file()
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")

@@ -5,10 +5,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from circparam.batch import sources
 from circparam.batch.sources import Listing, list_lines, output_name
 from circparam.batch.store import chained, is_remote
 from circparam.errors import InputError, OptionError
@@ -69,13 +66,6 @@ def test_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         names("@up.txt")
     with pytest.raises(InputError, match="the list cannot be read"):
         names("@nothing.txt")
-
-
-@given(st.lists(st.text("ab \té#", min_size=1), max_size=30), st.integers(1, 9))
-def test_lists_do_not_depend_on_the_blocks_they_are_read_in(words: list[str], size: int) -> None:
-    data = "\n".join(words).encode()
-    blocks = iter([data[k : k + size] for k in range(0, len(data), size)])
-    assert b"\n".join(sources._pieces(blocks, b"\n")) == data
 
 
 def test_names_that_are_no_utf8(tmp_path: Path) -> None:

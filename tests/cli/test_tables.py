@@ -8,12 +8,9 @@ from typing import Any
 import pytest
 
 from circparam.cli.tables import (
-    LISTED,
     check_line,
     check_table,
-    columns,
     console,
-    facts,
     unwrap_table,
 )
 
@@ -88,26 +85,6 @@ def test_a_check_names_defects_that_are_there_and_no_others() -> None:
     assert "1 (number 0)" in text(check_table(one))  # a 0 alone looked like none
     assert check_line(one).endswith("1 uv set (number 0)")
     assert "none" in text(check_table(one | {"uv_sets": []}))
-
-
-@pytest.mark.parametrize("more", [0, 1])
-def test_a_check_lists_so_many_components_and_counts_the_rest(more: int) -> None:
-    got = text(check_table(check_report(LISTED + more)))
-    assert got.count("disk, 5 faces") == LISTED
-    assert ("and 1 components more" in got) == ("components more" in got) == bool(more)
-
-
-def test_columns_and_facts_fit() -> None:
-    rows = {f"name{k}": [str(10**k), "-"] for k in range(5)}
-    lines = text(columns("first", ["one", "two"], rows)).splitlines()
-    assert [line.split() for line in lines] == [
-        ["first", "one", "two"],
-        *([name, *cells] for name, cells in rows.items()),
-    ]
-    assert len({line.index("-") for line in lines[1:]}) == 1  # numbers end in one column
-    long = text(facts([("a [red]", "word " * 40)]))
-    assert max(map(len, long.splitlines())) <= 80
-    assert long.count("word") == 40
 
 
 @pytest.mark.parametrize("command", ["methods", "samples"])

@@ -173,15 +173,6 @@ def test_options_go_where_they_apply() -> None:
             quick(shapes.bumped_disk(100), methods, **keywords)
 
 
-def test_each_row_gets_the_options_that_it_accepts() -> None:
-    shape = shapes.bumped_disk(100)
-    plain = quick(shape, "circle,arap,isometric")
-    rough = quick(shape, "circle,arap,isometric", tolerance=0.5)
-    assert row(rough, "circle")["distortion"] == row(plain, "circle")["distortion"]
-    for name in ("arap", "isometric"):
-        assert row(rough, name)["iterations"] < row(plain, name)["iterations"]
-
-
 def test_bad_requests() -> None:
     with pytest.raises(errors.OptionError, match="cut"):
         quick(shapes.triangle(), "circle", cut="chart")

@@ -11,12 +11,6 @@ import pytest
 
 from circparam import errors
 from circparam.compare import process
-from circparam.compare.task import ENOUGH, FLATTEN, REPEATS
-from circparam.core.monitor import Monitor
-from circparam.methods import METHODS
-from circparam.methods.base import MethodOptions
-from tests.support import shapes
-from tests.support.charts import patches_of
 
 HERE = "tests.compare.test_process"
 Answer = tuple[dict[str, Any], dict[str, Any]]
@@ -72,29 +66,3 @@ def test_a_function_that_fails_dies_or_hangs() -> None:
         process.run(f"{HERE}:harm", {}, {"how": "die"})
     with pytest.raises(errors.OutOfTimeError, match=r"0\.5 seconds"):
         process.run(f"{HERE}:harm", {}, {"how": "sleep"}, seconds=0.5)
-
-
-POLYGON = np.array([[0, 0], [3, 0], [1, 2.0]])
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        MethodOptions(),
-        MethodOptions(boundary="square", spacing="uniform", clamp=True),
-        MethodOptions(boundary="polygon", polygon=POLYGON),
-    ],
-)
-def test_a_method_as_a_task_is_the_method_and_is_measured(options: MethodOptions) -> None:
-    cut_mesh, _ = patches_of(shapes.bumped_disk(60))
-    arrays = {k: getattr(cut_mesh, k) for k in ("faces", "rest_triangles", "chart", "edges")}
-    done = process.here(
-        FLATTEN, arrays, {"method": "harmonic", "options": options, "timeout": None}
-    )
-    same = METHODS["harmonic"].function(cut_mesh, options, Monitor())
-    np.testing.assert_array_equal(done.arrays["uv"], same.uv)
-    info = done.info
-    assert (info["notes"], info["iterations"]) == (same.notes, 1)
-    assert all(0 < s <= info["seconds"] for s in info["stages"].values())
-    assert 1 <= info["runs"] <= REPEATS
-    assert info["runs"] == REPEATS or info["runs"] * info["seconds"] >= ENOUGH / 2

@@ -44,31 +44,6 @@ def test_a_square_has_its_four_sides_with_the_inside_on_the_left(mirror: float) 
     assert position[0] == pytest.approx(0), "counted from the first segment of the loop"
 
 
-def test_charts_side_by_side_have_boundaries_of_their_own() -> None:
-    small, large = SQUARE + np.array([10, 0]), 2 * SQUARE
-    uv = np.concatenate([large, small * [-1, 1]])
-    boundary = segments(np.r_[HALVES, HALVES + 4], uv, np.array([0, 0, 1, 1]))
-    follows(boundary)
-    assert boundary.chart.tolist() == [0] * 4 + [1] * 4
-    np.testing.assert_allclose(boundary.size, [np.sqrt(24), np.sqrt(6)])
-    loop, position, total = boundary.along
-    np.testing.assert_allclose(total, [20] * 4 + [10] * 4)
-    assert len(set(loop[:4].tolist())) == len(set(loop[4:].tolist())) == 1
-    assert loop[0] != loop[4]
-    assert position.min() == pytest.approx(0)
-    assert (position < total).all()
-    assert enclosed(boundary) == pytest.approx(30)
-
-
-def test_fans_that_share_a_vertex_are_followed_for_themselves() -> None:
-    """A bow tie: both triangles have the vertex 0, and each boundary comes back to where it began."""
-    uv = np.array([[0.0, 0.0], [2, -1], [2, 1], [-2, 1], [-2, -1]])
-    boundary = segments(np.array([[0, 1, 2], [0, 3, 4]]), uv, np.array([0, 1]))
-    follows(boundary)
-    assert (boundary.chart[boundary.following] == boundary.chart).all()
-    assert boundary.following.tolist() == [1, 2, 0, 4, 5, 3]
-
-
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_a_second_loop_counter_clockwise_is_turned_out(scale: float) -> None:
     """A ring's hole runs clockwise; drawn wider than the outer loop it is folded out, and so are both."""

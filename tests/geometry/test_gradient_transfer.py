@@ -1,14 +1,12 @@
 """Gradients of a layout in space: what they say of the layout, and how they turn from face to face."""
 
 import numpy as np
-import pytest
 
 from circparam.core.arrays import FloatArray
 from circparam.geometry.gradient_transfer import (
     space_gradients,
     spread,
     targets_from,
-    turn_gradients,
 )
 from circparam.geometry.intrinsic import jacobians
 from circparam.mesh.atlas import Atlas
@@ -38,24 +36,6 @@ def test_targets_are_the_jacobians_of_the_layout() -> None:
     cut_mesh, uv = atlas.open()
     targets = targets_from(atlas, space_gradients(atlas))
     np.testing.assert_allclose(targets.transpose(2, 0, 1), jacobians(cut_mesh, uv), atol=1e-9)
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.3, 1.5, 2.8])
-def test_the_turn_is_the_least_one_between_two_normals(angle: float) -> None:
-    """About the x axis by an angle: what lies along the axis stays, all else turns with the normal."""
-    c, s = np.cos(angle), np.sin(angle)
-    before, after = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, -s, c]])
-    gradients = np.array([[[1.0, 0.0, 0.0], [2.0, 3.0, 0.0]]])
-    expected = [[[1, 0, 0], [2, 3 * c, 3 * s]]]
-    turned = turn_gradients(gradients, before, after)
-    np.testing.assert_allclose(turned, expected, atol=1e-12)
-    np.testing.assert_allclose(turn_gradients(turned, after, before), gradients, atol=1e-12)
-
-
-def test_normals_that_are_opposite_give_finite_numbers() -> None:
-    g = np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
-    up = np.array([[0.0, 0.0, 1.0]])
-    assert np.isfinite(turn_gradients(g, up, -up)).all()
 
 
 def test_spread_unrolls_a_bent_sheet_from_what_is_known() -> None:

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from circparam.geometry.raster import (
     NEAR,
-    barycentric,
     covered_runs,
     fragments,
     free_border,
@@ -65,16 +64,6 @@ def test_broken_triangles_cover_nothing():
     assert (face == -1).all()
     assert np.isinf(z).all()
     assert not layers.any()
-
-
-def test_barycentric_gives_the_pixel_back():
-    rng = np.random.default_rng(3)
-    xy = rng.uniform(0, 30, (20, 3, 2))
-    for part in fragments(xy, 30, 30):
-        b = barycentric(xy, part.face, part.pixel, 30)
-        there = np.einsum("pk,pkc->pc", b, xy[part.face])
-        centre = np.stack([part.pixel % 30 + 0.5, part.pixel // 30 + 0.5], 1)
-        assert np.abs(there - centre).max() < 1e-6
 
 
 def inside_or_on(corners: np.ndarray, size: int, slack: float) -> np.ndarray:
@@ -237,35 +226,3 @@ def test_outlines_through_one_texel_share_it() -> None:
     assert shared_texels(page, start, end, np.array([0, 0])) == 0
     assert shared_texels(page, start, end, np.array([1, 1])) == 11, "7 to the right, 4 more below"
     assert shared_texels(page, start[:0], end[:0], np.zeros(0, np.int64)) == 0
-
-
-def test_an_outline_is_followed_from_end_to_end_and_inside_the_page() -> None:
-    page = np.full((8, 8), -1, np.int32)
-    row = np.stack([np.arange(8) + 0.5, np.full(8, 2.5)], 1)
-    for k in range(8):
-        # a slanted edge that crosses every column, against a point in one texel of the row
-        start, end = np.array([[0.1, 2.1], row[k]]), np.array([[7.9, 2.9], row[k]])
-        assert shared_texels(page, start, end, np.array([0, 1])) == 1
-    # what lies beyond the border counts for the texel at the border
-    start, end = np.array([[-3.0, 0.5], [8.0, 8.0]]), np.array([[0.2, 0.5], [8.0, 8.0]])
-    page[0, 0] = page[7, 7] = 5
-    assert shared_texels(page, start, end, np.array([0, 0])) == 2
-
-
-@pytest.mark.parametrize("slope", [-1e-7, 1e-7])
-def test_a_nearly_level_edge_just_below_a_row_covers_no_more_than_its_nearer_end(
-    slope: float,
-) -> None:
-    """Both ends lie within EDGE of the row of centres; the line through them would soon be far away."""
-    ends = np.array([[0.0, 1 - 5.5e-7 - slope / 2], [5.0, 1 - 5.5e-7 + slope / 2]])
-    for tip in ([2.0, -3.0], [2.0, 5.0]):
-        mirror = 1 if tip[1] < 0 else -1
-        there = np.array([*ends, tip])
-        if mirror < 0:
-            there[:2, 1] = 2 - there[:2, 1]
-        page, _ = owner_raster((there + np.array([1.5, 3.5]))[None], np.array([0]), 12)
-        covered = np.flatnonzero(page[4] >= 0)
-        assert len(covered) > 0
-        assert covered.min() >= 1
-        assert covered.max() <= 6
-        assert (6 if slope > 0 else 1) in covered

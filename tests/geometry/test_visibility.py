@@ -135,21 +135,6 @@ def test_scaling_and_moving_change_nothing_and_turning_hardly_anything(
     assert ((found >= 0) & (found <= 1)).all()
 
 
-def test_faces_smaller_than_a_pixel_hide_as_large_ones_do() -> None:
-    coarse, fine = shares(inner_shell(), 24, 32), shares(channel(2, 16), 24, 64)
-    assert (coarse[1][np.linalg.norm(ends(coarse[0]), axis=2).max(1) < 0.7] == 0).all()
-    large = shares(channel(2, 2), 24, 64)
-    means = []
-    for surface, found in (fine, large):
-        e = ends(surface)
-        step = np.ptp(e[:, :, 0]) / 3
-        low = e[:, :, 2] - e[:, :, 2].min()
-        floor = (np.abs(low - step) < 1e-9).all(1)
-        floor &= (np.abs(e[:, :, 0] - e[:, :, 0].mean()) < 0.45 * step).all(1)
-        means.append(found[floor].mean())
-    assert means[0] == pytest.approx(means[1], abs=0.06)
-
-
 @pytest.mark.parametrize(("refine", "pixels"), [(2, 64), (8, 128), (8, 24)])
 def test_faces_that_hide_nothing_asked_for_may_be_left_out(refine: int, pixels: int) -> None:
     """Of a few edges the shares are what they are among those of all, to the last digit."""

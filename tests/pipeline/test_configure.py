@@ -13,7 +13,6 @@ from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.packing.options import PackOptions
-from circparam.pipeline.cascade import FAULTY
 from circparam.pipeline.configure import (
     check_scene,
     method_options,
@@ -23,7 +22,6 @@ from circparam.pipeline.configure import (
     target_format,
     tiles_of,
 )
-from circparam.pipeline.flatten import rules
 from circparam.pipeline.options import Options
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
@@ -124,11 +122,3 @@ def test_auto_padding_is_that_of_the_page() -> None:
     assert (report["padding"], report["mip_level"], report["pages"]) == (2, None, 1)
     assert report["border_texels"] >= 2
     assert any("bleed in even without" in note for note in report["notes"])
-
-
-def test_the_bound_holds_only_where_splitting_can_reach_it() -> None:
-    assert rules(Options(max_distortion=1.02)).bound == 1.02
-    for free in ({"max_charts": 2}, {"no_seams": [[0, 1]]}, {"blend": 0.5}, {"method": "lscm"}):
-        assert rules(Options(**free)).bound == FAULTY
-    assert rules(Options()).may_split
-    assert not rules(Options(cut="disk")).may_split

@@ -8,7 +8,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.packing import PackOptions, pack
-from circparam.pipeline.developable import gridded, unrolled
+from circparam.pipeline.developable import unrolled
 from tests.support import parts, shapes
 
 QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
@@ -31,21 +31,6 @@ def test_a_belt_becomes_a_rectangle_along_the_axes(shape: tuple[np.ndarray, np.n
     assert box_excess(result, int(charts.argmax())) < 1e-5  # uv are stored in single precision
     assert result.measures["axis_parallel"] == pytest.approx(1.0)
     assert result.verification.valid
-
-
-def test_unrolling_is_exact_and_leaves_curved_charts_alone() -> None:
-    flat, curved = shapes.half_cylinder(), shapes.hemisphere()
-    points, faces = shapes.join(flat, curved)
-    surface, _ = repair(Mesh(points, faces), RepairOptions(0.0, True, by_position=True))
-    cut = np.zeros(len(surface.edges), bool)
-    rest = circparam.unwrap((points, faces), normalize=False, cut="none", method="lscm", jobs=1)
-    corners = rest.uv[surface.from_file(rest.uv_faces)]
-    before = Atlas(surface, cut, corners)
-    after = unrolled(before)
-    belt = surface.source < len(flat[1])
-    assert np.array_equal(after.corners[~belt], corners[~belt])
-    ratio = side_lengths(after.corners[belt]) / side_lengths(surface.rest_triangles[belt])
-    assert ratio == pytest.approx(ratio.mean(), rel=1e-10)
 
 
 def vase() -> tuple[np.ndarray, np.ndarray]:
@@ -71,18 +56,6 @@ def test_a_rectangle_above_the_bound_is_not_taken() -> None:
     result = circparam.unwrap(vase(), straighten="all", max_distortion=bound, **QUICK)
     assert result.measures["distortion_max_chart"] <= bound * (1 + 1e-4)
     assert result.status == "ok"
-
-
-def test_rectangles_of_grids_are_exact_before_they_are_stored() -> None:
-    points, faces = vase()
-    surface, _ = repair(Mesh(points, faces), RepairOptions(0.0, True, by_position=True))
-    result = circparam.unwrap((points, faces), normalize=False, jobs=1)
-    before = Atlas(surface, result.verification.cut, result.uv[surface.from_file(result.uv_faces)])
-    after = gridded(before, 1.05, None, always=True)
-    area = np.abs(np.linalg.det(after.corners[:, 1:] - after.corners[:, :1])).sum() / 2
-    assert np.ptp(after.corners.reshape(-1, 2), axis=0).prod() / area == pytest.approx(1, abs=1e-9)
-    kept = gridded(before, 1.05, None, always=False)
-    assert np.array_equal(kept.corners, before.corners)  # its distortion would rise
 
 
 def test_a_chart_of_many_faces_is_unrolled_exactly() -> None:
