@@ -283,6 +283,24 @@ def _singular(
     return large[live], np.abs(small[live]), cut_mesh.areas[live]
 
 
+def dirichlet_terms(rest: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """((m,) ‖J‖², (m,) ‖J⁻¹‖²) of the maps of triangles (m, 3, 2) onto others; the first edge of ``rest`` lies
+    along x. The second is infinite for an image without area."""
+    one, two = image[:, 1] - image[:, 0], image[:, 2] - image[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        a, c = (one / rest[:, 1, :1]).T
+        b, d = ((two - np.stack([a, c], 1) * rest[:, 2, :1]) / rest[:, 2, 1:]).T
+        square = a * a + b * b + d * d + c * c
+        inverse = square / (a * d - b * c) ** 2
+    return square, np.where(np.isnan(inverse), np.inf, inverse)
+
+
+def energies_at_best_scale(square: FloatArray, inverse: FloatArray, area: FloatArray) -> FloatArray:
+    """(m,) symmetric Dirichlet energy / 4 of faces from their ``dirichlet_terms``, at the best scale."""
+    scale = np.sqrt((area * inverse).sum() / max(float((area * square).sum()), 1e-300))
+    return (square * scale + inverse / scale) / 4
+
+
 def energy_terms(cut_mesh: CutMesh, uv: FloatArray, faces: IntArray) -> FloatArray:
     """(f, 3) terms (P, N, A) of some faces (f,): their sums over a chart give its distortion √(P N) / (2 A)."""
     with np.errstate(all="ignore"):

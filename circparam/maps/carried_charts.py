@@ -89,7 +89,10 @@ class SourceCharts:
         box = np.ptp(self.corners.reshape(-1, 3), axis=0)
         self.diagonal = max(float(np.linalg.norm(box)), 1e-300)
         self.beside = faces_across(len(surface.faces), surface.edges[~atlas.cut])
-        self.scale = _scale(atlas)
+        d = atlas.corners[:, 1:] - atlas.corners[:, :1]
+        areas = atlas.surface.areas
+        ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
+        self.scale = float(np.sqrt(max(Tail.of(ratio, areas).percentile(50), 1e-300)))
         self.sample, bary = spread_samples(surface.areas)
         self.places = np.einsum("pk,pkc->pc", bary, self.corners[self.sample])
         uv = np.einsum("pk,pkc->pc", bary, atlas.corners[self.sample])
@@ -188,14 +191,6 @@ def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
     return SurfacePoints(
         *(np.concatenate(x) for x in zip(*map(dataclasses.astuple, parts), strict=True))
     )
-
-
-def _scale(atlas: Atlas) -> float:
-    """uv units per unit of length, at the median of the area."""
-    d = atlas.corners[:, 1:] - atlas.corners[:, :1]
-    areas = atlas.surface.areas
-    ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
-    return float(np.sqrt(max(Tail.of(ratio, areas).percentile(50), 1e-300)))
 
 
 def spread_samples(areas: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -348,14 +343,23 @@ def _relabel(
     """
     probed, led, corners = points
     uv = source.uv(corners).reshape(-1, 3, 2)
-    face = _at_fault(source, target, led, uv, sign)
+    bad = heights(uv, sign[source.chart[led.face]])[0] <= 0
+    cut_mesh, _ = Atlas(target, _seams(source, target, led, uv), uv).open()
+    bad[meetings(cut_mesh, _means(cut_mesh, uv)).ravel() // 3] = True
+    face = np.flatnonzero(bad)
     now = np.zeros(len(uv))
     height = heights(uv[face], sign[source.chart[led.face[face]]])[0]
     now[face] = np.maximum(_depths(uv[face], face, uv), -height)
     face = face[now[face] > LEAST_HEIGHT_PAGES]
     if len(face) == 0:
         return False
-    other, beside = _around(target, face)
+    # pairs of faces at fault and all faces that share a vertex with them
+    m = len(target.faces)
+    corner = np.arange(3 * m)
+    shape = (m, int(target.corner_vertex.max()) + 1)
+    at = sps.csr_matrix((np.ones(3 * m), (corner // 3, target.corner_vertex.ravel())), shape)
+    pairs = (at[face] @ at.T).tocoo()
+    other, beside = face[pairs.row], pairs.col.astype(np.int64)
     own = np.repeat(face, len(PROBES))
     probe = len(PROBES) * own + np.tile(np.arange(len(PROBES)), len(face))
     face = np.concatenate([own, other])
@@ -378,16 +382,6 @@ def _relabel(
     led.put(face[rows], lead.take(rows))
     corners.put(own, found.take(new))
     return True
-
-
-def _at_fault(
-    source: SourceCharts, target: Surface, led: SurfacePoints, uv: FloatArray, sign: FloatArray
-) -> IntArray:
-    """(f,) faces that are turned over, or at whose edges boundaries meet, with corners at uv (m, 3, 2)."""
-    bad = heights(uv, sign[source.chart[led.face]])[0] <= 0
-    cut_mesh, _ = Atlas(target, _seams(source, target, led, uv), uv).open()
-    bad[meetings(cut_mesh, _means(cut_mesh, uv)).ravel() // 3] = True
-    return np.flatnonzero(bad)
 
 
 def _depths(triangles: FloatArray, own: IntArray, corners: FloatArray) -> FloatArray:
@@ -413,16 +407,6 @@ def _depths(triangles: FloatArray, own: IntArray, corners: FloatArray) -> FloatA
             least = np.minimum(least, way.min(1))
         np.maximum.at(out[k], i, least)
     return out
-
-
-def _around(target: Surface, faces: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of the faces and all faces that share a vertex with them."""
-    m = len(target.faces)
-    corner = np.arange(3 * m)
-    shape = (m, int(target.corner_vertex.max()) + 1)
-    at = sps.csr_matrix((np.ones(3 * m), (corner // 3, target.corner_vertex.ravel())), shape)
-    pairs = (at[faces] @ at.T).tocoo()
-    return faces[pairs.row], pairs.col.astype(np.int64)
 
 
 def _seams(source: SourceCharts, target: Surface, led: SurfacePoints, uv: FloatArray) -> BoolArray:

@@ -102,9 +102,15 @@ def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGra
     left = np.array([chain[0] // 3 for chain in chains])
     chart = np.where(mesh.parent[left] < 0, -1, of_face[left])
     number = {v: k for k, v in enumerate(landmarks)}
-    graph = ChartGraph(side, paths, after, chart, of_face, number)
-    _require_disks(graph, euler)
-    return graph
+    for label in np.unique(of_face[mesh.parent >= 0]).tolist():
+        if euler[label] != 1:
+            face = int(surface.source[np.flatnonzero(of_face == label)[0]])
+            loops = max(2 - int(euler[label]), 0)
+            what = "a ring" if loops == 2 else f"no disk (Euler characteristic {euler[label]})"
+            raise TopologyError(
+                f"{side.name}: the chart of face {face} is {what}, and --charts needs disks: cut it open"
+            )
+    return ChartGraph(side, paths, after, chart, of_face, number)
 
 
 def _traced(
@@ -139,18 +145,6 @@ def _traced(
             "or give a landmark on it"
         )
     return chains, follower
-
-
-def _require_disks(graph: ChartGraph, euler: IntArray) -> None:
-    mesh, label = graph.side.closed, graph.of_face
-    for chart in np.unique(label[mesh.parent >= 0]).tolist():
-        if euler[chart] != 1:
-            face = int(graph.side.surface.source[np.flatnonzero(label == chart)[0]])
-            loops = max(2 - int(euler[chart]), 0)
-            what = "a ring" if loops == 2 else f"no disk (Euler characteristic {euler[chart]})"
-            raise TopologyError(
-                f"{graph.side.name}: the chart of face {face} is {what}, and --charts needs disks: cut it open"
-            )
 
 
 def _matches(a: ChartGraph, b: ChartGraph) -> list[list[int]]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
-from circparam.geometry.distortion import Tail
+from circparam.geometry.distortion import Tail, dirichlet_terms, energies_at_best_scale
 from circparam.mesh.cut_mesh import rest_triangles_of
 
 LEAST_AREA_RATIO = 1e-12  # area over the square of the longest edge below which a face has no shape
@@ -51,13 +51,6 @@ def face_energies(
     if not live.any():
         return energies, areas
     rest, there, area = rest[live], np.nan_to_num(there[live]), area[live]
-    # both triangles have their first edge along x: J is upper triangular
-    a = there[:, 1, 0] / rest[:, 1, 0]
-    d = there[:, 2, 1] / rest[:, 2, 1]
-    b = (there[:, 2, 0] - a * rest[:, 2, 0]) / rest[:, 2, 1]
-    square = a * a + b * b + d * d
-    with np.errstate(divide="ignore"):
-        inverse = np.minimum(square / np.maximum((a * d) ** 2, 1e-300), MOST_ENERGY)
-    scale = np.sqrt((area * inverse).sum() / max(float((area * square).sum()), 1e-300))
-    energies[live] = (square * scale + inverse / scale) / 4
+    square, inverse = dirichlet_terms(rest, there)
+    energies[live] = energies_at_best_scale(square, np.minimum(inverse, MOST_ENERGY), area)
     return energies, areas

@@ -185,12 +185,7 @@ def base_of(regions: IntArray, ends: IntArray) -> Base:
     if euler > 0:
         across = np.broadcast_to(np.eye(3), (len(ends), 3, 3))
         return Base(Geometry(1), polyhedron(nodes)[nodes], across, 4 * np.pi)
-    return _packed_circles(Geometry(-1 if euler < 0 else 0), regions, ends)
-
-
-def _packed_circles(geometry: Geometry, regions: IntArray, ends: IntArray) -> Base:
-    """Circles round the nodes that touch along the arcs (Thurston; Bobenko and Springborn 2004) make every
-    triangle a geodesic one and every node smooth."""
+    geometry = Geometry(-1 if euler < 0 else 0)
     nodes = ends[regions, 0]
     curved = geometry.curvature < 0
     radius = _radii(nodes, int(ends.max()) + 1, curved)
@@ -279,37 +274,19 @@ def polyhedron(faces: IntArray) -> FloatArray:
     (hundreds of vertices).
     """
     k = int(faces.max()) + 1
-    plane = _drawing(faces, k)
-    height = _lifted(faces, plane)
-    p = np.column_stack([plane, -height / max(float(np.ptp(height)), 1e-300)])
-    inside = p.mean(0)
-    p -= inside
-    p /= np.linalg.norm(p, axis=1)[:, None]
-    if (signs_of(p[faces]) > 0).all():
-        return p
-    raise NoResultError(
-        f"{k} landmarks are too many for a common domain in double precision: leave some out"
-    )
-
-
-def _drawing(faces: IntArray, k: int) -> FloatArray:
-    """(k, 2) Tutte's drawing with unit stresses; the last face is the outer one, clockwise in the drawing."""
+    # Tutte's drawing with unit stresses
     joined = np.zeros((k, k))
     joined[faces.ravel(), faces[:, [1, 2, 0]].ravel()] = 1
     outer = faces[-1][::-1]
     angle = 2 * np.pi * np.arange(3) / 3
-    out = np.zeros((k, 2))
-    out[outer] = np.stack([np.cos(angle), np.sin(angle)], 1)
+    plane = np.zeros((k, 2))
+    plane[outer] = np.stack([np.cos(angle), np.sin(angle)], 1)
     free = np.setdiff1d(np.arange(k), outer)
     laplacian = np.diag(joined.sum(1)) - joined
-    out[free] = np.linalg.solve(
-        laplacian[np.ix_(free, free)], joined[np.ix_(free, outer)] @ out[outer]
+    plane[free] = np.linalg.solve(
+        laplacian[np.ix_(free, free)], joined[np.ix_(free, outer)] @ plane[outer]
     )
-    return out
-
-
-def _lifted(faces: IntArray, plane: FloatArray) -> FloatArray:
-    """(k,) heights of the convex lifting, 0 at the outer face, below 0 inside."""
+    # heights of the convex lifting, 0 at the outer face, below 0 inside
     inner, outer, k = faces[:-1], faces[-1], len(plane)
     owner = np.full((k, k), -1)
     owner[inner, inner[:, [1, 2, 0]]] = np.arange(len(inner))[:, None]
@@ -323,4 +300,13 @@ def _lifted(faces: IntArray, plane: FloatArray) -> FloatArray:
     places = np.column_stack([plane, np.ones(k)])
     height = np.zeros(k)
     height[inner] = (slope[:, None] * places[inner]).sum(2)
-    return height - places @ np.linalg.solve(places[outer], height[outer])
+    height = height - places @ np.linalg.solve(places[outer], height[outer])
+    p = np.column_stack([plane, -height / max(float(np.ptp(height)), 1e-300)])
+    inside = p.mean(0)
+    p -= inside
+    p /= np.linalg.norm(p, axis=1)[:, None]
+    if (signs_of(p[faces]) > 0).all():
+        return p
+    raise NoResultError(
+        f"{k} landmarks are too many for a common domain in double precision: leave some out"
+    )

@@ -159,14 +159,7 @@ def add_boundaries(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     Raises InputError if it is not clear which boundary belongs to which, or their landmarks come in
     another order.
     """
-    partner = _partners(marks, a, b)
-    for k, j in enumerate(partner):
-        marks.corners.append(_corners(marks, a, b, k, j))
-        marks.tips.append(marks.add(int(a.tips[k]), int(b.tips[j]), False))
-
-
-def _partners(marks: Landmarks, a: MapInput, b: MapInput) -> list[int]:
-    """The boundary of b that each boundary of a belongs to."""
+    # the boundary of b that each boundary of a belongs to
     partner = [-1] * len(a.loops)
     for line, (u, v) in enumerate(zip(marks.a, marks.b, strict=True), 1):
         k, j = int(a.on_boundary[u]), int(b.on_boundary[v])
@@ -186,7 +179,9 @@ def _partners(marks: Landmarks, a: MapInput, b: MapInput) -> list[int]:
         )
     for k, j in zip(free, left, strict=True):
         partner[k] = j
-    return partner
+    for k, j in enumerate(partner):
+        marks.corners.append(_corners(marks, a, b, k, j))
+        marks.tips.append(marks.add(int(a.tips[k]), int(b.tips[j]), False))
 
 
 def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list[int]:

@@ -21,7 +21,7 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.job import Job, given_atlas, prepare
-from circparam.pipeline.options import Options, from_keywords
+from circparam.pipeline.options import from_keywords
 from circparam.pipeline.result import Result
 from circparam.pipeline.stored_fit import Fitted
 from circparam.pipeline.unwrap import verify_and_save
@@ -99,13 +99,19 @@ def transfer(
     """
     DRIFT.check("--max-drift", max_drift)
     SIDE.check("--resolution", resolution)
-    options = _options(keywords)
+    # nothing is cut, flattened or packed here
+    if keywords.get("uv_set") is not None:
+        keywords = {**keywords, "overwrite_uv": True}
+    options = from_keywords({**keywords, "cut": "none", "normalize": False})
     outputs = [None] * len(targets) if outputs is None else list(outputs)
     if len(outputs) != len(targets):
         raise OptionError(f"{len(targets)} targets have {len(outputs)} outputs: give one for each")
     monitor = Monitor(listener, None, 1)
     with monitor.stage("read"):
-        charts = _source_charts(open_source(source, options), options)
+        document = open_source(source, options)
+        uvmap = document.require_uv(options.uv_set or 0)
+        surface, _ = repair(document.mesh, RepairOptions(0.0, True, by_position=True), uvmap)
+        charts = SourceCharts(given_atlas(surface, uvmap, document.source.name))
         documents = [open_source(target, options) for target in targets]
     jobs = [prepare(d, o, options, monitor) for d, o in zip(documents, outputs, strict=True)]
     carried = []
@@ -126,20 +132,6 @@ def transfer(
             )
         out.append(one)
     return out
-
-
-def _options(keywords: dict[str, Any]) -> Options:
-    """Options for files: nothing is cut, flattened or packed here."""
-    if keywords.get("uv_set") is not None:
-        keywords = {**keywords, "overwrite_uv": True}
-    return from_keywords({**keywords, "cut": "none", "normalize": False})
-
-
-def _source_charts(document: Document, options: Options) -> SourceCharts:
-    """The charts of a document's own uv. Raises InputError if a face has none."""
-    uvmap = document.require_uv(options.uv_set or 0)
-    surface, _ = repair(document.mesh, RepairOptions(0.0, True, by_position=True), uvmap)
-    return SourceCharts(given_atlas(surface, uvmap, document.source.name))
 
 
 def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:

@@ -115,7 +115,12 @@ def map_surfaces(
     relax = keywords.get("relax", True)
     pairs, routes = _pairs(landmarks, paths)
     layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
-    _require_positive(method)
+    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
+    if method not in good:
+        raise OptionError(
+            f"a map needs weights that are positive on every mesh, not {method!r}: "
+            f"choose one of {', '.join(good)}"
+        )
     monitor = Monitor(listener)
     with monitor.stage("repair"):
         side_a, side_b = map_input_of(_mesh(a), "A"), map_input_of(_mesh(b), "B", mirrored)
@@ -153,16 +158,6 @@ def _pairs(
             f"landmarks have shape {given.shape} and type {given.dtype}: (k, 2) whole numbers are needed"
         )
     return given.astype(np.int64), routes
-
-
-def _require_positive(method: str) -> None:
-    """Raise OptionError for weights whose maps may turn faces over."""
-    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
-    if method not in good:
-        raise OptionError(
-            f"a map needs weights that are positive on every mesh, not {method!r}: "
-            f"choose one of {', '.join(good)}"
-        )
 
 
 def _landmarks(

@@ -178,10 +178,6 @@ class Relaxation:
         part = CutMesh(faces, rest[self.counts], faces[:, 0], self.faces[:0, :2])
         self.gradients = np.ascontiguousarray(part.gradients.transpose(1, 2, 0))
         self.weight = weight[self.counts]
-        self._order()
-
-    def _order(self) -> None:
-        """An order of the vertices in which the Hessian fills little, and where its entries stand in it."""
         self.order = np.argsort(ranks_of(self.development.mesh.cut_mesh), kind="stable")
         rank = np.argsort(self.order)
         index = (2 * rank[self.corners][:, None] + np.arange(2)[:, None]).astype(np.int32)
@@ -235,11 +231,6 @@ class Relaxation:
         m = np.einsum("kadm,dcm->kacm", modes, self.gradients)  # of each mode and corner
         m = np.einsum("kacm,cabm->kcbm", m, into)
         hessian = np.einsum("kaim,kbjm->aibjm", m * (values * self.weight)[:, None, None], m)
-        d = self._solved(hessian, g)
-        return d, float((d * g).sum())
-
-    def _solved(self, hessian: FloatArray, g: FloatArray) -> FloatArray:
-        """(n, 2) Newton's step. hessian (3, 2, 3, 2, m): of each face by corners and directions."""
         size = 2 * self.n
         entries = (hessian.ravel(), (self.rows, self.columns))
         matrix = sps.csc_matrix(entries, shape=(size, size))
@@ -248,10 +239,10 @@ class Relaxation:
         mean = trace[free].sum() / max(np.count_nonzero(free), 1)  # none where all are fixed
         ridge = np.where(free, RIDGE * trace + 1e-3 * RIDGE * mean, 1.0)
         matrix = sps.csc_matrix(matrix + sps.diags(np.repeat(ridge, 2)))
-        out = np.empty((self.n, 2))
+        d = np.empty((self.n, 2))
         solved = Factor(matrix, ordered=True).solve(-g[self.order].ravel())
-        out[self.order] = solved.reshape(-1, 2)
-        return out
+        d[self.order] = solved.reshape(-1, 2)
+        return d, float((d * g).sum())
 
     def unflipped(self, at: TargetPoint) -> BoolArray:
         """(m,) bool: the face is not turned over, in the domain where it is guarded, else on the target."""

@@ -9,7 +9,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.distortion import Distortion, distortion
-from circparam.maps.domain import Domain, PatchedMesh, common_domain, composed
+from circparam.maps.domain import Domain, common_domain, composed
 from circparam.maps.geometries import counter_clockwise, signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
@@ -65,10 +65,17 @@ def solve_map(
         if found is None:
             on_a = composed(b, a, turned, two, one)
             return MapSolution((one.cover, two.cover), on_b, on_a, start, False)
-        *covers, on_b = found
-        on_a = _inverse(covers[0], covers[1], on_b, two)
-        on_a = on_a.put(*along_boundaries(b, a, turned, covers[0].mesh))
-        return MapSolution((covers[0], covers[1]), on_b, on_a, start, True)
+        mine, cover, on_b = found
+        # faces of B that hold a vertex of A know the frame of a face of A; the others have it from a neighbour
+        face, vertex = np.unique(on_b.face, return_index=True)
+        corner = mine.mesh.first_out[vertex]
+        root, way = cover.development.rolled_out(face)
+        way = (mine.development.of(corner) @ on_b.turn[vertex])[root] @ way
+        own = two.first // 3  # the face in whose frame each vertex of B lies
+        q = np.einsum("nij,nj->ni", way[own], cover.vectors)
+        on_a = mine.find(q, (corner // 3)[root[own]])
+        on_a = on_a.put(*along_boundaries(b, a, turned, mine.mesh))
+        return MapSolution((mine, cover), on_b, on_a, start, True)
 
 
 def relaxed(
@@ -144,17 +151,3 @@ def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> C
             break
         cover = replace(cover, vectors=moved.vectors)
     return cover
-
-
-def _inverse(mine: Cover, cover: Cover, on_b: CoverPoints, two: PatchedMesh) -> CoverPoints:
-    """Places on A of all vertices of the mesh of B, looked for from vertices of A near them.
-
-    Faces of B that hold a vertex of A know the frame of a face of A; the others have it from a neighbour.
-    """
-    face, vertex = np.unique(on_b.face, return_index=True)
-    corner = mine.mesh.first_out[vertex]
-    root, way = cover.development.rolled_out(face)
-    way = (mine.development.of(corner) @ on_b.turn[vertex])[root] @ way
-    own = two.first // 3  # the face in whose frame each vertex of B lies
-    q = np.einsum("nij,nj->ni", way[own], cover.vectors)
-    return mine.find(q, (corner // 3)[root[own]])

@@ -19,7 +19,9 @@ from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.errors import InputError
+from circparam.geometry.distortion import dirichlet_terms, energies_at_best_scale
 from circparam.geometry.shading import corner_normals, unit
+from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.weld import first_duplicates
@@ -143,26 +145,11 @@ class Scene:
         """
         if self.base is not None and self.source is not None:
             return self.base.distortion[self.source]
-        c = self.points[self.faces]
-        e1, e2 = c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]
-        w = np.nan_to_num(self.corner_uv)
-        d1, d2 = w[:, 1] - w[:, 0], w[:, 2] - w[:, 0]
-        g11, g12, g22 = (np.einsum("ij,ij->i", a, b) for a, b in ((e1, e1), (e1, e2), (e2, e2)))
-        double = np.linalg.norm(self._crosses, axis=1)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            # |J|² = trace of (uv metric · inverse surface metric); det J = ratio of areas
-            trace = (
-                (d1 * d1).sum(1) * g22 - 2 * (d1 * d2).sum(1) * g12 + (d2 * d2).sum(1) * g11
-            ) / double**2
-            det = cross2(d1, d2) / double
-            grow, shrink = trace, trace / det**2
-            broken = ~np.isfinite(grow) | ~np.isfinite(shrink)
-            ok = self.mapped & ~broken
-            a = self.areas[ok]
-            k2 = np.sqrt((a * shrink[ok]).sum() / (a * grow[ok]).sum()) if ok.any() else 1.0
-            out = (grow * k2 + shrink / k2) / 4
-        out[broken] = np.inf
-        out[~self.mapped] = np.nan
+        rest = rest_triangles_of(self.points[self.faces])
+        square, inverse = dirichlet_terms(rest, np.nan_to_num(self.corner_uv))
+        ok = self.mapped & np.isfinite(square) & np.isfinite(inverse)
+        out = np.where(self.mapped, np.inf, np.nan)
+        out[ok] = energies_at_best_scale(square[ok], inverse[ok], self.areas[ok])
         return out
 
     @cached_property
