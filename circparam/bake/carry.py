@@ -167,7 +167,15 @@ def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> 
             texel = _turned(work, slot, use, own, common, (pixel, face, texel))
         else:
             texel = fitted(slot, texel, own, common)
-        _store(images[slot.page], pixel, slot, part, texel)
+        # code texels and write them into the channels of their slot
+        for k, channel in enumerate(slot.channels):
+            value = texel[:, k]
+            if channel == 3 and slot.covers:
+                if part.material.alpha == "OPAQUE":
+                    continue
+                if part.material.alpha == "MASK":
+                    value = with_cutoff(value, part.material.cutoff, part.group.cutoff)
+            images[slot.page][pixel, channel] = coded(value, slot.srgb and channel < 3)
     return len(part.at)
 
 
@@ -185,20 +193,6 @@ def _prepare(source: Source, part: Part) -> None:
             source.sampled(use, slot.srgb)
         if slot.kind in ("normal", "direction"):
             source.old_frames(use)
-
-
-def _store(
-    image: npt.NDArray[np.uint8], pixel: IntArray, slot: Slot, part: Part, texel: FloatArray
-) -> None:
-    """Code texels and write them into the channels of their slot."""
-    for k, channel in enumerate(slot.channels):
-        value = texel[:, k]
-        if channel == 3 and slot.covers:
-            if part.material.alpha == "OPAQUE":
-                continue
-            if part.material.alpha == "MASK":
-                value = with_cutoff(value, part.material.cutoff, part.group.cutoff)
-        image[pixel, channel] = coded(value, slot.srgb and channel < 3)
 
 
 def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[FloatArray]:

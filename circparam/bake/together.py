@@ -74,7 +74,11 @@ def rebake_documents(
     with monitor.stage("images"):
         source = Source.of(joined, bool(look.keep_tiled))
     if any(output_format(output) != "glb" for output in outputs):  # a GLB holds its images
-        _check_images(source, outputs[0].parent, look, options.overwrite)
+        groups = groups_of(source.looks, look.merge, source.kept)
+        for page in sorted({slot.page for group in groups for slot in group.shown}):
+            path = outputs[0].parent / image_name(STEM, page)
+            if path.exists() and not options.overwrite:
+                raise OptionError(f"{path}: the file exists; replace it with --overwrite")
     result = laid_out(source, options, look, monitor)
     carried, carried_look = carried_looks(source, result, look, monitor)
     parts = [joined.dressed_part(k, carried, STEM) for k in range(len(documents))]
@@ -86,15 +90,6 @@ def rebake_documents(
     warnings = [*whole.warnings, *carried_look.notes]
     whole = replace(whole, warnings=warnings, seconds=dict(monitor.seconds))
     return replace(shared, result=whole), carried_look
-
-
-def _check_images(source: Source, folder: Path, look: LookOptions, overwrite: bool) -> None:
-    """Raise OptionError if a shared image would replace a file that it may not replace."""
-    groups = groups_of(source.looks, look.merge, source.kept)
-    for page in sorted({slot.page for group in groups for slot in group.shown}):
-        path = folder / image_name(STEM, page)
-        if path.exists() and not overwrite:
-            raise OptionError(f"{path}: the file exists; replace it with --overwrite")
 
 
 def _checked(

@@ -94,7 +94,14 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
     folder = Folder(plan.settings.out)
     settings = replace(plan.settings, out=folder.address, run=uuid.uuid4().hex[:12])
     with Index() as index:
-        total = _list(plan, folder, index, hooks)
+        listing = Listing(plan.sources, None if folder.remote else folder.address)
+        total = index.add_sources(listing, folder)
+        if listing.own:
+            hooks.note(f"{listing.own} files named *_uv.* are results of unwrap: they are left out")
+        if not total:
+            raise InputError(
+                f"{' '.join(plan.sources)}: no mesh files are there; name a folder, glob or list that has some"
+            )
         folder.make()
         exists = _existing(folder)
         _check_owned(folder, index, exists, settings)
@@ -117,18 +124,6 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
             _clean(folder)
             manifest.close()
         return _summary(index, meter, finished, report, time.monotonic() - start)
-
-
-def _list(plan: BatchPlan, folder: Folder, index: Index, hooks: Hooks) -> int:
-    listing = Listing(plan.sources, None if folder.remote else folder.address)
-    total = index.add_sources(listing, folder)
-    if listing.own:
-        hooks.note(f"{listing.own} files named *_uv.* are results of unwrap: they are left out")
-    if not total:
-        raise InputError(
-            f"{' '.join(plan.sources)}: no mesh files are there; name a folder, glob or list that has some"
-        )
-    return total
 
 
 def _existing(folder: Folder) -> Callable[[str, int], bool]:

@@ -42,7 +42,12 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
         document = read(source, unshare=bool(options.unshare), reader=options.reader)
     result = unwrap_document(document, target, options, monitor)
     scratch = os.path.dirname(target)
-    more = _further(settings, result, scratch, name)
+    more = {}
+    for kind, pattern in settings.extras.items():
+        place = pattern.replace(PLACE, os.path.splitext(name)[0])
+        path = os.path.join(scratch, f"further.{kind}{os.path.splitext(place)[1]}")
+        write_further(kind, result, path, os.path.basename(name), overwrite=True)
+        more[place] = os.path.basename(path)
     report = summarise(result)
     files = [os.path.relpath(f, scratch) for f in result.files if f != target]
     code, error = 0, None
@@ -55,17 +60,6 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
         "files": [*files, os.path.basename(target)],
         "further": more,
     }
-
-
-def _further(settings: Settings, result: Any, scratch: str, name: str) -> dict[str, str]:
-    """Seams, index map and picture where they were asked for: name under --out → file in the scratch folder."""
-    out = {}
-    for kind, pattern in settings.extras.items():
-        place = pattern.replace(PLACE, os.path.splitext(name)[0])
-        path = os.path.join(scratch, f"further.{kind}{os.path.splitext(place)[1]}")
-        write_further(kind, result, path, os.path.basename(name), overwrite=True)
-        out[place] = os.path.basename(path)
-    return out
 
 
 def write_further(kind: str, result: Any, path: str, title: str, overwrite: bool) -> None:

@@ -137,7 +137,14 @@ class Batch:
             return
         again = line.pop("again", None)
         if again == "space":
-            self._wait_for_space(item, line)
+            # the disk is full: one file at a time until there is room, without counting the attempts
+            now = time.monotonic()
+            self._full_since = self._full_since or now
+            if now - self._full_since > FULL_WAIT:
+                self._final(line)
+            elif not self.stopping:
+                self._note = "the disk is full: waiting for room"
+                heapq.heappush(self._later, (now + 2 * PAUSE, next(self._number), item))
             return
         self._full_since, self._note = None, ""
         if again is not None and self._try_again(item):
@@ -172,16 +179,6 @@ class Batch:
             self._later, (ready, next(self._number), replace(item, attempt=item.attempt + 1))
         )
         return True
-
-    def _wait_for_space(self, item: Item, line: dict[str, Any]) -> None:
-        """The disk is full: one file at a time until there is room, without counting the attempts."""
-        now = time.monotonic()
-        self._full_since = self._full_since or now
-        if now - self._full_since > FULL_WAIT:
-            self._final(line)
-        elif not self.stopping:
-            self._note = "the disk is full: waiting for room"
-            heapq.heappush(self._later, (now + 2 * PAUSE, next(self._number), item))
 
     def _final(self, line: dict[str, Any]) -> None:
         self._unwritten.append(line)

@@ -82,17 +82,6 @@ def command(mesh: str, **given: Any) -> None:
     --all the output is OTHER with the uv of MESH and all its textures and materials.
     """
     look = LookOptions(**common.library_keywords(given, LookOptions))
-    _check_words(given, look)
-    check_output(given["output"], given["overwrite"])
-    with progress.listener(Path(mesh).name, given["quiet"]) as listener:
-        report, warnings, notes = (_all if given["whole"] else _one)(mesh, given, look, listener)
-    common.tell(given, f"{mesh}: ", warnings, notes)
-    report = {"schema": "circparam/bake/1", "input": mesh, **report}
-    common.show(given, report, lambda: "\n".join(report["output"]))
-
-
-def _check_words(given: dict[str, Any], look: LookOptions) -> None:
-    """Raise OptionError if --all and --from are both there or both missing, or another word fits but one."""
     whole = given["whole"]
     if whole == (given["kind"] is not None):
         raise OptionError("nothing to bake: give --from WHAT, or --all for every texture")
@@ -108,6 +97,12 @@ def _check_words(given: dict[str, Any], look: LookOptions) -> None:
         if (given if whole else vars(look))[name] is not None:
             flag = "map" if name == "by" else name.replace("_", "-")
             raise OptionError(f"--{flag} has no effect here: {why}; leave it out")
+    check_output(given["output"], given["overwrite"])
+    with progress.listener(Path(mesh).name, given["quiet"]) as listener:
+        report, warnings, notes = (_all if given["whole"] else _one)(mesh, given, look, listener)
+    common.tell(given, f"{mesh}: ", warnings, notes)
+    report = {"schema": "circparam/bake/1", "input": mesh, **report}
+    common.show(given, report, lambda: "\n".join(report["output"]))
 
 
 def _one(

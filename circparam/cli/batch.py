@@ -13,7 +13,7 @@ from circparam.cli.unwrap import command as unwrap_command
 from circparam.errors import GateError, InputError, OptionError
 
 if TYPE_CHECKING:
-    from circparam.batch.batch import BatchPlan, Summary
+    from circparam.batch.batch import BatchPlan
 
 CLEARING = 4.0  # seconds for the end of the workers and for their folders
 _EPILOG = """\b
@@ -101,7 +101,27 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
             summary = run_batch(plan, hooks)
     finally:
         screen.close()
-    return _end(summary, given)
+    from circparam.cli.batch_progress import print_summary
+
+    if given["as_json"]:
+        _print({"schema": "circparam/batch-summary/1", **dataclasses.asdict(summary)})
+    elif not given["quiet"]:
+        print_summary(summary)
+    if not summary.finished:
+        left = summary.total - sum(summary.counts.values())
+        click.echo(
+            f"circparam: error: interrupted: {left} of {summary.total} files are not done; "
+            "the same command continues",
+            err=True,
+        )
+        return exits.INTERRUPTED
+    if summary.fail_rate > given["fail_rate"]:
+        bad = summary.counts.get("failed", 0) + summary.missed
+        raise GateError(
+            f"{bad} of {summary.total} files failed or missed a gate ({100 * summary.fail_rate:.3g} %), more "
+            f"than --fail-rate {given['fail_rate']:g}: see {summary.report}, or give --retry failed"
+        )
+    return exits.OK
 
 
 command.params += _unwrap_options()
@@ -137,31 +157,6 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "BatchPlan":
         sources, settings, frozenset(given["retry"]),
         given["workers"], given["scheduler"], given["scheduler_file"],
     )  # fmt: skip
-
-
-def _end(summary: "Summary", given: dict[str, Any]) -> int:
-    """Tell how it ended; the exit code. Raises GateError if too many failed."""
-    from circparam.cli.batch_progress import print_summary
-
-    if given["as_json"]:
-        _print({"schema": "circparam/batch-summary/1", **dataclasses.asdict(summary)})
-    elif not given["quiet"]:
-        print_summary(summary)
-    if not summary.finished:
-        left = summary.total - sum(summary.counts.values())
-        click.echo(
-            f"circparam: error: interrupted: {left} of {summary.total} files are not done; "
-            "the same command continues",
-            err=True,
-        )
-        return exits.INTERRUPTED
-    if summary.fail_rate > given["fail_rate"]:
-        bad = summary.counts.get("failed", 0) + summary.missed
-        raise GateError(
-            f"{bad} of {summary.total} files failed or missed a gate ({100 * summary.fail_rate:.3g} %), more "
-            f"than --fail-rate {given['fail_rate']:g}: see {summary.report}, or give --retry failed"
-        )
-    return exits.OK
 
 
 def _status(sources: tuple[str, ...], given: dict[str, Any]) -> int:

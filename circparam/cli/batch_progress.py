@@ -50,7 +50,30 @@ class Screen:
         if self.silent:
             return
         if self.terminal:
-            self._draw(progress)
+            from rich.console import Console, Group
+            from rich.text import Text
+
+            if self._live is None:
+                from rich.live import Live
+
+                self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
+                self._live.start()
+            filled = BAR * progress.done // max(progress.total - progress.skipped, 1)
+            rows: list[Any] = [
+                Text(headline(progress) + (" · stopping" if self._stopping else "")),
+                Text.assemble(("━" * filled, "green"), ("━" * (BAR - filled), "bright_black")),
+            ]
+            for name, seconds in progress.running[:NAMED]:
+                rows.append(
+                    Text(
+                        f"  {clock(seconds):>7}  {printable(name)}",
+                        overflow="ellipsis",
+                        no_wrap=True,
+                    )
+                )
+            if len(progress.running) > NAMED:
+                rows.append(Text(f"  and {len(progress.running) - NAMED} more"))
+            self._live.update(Group(*rows), refresh=True)
         elif time.monotonic() - self._reported >= MINUTE:
             self._reported = time.monotonic()
             click.echo(f"circparam: {headline(progress)}", err=True)
@@ -76,28 +99,6 @@ class Screen:
             self._live.console.print(f"circparam: {text}", markup=False, soft_wrap=True)
         else:
             click.echo(f"circparam: {text}", err=True)
-
-    def _draw(self, progress: "Progress") -> None:
-        from rich.console import Console, Group
-        from rich.text import Text
-
-        if self._live is None:
-            from rich.live import Live
-
-            self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
-            self._live.start()
-        filled = BAR * progress.done // max(progress.total - progress.skipped, 1)
-        rows: list[Any] = [
-            Text(headline(progress) + (" · stopping" if self._stopping else "")),
-            Text.assemble(("━" * filled, "green"), ("━" * (BAR - filled), "bright_black")),
-        ]
-        for name, seconds in progress.running[:NAMED]:
-            rows.append(
-                Text(f"  {clock(seconds):>7}  {printable(name)}", overflow="ellipsis", no_wrap=True)
-            )
-        if len(progress.running) > NAMED:
-            rows.append(Text(f"  and {len(progress.running) - NAMED} more"))
-        self._live.update(Group(*rows), refresh=True)
 
     def close(self) -> None:
         """Take it away."""

@@ -109,7 +109,16 @@ class LazyGroup(click.Group):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, False, **extra)
         argv = list(sys.argv[1:] if args is None else args) or ["--help"]
-        _open_standard_streams()
+        for name, mode, flags in (
+            ("stdin", "r", os.O_RDONLY),
+            ("stdout", "w", os.O_RDONLY),
+            ("stderr", "w", os.O_WRONLY),
+        ):
+            if getattr(sys, name) is None:
+                setattr(sys, name, os.fdopen(os.open(os.devnull, flags), mode))
+        # names of files may be any bytes: they go out as they came in
+        if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+            sys.stdout.reconfigure(errors="surrogateescape")
         with signals.installed():
             code = self._run(argv, complete_var, extra)
             if pool := sys.modules.get("circparam.core.pool"):  # nothing more is asked of workers
@@ -139,23 +148,6 @@ class LazyGroup(click.Group):
                 raise
             return _report(error)
         return value if isinstance(value, int) else exits.OK
-
-
-def _open_standard_streams() -> None:
-    """Open the null device for streams that are closed at the start (``>&-``): a file could take their number.
-
-    Writing to a closed standard output is an error, as with a closed pipe; errors go unseen.
-    """
-    for name, mode, flags in (
-        ("stdin", "r", os.O_RDONLY),
-        ("stdout", "w", os.O_RDONLY),
-        ("stderr", "w", os.O_WRONLY),
-    ):
-        if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(os.open(os.devnull, flags), mode))
-    # names of files may be any bytes: they go out as they came in
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
-        sys.stdout.reconfigure(errors="surrogateescape")
 
 
 def _usage_line(error: click.ClickException) -> str:

@@ -169,26 +169,23 @@ class Bar(Status):
         """Show the progress of the run, and its stage."""
         super().__call__(stage, fraction, note)
         if self.bar is None and time.monotonic() - self.start >= DELAY:
-            self._open()
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            self.bar = Progress(
+                TextColumn("{task.description}"),
+                TextColumn("[bold]{task.fields[stage]}"),
+                BarColumn(bar_width=24),
+                TimeElapsedColumn(),
+                TextColumn("{task.fields[note]}"),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self.task = self.bar.add_task(self.label, total=1.0, stage="", note="")
+            self.bar.start()
         if self.bar is not None:
             share = self.forward.fraction
             self.bar.update(self.task, completed=share, stage=stage, note=note)
-
-    def _open(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-        self.bar = Progress(
-            TextColumn("{task.description}"),
-            TextColumn("[bold]{task.fields[stage]}"),
-            BarColumn(bar_width=24),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[note]}"),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        self.task = self.bar.add_task(self.label, total=1.0, stage="", note="")
-        self.bar.start()
 
     def close(self) -> None:
         """Take the bar away."""

@@ -150,7 +150,11 @@ class _Run:
         self.place = (1, 1)  # number of the mesh, and of all
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         if given["max_memory"] is not None:
-            _limit_memory(memory_size(given["max_memory"]))
+            import resource
+
+            most = resource.getrlimit(resource.RLIMIT_AS)[1]
+            resource.setrlimit(resource.RLIMIT_AS, (memory_size(given["max_memory"]), most))
+            room_for_libraries(cores())
         put_off()  # before options that need the table of methods
         self.options = Options(**library_options_of(given))
         self.look = look_options_of(given)
@@ -325,11 +329,3 @@ def memory_size(size: str) -> int:
     except ImportError:
         raise OptionError("--max-memory is not available on this system: leave it out") from None
     return count
-
-
-def _limit_memory(count: int) -> None:
-    """Bound the address space of the process to so many bytes. Raises NoResultError if that is too little."""
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_AS, (count, resource.getrlimit(resource.RLIMIT_AS)[1]))
-    room_for_libraries(cores())

@@ -264,16 +264,7 @@ def winding_pairs(
 
     chart: (k,) chart of each of the points (k, 2).
     """
-    k, other = _in_boxes(boundary, points)
-    among = other != chart[k]
-    k, other = k[among], other[among]
-    pair, outside, turns = windings(boundary, points[k], other, own=True)
-    keep = turns != 0
-    return chart[k[pair[keep]]], outside[keep]
-
-
-def _in_boxes(boundary: BoundarySegments, points: FloatArray) -> tuple[IntArray, IntArray]:
-    """(point, chart) for the points (k, 2) in the bounding box of each chart's boundary."""
+    # points in the bounding box of each chart's boundary
     n = len(boundary.size)
     low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
     np.minimum.at(low, boundary.chart, boundary.start)
@@ -284,13 +275,17 @@ def _in_boxes(boundary: BoundarySegments, points: FloatArray) -> tuple[IntArray,
     number = np.maximum(np.searchsorted(y, high[:, 1], side="right") - first, 0)
     pairs = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
     for part in np.array_split(np.arange(n), 1 + int(number.sum()) // CHUNK):
-        chart = np.repeat(part, number[part])
+        other = np.repeat(part, number[part])
         k = order[np.repeat(first[part], number[part]) + ranges(number[part])]
         x = points[k, 0]
-        inside = (x >= low[chart, 0]) & (x <= high[chart, 0])
-        pairs.append((k[inside], chart[inside]))
-    k, chart = (np.concatenate(some) for some in zip(*pairs, strict=True))
-    return k, chart
+        inside = (x >= low[other, 0]) & (x <= high[other, 0])
+        pairs.append((k[inside], other[inside]))
+    k, other = (np.concatenate(some) for some in zip(*pairs, strict=True))
+    among = other != chart[k]
+    k, other = k[among], other[among]
+    pair, outside, turns = windings(boundary, points[k], other, own=True)
+    keep = turns != 0
+    return chart[k[pair[keep]]], outside[keep]
 
 
 def windings(

@@ -54,7 +54,23 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     width of least symmetric Dirichlet energy, in units of the mesh, as if all quads had right angles. Charts
     that are no grid keep zeros.
     """
-    quads, grid = _paired(cut_mesh, diagonal)
+    m = len(cut_mesh.faces)
+    is_diagonal = np.zeros(3 * m, bool)
+    is_diagonal[3 * np.arange(m) + diagonal] = True
+    i, j = cut_mesh.edges.T
+    both = is_diagonal[i] & is_diagonal[j]
+    one = is_diagonal[i] != is_diagonal[j]
+    quad, second = np.arange(m), np.zeros(m, bool)
+    low, high = np.sort(cut_mesh.edges[both] // 3, 1).T
+    quad[high], second[high] = low, True
+    side = np.full((m, 3), -1)
+    for k in (1, 2):
+        side[np.arange(m), (diagonal + k) % 3] = k - 1 + 2 * second
+    partner = np.full(3 * m, -1)
+    partner[i], partner[j] = j, i
+    partner[is_diagonal] = -1
+    alone = group_count(cut_mesh.chart[i[one] // 3], cut_mesh.n_charts) > 0
+    quads, grid = _Quads(quad, side.ravel(), partner), ~alone
     grid &= _regular(cut_mesh, quads, diagonal)
     uv = np.zeros((cut_mesh.n_vertices, 2))
     if not grid.any():
@@ -76,27 +92,6 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
         grid &= group_count(cut_mesh.chart[along[reach] // 3], cut_mesh.n_charts) == 0
     uv[~grid[cut_mesh.vertex_chart]] = 0.0
     return uv, grid
-
-
-def _paired(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[_Quads, BoolArray]:
-    """The quads, and (n_charts,) the charts where each diagonal is that of both faces, or on the border."""
-    m = len(cut_mesh.faces)
-    is_diagonal = np.zeros(3 * m, bool)
-    is_diagonal[3 * np.arange(m) + diagonal] = True
-    i, j = cut_mesh.edges.T
-    both = is_diagonal[i] & is_diagonal[j]
-    one = is_diagonal[i] != is_diagonal[j]
-    quad, second = np.arange(m), np.zeros(m, bool)
-    low, high = np.sort(cut_mesh.edges[both] // 3, 1).T
-    quad[high], second[high] = low, True
-    side = np.full((m, 3), -1)
-    for k in (1, 2):
-        side[np.arange(m), (diagonal + k) % 3] = k - 1 + 2 * second
-    partner = np.full(3 * m, -1)
-    partner[i], partner[j] = j, i
-    partner[is_diagonal] = -1
-    alone = group_count(cut_mesh.chart[i[one] // 3], cut_mesh.n_charts) > 0
-    return _Quads(quad, side.ravel(), partner), ~alone
 
 
 def _regular(cut_mesh: CutMesh, quads: _Quads, diagonal: IntArray) -> BoolArray:

@@ -59,7 +59,13 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
         # a sum is finite if all its terms are; coordinates too large for that are no pixels
         seen &= np.isfinite(x[:, 0] + x[:, 1] + x[:, 2] + y[:, 0] + y[:, 1] + y[:, 2])
     face = np.flatnonzero(seen)
-    x, y = _by_height(x[face], y[face])
+    # corners by rising y, equal ones as they stood
+    xs, ys = list(x[face].T), list(y[face].T)
+    for a, b in ((0, 1), (1, 2), (0, 1)):
+        swap = ys[a] > ys[b]
+        for c in (xs, ys):
+            c[a], c[b] = np.where(swap, c[b], c[a]), np.where(swap, c[a], c[b])
+    x, y = np.stack(xs, 1), np.stack(ys, 1)
     top = first[face].astype(np.int64)
     rows = last[face].astype(np.int64) - top
     # an upper bound of each face's pixels decides where the chunks end
@@ -77,16 +83,6 @@ def extremes(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """((m,) least, (m,) largest of three values (m, 3)): columns at a time, which is several times faster."""
     a, b, c = values[:, 0], values[:, 1], values[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-
-
-def _by_height(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Corners (m, 3) of each triangle by rising y, equal ones as they stood."""
-    xs, ys = list(x.T), list(y.T)
-    for a, b in ((0, 1), (1, 2), (0, 1)):
-        swap = ys[a] > ys[b]
-        for c in (xs, ys):
-            c[a], c[b] = np.where(swap, c[b], c[a]), np.where(swap, c[a], c[b])
-    return np.stack(xs, 1), np.stack(ys, 1)
 
 
 def _fill(

@@ -97,7 +97,10 @@ def seen_shares(
     )
     sparse = len(seen) < SPARSE * pixels * pixels
     for axis in axes(count // 2)[turn]:
-        frame = _frame(axis)
+        other = np.eye(3)[np.argmin(np.abs(axis))]
+        right = np.cross(other, axis)
+        right /= np.linalg.norm(right)
+        frame = np.stack([right, np.cross(axis, right), axis])
         looks = _looks(vectors, places.sheet, frame, pixels)
         parts = scene
         if sparse:
@@ -120,14 +123,6 @@ def _scene(triangles: FloatArray) -> Scene:
     longest = (x + y + z).max(0)
     small, wide = longest < SMALL**2, longest > WIDE**2
     return corners[:, :, wide], corners[:, :, ~small & ~wide], corners[:, :, small].mean(1)
-
-
-def _frame(axis: FloatArray) -> FloatArray:
-    """(3, 3) rows right, down, away for a look along −axis: a place further along the axis is nearer."""
-    other = np.eye(3)[np.argmin(np.abs(axis))]
-    right = np.cross(other, axis)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(axis, right), axis])
 
 
 def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
@@ -273,7 +268,14 @@ def edge_shares(
     number = np.clip(np.ceil(length / max(step, 1e-300)), 1, MOST).astype(np.int64)
     edge = np.repeat(np.arange(len(asked)), number)
     at = ((ranges(number) + 0.5) / number[edge])[:, None]
-    outward, sheet = _sides(surface)
+    n, component = surface.components
+    sheet = np.zeros(n, bool)
+    sheet[component[surface.boundary // 3]] = True
+    p = surface.points[surface.faces]
+    p = p - p.reshape(-1, 3).mean(0)
+    volume = group_sum((np.cross(p[:, 0], p[:, 1]) * p[:, 2]).sum(1), component, n)
+    inside_out = (volume < 0) & ~sheet
+    outward, sheet = np.where(inside_out, -1.0, 1.0)[component], sheet[component]
     normal = (surface.normals * outward[:, None])[h // 3]
     places = Places(
         start[edge] * (1 - at) + end[edge] * at, normal[edge], sheet[h[:, 0] // 3][edge]
@@ -298,15 +300,3 @@ def visible_part(surface: Surface, cut: BoolArray, k: int) -> float:
     pixels = COARSE if len(surface.faces) <= FEW else FINE
     shares = edge_shares(surface, JUDGED, pixels, cut, slice(k, None, PARTS))
     return float((length * shares).sum() / length.sum())
-
-
-def _sides(surface: Surface) -> tuple[FloatArray, BoolArray]:
-    """((m,) 1, or −1 for faces of closed components that are wound inside out, (m,) bool: it is on a sheet)."""
-    n, component = surface.components
-    sheet = np.zeros(n, bool)
-    sheet[component[surface.boundary // 3]] = True
-    p = surface.points[surface.faces]
-    p = p - p.reshape(-1, 3).mean(0)
-    volume = group_sum((np.cross(p[:, 0], p[:, 1]) * p[:, 2]).sum(1), component, n)
-    inside_out = (volume < 0) & ~sheet
-    return np.where(inside_out, -1.0, 1.0)[component], sheet[component]

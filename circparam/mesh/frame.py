@@ -49,7 +49,13 @@ def frame_of(points: FloatArray, faces: IntArray) -> Frame:
     origin = (used.min(0) + used.max(0)) / 2
     used -= origin
     size = float(np.sqrt((used**2).sum(1).max()))
-    area, centre = _centroid(points, faces, origin)
+    area, first = 0.0, np.zeros(3)
+    for k in slices(len(faces)):
+        corner = points[faces[k]] - origin
+        areas = _areas(corner)
+        area += float(areas.sum())
+        first += areas @ corner.mean(1)
+    centre = first / area
     second, third = _moments(points, faces, origin + centre)
     used -= centre
     moment, axes = np.linalg.eigh(second / area)
@@ -68,17 +74,6 @@ def frame_of(points: FloatArray, faces: IntArray) -> Frame:
         unsure = np.flatnonzero(np.abs(skew) <= TIE_TOLERANCE_SIZES)
         axes[:, unsure[-1] if len(unsure) else np.abs(skew).argmin()] *= -1
     return Frame(origin + centre, axes, float(np.sqrt(area)))
-
-
-def _centroid(points: FloatArray, faces: IntArray, origin: FloatArray) -> tuple[float, FloatArray]:
-    """(area, (3,) centroid about an origin) of a surface."""
-    total, first = 0.0, np.zeros(3)
-    for k in slices(len(faces)):
-        corner = points[faces[k]] - origin
-        area = _areas(corner)
-        total += float(area.sum())
-        first += area @ corner.mean(1)
-    return total, first / total
 
 
 def _moments(

@@ -195,29 +195,30 @@ def _joined(
     if by_position:
         place = np.empty(len(ranked), np.int64)
         place[frame_of(points, welded[kept]).order(ranked)] = np.arange(len(ranked))
-        kept, first = _by_position(place[mesh.rank[welded]], kept)
+        own = place[mesh.rank[welded]][kept]
+        first = own.argmin(1)
+        a, b, c = _rotated(own, first).T
+        order = np.lexsort((c, a * (int(own.max()) + 1) + b))
+        kept, first = kept[order], first[order]
     faces = _rotated(welded[kept], first)
     polygons = None if mesh.polygons is None else mesh.polygons[kept]
     drawn = None if uv is None else _rotated(uv[kept], first)
     pairs = pair_half_edges(ranked, mesh.rank[faces], polygons, drawn)
     if polygons is not None:
-        _refuse_closed(mesh, polygons, pairs, kept)
+        inside = np.bincount(
+            polygons[pairs.edges[pairs.locked, 0] // 3], minlength=polygons.max() + 1
+        )
+        closed = (2 * inside >= 3 * np.bincount(polygons))[polygons]
+        if closed.any():
+            number = mesh.face_number(kept[closed].min())
+            raise TopologyError(
+                f"face {number} repeats its corners until it encloses nothing: no uv can show it whole. "
+                "Name each corner once"
+            )
     p = points[faces]
     orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
     surface = _oriented(points, faces, kept, pairs, orientation)
     return replace(surface, first=first), pairs, orientation
-
-
-def _by_position(rank: IntArray, kept: IntArray) -> tuple[IntArray, IntArray]:
-    """((k,) the faces ``kept`` by the positions of their corners, (k,) which corner of each comes first).
-
-    rank: (m, 3) position of each corner. The lowest corner comes first, the others follow as they are wound.
-    """
-    own = rank[kept]
-    first = own.argmin(1)
-    a, b, c = _rotated(own, first).T
-    order = np.lexsort((c, a * (int(own.max()) + 1) + b))
-    return kept[order], first[order]
 
 
 def _rotated(values: _Values, first: IntArray | None) -> _Values:
@@ -252,21 +253,6 @@ def _part_of_another_polygon(
     own = np.zeros(int(polygons.max()) + 1, bool)
     own[polygons[~duplicate & ~bad]] = True
     return own[polygons] & (polygons != polygons[first])
-
-
-def _refuse_closed(mesh: Mesh, polygons: IntArray, pairs: Pairs, kept: IntArray) -> None:
-    """Refuse a polygon that repeats its corners and encloses nothing: no seam may open it.
-
-    polygons: (k,) of the faces ``kept``.
-    """
-    inside = np.bincount(polygons[pairs.edges[pairs.locked, 0] // 3], minlength=polygons.max() + 1)
-    closed = (2 * inside >= 3 * np.bincount(polygons))[polygons]
-    if closed.any():
-        number = mesh.face_number(kept[closed].min())
-        raise TopologyError(
-            f"face {number} repeats its corners until it encloses nothing: no uv can show it whole. "
-            "Name each corner once"
-        )
 
 
 def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:

@@ -94,7 +94,13 @@ def _component_list(
     """The components, in the order of their first face; lengths are multiplied by ``unit``."""
     n = int(component.max()) + 1
     corner = np.repeat(component, 3)
-    vertices, fan = _vertices(faces, corner, edges, n)
+    # vertices are counted once the component is split into fans
+    solid = np.repeat(edges.solid, 3)
+    split = point_corners(faces, edges.pairs)
+    owner = np.full(int(split.max()) + 1, -1)
+    owner[split[solid]] = corner[solid]
+    fan = point_corners(faces, edges.chain) if len(edges.crowded) else split
+    vertices = group_count(owner[owner >= 0], n)
     pieces, one_sided = _pieces(component, edges, n)
     boundaries, lengths = _boundaries(points, faces, fan, component, edges.single, unit)
 
@@ -129,22 +135,6 @@ def _component_list(
         )
         for c in range(n)
     ]
-
-
-def _vertices(
-    faces: IntArray, corner: IntArray, edges: _Edges, n: int
-) -> tuple[IntArray, IntArray]:
-    """((n,) vertices of each component once it is split, (3m,) fan of each corner).
-
-    Split, corners hang together across edges of two faces only; a fan hangs together across every edge.
-    corner: (3m,) component of each corner.
-    """
-    solid = np.repeat(edges.solid, 3)
-    split = point_corners(faces, edges.pairs)
-    owner = np.full(int(split.max()) + 1, -1)
-    owner[split[solid]] = corner[solid]
-    fan = point_corners(faces, edges.chain) if len(edges.crowded) else split
-    return group_count(owner[owner >= 0], n), fan
 
 
 def _fans_at(faces: IntArray, fan: IntArray, edges: _Edges, n_points: int) -> IntArray:

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
 from circparam.errors import NoResultError, OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import FREE, Layout, MethodOptions, MethodRow, require_boundary
-from circparam.methods.pins import Pins, at_pins, check_pins, fit_pins
+from circparam.methods.pins import at_pins, check_pins, fit_pins
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.tutte.graded import embed_start
 from circparam.solvers.untangle import untangle
@@ -33,7 +33,17 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
     if options.pins is not None:
         check_pins(cut_mesh, options.pins, 1)
         fixed = options.pins.mask(cut_mesh)
-        uv, size = _start_at_pins(cut_mesh, uv, options.pins, fixed, monitor)
+        # the start with the pins in their places, untangled round them, and the sizes of ``fit_pins``
+        free = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-3, max_iterations=30), monitor)
+        uv, size = fit_pins(cut_mesh, free.uv, options.pins)
+        with monitor.stage("unfold"):
+            uv, report = untangle(cut_mesh, uv, fixed, monitor)
+        if report.after.any():
+            chart = int(np.flatnonzero(report.after)[0])
+            raise NoResultError(
+                f"chart {chart} has {int(report.after[chart])} flipped faces with its pins in place: "
+                "move the pins nearer to where the chart lies without them"
+            )
     with monitor.stage("relax"):
         relaxed = relax(
             cut_mesh,
@@ -53,23 +63,6 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
         )
     uv = at_pins(cut_mesh, relaxed.uv, size, options.pins)
     return Layout(uv, relaxed.iterations, relaxed.stopped, notes)
-
-
-def _start_at_pins(
-    cut_mesh: CutMesh, uv: FloatArray, pins: Pins, fixed: BoolArray, monitor: Monitor
-) -> tuple[FloatArray, FloatArray]:
-    """The start with the pins in their places, untangled round them, and the sizes of ``fit_pins``."""
-    free = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-3, max_iterations=30), monitor)
-    uv, size = fit_pins(cut_mesh, free.uv, pins)
-    with monitor.stage("unfold"):
-        uv, report = untangle(cut_mesh, uv, fixed, monitor)
-    if report.after.any():
-        chart = int(np.flatnonzero(report.after)[0])
-        raise NoResultError(
-            f"chart {chart} has {int(report.after[chart])} flipped faces with its pins in place: "
-            "move the pins nearer to where the chart lies without them"
-        )
-    return uv, size
 
 
 ROW: MethodRow = Row(

@@ -73,7 +73,17 @@ def _by_name(document: Document, asked: dict[str, float]) -> Density:
 def _called(document: Document, name: str) -> BoolArray:
     """(f,) faces of a name. Raises OptionError with the nearest names if no part has the name."""
     if _COLOUR.match(name):
-        return _painted(document, name)
+        colours = document.colours()
+        if colours is None:
+            raise OptionError(
+                f"--density {name!r}: {document.source.name} has no colours of vertices"
+            )
+        asked = np.array([int(name[k : k + 2], 16) for k in (1, 3, 5)])
+        seen = np.round(colours.mean(1) * 255).astype(np.int64)
+        painted = (seen == asked).all(1)
+        if not painted.any():
+            raise OptionError(f"--density: no face is painted {name} at all its corners")
+        return painted
     kinds = [found for kind in KINDS if (found := document.named(kind)) is not None]
     for found in kinds:
         faces = faces_called(found, [name])
@@ -86,19 +96,6 @@ def _called(document: Document, name: str) -> BoolArray:
         )
     cure = nearest_names(name, itertools.chain(*map(names_in, kinds)))
     raise OptionError(f"--density: no material, group or node is called {name!r}: {cure}")
-
-
-def _painted(document: Document, name: str) -> BoolArray:
-    """(f,) faces whose corners have the colour ``#rrggbb`` in the mean."""
-    colours = document.colours()
-    if colours is None:
-        raise OptionError(f"--density {name!r}: {document.source.name} has no colours of vertices")
-    asked = np.array([int(name[k : k + 2], 16) for k in (1, 3, 5)])
-    seen = np.round(colours.mean(1) * 255).astype(np.int64)
-    result: BoolArray = (seen == asked).all(1)
-    if not result.any():
-        raise OptionError(f"--density: no face is painted {name} at all its corners")
-    return result
 
 
 def _by_number(document: Document, given: Any) -> Density:

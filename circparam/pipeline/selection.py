@@ -70,7 +70,20 @@ def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
     Raises OptionError if a name or a number is not in the file, or nothing is selected.
     """
     if isinstance(given, str):
-        chosen = _named(document, given, flag)
+        # the triangles of the names of a selection
+        kind, _, names = (part.strip() for part in given.partition("="))
+        if kind not in KINDS or not names:
+            near = difflib.get_close_matches(kind, KINDS, n=1, cutoff=0.5) or list(KINDS)
+            raise OptionError(f"{flag} {given!r}: write {' or '.join(f'{k}=NAME' for k in near)}")
+        found = named_by(document, kind, f"{flag} {given!r}", "give a file of face numbers")
+        known = names_in(found)
+        asked = [names] if names in known else [name.strip() for name in names.split(",")]
+        for name in asked:
+            if name not in known:
+                raise OptionError(
+                    f"{flag}: no {kind} is called {name!r}: {nearest_names(name, known)}"
+                )
+        chosen = faces_called(found, asked)
     else:
         chosen = _numbered(document, np.asarray(given), flag)
     polygons = document.mesh.polygons
@@ -81,21 +94,6 @@ def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
     if not chosen.any():
         raise OptionError(f"{flag}: no face is selected")
     return chosen
-
-
-def _named(document: Document, given: str, flag: str) -> BoolArray:
-    """The triangles of the names of a selection."""
-    kind, _, names = (part.strip() for part in given.partition("="))
-    if kind not in KINDS or not names:
-        near = difflib.get_close_matches(kind, KINDS, n=1, cutoff=0.5) or list(KINDS)
-        raise OptionError(f"{flag} {given!r}: write {' or '.join(f'{k}=NAME' for k in near)}")
-    found = named_by(document, kind, f"{flag} {given!r}", "give a file of face numbers")
-    known = names_in(found)
-    asked = [names] if names in known else [name.strip() for name in names.split(",")]
-    for name in asked:
-        if name not in known:
-            raise OptionError(f"{flag}: no {kind} is called {name!r}: {nearest_names(name, known)}")
-    return faces_called(found, asked)
 
 
 def _numbered(document: Document, given: NDArray[Any], flag: str) -> BoolArray:

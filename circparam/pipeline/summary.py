@@ -111,7 +111,14 @@ def _room(result: "Result") -> list[str]:
         return []
     if result.measures["charts"] == len(result.mesh.faces):  # single faces lie no better
         return []
-    gaps = _gaps(result)
+    found = result.verification
+    side = result.options.resolution_texels
+    half = PackOptions(resolution=side, padding=result.options.padding_texels).gap / 2 / side
+    outline = boundary_in(found.cut_mesh, found.uv)
+    # half a gap lies along every boundary and round every chart
+    strip = float(norms2(outline.end - outline.start).sum()) * half
+    disks = found.cut_mesh.n_charts * math.pi * half**2
+    gaps = (strip + disks) / max(int(result.measures["pages"] or 1), 1)
     if gaps > share / 2:
         less = " or a smaller --padding" if o.padding_texels > 1 else ""
         cure = f"gaps take up to {100 * min(gaps, 1 - share):.0f} %, less with a larger --resolution{less}"
@@ -119,20 +126,6 @@ def _room(result: "Result") -> list[str]:
         cure = result.advice
     pages = "the page" if result.measures["pages"] == 1 else "the pages"
     return [f"{100 * share:.0f} % of {pages} is covered: {cure}"] if cure else []
-
-
-def _gaps(result: "Result") -> float:
-    """Share of the pages that lies within half a gap of charts: an upper bound, reached by convex ones.
-
-    A strip along the outline and a disk for each chart (J. Steiner 1840, "Über parallele Flächen").
-    """
-    found = result.verification
-    side = result.options.resolution_texels
-    half = PackOptions(resolution=side, padding=result.options.padding_texels).gap / 2 / side
-    outline = boundary_in(found.cut_mesh, found.uv)
-    strip = float(norms2(outline.end - outline.start).sum()) * half
-    disks = found.cut_mesh.n_charts * math.pi * half**2
-    return (strip + disks) / max(int(result.measures["pages"] or 1), 1)
 
 
 def summarise_check(found: "Inspection") -> dict[str, Any]:

@@ -103,7 +103,21 @@ def best_directions(
     )
     normals = scene.normals[face] * (-1 if scene.inside_out else 1)
     cell = 1.8 * np.sqrt(area[-1] / samples)
-    directions, bonus = _candidates(axis)
+    # directions round the upright axis, and the preference for each height
+    side = np.roll(axis, 1)
+    front = np.cross(side, axis)
+    heights = {20: 1.0, 45: 0.93, -15: 0.9, 80: 0.8, -80: 0.7}
+    asked: list[FloatArray] = []
+    bonus: list[float] = []
+    for height, liked in heights.items():
+        turns = 16 if abs(height) < 60 else 4
+        for turn in range(turns):
+            # half a step off the axes: three-quarter views say more than square ones
+            a, h = 2 * np.pi * (turn + 0.5) / turns, np.radians(height)
+            flat = np.cos(a) * front + np.sin(a) * side
+            asked.append(np.cos(h) * flat + np.sin(h) * axis)
+            bonus.append(liked)
+    directions = np.array(asked)
     seen = np.stack([_visibility(points, normals, d, axis, cell) for d in directions])
     best: list[int] = []
     so_far = np.zeros(samples)
@@ -114,23 +128,6 @@ def best_directions(
         best.append(int(np.argmax(np.where(alike, -1.0, gain * bonus))))
         so_far = np.maximum(so_far, seen[best[-1]])
     return directions[best]
-
-
-def _candidates(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Directions round the upright axis, and the preference for each height."""
-    side = np.roll(axis, 1)
-    front = np.cross(side, axis)
-    heights = {20: 1.0, 45: 0.93, -15: 0.9, 80: 0.8, -80: 0.7}
-    directions, bonus = [], []
-    for height, liked in heights.items():
-        turns = 16 if abs(height) < 60 else 4
-        for turn in range(turns):
-            # half a step off the axes: three-quarter views say more than square ones
-            a, h = 2 * np.pi * (turn + 0.5) / turns, np.radians(height)
-            flat = np.cos(a) * front + np.sin(a) * side
-            directions.append(np.cos(h) * flat + np.sin(h) * axis)
-            bonus.append(liked)
-    return np.array(directions), np.array(bonus)
 
 
 def _visibility(

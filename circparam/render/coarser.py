@@ -10,7 +10,6 @@ import numpy as np
 
 from circparam.core.arrays import (
     BoolArray,
-    FloatArray,
     IntArray,
     first_of_runs,
     group_count,
@@ -32,7 +31,24 @@ def coarser(scene: Scene, most: int) -> Scene:
     """
     if len(scene.faces) <= most:
         return scene
-    kept_as = _representatives(scene, most)
+    start = scene.uv_faces[scene.mapped].ravel()
+    end = scene.uv_faces[scene.mapped][:, [1, 2, 0]].ravel()
+    fixed = np.zeros(len(scene.uv), bool)
+    fixed[np.concatenate(scene.seam_ends)] = True
+    fixed[scene.uv_faces[scene.flipped & scene.mapped]] = True
+    area = float(np.abs(scene.uv_areas).sum())
+    side = np.sqrt(2 * area / most)
+    low = scene.uv.min(0)
+    at = np.floor((scene.uv - low) / max(side, 1e-300))
+    cell = np.asarray(at[:, 0] + at[:, 1] * (at[:, 0].max() + 1)).astype(np.int64)
+    same = (cell[start] == cell[end]) & ~fixed[start] & ~fixed[end]
+    # by edges, so that the two sides of a slit stay apart
+    count, label = components(len(scene.uv), start[same], end[same])
+    middle = np.stack([group_sum(scene.uv[:, k], label, count) for k in (0, 1)], 1)
+    middle /= group_count(label, count)[:, None]
+    away = ((scene.uv - middle[label]) ** 2).sum(1)
+    nearest = np.lexsort((away, label))
+    kept_as = nearest[first_of_runs(label[nearest])][label]
     corner = np.where(scene.uv_faces >= 0, kept_as[scene.uv_faces], -1)
     a, b, c = corner.T
     left = np.flatnonzero(~scene.mapped | ((a != b) & (b != c) & (c != a)))
@@ -52,38 +68,3 @@ def _folded(scene: Scene, corner: IntArray, left: IntArray) -> BoolArray:
     first = first_duplicates(corner[left], len(scene.uv))
     count = group_count(first[scene.single[left]], len(left))
     return scene.mapped[left] & (count[first] % 2 == 0)
-
-
-def _representatives(scene: Scene, most: int) -> IntArray:
-    """(k,) the vertex of the layout that each is drawn as."""
-    n = len(scene.uv)
-    start = scene.uv_faces[scene.mapped].ravel()
-    end = scene.uv_faces[scene.mapped][:, [1, 2, 0]].ravel()
-    fixed = _fixed(scene)
-    cell = _cells(scene, most)
-    same = (cell[start] == cell[end]) & ~fixed[start] & ~fixed[end]
-    # by edges, so that the two sides of a slit stay apart
-    count, label = components(n, start[same], end[same])
-    middle = np.stack([group_sum(scene.uv[:, k], label, count) for k in (0, 1)], 1)
-    middle /= group_count(label, count)[:, None]
-    away = ((scene.uv - middle[label]) ** 2).sum(1)
-    nearest = np.lexsort((away, label))
-    first: IntArray = nearest[first_of_runs(label[nearest])]
-    return first[label]
-
-
-def _fixed(scene: Scene) -> BoolArray:
-    """(k,) vertices of the layout at seams, and of flips."""
-    fixed = np.zeros(len(scene.uv), bool)
-    fixed[np.concatenate(scene.seam_ends)] = True
-    fixed[scene.uv_faces[scene.flipped & scene.mapped]] = True
-    return fixed
-
-
-def _cells(scene: Scene, most: int) -> IntArray:
-    """(k,) cell of each vertex of the layout: as many are covered as ``most`` faces have vertices."""
-    area = float(np.abs(scene.uv_areas).sum())
-    side = np.sqrt(2 * area / most)
-    low = scene.uv.min(0)
-    at: FloatArray = np.floor((scene.uv - low) / max(side, 1e-300))
-    return np.asarray(at[:, 0] + at[:, 1] * (at[:, 0].max() + 1)).astype(np.int64)

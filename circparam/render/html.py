@@ -101,7 +101,24 @@ def viewer(
         pack_geometry(each.scene, None if shown is None else shown.face)
         for each, shown in zip(layouts, images, strict=True)
     ]
-    meta = _common_meta(layouts[-1].options.scale_end)
+    # data that all layouts of a page share: colours, and the scale of distortion up to ``top``
+    top = layouts[-1].options.scale_end
+    palette = col.chart_colours(np.arange(24))
+    meta = {
+        "distortionEnd": top,
+        "distortionEnds": sorted({*col.ENDS, top}),
+        "palette": [col.hex_code(c) for c in palette],
+        "ramp": [col.hex_code(c) for c in col.distortion_map(64)],
+        "schemes": {
+            name: {key.lower(): code for key, code in scheme.items()}
+            for name, scheme in (("light", col.LIGHT), ("dark", col.DARK))
+        },
+        "flip": col.FLIP,
+        "twice": TWICE,
+        "noUv": col.NO_UV,
+        "hint": HINT,
+        "touchHint": TOUCH_HINT,
+    }
     meta["active"] = active
     meta["layouts"] = [
         {**_meta(each), "sections": p.sections} for each, p in zip(layouts, packed, strict=True)
@@ -252,26 +269,6 @@ def _sliders(scene: Scene) -> str:
         f'<output id="morph-value-{k}"></output></label>'
         for k, (name, _) in enumerate(scene.targets)
     )
-
-
-def _common_meta(top: float) -> dict[str, Any]:
-    """Data that all layouts of a page share: colours, and the scale of distortion up to ``top``."""
-    palette = col.chart_colours(np.arange(24))
-    return {
-        "distortionEnd": top,
-        "distortionEnds": sorted({*col.ENDS, top}),
-        "palette": [col.hex_code(c) for c in palette],
-        "ramp": [col.hex_code(c) for c in col.distortion_map(64)],
-        "schemes": {
-            name: {key.lower(): code for key, code in scheme.items()}
-            for name, scheme in (("light", col.LIGHT), ("dark", col.DARK))
-        },
-        "flip": col.FLIP,
-        "twice": TWICE,
-        "noUv": col.NO_UV,
-        "hint": HINT,
-        "touchHint": TOUCH_HINT,
-    }
 
 
 def _meta(layout: PageLayout) -> dict[str, Any]:

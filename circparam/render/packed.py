@@ -152,7 +152,12 @@ def _residual(values: Any, predicted: Any) -> Any:
 
 def _normals(scene: Scene, face: IntArray, k: IntArray, near: IntArray) -> Any:
     """Codes of the normals at corners, beside the mean of two neighbours."""
-    codes = _octahedral(scene.corner_normals[face, k])
+    normal = scene.corner_normals[face, k]
+    n = normal / np.maximum(np.abs(normal).sum(1, keepdims=True), 1e-12)
+    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
+    folded = (1 - np.abs(n[:, [1, 0]])) * sign
+    e = np.where(n[:, 2:] < 0, folded, n[:, :2])
+    codes = np.round((e * 0.5 + 0.5) * 255).astype(np.uint8)
     a, b = codes[near[:, 0]].astype(np.int64), codes[near[:, 1]].astype(np.int64)
     predicted = ((a + b) >> 1).astype(np.uint8)
     predicted[:1] = 0
@@ -204,15 +209,6 @@ def uv_span(scene: Scene) -> FloatArray:
 
 def _quantise(values: FloatArray) -> Any:
     return np.round(np.clip(values, 0, 1) * 65535).astype(np.uint16)
-
-
-def _octahedral(normal: FloatArray) -> Any:
-    """Directions (n, 3) as two bytes: the sphere folded onto an octahedron, unfolded onto a square."""
-    n = normal / np.maximum(np.abs(normal).sum(1, keepdims=True), 1e-12)
-    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
-    folded = (1 - np.abs(n[:, [1, 0]])) * sign
-    e = np.where(n[:, 2:] < 0, folded, n[:, :2])
-    return np.round((e * 0.5 + 0.5) * 255).astype(np.uint8)
 
 
 def _density_codes(scene: Scene) -> Any:

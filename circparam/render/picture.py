@@ -61,7 +61,11 @@ def draw_figure(
     ]
     page = Image.new("RGB", (1600, 1010), col.PAPER)
     draw = ImageDraw.Draw(page)
-    _heading(draw, options, scene)
+    line = counts(scene, options)
+    write(draw, (1600 - MARGIN, 38), line, 19, col.MUTED, "ra")
+    room = 1600 - 2 * MARGIN - 40 - width(draw, line, 19)
+    write(draw, (MARGIN, 28), fitted(draw, options.title, 30, room), 30, col.INK)
+    draw.line((MARGIN, 80, 1600 - MARGIN, 80), fill=col.HAIRLINE, width=2)
     y = 128
     page.paste(to_image(plan.image), (MARGIN, y))
     note = _tile_note(scene) + ("; hatched where it overlaps" if plan.overlap > 1e-4 else "")
@@ -86,14 +90,6 @@ def _tile_note(scene: Scene) -> str:
         return "the unit square"
     u0, v0, u1, v1 = scene.bounds
     return f"outside the unit square: u {u0:.4g} to {u1:.4g}, v {v0:.4g} to {v1:.4g}"
-
-
-def _heading(draw: ImageDraw.ImageDraw, options: PictureOptions, scene: Scene) -> None:
-    line = counts(scene, options)
-    write(draw, (1600 - MARGIN, 38), line, 19, col.MUTED, "ra")
-    room = 1600 - 2 * MARGIN - 40 - width(draw, line, 19)
-    write(draw, (MARGIN, 28), fitted(draw, options.title, 30, room), 30, col.INK)
-    draw.line((MARGIN, 80, 1600 - MARGIN, 80), fill=col.HAIRLINE, width=2)
 
 
 def _label(draw: ImageDraw.ImageDraw, x: float, y: float, name: str, note: str) -> None:

@@ -199,7 +199,9 @@ def draw_plan(
     face, _, layers = rasterise(corners, n, n)
     image = _tile_ground(n, scene.bounds, origin, unit)
     if padding > 0:
-        _draw_padding(image, face, padding * unit)
+        distance = distance_transform_edt(face < 0)
+        band = (distance > 0) & (distance <= max(padding * unit, 1.0))
+        image[band] = col.mix(col.rgb(col.PANEL), col.rgb(col.INK), 0.10)
     pixel = np.flatnonzero(face.ravel() >= 0)
     seen = face.ravel()[pixel]
     flat = image.reshape(-1, 3)
@@ -214,7 +216,11 @@ def draw_plan(
     stripe = ((pixel % n + pixel // n) // (3 * factor)) % 2 == 0
     twice = pixel[double & stripe]
     flat[twice] = col.mix(flat[twice], col.rgb(col.INK), 0.5)
-    _draw_boundaries(image, scene, uv, factor)
+    a, b = (uv[ends] for ends in scene.seam_ends)
+    weight = col.line_weight(np.linalg.norm(b - a, axis=1).sum() / image.shape[0])
+    mask = draw_lines(a, b, image.shape[:2], 0.62 * factor * weight)[..., None]
+    strength = 0.85 * np.sqrt(weight)
+    image[:] = image * (1 - strength * mask) + col.rgb(col.INK) * strength * mask
     return Plan(
         np.clip(shrink(image, factor), 0, 1),
         len(pixel) / (scene.n_tiles * unit**2),
@@ -245,19 +251,3 @@ def _tile_ground(
         for v in range(math.ceil(v0), math.floor(v1) + 1):
             image[max(row(v) - half, 0) : row(v) + half, columns] = line
     return image
-
-
-def _draw_padding(image: FloatArray, face: IntArray, width: float) -> None:
-    """A pale band of the padding's width round every chart, in place."""
-    distance = distance_transform_edt(face < 0)
-    band = (distance > 0) & (distance <= max(width, 1.0))
-    image[band] = col.mix(col.rgb(col.PANEL), col.rgb(col.INK), 0.10)
-
-
-def _draw_boundaries(image: FloatArray, scene: Scene, uv: FloatArray, factor: int) -> None:
-    """The boundaries of all charts, in place; thinner for many charts."""
-    a, b = (uv[ends] for ends in scene.seam_ends)
-    weight = col.line_weight(np.linalg.norm(b - a, axis=1).sum() / image.shape[0])
-    mask = draw_lines(a, b, image.shape[:2], 0.62 * factor * weight)[..., None]
-    strength = 0.85 * np.sqrt(weight)
-    image[:] = image * (1 - strength * mask) + col.rgb(col.INK) * strength * mask

@@ -45,7 +45,21 @@ def with_morph(document: GltfDocument, target: Target) -> bytes:
         meshes = {p.mesh for p in document.primitives}
         for mesh in meshes:
             _mesh(edit, edit.json["meshes"][mesh], target.name)
-        _play(edit, meshes, target)
+        # the animation: one sampler, a channel for every node that shows a mesh
+        if not edit.json.get("nodes"):  # a file of meshes alone
+            edit.json["nodes"] = [{"mesh": k} for k in range(len(edit.json["meshes"]))]
+            edit.json["scenes"] = [{"nodes": list(range(len(edit.json["meshes"])))}]
+            edit.json["scene"] = 0
+        nodes = [k for k, node in enumerate(edit.json["nodes"]) if node.get("mesh") in meshes]
+        sampler = {
+            "input": edit.array(target.times, 0, bounds=True),
+            "output": edit.array(target.weights, 0),
+            "interpolation": "LINEAR",
+        }
+        channels = [{"sampler": 0, "target": {"node": k, "path": "weights"}} for k in nodes]
+        edit.json.setdefault("animations", []).append(
+            {"name": target.name, "samplers": [sampler], "channels": channels}
+        )
         data, _, _ = edit.finish("glb", "")
     return data
 
@@ -88,24 +102,6 @@ def _mesh(edit: Packing, mesh: Json, name: str) -> None:
             still = {"componentType": 5126, "type": "VEC3", "count": count}
             edit.json["accessors"].append({**still, "min": [0.0] * 3, "max": [0.0] * 3})
             p["targets"] = [{"POSITION": len(edit.json["accessors"]) - 1}]
-
-
-def _play(edit: Packing, meshes: set[int], target: Target) -> None:
-    """The animation: one sampler, a channel for every node that shows a mesh."""
-    if not edit.json.get("nodes"):  # a file of meshes alone
-        edit.json["nodes"] = [{"mesh": k} for k in range(len(edit.json["meshes"]))]
-        edit.json["scenes"] = [{"nodes": list(range(len(edit.json["meshes"])))}]
-        edit.json["scene"] = 0
-    nodes = [k for k, node in enumerate(edit.json["nodes"]) if node.get("mesh") in meshes]
-    sampler = {
-        "input": edit.array(target.times, 0, bounds=True),
-        "output": edit.array(target.weights, 0),
-        "interpolation": "LINEAR",
-    }
-    channels = [{"sampler": 0, "target": {"node": k, "path": "weights"}} for k in nodes]
-    edit.json.setdefault("animations", []).append(
-        {"name": target.name, "samplers": [sampler], "channels": channels}
-    )
 
 
 def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatArray) -> bytes:

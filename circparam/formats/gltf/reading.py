@@ -47,7 +47,16 @@ class Tree:
         self.rest = b""
         self.is_glb = data[:4] == b"glTF"
         text = self._chunks(data) if self.is_glb else data
-        self.json = self._parse(text)
+        try:
+            tree = json.loads(text.decode("utf-8-sig"), parse_constant=_no_constant)
+        except (ValueError, RecursionError) as error:
+            raise self.error(f"its JSON cannot be read ({error})") from None
+        if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
+            raise self.error("this is not a glTF file: its JSON has no 'asset'")
+        version = str(tree["asset"].get("version", ""))
+        if not version.startswith("2"):
+            raise self.error(f"glTF version {version[:20]!r}: only version 2 is read")
+        self.json = tree
         self.indent = None if self.is_glb else _indent(text)
         self._buffers: dict[int, bytes] = {}
         for number, buffer in enumerate(self.json.get("buffers", [])):
@@ -86,18 +95,6 @@ class Tree:
                 self.rest += data[at : at + 8 + size]
             at, first = at + 8 + size, False
         return text
-
-    def _parse(self, text: bytes) -> Json:
-        try:
-            tree = json.loads(text.decode("utf-8-sig"), parse_constant=_no_constant)
-        except (ValueError, RecursionError) as error:
-            raise self.error(f"its JSON cannot be read ({error})") from None
-        if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
-            raise self.error("this is not a glTF file: its JSON has no 'asset'")
-        version = str(tree["asset"].get("version", ""))
-        if not version.startswith("2"):
-            raise self.error(f"glTF version {version[:20]!r}: only version 2 is read")
-        return tree
 
     # buffers ---------------------------------------------------------------------------------
 

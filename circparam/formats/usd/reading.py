@@ -142,7 +142,18 @@ def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
     if not np.array_equal(matrix, np.eye(4)):
         points = points @ matrix[:3, :3] + matrix[3, :3]
     left = mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
-    label, names = _subsets(mesh, len(size))
+    # part of each face by material, and the names of the parts
+    faces = len(size)
+    from pxr import UsdGeom
+
+    label = np.zeros(faces, np.int64)
+    names = [mesh.GetPrim().GetName()]
+    for subset in UsdGeom.Subset.GetGeomSubsets(mesh, UsdGeom.Tokens.face, "materialBind"):
+        mine = np.array(subset.GetIndicesAttr().Get() or [], np.int64)
+        label[mine[(mine >= 0) & (mine < faces)]] = len(names)
+        names.append(subset.GetPrim().GetName())
+    used = np.unique(label)
+    label, names = np.searchsorted(used, label), [names[k] for k in used]
     return [
         _Part(
             path=str(prim.GetPath()),
@@ -181,20 +192,6 @@ def _selections(prim: Any) -> list[str]:
         for name in sets.GetNames()
         if len(sets.GetVariantSet(name).GetVariantNames()) > 1
     ]
-
-
-def _subsets(mesh: Any, faces: int) -> tuple[IntArray, list[str]]:
-    """(faces,) part of each face by material, and the names of the parts."""
-    from pxr import UsdGeom
-
-    label = np.zeros(faces, np.int64)
-    names = [mesh.GetPrim().GetName()]
-    for subset in UsdGeom.Subset.GetGeomSubsets(mesh, UsdGeom.Tokens.face, "materialBind"):
-        mine = np.array(subset.GetIndicesAttr().Get() or [], np.int64)
-        label[mine[(mine >= 0) & (mine < faces)]] = len(names)
-        names.append(subset.GetPrim().GetName())
-    used = np.unique(label)
-    return np.searchsorted(used, label), [names[k] for k in used]
 
 
 def _uv(prim: Any, corners: IntArray) -> dict[str, FloatArray]:

@@ -167,7 +167,15 @@ class OBJECT_OT_circparam(bpy.types.Operator):
             except Failure as failure:
                 self._failures.append(f"{ob.name}: {failure}")
                 continue
-            self._choose(part, editing)
+            if editing:
+                part.chosen &= part.selected()
+            whole = editing and self.action != "UNWRAP"
+            if (whole or self.pins == "ISLANDS") and part.has_uv:
+                island = part.islands(part.uv)
+                if whole:
+                    part.chosen[part.polygon[np.isin(island, island[part.corners])]] = True
+                if self.pins == "ISLANDS":
+                    part.chosen[part.polygon[np.isin(island, island[part.pinned])]] = False
             parts.append(part)
         chosen = [p for p in parts if p.chosen.any()]
         if parts and not chosen:
@@ -175,17 +183,6 @@ class OBJECT_OT_circparam(bpy.types.Operator):
                 f"{', '.join(p.name for p in parts)}: no face is selected that is free to move"
             )
         return parts if self.together else chosen  # the others of a shared page keep their place
-
-    def _choose(self, part, editing):
-        if editing:
-            part.chosen &= part.selected()
-        whole = editing and self.action != "UNWRAP"
-        if (whole or self.pins == "ISLANDS") and part.has_uv:
-            island = part.islands(part.uv)
-            if whole:
-                part.chosen[part.polygon[np.isin(island, island[part.corners])]] = True
-            if self.pins == "ISLANDS":
-                part.chosen[part.polygon[np.isin(island, island[part.pinned])]] = False
 
     def _step(self, context):
         """One step of the present run; False when all runs are done."""
