@@ -2,14 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_sum,
-    next_half_edge,
-    norms2,
-)
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge, norms2
 from circparam.core.records import dataclass
 from circparam.geometry.coverage import pages_of
 from circparam.geometry.intrinsic import signed_areas

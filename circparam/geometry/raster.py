@@ -13,14 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import (
-    FloatArray,
-    IntArray,
-    cross2,
-    ranges,
-    slices,
-    sorted_distinct,
-)
+from circparam.core.arrays import FloatArray, IntArray, cross2, ranges, slices, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 

@@ -245,11 +245,7 @@ def _looks(vectors: FloatArray, sheet: BoolArray, frame: FloatArray, pixels: int
 
 
 def edge_shares(
-    surface: Surface,
-    count: int,
-    pixels: int,
-    which: BoolArray | None = None,
-    turn: slice = ALL,
+    surface: Surface, count: int, pixels: int, which: BoolArray | None = None, turn: slice = ALL
 ) -> FloatArray:
     """(k,) share of ``count`` directions from which each edge is seen, in the mean over its length.
 

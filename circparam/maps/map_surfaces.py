@@ -195,12 +195,7 @@ def _landmarks(
 
 
 def _result(
-    a: MapInput,
-    b: MapInput,
-    marks: Landmarks,
-    solution: MapSolution,
-    method: str,
-    monitor: Monitor,
+    a: MapInput, b: MapInput, marks: Landmarks, solution: MapSolution, method: str, monitor: Monitor
 ) -> MapResult:
     """The map by vertices and faces of the files, and its quality."""
     notes = [f"{side.name}: {line}" for side in (a, b) for line in side.notes] + marks.notes

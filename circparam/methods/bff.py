@@ -10,13 +10,7 @@ boundary crosses itself.
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    FloatArray,
-    IntArray,
-    group_count,
-    group_sum,
-    next_half_edge,
-)
+from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, next_half_edge
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass

@@ -8,13 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    IntArray,
-    first_of_runs,
-    group_count,
-    group_sum,
-)
+from circparam.core.arrays import BoolArray, IntArray, first_of_runs, group_count, group_sum
 from circparam.core.graph import components
 from circparam.mesh.weld import first_duplicates
 from circparam.render.scene import Scene

@@ -9,12 +9,7 @@ import numpy.typing as npt
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    WriteOptions,
-    not_carried,
-)
+from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
 from circparam.formats.page_names import in_ply_header
