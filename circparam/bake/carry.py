@@ -92,7 +92,13 @@ def _painted(
         width[slot.page] = max(width.get(slot.page, 0), 3, 1 + max(slot.channels))
     images = {page: np.full((size * size, 4), 255, np.uint8) for page in sorted(width)}
     for part in parts:  # shared tables are made before the threads
-        _prepare(work.source, part)
+        for slot in part.group.shown:
+            use = part.material.uses.get(slot)
+            if use is not None:
+                work.source.places(use)
+                work.source.sampled(use, slot.srgb)
+            if slot.kind in ("normal", "direction"):
+                work.source.old_frames(use)
     done = 0
     with ThreadPoolExecutor(max(1, min(cores(), 4))) as pool:
         for count in pool.map(lambda part: _paint(work, part, images), parts):
@@ -182,17 +188,6 @@ def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> 
 def without_image(slot: Slot) -> FloatArray:
     """The texel that stands for no image in a slot."""
     return np.array(FILL.get(slot.kind, (1.0,) * len(slot.channels)))
-
-
-def _prepare(source: Source, part: Part) -> None:
-    """Make the tables that the slots of a part look up."""
-    for slot in part.group.shown:
-        use = part.material.uses.get(slot)
-        if use is not None:
-            source.places(use)
-            source.sampled(use, slot.srgb)
-        if slot.kind in ("normal", "direction"):
-            source.old_frames(use)
 
 
 def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[FloatArray]:

@@ -34,7 +34,20 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
     chart = layout.charts
     mapped = chart >= 0
     n = int(chart.max()) + 1
-    dense = _texels_a_length(source)
+    # texels of the densest image of each face along a unit of space; 0 if it shows none
+    area = source.areas
+    plain, tiled = np.zeros(len(area)), np.zeros(len(area))
+    for k in np.unique(source.looks.face).tolist():
+        mine = source.looks.face == k
+        for use in source.looks.materials[k].uses.values() if k not in source.kept else ():
+            texels = flat_areas(np.nan_to_num(source.in_texels(use)))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = np.nan_to_num(np.sqrt(texels / area), posinf=0.0)
+            best = tiled if source.repeats(use, mine) else plain
+            some = mine & source.places(use)[1]
+            best[some] = np.maximum(best[some], found[some])
+    most = PATTERN * plain.max(initial=0) if plain.any() else np.inf
+    dense = np.maximum(plain, np.minimum(tiled, most))
     sharp = _of_charts(dense[mapped], source.areas[mapped], chart[mapped], n)
     shown = sharp > 0
     if not shown.any() or (even and shown.all()):
@@ -51,23 +64,6 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
     return Sized(
         UVMap(layout.uv * size[:, None], layout.uv_faces), np.where(mapped, factor[chart], 1.0)
     )
-
-
-def _texels_a_length(source: Source) -> FloatArray:
-    """(m,) texels of the densest image of each face along a unit of space; 0 if it shows none."""
-    area = source.areas
-    plain, tiled = np.zeros(len(area)), np.zeros(len(area))
-    for k in np.unique(source.looks.face).tolist():
-        mine = source.looks.face == k
-        for use in source.looks.materials[k].uses.values() if k not in source.kept else ():
-            texels = flat_areas(np.nan_to_num(source.in_texels(use)))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                found = np.nan_to_num(np.sqrt(texels / area), posinf=0.0)
-            best = tiled if source.repeats(use, mine) else plain
-            some = mine & source.places(use)[1]
-            best[some] = np.maximum(best[some], found[some])
-    most = PATTERN * plain.max(initial=0) if plain.any() else np.inf
-    return np.maximum(plain, np.minimum(tiled, most))
 
 
 def _of_charts(value: FloatArray, area: FloatArray, chart: IntArray, n: int) -> FloatArray:

@@ -101,7 +101,17 @@ class Ears:
             else:
                 k = self.after[first]
             out.append((self.before[k], k, self.after[k]))
-            self._remove(k)
+            # take a corner out; neighbours that turn left now are no obstacles
+            a, b = self.before[k], self.after[k]
+            self.after[a], self.before[b] = b, a
+            self.there[k] = False
+            for other in (k, a, b) if self.large else (k,):
+                if self.blocks[other] and (other == k or self._area(other) > 0):
+                    self.blocks[other] = False
+                    box = self.leaf[other]
+                    while box:
+                        self.count[box] -= 1
+                        box >>= 1
             left, every = left - 1, False
             for other in out[-1][::2]:
                 heapq.heappush(waiting, self._turn(other))
@@ -122,19 +132,6 @@ class Ears:
         """Twice the area of the triangle of a corner and its neighbours, above 0 if it turns left."""
         i, m, x, y = self.before[k], self.after[k], self.x, self.y
         return (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
-
-    def _remove(self, k: int) -> None:
-        """Take a corner out; neighbours that turn left now are no obstacles."""
-        a, b = self.before[k], self.after[k]
-        self.after[a], self.before[b] = b, a
-        self.there[k] = False
-        for other in (k, a, b) if self.large else (k,):
-            if self.blocks[other] and (other == k or self._area(other) > 0):
-                self.blocks[other] = False
-                box = self.leaf[other]
-                while box:
-                    self.count[box] -= 1
-                    box >>= 1
 
     def _is_ear(self, k: int) -> bool:
         """Whether corner k turns left and its triangle holds no other corner that is left."""

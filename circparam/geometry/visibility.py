@@ -101,7 +101,17 @@ def seen_shares(
         right = np.cross(other, axis)
         right /= np.linalg.norm(right)
         frame = np.stack([right, np.cross(axis, right), axis])
-        looks = _looks(vectors, places.sheet, frame, pixels)
+        # places as seen from both ends of the axis, a step in front of their faces
+        k = len(places.sheet)
+        turned = _turned(vectors, frame)
+        at, out, facing = turned[:, :k], turned[:, k : 2 * k], turned[2, 2 * k :].reshape(2, k)
+        looks = []
+        for sign in (1.0, -1.0):
+            front = np.flatnonzero(places.sheet | (sign * facing[0] > 0) | (sign * facing[1] > 0))
+            step = out[:, front]
+            step *= np.where(places.sheet[front] & (sign * step[2] < 0), -1.0, 1.0)
+            p = at[:, front] + step
+            looks.append(_Look(sign, front, _pixel(p, pixels), p[2]))
         parts = scene
         if sparse:
             near = _near([look.pixel for look in looks], pixels)
@@ -224,24 +234,6 @@ class _Look:
     place: IntArray
     pixel: IntArray
     height: FloatArray
-
-
-def _looks(vectors: FloatArray, sheet: BoolArray, frame: FloatArray, pixels: int) -> list[_Look]:
-    """Where places are looked up along both directions of an axis.
-
-    vectors: (3, 4k) places in pixels, their normals, those of both faces there.
-    """
-    k = len(sheet)
-    turned = _turned(vectors, frame)
-    at, out, facing = turned[:, :k], turned[:, k : 2 * k], turned[2, 2 * k :].reshape(2, k)
-    looks = []
-    for sign in (1.0, -1.0):
-        front = np.flatnonzero(sheet | (sign * facing[0] > 0) | (sign * facing[1] > 0))
-        step = out[:, front]
-        step *= np.where(sheet[front] & (sign * step[2] < 0), -1.0, 1.0)
-        p = at[:, front] + step
-        looks.append(_Look(sign, front, _pixel(p, pixels), p[2]))
-    return looks
 
 
 def edge_shares(

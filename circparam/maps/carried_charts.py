@@ -232,7 +232,14 @@ class CarriedLayout:
 
 def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     """The layout of the charts on a target of the same shape."""
-    probed, led = _leaders(source, target)
+    m, k = len(target.faces), len(PROBES)
+    places = np.einsum("kc,mcx->mkx", PROBES, target.points[target.faces])
+    normals = np.repeat(target.normals, k, axis=0)
+    probed = source.anywhere(places.reshape(-1, 3), normals)
+    chart = source.chart[probed.face].reshape(m, k)
+    votes = (chart[:, :, None] == chart[:, None, :]).sum(2)
+    # the first of the probes with the most votes leads the face; its chart may not hold the middle
+    led = probed.take(np.arange(m) * k + votes.argmax(1))
     corners = _corner_points(source, target, led, np.arange(len(target.faces)))
     sign = _signs(source)
     for _ in range(RELABEL_ROUNDS):
@@ -241,7 +248,23 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     uv = source.uv(corners).reshape(-1, 3, 2)
     of_face = sign[source.chart[led.face]]  # a chart of the target lies on one of the source
     atlas = Atlas(target, _seams(source, target, led, uv), uv)
-    loose, faulty = _mended(atlas, uv, of_face)
+    # faces that stay at fault are cut loose, and the rest is mended again
+    loose = np.zeros(len(uv), bool)
+    edges = atlas.surface.edges
+    for left in range(LOOSE_ROUNDS, -1, -1):
+        atlas.cut |= loose[edges // 3].any(1)
+        atlas.corners[:] = uv
+        cut_mesh, _ = atlas.open()
+        held = group_sum(~loose, cut_mesh.chart, cut_mesh.n_charts) > 0
+        part, vertices, faces = cut_mesh.subset(held)
+        joined = _means(cut_mesh, uv)
+        joined[vertices] = mend(part, joined[vertices], of_face[faces])
+        atlas.scatter(cut_mesh, joined)
+        faulty = np.zeros(len(uv), bool)
+        faulty[faces] = faults(part, joined[vertices], of_face[faces])
+        if not faulty.any() or not left:
+            break
+        loose |= faulty
     drift = np.linalg.norm(atlas.corners - uv, axis=2)
     drift[loose] = 0.0
     least = max(0.0, float(-heights(uv[~loose], of_face[~loose])[0].min(initial=0.0) / 2))
@@ -252,31 +275,6 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     inside = np.linalg.norm(atlas.corners.mean(1) - middle, axis=1)
     inside[loose] = 0.0
     return CarriedLayout(atlas, drift, inside, loose, least, faulty)
-
-
-def _mended(atlas: Atlas, uv: FloatArray, sign: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Lay the corners of an atlas near their uv (m, 3, 2), without flips and overlaps. In place.
-
-    sign: (m,) −1 for faces of clockwise charts. Faces that stay at fault are cut loose, and the rest is mended
-    again. Returns ((m,) bool: loose faces, (m,) bool: faces still at fault).
-    """
-    loose = np.zeros(len(uv), bool)
-    edges = atlas.surface.edges
-    for left in range(LOOSE_ROUNDS, -1, -1):
-        atlas.cut |= loose[edges // 3].any(1)
-        atlas.corners[:] = uv
-        cut_mesh, _ = atlas.open()
-        held = group_sum(~loose, cut_mesh.chart, cut_mesh.n_charts) > 0
-        part, vertices, faces = cut_mesh.subset(held)
-        joined = _means(cut_mesh, uv)
-        joined[vertices] = mend(part, joined[vertices], sign[faces])
-        atlas.scatter(cut_mesh, joined)
-        wrong = np.zeros(len(uv), bool)
-        wrong[faces] = faults(part, joined[vertices], sign[faces])
-        if not wrong.any() or not left:
-            break
-        loose |= wrong
-    return loose, wrong
 
 
 def _lay_anew(atlas: Atlas, loose: BoolArray, scale: float) -> None:
@@ -297,19 +295,6 @@ def _lay_anew(atlas: Atlas, loose: BoolArray, scale: float) -> None:
             f"{len(face)} faces overlap others, and no page has room for them: give a finer mesh"
         )
     atlas.corners[face] = room.uv[corner]
-
-
-def _leaders(source: SourceCharts, target: Surface) -> tuple[SurfacePoints, SurfacePoints]:
-    """The points of the source at all probes, and the one that leads each face: on the chart of most probes."""
-    m, k = len(target.faces), len(PROBES)
-    places = np.einsum("kc,mcx->mkx", PROBES, target.points[target.faces])
-    normals = np.repeat(target.normals, k, axis=0)
-    found = source.anywhere(places.reshape(-1, 3), normals)
-    chart = source.chart[found.face].reshape(m, k)
-    votes = (chart[:, :, None] == chart[:, None, :]).sum(2)
-    # the first of the probes with the most votes; its chart may not hold the middle
-    best = votes.argmax(1)
-    return found, found.take(np.arange(m) * k + best)
 
 
 def _corner_points(

@@ -217,7 +217,23 @@ def _joined(
             )
     p = points[faces]
     orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
-    surface = _oriented(points, faces, kept, pairs, orientation)
+    # the surface wound as ``orientation`` says; reversing a face swaps its half-edges 0 and 2
+    back = orientation.reversed_faces
+    solved = np.where(
+        back[pairs.edges // 3], pairs.edges - pairs.edges % 3 + (2 - pairs.edges % 3), pairs.edges
+    )
+    h = np.sort(solved[orientation.keep], 1)
+    order = np.argsort(h[:, 0], kind="stable")
+    wound = np.where(back[:, None], faces[:, [0, 2, 1]], faces)
+    surface = Surface(
+        points,
+        wound,
+        kept,
+        back,
+        h[order],
+        pairs.locked[orientation.keep][order],
+        solved[~orientation.keep],
+    )
     return replace(surface, first=first), pairs, orientation
 
 
@@ -226,21 +242,6 @@ def _rotated(values: _Values, first: IntArray | None) -> _Values:
     if first is None:
         return values
     return values[np.arange(len(values))[:, None], (first[:, None] + np.arange(3)) % 3]
-
-
-def _oriented(
-    points: FloatArray, faces: IntArray, source: IntArray, pairs: Pairs, orientation: Orientation
-) -> Surface:
-    """The surface wound as ``orientation`` says; reversing a face swaps its half-edges 0 and 2."""
-    back = orientation.reversed_faces
-    solved = np.where(
-        back[pairs.edges // 3], pairs.edges - pairs.edges % 3 + (2 - pairs.edges % 3), pairs.edges
-    )
-    h = np.sort(solved[orientation.keep], 1)
-    order = np.argsort(h[:, 0], kind="stable")
-    wound = np.where(back[:, None], faces[:, [0, 2, 1]], faces)
-    return Surface(points, wound, source, back, h[order], pairs.locked[orientation.keep][order],
-                   solved[~orientation.keep])  # fmt: skip
 
 
 def _part_of_another_polygon(

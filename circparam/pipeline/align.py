@@ -9,7 +9,6 @@ If that fails too, the whole chart is translated.
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sps
 
 from circparam.core.arrays import (
     BoolArray,
@@ -112,7 +111,19 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
     stretched = share_over(cut_mesh, face_stretch(cut_mesh, in_units(texels)), limit)
     out, matrix = texels + _shift(cut_mesh, lines, block), laplacian(cut_mesh)
     for tried in ([one.part(one.side) for one in lines], lines):
-        layout = _bent(cut_mesh, texels, tried, matrix)
+        # lines go to their targets, all other vertices of their charts follow harmonically
+        layout = texels.copy()
+        for axis, some in enumerate(tried):
+            move, held = np.zeros(len(texels)), np.zeros(len(texels), bool)
+            move[some.vertex] = some.to[some.line] - texels[some.vertex, axis]
+            held[some.vertex] = True
+            has = np.zeros(cut_mesh.n_charts, bool)
+            has[some.chart] = True
+            free = np.flatnonzero(~held & has[cut_mesh.vertex_chart])
+            rows = matrix[free]
+            move[free] = Factor(rows[:, free].tocsc()).solve(-(rows @ move))
+            layout[:, axis] += move
+            layout[some.vertex, axis] = some.to[some.line]
         good = chart_energies(cut_mesh, in_units(layout)) <= bound
         good &= share_over(cut_mesh, face_stretch(cut_mesh, in_units(layout)), limit) <= stretched
         out = np.where(good[cut_mesh.vertex_chart][:, None], layout, out)
@@ -162,25 +173,6 @@ def _shift(cut_mesh: CutMesh, lines: list[_Lines], block: float) -> FloatArray:
         at = some.at[longest]
         move[some.chart[longest], axis] = block * np.rint(at / block) - at
     return move[cut_mesh.vertex_chart]
-
-
-def _bent(
-    cut_mesh: CutMesh, texels: FloatArray, lines: list[_Lines], matrix: sps.csr_matrix
-) -> FloatArray:
-    """(nv, 2) lines at their targets, all other vertices moved harmonically. matrix: the Laplacian (nv, nv)."""
-    out = texels.copy()
-    for axis, some in enumerate(lines):
-        move, held = np.zeros(len(texels)), np.zeros(len(texels), bool)
-        move[some.vertex] = some.to[some.line] - texels[some.vertex, axis]
-        held[some.vertex] = True
-        has = np.zeros(cut_mesh.n_charts, bool)
-        has[some.chart] = True
-        free = np.flatnonzero(~held & has[cut_mesh.vertex_chart])
-        rows = matrix[free]
-        move[free] = Factor(rows[:, free].tocsc()).solve(-(rows @ move))
-        out[:, axis] += move
-        out[some.vertex, axis] = some.to[some.line]
-    return out
 
 
 def _signed_areas(cut_mesh: CutMesh, texels: FloatArray) -> FloatArray:

@@ -29,7 +29,21 @@ def edge_weights(
     if isinstance(given, str):
         at_vertex = _painted(document, surface, given)
         return np.asarray((at_vertex[a] + at_vertex[b]) / 2)
-    rows = _checked(given, len(repairs.weld))
+    n = len(repairs.weld)
+    try:
+        rows = np.asarray(given, np.float64).reshape(-1, 3)
+    except (TypeError, ValueError):
+        raise OptionError(
+            f"--seam-weights {given!r}: give 'colour', or rows of two vertices and a weight"
+        ) from None
+    if not (rows[:, 2] >= 0).all():
+        raise InputError("--seam-weights: a weight is a number from 0 (free) to inf (never)")
+    vertices = rows[:, :2]
+    wrong = (vertices[:, 0] < 0) | (vertices < -1).any(1) | (vertices >= n).any(1)
+    if wrong.any():
+        raise OptionError(
+            f"--seam-weights names {_ends(rows[wrong][0])}, the mesh has the vertices 0 to {n - 1}"
+        )
     single = rows[:, 1] < 0
     at_vertex = np.ones(len(surface.points))
     vertex = repairs.weld[rows[single, 0].astype(np.int64)]
@@ -46,25 +60,6 @@ def edge_weights(
         raise OptionError(f"--seam-weights names no edge of the mesh: none joins {_ends(rows[0])}")
     weights[hit] = rows[~single, 2][order][at[hit]]
     return np.asarray(weights)
-
-
-def _checked(given: Any, n: int) -> FloatArray:
-    """The rows, with vertices of the mesh and weights from 0 on."""
-    try:
-        rows = np.asarray(given, np.float64).reshape(-1, 3)
-    except (TypeError, ValueError):
-        raise OptionError(
-            f"--seam-weights {given!r}: give 'colour', or rows of two vertices and a weight"
-        ) from None
-    if not (rows[:, 2] >= 0).all():
-        raise InputError("--seam-weights: a weight is a number from 0 (free) to inf (never)")
-    vertices = rows[:, :2]
-    wrong = (vertices[:, 0] < 0) | (vertices < -1).any(1) | (vertices >= n).any(1)
-    if wrong.any():
-        raise OptionError(
-            f"--seam-weights names {_ends(rows[wrong][0])}, the mesh has the vertices 0 to {n - 1}"
-        )
-    return rows
 
 
 def _ends(row: FloatArray) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.errors import NoResultError
@@ -62,11 +62,22 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
             options = replace(options, effort=min(RETRIED * options.work, 1.0))
         if not settled:
             cascade = fallback.settle(cascade, monitor)
-        fitted, fault, size = _packed(job, cascade, options, monitor)
-        cascade = fitted.cascade
-        if not (fault > 0).any():
+        cut_mesh, uv = cascade.open()
+        keep = cascade.kept_sizes(cut_mesh)
+        with monitor.stage("pack"):
+            sign = chart_signs(job.surface, cut_mesh, options)
+            uv[:, 0] *= sign[cut_mesh.vertex_chart]
+            placed = arrange(job, cut_mesh, uv, options, monitor, keep, cascade.packing)
+        with monitor.stage("check"):
+            turn = options.packed and options.turns != "none" and job.kept is None
+            held = stored_layout(job, cut_mesh, placed.uv, sign < 0, turn)
+        uvmap = job.completed(cut_mesh, held.uv, held.double)
+        size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, placed.uv, keep))
+        cascade = cascade.noted(*placed.notes, *held.notes)
+        fitted = Fitted(cascade, uvmap, held.double)
+        if not (held.fault > 0).any():
             break
-        after = fallback.advance(cascade, fault, monitor)
+        after = fallback.advance(cascade, held.fault, monitor)
         if after is None:
             break
         cascade = replace(after, packing=None)
@@ -76,27 +87,6 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     if not np.isfinite(fitted.uvmap.uv).all():
         raise NoResultError("no finite layout was found: try another --method, or --cut charts")
     return replace(fitted, cascade=cascade)
-
-
-def _packed(
-    job: Job, cascade: Cascade, options: Options, monitor: Monitor
-) -> tuple[Fitted, IntArray, float]:
-    """A layout packed, completed, and rounded as the format does.
-
-    Also (n_charts,) as ``fallback.faults``, and the length of its edges over that before packing.
-    """
-    cut_mesh, uv = cascade.open()
-    keep = cascade.kept_sizes(cut_mesh)
-    with monitor.stage("pack"):
-        sign = chart_signs(job.surface, cut_mesh, options)
-        uv[:, 0] *= sign[cut_mesh.vertex_chart]
-        placed = arrange(job, cut_mesh, uv, options, monitor, keep, cascade.packing)
-    with monitor.stage("check"):
-        turn = options.packed and options.turns != "none" and job.kept is None
-        held = stored_layout(job, cut_mesh, placed.uv, sign < 0, turn)
-    uvmap = job.completed(cut_mesh, held.uv, held.double)
-    size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, placed.uv, keep))
-    return Fitted(cascade.noted(*placed.notes, *held.notes), uvmap, held.double), held.fault, size
 
 
 def arrange(

@@ -64,7 +64,15 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
     left = 16 + LETTER * max((len(row.name) for row in rows), default=0)
     top = 60 if scale.logarithmic else 36
     bottom = top + len(rows) * STEP
-    lines = _ticks(scale, base, left, top, bottom)
+    # thin lines at the decades, with their values above them
+    lines = []
+    for mark, share in scale.ticks:
+        x = left + BAR * share
+        lines.append(f'<path class="tick" d="M{x:.1f},{top - 8}V{bottom}"/>')
+        text = f"{base + mark:g}"
+        lines.append(
+            f'<text x="{x:.1f}" y="{top - 14}" text-anchor="middle" class="small">{text}</text>'
+        )
     for k, (row, value) in enumerate(zip(rows, values, strict=True)):
         y = top + k * STEP
         name = html.escape(row.name)
@@ -89,19 +97,6 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
         f'<svg class="plot" viewBox="0 0 {wide:g} {bottom + 30}" role="img" aria-label="{html.escape(how)}">'
         f'<text x="0" y="16" class="title">{html.escape(how)}</text>{"".join(lines)}</svg>'
     )
-
-
-def _ticks(scale: Scale, base: float, left: float, top: int, bottom: int) -> list[str]:
-    """Thin lines at the decades, with their values above them."""
-    out = []
-    for value, share in scale.ticks:
-        x = left + BAR * share
-        out.append(f'<path class="tick" d="M{x:.1f},{top - 8}V{bottom}"/>')
-        text = f"{base + value:g}"
-        out.append(
-            f'<text x="{x:.1f}" y="{top - 14}" text-anchor="middle" class="small">{text}</text>'
-        )
-    return out
 
 
 def _key(stages: Sequence[str], y: float) -> list[str]:

@@ -295,22 +295,17 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
     joined = np.full(faces.shape, -1)
     joined[mapped] = inverse.reshape(-1, 3)
     new_uv = uv[uv_faces[mapped].ravel()[first]]
-    chart = _charts(joined, mapped, new_uv)
-    return Scene(points, faces, weld, new_uv, joined, chart)
-
-
-def _charts(uv_faces: IntArray, mapped: BoolArray, uv: FloatArray) -> IntArray:
-    """Components of the faces through shared edges, numbered by falling uv area; −1 without uv."""
+    # components of the faces through shared edges, numbered by falling uv area; −1 without uv
     fid = np.flatnonzero(mapped)
     rows = np.repeat(np.arange(len(fid)), 3)
-    a, b = uv_faces[fid].ravel(), uv_faces[fid][:, [1, 2, 0]].ravel()
-    edges, edge = np.unique(edge_keys(a, b, len(uv)), return_inverse=True)
+    a, b = joined[fid].ravel(), joined[fid][:, [1, 2, 0]].ravel()
+    edges, edge = np.unique(edge_keys(a, b, len(new_uv)), return_inverse=True)
     _, labels = components(len(fid) + len(edges), rows, edge.reshape(-1) + len(fid))
     n, label = relabel(labels[: len(fid)])
-    c = uv[uv_faces[fid]]
+    c = new_uv[joined[fid]]
     area = group_sum(np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])), label, n)
     rank = np.empty(n, np.int64)
     rank[np.lexsort((np.arange(n), -area))] = np.arange(n)
-    chart = np.full(len(uv_faces), -1)
+    chart = np.full(len(joined), -1)
     chart[fid] = rank[label]
-    return chart
+    return Scene(points, faces, weld, new_uv, joined, chart)

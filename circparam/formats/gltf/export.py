@@ -189,7 +189,12 @@ def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, l
     used = np.zeros(len(given), bool)
     used[mesh.faces.ravel()] = True
     far = float(np.abs(given[used]).max())
-    at = _origin(given[used])
+    # the node has a place only where the mesh is so far away that rounding would spoil its shape
+    low, high = given[used].min(0), given[used].max(0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        near = not np.maximum(-low, high).max() > FAR_SIZES * (high - low).max()
+        middle = np.zeros(3) if near else ((low + high) / 2).astype(np.float32).astype(np.float64)
+    at = np.where(np.isfinite(middle), middle, 0.0)
     with np.errstate(over="ignore"):
         points = (np.nan_to_num(given, posinf=0.0, neginf=0.0) - at).astype(np.float32)
     if not far <= LARGEST_FLOAT32 or not np.isfinite(points).all():
@@ -204,16 +209,6 @@ def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, l
         "the mesh lies far from the origin: its node holds the place, its positions the shape": at.any(),
     }
     return points, at, [note for note, said in notes.items() if said]
-
-
-def _origin(points: FloatArray) -> FloatArray:
-    """(3,) place of the node of a mesh, in float32 numbers. The place is 0 unless the mesh is so far away that
-    rounding would spoil its shape, as in scans with map coordinates."""
-    low, high = points.min(0), points.max(0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        near = not np.maximum(-low, high).max() > FAR_SIZES * (high - low).max()
-        middle = np.zeros(3) if near else ((low + high) / 2).astype(np.float32).astype(np.float64)
-    return np.where(np.isfinite(middle), middle, 0.0)
 
 
 def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:

@@ -55,7 +55,17 @@ def redressed(
     for k, material in changed.items():
         known[k] = material
     out["materials"] = known
-    images = _compact(out, images, tree)
+    # entries that lost their last user go; those that never had one stay
+    final: dict[int, int] = {}
+    for kind, users in _USERS.items():
+        spare = set(range(len(tree.get(kind, [])))) - {int(c[key]) for c, key in users(tree)}
+        entries, slots = out.setdefault(kind, []), users(out)
+        used = {int(container[key]) for container, key in slots} | spare
+        final = close_gaps(entries, set(range(len(entries))) - used, slots)
+        if not entries:
+            out.pop(kind)
+    _drop_extensions(out)
+    images = {final[k]: page for k, page in images.items()}
     return out, images
 
 
@@ -88,24 +98,6 @@ def in_set(material: Json, old: int, new: int) -> Json:
         if holder.get("texCoord", 0) == old:
             holder["texCoord"] = new
     return out
-
-
-def _compact(tree: Json, images: dict[int, str], before: Json) -> dict[int, str]:
-    """Take out materials, textures, samplers and images that lost their last user, in place.
-
-    images: numbers of the new ones; returned with their final numbers. before: the original tree, whose unused
-    entries stay.
-    """
-    number: dict[int, int] = {}
-    for kind, users in _USERS.items():
-        spare = set(range(len(before.get(kind, [])))) - {int(c[key]) for c, key in users(before)}
-        entries, slots = tree.setdefault(kind, []), users(tree)
-        used = {int(container[key]) for container, key in slots} | spare
-        number = close_gaps(entries, set(range(len(entries))) - used, slots)
-        if not entries:
-            tree.pop(kind)
-    _drop_extensions(tree)
-    return {number[k]: page for k, page in images.items()}
 
 
 Slots: TypeAlias = list[tuple[Json, str]]

@@ -100,17 +100,6 @@ def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
         raise layout.unfilled(last)
 
 
-def _whole_comments(lines: list[str]) -> list[str]:
-    """Header lines, with the continuation lines of comments as comments: file names in them may hold line
-    breaks."""
-    out: list[str] = []
-    for line in lines:
-        is_comment = bool(out) and out[-1].split()[:1] in (["comment"], ["obj_info"])
-        carried_on = is_comment and line.split() and line.split()[0] not in KEYWORDS
-        out.append(f"comment {line.strip()}" if carried_on else line)
-    return out
-
-
 class Layout:
     """The header of a PLY file and the place of every value."""
 
@@ -135,7 +124,13 @@ class Layout:
             raise self.source.error("the PLY header has no end_header line: the file is cut short")
         self.newline = found.group(1)
         text = self.data[: found.end()].decode("latin-1")
-        self.lines = _whole_comments(text.split(self.newline.decode())[:-1])
+        # file names in comments may hold line breaks: what follows such a line is comment too
+        out: list[str] = []
+        for line in text.split(self.newline.decode())[:-1]:
+            is_comment = bool(out) and out[-1].split()[:1] in (["comment"], ["obj_info"])
+            carried_on = is_comment and line.split() and line.split()[0] not in KEYWORDS
+            out.append(f"comment {line.strip()}" if carried_on else line)
+        self.lines = out
         self.elements: list[Element] = []
         self.format = ""
         for number, line in enumerate(self.lines, 1):

@@ -27,7 +27,14 @@ class Job:
     def words(self, stem):
         """Write the files of the job; returns the words after the program's name."""
         asked, self._output = self.asked, stem + "_uv.obj"
-        self._refuse()
+        # options that lay out a whole page have no sense where only some of its charts are laid out
+        kinds = ["straight"] if self._held else []
+        kinds += ["density"] if self._beside else []
+        words = words_of(self.asked, "sorting", *kinds)
+        if words and (self._held or self._beside):
+            raise Failure(
+                f"{words[0]} lays out a whole page: select all faces and hold no points, or switch it off"
+            )
         hints = (
             not self._packs and asked.seams == "HINT" and any(p.marks().any() for p in self.parts)
         )
@@ -88,16 +95,6 @@ class Job:
         smaller = [n for n in [*report.get("notes", ()), *notes] if "for want of room" in n]
         said = f"{self.names}: {charts} charts, distortion {report['distortion']:.3f}"
         return ", ".join([said, *smaller])
-
-    def _refuse(self):
-        """Raise Failure for options that lay out a whole page if only some of its charts are laid out."""
-        kinds = ["straight"] if self._held else []
-        kinds += ["density"] if self._beside else []
-        words = words_of(self.asked, "sorting", *kinds)
-        if words and (self._held or self._beside):
-            raise Failure(
-                f"{words[0]} lays out a whole page: select all faces and hold no points, or switch it off"
-            )
 
 
 class Rest:
