@@ -74,16 +74,16 @@ def check_look(source: Source, result: Source, face_map: IntArray) -> dict[str, 
 
 def _seen(source: Source, direction: FloatArray) -> tuple[FloatArray, IntArray]:
     """((m, 3, 2) corners in pixels, (PIXELS, PIXELS) face seen or −1) from a direction, parallel light."""
-    ahead = direction / np.linalg.norm(direction)
-    right = np.cross([0.0, 1.0, 0.0] if abs(ahead[1]) < 0.9 else [1.0, 0.0, 0.0], ahead)
+    forward = direction / np.linalg.norm(direction)
+    right = np.cross([0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0], forward)
     right /= np.linalg.norm(right)
     points = source.document.mesh.points[source.document.mesh.faces]
     flat = points.reshape(-1, 3)
     low, high = flat.min(0), flat.max(0)
     scale = PIXELS / max(float(np.linalg.norm(high - low)), 1e-300)
     points = (points - (low + high) / 2) * scale
-    xy = np.stack([points @ right, -(points @ np.cross(ahead, right))], 2) + PIXELS / 2
-    return xy, rasterise(xy, PIXELS, PIXELS, -(points @ ahead))[0]
+    xy = np.stack([points @ right, -(points @ np.cross(forward, right))], 2) + PIXELS / 2
+    return xy, rasterise(xy, PIXELS, PIXELS, -(points @ forward))[0]
 
 
 def _picture(

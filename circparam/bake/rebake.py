@@ -194,8 +194,8 @@ def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
     own[found.cut_mesh.chart] = factor[result.surface.source]
     part, vertices, _ = found.cut_mesh.subset(found.used)
     alike = (found.uv / own[found.cut_mesh.vertex_chart][:, None])[vertices]
-    judged = replace(found, measures=measure(part, alike))
-    return replace(result, options=options, verification=judged)
+    verified = replace(found, measures=measure(part, alike))
+    return replace(result, options=options, verification=verified)
 
 
 def carried_looks(

@@ -57,7 +57,7 @@ def write_baked(
     """
     check_target(path, kind)
     if path.suffix.lower() == ".png":
-        return write_files(_images(path, baked), overwrite=True), _untold(baked)
+        return write_files(_images(path, baked), overwrite=True), _tint_notes(baked)
     if list(baked.tiles) != [(0, 0)]:
         raise OptionError(
             f"{path}: a GLB holds one image, the layout has several tiles: bake into .png"
@@ -70,7 +70,7 @@ def write_baked(
     encoded = encode(document, layout, "glb", options=options)
     notes = [note for note in encoded.notes if "was replaced" not in note]
     if kind != "normals":
-        notes += _untold(baked, document) + _gloss_notes(document)
+        notes += _tint_notes(baked, document) + _gloss_notes(document)
     image, data = png(baked.tiles[0, 0]), encoded.data
     if kind == "normals":
         own = document.normals()
@@ -85,7 +85,7 @@ def write_baked(
     return write_files({path: data}, overwrite=True), notes
 
 
-def _untold(baked: Baked, document: Document | None = None) -> list[str]:
+def _tint_notes(baked: Baked, document: Document | None = None) -> list[str]:
     """Effects of materials on the colours that the output does not show; a glTF document keeps its own
     materials."""
     found = document.textures() if isinstance(document, GltfDocument) else None

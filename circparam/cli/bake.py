@@ -100,7 +100,7 @@ def command(mesh: str, **given: Any) -> None:
     check_output(given["output"], given["overwrite"])
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         report, warnings, notes = (_all if given["whole"] else _one)(mesh, given, look, listener)
-    common.tell(given, f"{mesh}: ", warnings, notes)
+    common.print_messages(given, f"{mesh}: ", warnings, notes)
     report = {"schema": "circparam/bake/1", "input": mesh, **report}
     common.show(given, report, lambda: "\n".join(report["output"]))
 

@@ -263,7 +263,7 @@ def show_unwrap(given: dict[str, Any], report: dict[str, Any], out: str) -> None
     show(given, report, None if out == "-" else lines)
 
 
-def tell(
+def print_messages(
     given: dict[str, Any], place: str, warnings: Iterable[str], notes: Iterable[str] = ()
 ) -> None:
     """Warnings and notes on stderr, one line each behind ``place``."""

@@ -70,7 +70,7 @@ def command(a: str, b: str, **given: Any) -> None:
         found = map_surfaces(*documents, relax=not given["no_relax"], listener=listener, **keywords)
     save_map(out, found.map, given["overwrite"])
     for name, document in zip((a, b), documents, strict=True):
-        common.tell(given, f"{name}: ", document.warnings, document.notes)
-    common.tell(given, "", (), found.notes)
+        common.print_messages(given, f"{name}: ", document.warnings, document.notes)
+    common.print_messages(given, "", (), found.notes)
     report = {"schema": "circparam/map/1", "a": a, "b": b, "output": str(out), **found.as_dict()}
     common.show(given, report, lambda: [common.tables.map_table(report)])

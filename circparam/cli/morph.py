@@ -57,7 +57,9 @@ def command(first: str, second: str, **given: Any) -> None:
     a, b = (read(mesh, reader=given["reader"]) for mesh in (first, second))
     made = morph(a, b, mapped, given["frames"], given["overlay"])
     write_files({path: made.data}, overwrite=True)
-    common.tell(given, f"{first}: ", [*a.warnings, *b.warnings, *made.warnings], made.notes)
+    common.print_messages(
+        given, f"{first}: ", [*a.warnings, *b.warnings, *made.warnings], made.notes
+    )
     report = {"schema": "circparam/morph/1", "input": [first, second], "output": str(path)}
     report |= {**made.report, "notes": [*made.warnings, *made.notes]}
     common.show(given, report, lambda: str(path))

@@ -63,7 +63,7 @@ def command(source: str, targets: tuple[str, ...], **given: Any) -> None:
         done = transfer(source, targets, outputs, listener=listener, **keywords)
     rows = [{"input": name, **one.as_dict()} for name, one in zip(targets, done, strict=True)]
     for row in rows:
-        common.tell(given, f"{row['input']}: ", row["warnings"])
+        common.print_messages(given, f"{row['input']}: ", row["warnings"])
     report = {"schema": "circparam/transfer/1", "source": source, "targets": rows}
     report |= {name: given[name] for name in ("resolution", "max_drift")}
     common.show(given, report, lambda: [_table(rows)])

@@ -223,7 +223,7 @@ class _Run:
         report = summarise(result) | _look_figures(look)
         self.reports.append(report)
 
-        common.tell(self.given, f"{mesh}: ", report["warnings"])
+        common.print_messages(self.given, f"{mesh}: ", report["warnings"])
         common.show_unwrap(self.given, report, out)
         common.check_gates(self.gates, report, mesh)
 
@@ -250,7 +250,7 @@ class _Run:
                 shared, look = rebake_documents(documents, places, self.options, self.look, monitor)
         report = shared.as_dict() | _look_figures(look)
 
-        common.tell(self.given, "", report["warnings"])
+        common.print_messages(self.given, "", report["warnings"])
         page = report | {"input": f"{len(meshes)} meshes", "output": self.given["out_dir"]}
         tables, verbose = common.tables, self.given["verbose"]
         shown = lambda: [tables.unwrap_table(page, verbose), "", tables.atlas_table(report)]  # noqa: E731

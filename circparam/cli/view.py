@@ -83,6 +83,6 @@ def command(mesh: str, **given: Any) -> None:
             before = given["before"] and read(given["before"], reader=given["reader"])
         with monitor.stage("draw"):
             view_document(document, path, **look, scale_end=given["scale"], before=before)
-    common.tell(given, f"{mesh}: ", document.warnings, document.notes)
+    common.print_messages(given, f"{mesh}: ", document.warnings, document.notes)
     if not given["quiet"]:
         click.echo(str(path))

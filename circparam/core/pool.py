@@ -91,7 +91,7 @@ class _Opening:
         self.done = threading.Event()
         self._pool: Pool | None = None
 
-    def tell(self, pool: Pool | None) -> None:
+    def report(self, pool: Pool | None) -> None:
         """Report the pool that has opened: None if no process could be started."""
         self._pool = pool
         self.done.set()
@@ -161,7 +161,7 @@ def _open(count: int, modules: tuple[str, ...], opening: _Opening) -> None:
         with contextlib.suppress(Exception):
             pool = _new_pool(count, modules)
     finally:
-        opening.tell(pool)
+        opening.report(pool)
 
 
 def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
@@ -259,7 +259,7 @@ def _begin(lifeline: Any, memory: int | None, modules: tuple[str, ...]) -> None:
 
 
 def _import(*modules: str) -> None:
-    """Import modules; where one cannot be, the tasks will tell."""
+    """Import modules; where one cannot be, the tasks will report it."""
     for module in modules:
         with contextlib.suppress(ImportError):
             importlib.import_module(module)

@@ -46,13 +46,13 @@ class BoundarySegments:
         loop = (np.cumsum(head) - 1)[lowest]
         length = norms2(self.end - self.start)
         # length from each segment on to the head of its loop; n is past the end
-        ahead = np.concatenate([length, [0.0]])
+        remaining = np.concatenate([length, [0.0]])
         jump = np.concatenate([np.where(head[self.following], n, self.following), [n]])
         while (jump < n).any():
-            ahead += ahead[jump]
+            remaining += remaining[jump]
             jump = jump[jump]
         total = group_sum(length, loop, n)[loop]
-        return loop, total - ahead[:n], total
+        return loop, total - remaining[:n], total
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,10 +142,10 @@ def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntA
     local = own - centre[owner]
     distance = np.linalg.norm(local, axis=1)
     radius = group_max(distance, owner, n)
-    ahead = corner[:, [1, 2, 0]] - corner
+    forward = corner[:, [1, 2, 0]] - corner
     back = corner[:, [2, 0, 1]] - corner
-    across = np.linalg.norm(np.cross(ahead, back), axis=2)
-    angle = group_sum(np.arctan2(across, (ahead * back).sum(2)).ravel(), vertex.ravel(), len(own))
+    across = np.linalg.norm(np.cross(forward, back), axis=2)
+    angle = group_sum(np.arctan2(across, (forward * back).sum(2)).ravel(), vertex.ravel(), len(own))
     reach = float(np.abs(own).max(initial=0.0))
     first = np.searchsorted(owner, np.arange(n + 1))
     return _Parts(

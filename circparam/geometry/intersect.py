@@ -181,9 +181,9 @@ def nearby(
         far &= (boundary.following[i] != j) & (boundary.before[i] != j)
         if chamfers:
             length = norms2(boundary.end - boundary.start)
-            ahead = np.mod(position[j] - position[i], total[i]) - length[i]
-            behind = np.mod(position[i] - position[j], total[i]) - length[j]
-            far &= (loop[i] != loop[j]) | (np.minimum(ahead, behind) > CHAMFER * reach[i])
+            forward = np.mod(position[j] - position[i], total[i]) - length[i]
+            backward = np.mod(position[i] - position[j], total[i]) - length[j]
+            far &= (loop[i] != loop[j]) | (np.minimum(forward, backward) > CHAMFER * reach[i])
         i, j = i[far], j[far]
         close = segment_distance(
             boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j]

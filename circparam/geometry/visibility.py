@@ -7,7 +7,7 @@ slope of its own face cannot hide it. Within half a pixel a face rises by at mos
 the axis. One pixel along the normal is 1 / cos(angle).
 
 All faces hide places behind them, whichever way they are wound. The front of a place is the side of its normal.
-A place on a sheet (a component with a boundary) is visible from both sides.
+A place on an open component (one with a boundary) is visible from both sides.
 """
 
 from typing import TypeAlias
@@ -52,13 +52,13 @@ Buffers: TypeAlias = tuple[FloatArray, FloatArray]
 class Places:
     """Places on a surface, to be seen or hidden.
 
-    point: (k, 3). normal: (k, 2, 3) of the faces that meet there, not zero. sheet: (k,) bool, also visible from
-    behind.
+    point: (k, 3). normal: (k, 2, 3) of the faces that meet there, not zero. two_sided: (k,) bool, also
+    visible from behind.
     """
 
     point: FloatArray
     normal: FloatArray
-    sheet: BoolArray
+    two_sided: BoolArray
 
 
 def axes(count: int) -> FloatArray:
@@ -102,14 +102,16 @@ def seen_shares(
         right /= np.linalg.norm(right)
         frame = np.stack([right, np.cross(axis, right), axis])
         # places as seen from both ends of the axis, a step in front of their faces
-        k = len(places.sheet)
+        k = len(places.two_sided)
         turned = _turned(vectors, frame)
         at, out, facing = turned[:, :k], turned[:, k : 2 * k], turned[2, 2 * k :].reshape(2, k)
         looks = []
         for sign in (1.0, -1.0):
-            front = np.flatnonzero(places.sheet | (sign * facing[0] > 0) | (sign * facing[1] > 0))
+            front = np.flatnonzero(
+                places.two_sided | (sign * facing[0] > 0) | (sign * facing[1] > 0)
+            )
             step = out[:, front]
-            step *= np.where(places.sheet[front] & (sign * step[2] < 0), -1.0, 1.0)
+            step *= np.where(places.two_sided[front] & (sign * step[2] < 0), -1.0, 1.0)
             p = at[:, front] + step
             looks.append(_Look(sign, front, _pixel(p, pixels), p[2]))
         parts = scene
@@ -257,16 +259,16 @@ def edge_shares(
     edge = np.repeat(np.arange(len(asked)), number)
     at = ((ranges(number) + 0.5) / number[edge])[:, None]
     n, component = surface.components
-    sheet = np.zeros(n, bool)
-    sheet[component[surface.boundary // 3]] = True
+    two_sided = np.zeros(n, bool)
+    two_sided[component[surface.boundary // 3]] = True
     p = surface.points[surface.faces]
     p = p - p.reshape(-1, 3).mean(0)
     volume = group_sum((np.cross(p[:, 0], p[:, 1]) * p[:, 2]).sum(1), component, n)
-    inside_out = (volume < 0) & ~sheet
-    outward, sheet = np.where(inside_out, -1.0, 1.0)[component], sheet[component]
+    inside_out = (volume < 0) & ~two_sided
+    outward, two_sided = np.where(inside_out, -1.0, 1.0)[component], two_sided[component]
     normal = (surface.normals * outward[:, None])[h // 3]
     places = Places(
-        start[edge] * (1 - at) + end[edge] * at, normal[edge], sheet[h[:, 0] // 3][edge]
+        start[edge] * (1 - at) + end[edge] * at, normal[edge], two_sided[h[:, 0] // 3][edge]
     )
     shares = seen_shares(triangles, places, count, pixels, turn)
     return group_sum(shares, edge, len(asked)) / number

@@ -255,8 +255,8 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
         atlas.cut |= loose[edges // 3].any(1)
         atlas.corners[:] = uv
         cut_mesh, _ = atlas.open()
-        held = group_sum(~loose, cut_mesh.chart, cut_mesh.n_charts) > 0
-        part, vertices, faces = cut_mesh.subset(held)
+        tight = group_sum(~loose, cut_mesh.chart, cut_mesh.n_charts) > 0
+        part, vertices, faces = cut_mesh.subset(tight)
         joined = _means(cut_mesh, uv)
         joined[vertices] = mend(part, joined[vertices], of_face[faces])
         atlas.scatter(cut_mesh, joined)

@@ -159,13 +159,13 @@ class ClosedMesh:
         order = np.argsort(h)
         h, t = h[order], np.concatenate([share, 1 - share])[order][:, None]
         middle = self.n + order % len(share)
-        f, k, ahead = h // 3, h % 3, (h % 3 + 1) % 3
+        f, k, following = h // 3, h % 3, (h % 3 + 1) % 3
         rows = np.arange(len(h))
-        between = (1 - t) * self.corners[f, k] + t * self.corners[f, ahead]
+        between = (1 - t) * self.corners[f, k] + t * self.corners[f, following]
         faces, corners = self.faces.copy(), self.corners.copy()
         new_faces, new_corners = self.faces[f].copy(), self.corners[f].copy()
-        faces[f, ahead] = new_faces[rows, k] = middle
-        corners[f, ahead] = new_corners[rows, k] = between
+        faces[f, following] = new_faces[rows, k] = middle
+        corners[f, following] = new_corners[rows, k] = between
         flat, s = self.faces.ravel(), share[:, None]
         a, b = (self.points[flat[x]] for x in (half_edges, next_half_edge(half_edges)))
         return ClosedMesh(

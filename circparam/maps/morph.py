@@ -63,7 +63,7 @@ def morph(
         ]
     else:
         ends = moved(mapped, a.mesh, b.mesh)
-    tree, vertex, told, warnings = as_gltf(a)
+    tree, vertex, losses, warnings = as_gltf(a)
     points = ends[vertex]
     normals = vertex_normals(tree, points)
     times, weights = key_frames(frames)
@@ -80,7 +80,7 @@ def morph(
         "reversed": 0 if overlay else int(over.sum()),
         "overlay": overlay,
     }
-    return Morphed(with_morph(tree, target), report, notes + told, warnings)
+    return Morphed(with_morph(tree, target), report, notes + losses, warnings)
 
 
 def as_gltf(document: Document) -> tuple[GltfDocument, IntArray, list[str], list[str]]:

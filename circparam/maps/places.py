@@ -1,4 +1,4 @@
-"""Places of vertices on the other sheet, along boundaries too, and their way back to the faces of the files."""
+"""Places of vertices on the other closed mesh, along boundaries too, and the same places on faces of the files."""
 
 import numpy as np
 
@@ -50,7 +50,7 @@ def on_half_edges(half_edge: IntArray, share: FloatArray) -> tuple[IntArray, Flo
 
 
 def on_surface(face: IntArray, w: FloatArray, mesh: ClosedMesh) -> Places:
-    """Places on a sheet as places on the surface that it was made of."""
+    """Places on a closed mesh as places on the surface that it closes."""
     weights = np.einsum("kc,kcd->kd", w, mesh.corners[face])
     weights = np.maximum(weights, 0)
     return Places(mesh.parent[face], weights / weights.sum(1, keepdims=True))

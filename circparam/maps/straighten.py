@@ -63,16 +63,16 @@ def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str
     uv = laid_in_polygons(tracer, of_face, sides, SQUARE, weights).reshape(-1, 2)
     h = np.flatnonzero((of_face >= 0).repeat(3))
     h = h[(h < mesh.twin[h]) & (of_face[mesh.twin[h] // 3] == of_face[h // 3])]
-    ahead = next_half_edge(h)
-    a, b = mesh.faces.ravel()[h], mesh.faces.ravel()[ahead]
-    side_a, side_b = (uv[k, 0] - uv[k, 1] - DIAGONAL_OFFSET for k in (h, ahead))
+    following = next_half_edge(h)
+    a, b = mesh.faces.ravel()[h], mesh.faces.ravel()[following]
+    side_a, side_b = (uv[k, 0] - uv[k, 1] - DIAGONAL_OFFSET for k in (h, following))
     ends = tracer.marks[np.array([layout.ends[arc] for arc in arcs])][of_face[h // 3]]
     cross = (
         ((side_a > 0) != (side_b > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)
     )
     t = (side_a / np.where(cross, side_a - side_b, 1.0))[cross]
-    h, ahead = h[cross], ahead[cross]
-    along = ((1 - t)[:, None] * uv[h] + t[:, None] * uv[ahead]).sum(1)
+    h, following = h[cross], following[cross]
+    along = ((1 - t)[:, None] * uv[h] + t[:, None] * uv[following]).sum(1)
     new, middle = mesh.split(h, np.clip(t, LEAST_SHARE, 1 - LEAST_SHARE))
     tracer.renew(new)
     split_by = np.full(len(uv), -1)

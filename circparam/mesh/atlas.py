@@ -82,9 +82,9 @@ class Atlas:
     def angle_defects(self) -> FloatArray:
         """(vertices,) curvature of every vertex: 2π minus the angles of its faces."""
         corner = self.surface.rest_triangles
-        ahead = corner[:, [1, 2, 0]] - corner
+        forward = corner[:, [1, 2, 0]] - corner
         back = corner[:, [2, 0, 1]] - corner
-        angle = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
+        angle = np.arctan2(np.abs(cross2(forward, back)), (forward * back).sum(2))
         total = group_sum(angle.ravel(), self.surface.corner_vertex.ravel(), self.n_vertices)
         return 2 * np.pi - total
 

@@ -89,9 +89,9 @@ class CutMesh:
         """(m, 2, 3): column k is the gradient of the hat function of corner k. J = (gradients @ u).T for corner
         values u (3, 2)."""
         x, y = self.rest_triangles.T
-        before, ahead = [2, 0, 1], [1, 2, 0]
+        before, after = [2, 0, 1], [1, 2, 0]
         # in memory (2, 3, m), for operations over whole arrays
-        g = np.stack([y[ahead] - y[before], x[before] - x[ahead]])
+        g = np.stack([y[after] - y[before], x[before] - x[after]])
         g /= 2 * self.areas
         return g.transpose(2, 0, 1)
 

@@ -115,10 +115,10 @@ class _HoleBoundaries:
         edge = self.edges(alpha)
         last = np.cumsum(self.size) - 1
         run = np.cumsum(edge)
-        ahead = np.repeat(run[last], self.size) - run + edge
-        ahead[last - self.size + 1] = 0.0  # the first edge stays where it is
+        remaining = np.repeat(run[last], self.size) - run + edge
+        remaining[last - self.size + 1] = 0.0  # the first edge stays where it is
         moved = np.zeros(self.cut_mesh.n_vertices, np.complex128)
-        moved[self.vertices] = ahead
+        moved[self.vertices] = remaining
         hole = np.full(self.cut_mesh.n_vertices, -1)
         hole[self.vertices] = np.repeat(np.arange(h), self.size)
         corner = np.arange(3 * m).reshape(m, 3)

@@ -114,12 +114,12 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
         # lines go to their targets, all other vertices of their charts follow harmonically
         layout = texels.copy()
         for axis, some in enumerate(tried):
-            move, held = np.zeros(len(texels)), np.zeros(len(texels), bool)
+            move, fixed = np.zeros(len(texels)), np.zeros(len(texels), bool)
             move[some.vertex] = some.to[some.line] - texels[some.vertex, axis]
-            held[some.vertex] = True
+            fixed[some.vertex] = True
             has = np.zeros(cut_mesh.n_charts, bool)
             has[some.chart] = True
-            free = np.flatnonzero(~held & has[cut_mesh.vertex_chart])
+            free = np.flatnonzero(~fixed & has[cut_mesh.vertex_chart])
             rows = matrix[free]
             move[free] = Factor(rows[:, free].tocsc()).solve(-(rows @ move))
             layout[:, axis] += move

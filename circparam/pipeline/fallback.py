@@ -59,10 +59,10 @@ def settle(cascade: Cascade, monitor: Monitor, new: BoolArray | None = None) -> 
         new = np.ones(len(cascade.tries), bool)
     with monitor.stage("check"):
         fault = _all_faults(cascade, new, monitor)
-    return sent_on(cascade, fault, monitor, settle)
+    return settle_faulty(cascade, fault, monitor, settle)
 
 
-def sent_on(
+def settle_faulty(
     cascade: Cascade,
     fault: IntArray,
     monitor: Monitor,

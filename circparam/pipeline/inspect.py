@@ -25,7 +25,7 @@ LARGEST = float(np.finfo(np.float32).max)  # larger uv mean nothing to a rendere
 class Inspection:
     """topology: of the mesh as it is. uv_sets: numbers of the sets in the file. uv: verification of the set
     asked for, None without one; faults: one line each. shared: faces that lie on another one with the same
-    three points and the same uv, and are judged with it. notes: of reading.
+    three points and the same uv, and are verified with it. notes: of reading.
     """
 
     document: Document
@@ -67,13 +67,13 @@ def inspect(
         uvmap = UVMap(np.where(beyond, np.nan, uvmap.uv), uvmap.uv_faces)
     surface, repairs = repair(document.mesh, RepairOptions(weld), uvmap)
     try:
-        judged = verify_set(
+        verified = verify_set(
             document, surface, uvmap, uv_set, group_by=group_by,
             resolution=resolution, padding=padding, most_pages=int(PAGES.high),
         )  # fmt: skip
     except InputError as error:
         raise document.source.error(error) from None
-    found, notes = judged.verification, [*notes, *([judged.note] if judged.note else [])]
+    found, notes = verified.verification, [*notes, *([verified.note] if verified.note else [])]
     last = int(min(max(found.uv_max[0], 0), LAST_PAGE))
     if found.pages is not None and last > found.pages:
         notes.append(f"uv reach u = {found.uv_max[0]:.7g}: the empty pages between are not counted")

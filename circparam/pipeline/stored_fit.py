@@ -70,14 +70,14 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
             placed = arrange(job, cut_mesh, uv, options, monitor, keep, cascade.packing)
         with monitor.stage("check"):
             turn = options.packed and options.turns != "none" and job.kept is None
-            held = stored_layout(job, cut_mesh, placed.uv, sign < 0, turn)
-        uvmap = job.completed(cut_mesh, held.uv, held.double)
+            stored = stored_layout(job, cut_mesh, placed.uv, sign < 0, turn)
+        uvmap = job.completed(cut_mesh, stored.uv, stored.double)
         size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, placed.uv, keep))
-        cascade = cascade.noted(*placed.notes, *held.notes)
-        fitted = Fitted(cascade, uvmap, held.double)
-        if not (held.fault > 0).any():
+        cascade = cascade.noted(*placed.notes, *stored.notes)
+        fitted = Fitted(cascade, uvmap, stored.double)
+        if not (stored.fault > 0).any():
             break
-        after = fallback.advance(cascade, held.fault, monitor)
+        after = fallback.advance(cascade, stored.fault, monitor)
         if after is None:
             break
         cascade = replace(after, packing=None)
@@ -178,7 +178,7 @@ def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) ->
         np.maximum.at(high, cut_mesh.vertex_chart, uv)
         uv = uv + (1.0 - high)[cut_mesh.vertex_chart]
         fault = stored_layout(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).fault
-    return fallback.sent_on(
+    return fallback.settle_faulty(
         cascade, fault, monitor, lambda part, to: _settle_stored(job, part, size, to)
     )
 

@@ -225,9 +225,9 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
     if (fault > 0).any():
         return Fitted(cascade, job.stored(cut_mesh, uv))
     turn = job.options.turns != "none" and job.kept is None
-    held = stored_layout(job, cut_mesh, uv, mirrored, turn)
-    uvmap = job.completed(cut_mesh, held.uv, held.double)
-    return Fitted(cascade.noted(*held.notes), uvmap, held.double)
+    stored = stored_layout(job, cut_mesh, uv, mirrored, turn)
+    uvmap = job.completed(cut_mesh, stored.uv, stored.double)
+    return Fitted(cascade.noted(*stored.notes), uvmap, stored.double)
 
 
 def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:

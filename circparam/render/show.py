@@ -49,7 +49,7 @@ class Look:
 
     uv_set: from 0 on. padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or
     auto. scale_end: end of the colour scale of distortion, None for that of all pictures. group_by: owner of an
-    atlas; several atlases stand side by side (see ``circparam.pipeline.stored_groups.judge``).
+    atlas; several atlases stand side by side (see ``circparam.pipeline.stored_groups.verify_set``).
     """
 
     uv_set: int = 0
@@ -73,9 +73,9 @@ def view_document(
         check_before(path)
     how = Look(**look)
     uv_set, group_by, up = how.uv_set, how.group_by, how.up
-    scene, judged = _judged_scene(document, uv_set, group_by)
+    scene, verified = _verified_scene(document, uv_set, group_by)
     images, note, notes = None, "this mesh has no texture", list(document.notes)
-    notes += [judged.note] if judged is not None and judged.note else []
+    notes += [verified.note] if verified is not None and verified.note else []
     if path.suffix.lower() == ".html":
         images, note, more = page_images(document, uv_set)
         targets = document.targets()
@@ -95,21 +95,21 @@ def view_document(
         padding=how.padding, scale_end=how.scale_end or END, repairs=tuple(notes), images=images,
         image_note=note,
     )  # fmt: skip
-    if judged is not None:
-        options = replace(options, charts=judged.verification.charts)
+    if verified is not None:
+        options = replace(options, charts=verified.verification.charts)
     old = None if before is None else _before(before, uv_set, group_by, options)
-    save_scene(path, scene, options, view_figures(judged, scene), old)
+    save_scene(path, scene, options, view_figures(verified, scene), old)
     return scene
 
 
-def _judged_scene(
+def _verified_scene(
     document: Document, uv_set: int, group_by: str | None
 ) -> tuple[Scene, VerifiedSet | None]:
     """The scene of a uv set, several atlases side by side, and the verdict of ``circparam check --uv``."""
-    uvmap, judged = document.require_uv(uv_set), judged_set(document, uv_set, group_by)
-    if judged is not None:
-        uvmap = laid_apart(uvmap, judged.tiles)
-    return scene_of(document, uvmap), judged
+    uvmap, verified = document.require_uv(uv_set), verified_set(document, uv_set, group_by)
+    if verified is not None:
+        uvmap = laid_apart(uvmap, verified.tiles)
+    return scene_of(document, uvmap), verified
 
 
 def check_before(path: Path) -> None:
@@ -124,19 +124,21 @@ def _before(
     document: Document, uv_set: int, group_by: str | None, options: PictureOptions
 ) -> PageLayout:
     """The layout of the original file, with its own textures and the camera of the new one."""
-    scene, judged = _judged_scene(document, uv_set, group_by)
+    scene, verified = _verified_scene(document, uv_set, group_by)
     scene = with_instances(scene, document.instance_transforms())
     images, note, _ = page_images(document, uv_set)
     options = replace(options, images=images, image_note=note)
-    return PageLayout("before", scene, options, view_figures(judged, scene))
+    return PageLayout("before", scene, options, view_figures(verified, scene))
 
 
-def view_figures(judged: VerifiedSet | None, scene: Scene) -> list[tuple[str, str]]:
+def view_figures(verified: VerifiedSet | None, scene: Scene) -> list[tuple[str, str]]:
     """The figures of a uv set, as ``circparam check --uv`` tells them."""
-    return scene_figures(scene) if judged is None else as_figures(judged.verification.numbers())
+    return scene_figures(scene) if verified is None else as_figures(verified.verification.numbers())
 
 
-def judged_set(document: Document, uv_set: int, group_by: str | None = None) -> VerifiedSet | None:
+def verified_set(
+    document: Document, uv_set: int, group_by: str | None = None
+) -> VerifiedSet | None:
     """A uv set as verified by ``circparam check --uv``; None if no part can be verified."""
     try:
         uvmap = document.require_uv(uv_set)

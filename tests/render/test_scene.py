@@ -11,7 +11,7 @@ from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.render.figures import as_figures, scene_figures
 from circparam.render.scene import make_scene, with_instances
-from circparam.render.show import judged_set, scene_of, view_document, view_figures
+from circparam.render.show import verified_set, scene_of, view_document, view_figures
 from circparam.render.views import draw_plan
 from tests.support import shapes
 from tests.support.command_line import obj
@@ -142,7 +142,7 @@ def test_pictures_tell_the_figures_of_the_reports(tmp_path: Path):
     document = read(tmp_path / "out.obj")
     uvmap = document.uv()
     assert uvmap is not None
-    told = dict(view_figures(judged_set(document, 0), scene_of(document, uvmap)))
+    told = dict(view_figures(verified_set(document, 0), scene_of(document, uvmap)))
     assert told == dict(as_figures(result.measures))
     assert result.measures["seam_length"] > 0
 
