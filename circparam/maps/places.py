@@ -1,4 +1,4 @@
-"""Places of vertices on the other closed mesh, along boundaries too, and the same places on faces of the files."""
+"""Places of vertices on the other closed mesh, along boundaries too; the same places on faces of the files."""
 
 import numpy as np
 
