@@ -31,15 +31,6 @@ def turn_gradients(gradients: FloatArray, before: FloatArray, after: FloatArray)
     )
 
 
-def face_axes(
-    points: FloatArray, faces: IntArray, normals: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """(m, 3), (m, 3): the axes of every rest triangle as vectors in space."""
-    x = points[faces[:, 1]] - points[faces[:, 0]]
-    x = x / np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
-    return x, np.cross(normals, x)
-
-
 def targets_from(atlas: Atlas, gradients: FloatArray) -> FloatArray:
     """(2, 2, m) Jacobians of the rest triangles from space gradients (m, 2, 3) in the planes of the faces."""
     surface = atlas.surface
@@ -50,7 +41,9 @@ def in_rest_axes(
     points: FloatArray, faces: IntArray, normals: FloatArray, gradients: FloatArray
 ) -> FloatArray:
     """As ``targets_from``, of faces (m, 3) of points (n, 3) with those unit normals (m, 3)."""
-    x, y = face_axes(points, faces, normals)
+    x = points[faces[:, 1]] - points[faces[:, 0]]
+    x = x / np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
+    y = np.cross(normals, x)
     return np.stack(
         [np.einsum("fdx,fx->df", gradients, x), np.einsum("fdx,fx->df", gradients, y)], 1
     )

@@ -128,7 +128,21 @@ class CutMesh:
     @cached_property
     def loops(self) -> Loops:
         """The boundary loops, ordered."""
-        return boundary_loops(self)
+        h = self.boundary
+        flat = self.faces.ravel()
+        if len(h) == 0:
+            none = np.zeros(0, np.int64)
+            return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
+        at = np.full(self.n_vertices, -1)
+        at[flat[h]] = np.arange(len(h))
+        labels, order, size = cycles(at[flat[next_half_edge(h)]])
+        start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
+        chart = self.chart[h[order][start[:-1]] // 3]
+        length = group_sum(self.lengths(h), labels, len(size))
+        outer = np.zeros(len(size), bool)
+        by_length = np.lexsort((np.arange(len(size)), -length, chart))
+        outer[by_length[first_of_runs(chart[by_length])]] = True
+        return Loops(h[order], start, chart.astype(np.int64), length, outer)
 
     @property
     def elimination(self) -> IntArray | None:
@@ -207,25 +221,6 @@ def laid_flat(points: FloatArray, faces: IntArray) -> FloatArray:
             out[k, 2, 0] = np.einsum("ij,ij->i", e1, e2) / x
             out[k, 2, 1] = np.linalg.norm(np.cross(e1, e2), axis=1) / x
     return out
-
-
-def boundary_loops(cut_mesh: CutMesh) -> Loops:
-    """Order the boundary half-edges of a cut mesh along their loops, each from its lowest half-edge on."""
-    h = cut_mesh.boundary
-    flat = cut_mesh.faces.ravel()
-    if len(h) == 0:
-        none = np.zeros(0, np.int64)
-        return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
-    at = np.full(cut_mesh.n_vertices, -1)
-    at[flat[h]] = np.arange(len(h))
-    labels, order, size = cycles(at[flat[next_half_edge(h)]])
-    start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
-    chart = cut_mesh.chart[h[order][start[:-1]] // 3]
-    length = group_sum(cut_mesh.lengths(h), labels, len(size))
-    outer = np.zeros(len(size), bool)
-    by_length = np.lexsort((np.arange(len(size)), -length, chart))
-    outer[by_length[first_of_runs(chart[by_length])]] = True
-    return Loops(h[order], start, chart.astype(np.int64), length, outer)
 
 
 def close_holes(cut_mesh: CutMesh) -> tuple[CutMesh, IntArray]:

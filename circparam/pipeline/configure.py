@@ -39,24 +39,18 @@ def open_source(source: Any, options: Options) -> Document:
     if isinstance(source, tuple) and len(source) == 2:
         return from_arrays(*source)
     if hasattr(source, "geometry") and hasattr(source, "graph"):
-        return from_scene(source, bool(options.unshare))
+        if not any(hasattr(part, "faces") for part in source.geometry.values()):
+            raise InputError("the trimesh Scene has no faces to unwrap")
+        data = source.export(file_type="glb")
+        return read_data(
+            data, Source("the trimesh Scene"), format="glb", unshare=bool(options.unshare)
+        )
     if hasattr(source, "vertices") and hasattr(source, "faces"):
         return from_trimesh(source)
     raise InputError(
         f"cannot unwrap a {type(source).__name__}: give a path, arrays (points, faces), a Mesh, "
         "a Document, a trimesh.Trimesh or a Scene"
     )
-
-
-def from_scene(scene: Any, unshare: bool) -> Document:
-    """The document of a trimesh.Scene, read from the GLB of trimesh: nodes, instances, materials, textures.
-
-    Raises InputError for a scene without triangles.
-    """
-    if not any(hasattr(part, "faces") for part in scene.geometry.values()):
-        raise InputError("the trimesh Scene has no faces to unwrap")
-    data = scene.export(file_type="glb")
-    return read_data(data, Source("the trimesh Scene"), format="glb", unshare=unshare)
 
 
 def target_format(

@@ -15,7 +15,7 @@ from circparam.formats.document import (
 )
 from circparam.formats.obj.reading import Scan
 from circparam.formats.page_names import START, page_lines
-from circparam.formats.tokens import SLASH, ByteArray, as_bytes, digits, interleave, splice
+from circparam.formats.tokens import SLASH, as_bytes, digits, interleave, splice
 from circparam.mesh.mesh import UVMap
 
 # comments on lines of their own: the owner of an atlas, and a page of a layout
@@ -61,7 +61,17 @@ def with_uv(
     )
     # the new lines stand in place of the first vt, or before the first face
     where = min([int(t.line_start[scan.face_lines[0]]), *t.line_start[old[:1]].tolist()])
-    start, end, text, length = corner_edits(scan, corner)
+    # edits after which every corner names the given vt (from 0; −1: none)
+    _, start, end = scan.cuts
+    text, length = digits(np.maximum(corner, 0) + 1, b"/")
+    none = corner < 0
+    if none.any():  # a corner without uv keeps "//" only where a normal follows
+        keep = np.repeat(~none, length)
+        normal = none & (scan.tokens.clean[end] == SLASH)
+        text, length = text[keep], np.where(none, 0, length)
+        first = np.cumsum(length) - length
+        text = np.insert(text, first[normal], SLASH)
+        length = length + normal
     starts = np.concatenate([[where], gone[:, 0], start])
     ends = np.concatenate([[where], gone[:, 1], end])
     lengths = np.concatenate([[len(block)], np.zeros(len(gone), np.int64), length])
@@ -84,21 +94,6 @@ def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
     number = np.cumsum(used) - 1
     number[count] = -1
     return np.flatnonzero(used), number[corner]
-
-
-def corner_edits(scan: Scan, uv: IntArray) -> tuple[IntArray, IntArray, ByteArray, IntArray]:
-    """Edits after which every corner names the given vt (from 0; −1: none)."""
-    _, start, end = scan.cuts
-    text, length = digits(np.maximum(uv, 0) + 1, b"/")
-    none = uv < 0
-    if none.any():  # a corner without uv keeps "//" only where a normal follows
-        keep = np.repeat(~none, length)
-        normal = none & (scan.tokens.clean[end] == SLASH)
-        text, length = text[keep], np.where(none, 0, length)
-        first = np.cumsum(length) - length
-        text = np.insert(text, first[normal], SLASH)
-        length = length + normal
-    return start, end, text, length
 
 
 def element_edits(scan: Scan) -> IntArray:
