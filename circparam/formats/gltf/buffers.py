@@ -18,7 +18,6 @@ from circparam.formats.gltf.model import (
     COMPONENTS,
     ELEMENT_BUFFER,
     Json,
-    Primitive,
     index_type,
 )
 from circparam.formats.gltf.reading import Tree, element_size
@@ -53,10 +52,6 @@ class Packing:
         self.image_files: dict[str, str] = {}
         # nothing moves where an extension may refer to data in a way that is not known here
         self.careful = extensions_hold_data(self.json)
-
-    def primitive(self, p: Primitive) -> Json:
-        """The entry of a primitive in the new tree."""
-        return self.json["meshes"][p.mesh]["primitives"][p.number]
 
     def view(self, data: bytes, **entry: int) -> int:
         """Append a buffer view and its bytes; returns its number."""

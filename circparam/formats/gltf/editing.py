@@ -114,7 +114,7 @@ class TreeEdit(Packing):
         self, users: list[Primitive], pool: Pool, split: Split, rows: npt.NDArray[Any], number: int
     ) -> int:
         """New attributes of one pool and the primitives that use it; returns the number of lost tangents."""
-        entries = [self.primitive(p) for p in users]
+        entries = [p.entry(self.json) for p in users]
         attributes, targets = dict(pool.attributes), copy.deepcopy(pool.targets)
         last, name = number, f"TEXCOORD_{number}"
         if any((p.mesh, p.number) in self.keeps for p in users):
@@ -150,7 +150,7 @@ class TreeEdit(Packing):
 
     def dress(self, primitives: list[Primitive], carried: Carried) -> None:
         """Let the materials show carried images in place of theirs."""
-        entries = [(p, self.primitive(p)) for p in primitives]
+        entries = [(p, p.entry(self.json)) for p in primitives]
         default = len(self.json.get("materials", []))
         self.keeps = frozenset(
             (p.mesh, p.number) for p, e in entries if e.get("material", default) in carried.kept
@@ -167,7 +167,7 @@ class TreeEdit(Packing):
     def tangents(self, users: list[Primitive], split: Split, new_tangents: FloatArray) -> None:
         """TANGENT of primitives with normals: those of corners (c, 4) in the world; the last of a vertex
         counts."""
-        entries = [self.primitive(p) for p in users]
+        entries = [p.entry(self.json) for p in users]
         kept = any((p.mesh, p.number) in self.keeps for p in users)
         if kept or not all("NORMAL" in entry["attributes"] for entry in entries):
             return
@@ -194,7 +194,7 @@ class TreeEdit(Packing):
         """New index lists of primitives; returns the number of former strips and fans."""
         at = relisted = 0
         for p in users:
-            entry = self.primitive(p)
+            entry = p.entry(self.json)
             n = p.triangles.size
             corner = split.corner[at : at + n]
             at += n

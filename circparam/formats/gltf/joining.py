@@ -28,7 +28,7 @@ def join_primitives(
         return alone
     alike: dict[str, list[int]] = defaultdict(list)
     for i in chosen:
-        entry = edit.primitive(primitives[i])
+        entry = primitives[i].entry(edit.json)
         if entry.get("mode", TRIANGLES) == TRIANGLES and "extensions" not in entry:
             alike[_kind(edit, primitives[i].mesh, entry)].append(i)
     users: dict[int, set[int]] = defaultdict(set)
@@ -43,7 +43,7 @@ def join_primitives(
             _join(edit, [primitives[i] for i in group])
             blocks[group[0]] = group
     gone = {i for group in blocks.values() for i in group[1:]}
-    dropped = {id(edit.primitive(primitives[i])) for i in gone}
+    dropped = {id(primitives[i].entry(edit.json)) for i in gone}
     for mesh in edit.json["meshes"]:
         mesh["primitives"] = [e for e in mesh["primitives"] if id(e) not in dropped]
     return [blocks.get(i, [i]) for i in range(len(primitives)) if i not in gone]
@@ -66,7 +66,7 @@ def _kind(edit: Packing, mesh: int, entry: Json) -> str:
 
 def _join(edit: Packing, group: list[Primitive]) -> None:
     """Let the first of some primitives have the vertices and triangles of all, in place."""
-    entries = [edit.primitive(p) for p in group]
+    entries = [p.entry(edit.json) for p in group]
     first_of = {p.pool: entry for p, entry in zip(group[::-1], entries[::-1], strict=True)}
     pools = sorted(first_of)  # in the order in which they are read
     size = [edit.json["accessors"][first_of[k]["attributes"]["POSITION"]]["count"] for k in pools]

@@ -42,7 +42,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     known: dict[tuple[int, bytes], int] = {}
     moves: dict[int, FloatArray] = {}
     for p in primitives:
-        entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
+        entry = p.entry(tree.json)
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
         pbr = _base_colour(material)
         texture = pbr.get("baseColorTexture")
@@ -126,7 +126,7 @@ def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
         for k, entry in enumerate(entries)
     )
     for p in primitives:
-        entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
+        entry = p.entry(tree.json)
         if VARIANTS in entry.get("extensions", {}):
             raise tree.error(
                 f"its faces show other materials by {VARIANTS}, whose textures would stay behind: keep the uv "
@@ -143,7 +143,7 @@ def materials_of(tree: Json) -> list[Json]:
 
 def material_number(tree: Json, p: Primitive, default: int) -> int:
     """The material of a primitive, ``default`` if it names none. ValueError if it is not there."""
-    number = tree["meshes"][p.mesh]["primitives"][p.number].get("material", default)
+    number = p.entry(tree).get("material", default)
     if not isinstance(number, int) or not 0 <= number <= default:
         raise ValueError(f"a primitive names material {str(number)[:20]}")
     return number

@@ -26,6 +26,10 @@ class Primitive:
     mode: int
     triangles: IntArray
 
+    def entry(self, tree: Json) -> Json:
+        """Its entry in a tree, or in a copy of it."""
+        return tree["meshes"][self.mesh]["primitives"][self.number]
+
 
 @dataclass(frozen=True, eq=False)
 class Pool:

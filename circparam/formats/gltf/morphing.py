@@ -86,7 +86,7 @@ def _pool(
     moved = {"POSITION": delta, "NORMAL": after - before}
     goal = {name: edit.array(rows, bounds=True) for name, rows in moved.items()}
     for p in users:
-        entry = edit.primitive(p)
+        entry = p.entry(edit.json)
         entry["attributes"] |= attributes
         entry["targets"] = [dict(goal)]
 
@@ -127,6 +127,6 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
             if "NORMAL" not in pool.attributes:
                 new["NORMAL"] = edit.array(unit_rows(times(part[:, :3], whole)))
             for p in users:
-                edit.primitive(p)["attributes"] |= new
+                p.entry(edit.json)["attributes"] |= new
         data, _, _ = edit.finish("glb", "")
     return data

@@ -43,7 +43,7 @@ def redressed(
     first = {member: group for group in carried.groups for member in group.members}
     changed = {}
     for p in primitives:
-        entry = out["meshes"][p.mesh]["primitives"][p.number]
+        entry = p.entry(out)
         group = first[material_number(tree, p, default)]
         lead = group.members[0]
         if lead not in changed:

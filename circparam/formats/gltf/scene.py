@@ -238,8 +238,7 @@ def unshare_meshes(tree: Tree, shown: list[Shown]) -> None:
 
 def material_of(tree: Tree, primitive: Primitive) -> int:
     """The number of the material of a primitive, −1 if it has none."""
-    entry = tree.json["meshes"][primitive.mesh]["primitives"][primitive.number]
-    return int(entry.get("material", -1))
+    return int(primitive.entry(tree.json).get("material", -1))
 
 
 def entry_names(tree: Tree, kind: str, used: Sequence[int]) -> tuple[tuple[str, int], ...]:
