@@ -24,10 +24,11 @@ from circparam.bake.sampling import (
     texel_ratio,
     texture_paint,
 )
-from circparam.core.arrays import BoolArray, IntArray, group_max, group_min
+from circparam.core.arrays import group_max, group_min
 from circparam.core.monitor import Monitor
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode

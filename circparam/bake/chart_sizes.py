@@ -5,8 +5,9 @@ import numpy as np
 from circparam.bake.look_source import Source
 from circparam.bake.sharpness import FILLED
 from circparam.bake.texels import flat_areas
-from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.arrays import group_sum
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.mesh import UVMap
 
 LEAST_SIDE_TEXELS = 4.0  # texels a side of a chart without an image, and of the smallest with one

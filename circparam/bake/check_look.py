@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 from circparam.bake.carry import Part, Work, look_up, rotated, without_image
 from circparam.bake.look_source import Source
 from circparam.bake.texels import Texels, places_in
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.looks import Group, Material, Slot
 from circparam.formats.materials import srgb
 from circparam.geometry.raster import rasterise

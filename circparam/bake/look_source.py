@@ -10,8 +10,8 @@ import numpy.typing as npt
 from circparam.bake.projection import frames_over
 from circparam.bake.source_image import SourceImage
 from circparam.bake.texels import flat_areas
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.looks import Looks, Use, pixels

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
+from circparam.core.types import FloatArray
 from circparam.formats.looks import Group, Looks, Material, Slot
 
 FILL = {

@@ -12,9 +12,10 @@ from functools import cached_property
 import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
-from circparam.core.arrays import FloatArray, IntArray, slices
+from circparam.core.arrays import slices
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.rays import BoxTree, Hits, first_hits

@@ -15,11 +15,11 @@ from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
 from circparam.bake.sharpness import Sharpness, blurred, needed_size, sharpness
 from circparam.bake.texels import Texels
-from circparam.core.arrays import FloatArray
 from circparam.core.fields import specs
 from circparam.core.limits import auto_padding
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import Written, check_place, check_target, format_of, read, write

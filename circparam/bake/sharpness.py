@@ -7,10 +7,10 @@ import numpy as np
 
 from circparam.bake.look_source import Source
 from circparam.bake.texels import corners_in_texels, density
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.limits import RESOLUTION
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.distortion import Tail
 from circparam.mesh.mesh import UVMap
 

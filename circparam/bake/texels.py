@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from circparam.core.arrays import FloatArray, IntArray, cross2
+from circparam.core.arrays import cross2
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.geometry.raster import fragments
 from circparam.mesh.mesh import UVMap

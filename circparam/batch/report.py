@@ -15,7 +15,7 @@ from circparam.batch.index import FIGURES, Index
 from circparam.batch.pictures import thumbnails
 from circparam.batch.progress import KINDS, printable
 from circparam.batch.store import Folder
-from circparam.core.arrays import FloatArray
+from circparam.core.types import FloatArray
 from circparam.errors import OutputError
 from circparam.render import colours as col
 from circparam.render.html import fill_in, page_style, viewer_file

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.mesh import UVMap
 

@@ -16,10 +16,10 @@ from circparam.compare import process
 from circparam.compare.baselines import BASELINES, require
 from circparam.compare.rows import INPUT, Comparison, Entry
 from circparam.compare.task import FLATTEN
-from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
+from circparam.core.types import FloatArray
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh

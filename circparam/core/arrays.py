@@ -1,17 +1,11 @@
-"""Array types, and the few array operations that NumPy lacks and every room needs."""
-
-from typing import TypeAlias
+"""The few array operations that NumPy lacks and every room needs."""
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
-
-ComplexArray: TypeAlias = npt.NDArray[np.complex128]
-
-IntArray: TypeAlias = npt.NDArray[np.int64]
-
-BoolArray: TypeAlias = npt.NDArray[np.bool_]
+from circparam.core.types import BoolArray as BoolArray
+from circparam.core.types import ComplexArray as ComplexArray
+from circparam.core.types import FloatArray as FloatArray
+from circparam.core.types import IntArray as IntArray
 
 SLICE_ROWS = 8192  # rows of a large array per slice
 
@@ -130,6 +124,20 @@ def norms2(vectors: FloatArray) -> FloatArray:
     """(n,) lengths of plane vectors (n, 2); sums over an axis of length 2 take NumPy many times as long."""
     x, y = vectors[:, 0], vectors[:, 1]
     return np.sqrt(x * x + y * y)
+
+
+def mask_of(n: int, places: IntArray | BoolArray) -> BoolArray:
+    """(n,) bool: true at some places, false elsewhere."""
+    out = np.zeros(n, bool)
+    out[places] = True
+    return out
+
+
+def positions_in(n: int, numbers: IntArray) -> IntArray:
+    """(n,) where each of the numbers 0 to n − 1 stands in a list without repetitions (k,), −1 if nowhere."""
+    out = np.full(n, -1)
+    out[numbers] = np.arange(len(numbers))
+    return out
 
 
 def relabel(labels: IntArray) -> tuple[int, IntArray]:

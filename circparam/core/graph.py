@@ -11,8 +11,6 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
-    FloatArray,
-    IntArray,
     edge_keys,
     first_of_runs,
     group_count,
@@ -22,6 +20,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.clock import tick
 from circparam.core.compiled import connected_components, dijkstra, minimum_spanning_tree
+from circparam.core.types import FloatArray, IntArray
 
 SMALL_GRAPH_EDGES = 30_000  # edges up to which graphs are assembled without SciPy's conversion
 

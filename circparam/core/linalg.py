@@ -7,9 +7,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import ComplexArray, FloatArray, IntArray, dot
+from circparam.core.arrays import dot
 from circparam.core.clock import tick
 from circparam.core.compiled import SuperLU, gstrf
+from circparam.core.types import ComplexArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 
 SparseMatrix: TypeAlias = (

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray
 from circparam.core.imports import alone
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 
 SIMPLEX, INTERIOR, CHOOSE = "simplex", "ipm", "choose"
 NO_LIMIT = 2**31 - 1  # iterations: the default of HiGHS

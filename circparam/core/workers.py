@@ -24,7 +24,7 @@ from circparam.core.pool import Pool, current, start, stop
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from circparam.core.arrays import BoolArray, IntArray
+    from circparam.core.types import BoolArray, IntArray
 
 PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it

@@ -11,8 +11,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.arrays import relabel
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures, moved_layout

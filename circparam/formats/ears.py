@@ -4,7 +4,7 @@ import heapq
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 
 LEAF_CORNERS = 8  # corners in the smallest boxes

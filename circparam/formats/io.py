@@ -13,9 +13,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import check_needed, find_assets, unresolved
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout, check_new_set

@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import listed
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Document, Named
 from circparam.formats.looks import Carried, Looks, Material, Slot
 from circparam.formats.source import Source

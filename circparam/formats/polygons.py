@@ -6,8 +6,9 @@ clipped in the coordinate plane in which the polygon is largest.
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import mask_of
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
 from circparam.formats.ears import Ears
 from circparam.mesh.mesh import UVMap
@@ -173,8 +174,7 @@ def strips(corners: IntArray, start: IntArray) -> IntArray:
     Every second triangle of a run is reversed; triangles that repeat a vertex only join strips and are left
     out.
     """
-    first = np.zeros(len(corners), bool)
-    first[start[:-1][start[:-1] < len(corners)]] = True
+    first = mask_of(len(corners), start[:-1][start[:-1] < len(corners)])
     first[1:] |= corners[:-1] < 0
     index = np.arange(len(corners))
     run = np.maximum.accumulate(np.where(first, index, 0))

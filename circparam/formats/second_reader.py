@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.messages import message, send
+from circparam.core.types import FloatArray, IntArray
 from circparam.core.workers import environment
 from circparam.formats.source import Source, bytes_beside
 

@@ -12,8 +12,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 
 # Bytes; ten million lines of numbers, more than any mesh that is read has vertices to pin.

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, doubles
+from circparam.core.arrays import doubles
 from circparam.core.plural import counted
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
 from circparam.core.registry import Row, Table
+from circparam.core.types import FloatArray
 from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.gltf.document import read_gltf

@@ -5,8 +5,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import ranges
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
 SPACE, NEWLINE, RETURN, BACKSLASH, SLASH, HASH = (ord(c) for c in " \n\r\\/#")

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from circparam.core.arrays import FloatArray
+from circparam.core.types import FloatArray
 from circparam.formats.document import Document
 
 AXES = ("y", "z")

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.arrays import relabel
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,17 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     cross2,
     first_of_runs,
     group_sum,
+    mask_of,
     next_half_edge,
     norms2,
     sorted_distinct,
 )
 from circparam.core.graph import lowest_of_cycles
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
@@ -118,8 +117,7 @@ def _segments(
 
 def turned_out(boundary: BoundarySegments, n: int) -> BoolArray:
     """(n,) charts with more than one boundary loop that runs counter-clockwise; see ``turned_loops``."""
-    out = np.zeros(n, bool)
-    out[boundary.chart[turned_loops(boundary)]] = True
+    out = mask_of(n, boundary.chart[turned_loops(boundary)])
     return out
 
 
@@ -138,6 +136,5 @@ def turned_loops(boundary: BoundarySegments) -> BoolArray:
     outward = area > 1e-13 * total[first] ** 2  # a slit in the plane has no area but for rounding
     chart = boundary.chart[first]
     order = np.lexsort((-area, chart))
-    largest = np.zeros(count, bool)
-    largest[order[first_of_runs(chart[order])]] = True
+    largest = mask_of(count, order[first_of_runs(chart[order])])
     return (outward & ~largest)[loop]

@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 
 Nearest: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 

@@ -13,18 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    first_of_runs,
-    group_count,
-    group_max,
-    group_sum,
-    ranges,
-)
+from circparam.core.arrays import first_of_runs, group_count, group_max, group_sum, mask_of, ranges
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.congruent_flats import Flats, find_flats, same_flats
 
 ALIKE = 2e-5  # of the radius of a component: how far points of copies may lie apart
@@ -207,8 +199,7 @@ def _copies_of(
 ) -> _Found:
     """Which of the components ``asked`` ((n,) bool) are copies of their leaders (n,)."""
     n = len(leader)
-    leads = np.zeros(n, bool)
-    leads[leader[asked]] = True
+    leads = mask_of(n, leader[asked])
     frames = _frames(parts, leads)
     mine = np.flatnonzero(leads[parts.owner])
     scale = np.maximum(parts.radius, 1e-300)

@@ -3,16 +3,16 @@
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     group_count,
     group_max,
     group_sum,
+    mask_of,
     next_half_edge,
+    positions_in,
 )
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,7 @@ def _twice(key: IntArray, which: IntArray, count: int) -> BoolArray:
     """(count,) bool: groups in which a key stands more than once."""
     order = np.argsort(key, kind="stable")
     again = order[1:][key[order][1:] == key[order][:-1]]
-    out = np.zeros(count, bool)
-    out[which[again]] = True
+    out = mask_of(count, which[again])
     return out
 
 
@@ -159,15 +158,13 @@ def _corners(
     """
     own, good, turned = found
     n = int(vertex.max()) + 1
-    number = np.full(int(component.max()) + 1, -1)
-    number[own] = np.arange(len(own))
+    number = positions_in(int(component.max()) + 1, own)
     of_face = number[component]
     face = np.flatnonzero((of_face >= 0) & np.append(good, False)[of_face])
     key = (label[:, None] * n + vertex).ravel()
     order = np.argsort(key, kind="stable")
     asked = to[label[face]][:, None] * n + match[vertex[face]]
     at = order[np.minimum(np.searchsorted(key[order], asked), len(order) - 1)]
-    lost = np.zeros(len(own), bool)
-    lost[of_face[face[(key[at] != asked).any(1)]]] = True
+    lost = mask_of(len(own), of_face[face[(key[at] != asked).any(1)]])
     keep = ~lost[of_face[face]]
     return SameFlats(own[good & ~lost], face[keep], at[keep], turned[of_face[face[keep]]])

@@ -8,15 +8,9 @@ taken apart at its folds: its upright faces and its reversed ones have a boundar
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    next_half_edge,
-    sorted_distinct,
-)
+from circparam.core.arrays import cross2, next_half_edge, sorted_distinct
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import LabelGrid, free_border, row_crossings, smallest_gap
 from circparam.mesh.cut_mesh import CutMesh
 

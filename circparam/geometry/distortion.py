@@ -9,9 +9,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum, slices
+from circparam.core.arrays import group_max, group_sum, slices
 from circparam.core.records import dataclass
 from circparam.core.registry import Row, Table
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.intrinsic import jacobians, signed_areas, singular_values
 from circparam.mesh.cut_mesh import CutMesh
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, sorted_distinct
+from circparam.core.arrays import sorted_distinct
 from circparam.core.graph import nearest, undirected
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 
 

@@ -2,17 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    group_sum,
-    norms2,
-    ranges,
-    sorted_distinct,
-    stable_order,
-)
+from circparam.core.arrays import cross2, group_sum, norms2, ranges, sorted_distinct, stable_order
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates

@@ -6,7 +6,8 @@ A surface bent without stretching gives the same numbers, and every function wor
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import cross2, group_sum
+from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 
 

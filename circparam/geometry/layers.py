@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.intersect import windings
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.compiled import kd_tree
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 PAIRS = 4_000_000  # of points and places up to which all are compared: a tree takes 0.1 s to import, too
 

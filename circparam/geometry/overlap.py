@@ -15,17 +15,16 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     cross2,
     edge_keys,
     first_of_runs,
     group_count,
+    mask_of,
     next_half_edge,
     sorted_distinct,
 )
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments, boundary_in, boundary_of, turned_out
 from circparam.geometry.intersect import meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation
@@ -162,8 +161,7 @@ def _wound_twice(
 
     Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
     """
-    on_boundary = np.zeros(len(uv), bool)
-    on_boundary[faces.ravel()[h]] = True
+    on_boundary = mask_of(len(uv), faces.ravel()[h])
     on_boundary[faces.ravel()[next_half_edge(h)]] = True
     y = uv[:, 1][faces]
     below_next = y[:, [1, 2, 0]] < y

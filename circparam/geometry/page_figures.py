@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge, norms2
+from circparam.core.arrays import group_sum, mask_of, next_half_edge, norms2
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.coverage import pages_of
 from circparam.geometry.intrinsic import signed_areas
 from circparam.geometry.straight import axis_parallel, on_multiples, straight_edges
@@ -100,10 +101,8 @@ def seam_vertices(surface: Surface, cut_mesh: CutMesh, used: BoolArray) -> int:
     """Vertices that seams add: the number on the surface cut open less the number on the surface, of charts
     with uv."""
     faces = used[cut_mesh.chart]
-    opened = np.zeros(cut_mesh.n_vertices, bool)
-    opened[cut_mesh.faces[faces]] = True
-    whole = np.zeros(int(surface.corner_vertex.max()) + 1, bool)
-    whole[surface.corner_vertex[faces]] = True
+    opened = mask_of(cut_mesh.n_vertices, cut_mesh.faces[faces])
+    whole = mask_of(int(surface.corner_vertex.max()) + 1, surface.corner_vertex[faces])
     return int(opened.sum() - whole.sum())
 
 

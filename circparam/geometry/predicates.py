@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray
+from circparam.core.types import FloatArray
 
 SignArray: TypeAlias = npt.NDArray[np.int8]
 EPS = 2.0**-53

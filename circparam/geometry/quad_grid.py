@@ -3,17 +3,11 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_count,
-    group_sum,
-    next_half_edge,
-)
+from circparam.core.arrays import group_count, group_sum, mask_of, next_half_edge
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 
 # Of the extent of a chart: rounding of the solve that adds up widths, a million times that of float64.
@@ -55,8 +49,7 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     that are no grid keep zeros.
     """
     m = len(cut_mesh.faces)
-    is_diagonal = np.zeros(3 * m, bool)
-    is_diagonal[3 * np.arange(m) + diagonal] = True
+    is_diagonal = mask_of(3 * m, 3 * np.arange(m) + diagonal)
     i, j = cut_mesh.edges.T
     both = is_diagonal[i] & is_diagonal[j]
     one = is_diagonal[i] != is_diagonal[j]

@@ -13,9 +13,10 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, ranges, slices, sorted_distinct
+from circparam.core.arrays import cross2, ranges, slices, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 
 LabelGrid: TypeAlias = npt.NDArray[np.int32]
 

@@ -7,8 +7,9 @@ and only the remaining pairs are tested ray by ray.
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, ranges, relabel
+from circparam.core.arrays import first_of_runs, ranges, relabel
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 WIDTH = 4  # children of a box, and faces of a leaf
 PAIRS = 50_000  # pairs of ray and face in one block, which fits the cache

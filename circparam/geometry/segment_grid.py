@@ -11,8 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from circparam.core.arrays import (
-    FloatArray,
-    IntArray,
     first_of_runs,
     group_count,
     group_max,
@@ -22,6 +20,7 @@ from circparam.core.arrays import (
     sorted_distinct,
     stable_order,
 )
+from circparam.core.types import FloatArray, IntArray
 
 CROWD = 24  # cells with more entries are quartered
 LEVELS = 24  # at most so many times

@@ -8,8 +8,9 @@ a normal map made with these has green up, as glTF wants it.
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import cross2, group_sum
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

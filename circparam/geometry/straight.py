@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import group_sum
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 BINS = 180  # of a quarter turn: half a degree each
 # Border along the directions of a chart, over the side of a square of its area, from which on it is a straight

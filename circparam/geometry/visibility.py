@@ -14,16 +14,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_sum,
-    next_half_edge,
-    ranges,
-    slices,
-)
+from circparam.core.arrays import group_sum, mask_of, next_half_edge, ranges, slices
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import extremes, fragments
 from circparam.mesh.surface import Surface
 
@@ -259,8 +252,7 @@ def edge_shares(
     edge = np.repeat(np.arange(len(asked)), number)
     at = ((ranges(number) + 0.5) / number[edge])[:, None]
     n, component = surface.components
-    two_sided = np.zeros(n, bool)
-    two_sided[component[surface.boundary // 3]] = True
+    two_sided = mask_of(n, component[surface.boundary // 3])
     p = surface.points[surface.faces]
     p = p - p.reshape(-1, 3).mean(0)
     volume = group_sum((np.cross(p[:, 0], p[:, 1]) * p[:, 2]).sum(1), component, n)

@@ -14,17 +14,9 @@ import numpy as np
 import scipy.sparse as sps
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    first_of_runs,
-    group_sum,
-    next_half_edge,
-    slices,
-)
+from circparam.core.arrays import cross2, first_of_runs, group_sum, next_half_edge, slices
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 from circparam.geometry.closest import Nearest, closest_on_triangles, samples_of, walked
 from circparam.geometry.distortion import Tail

@@ -10,10 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, IntArray, group_count, next_half_edge
+from circparam.core.arrays import group_count, mask_of, next_half_edge
 from circparam.core.graph import cycles
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, IntArray
 from circparam.errors import InputError, TopologyError
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
@@ -85,14 +86,12 @@ def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGra
     """The graph of one side. Raises TopologyError if a chart is no disk."""
     mesh, surface = side.closed, side.surface
     m = len(mesh.faces)
-    cut = np.zeros(3 * m, bool)
-    cut[surface.edges[uv_seams(surface, layout)].ravel()] = True
+    cut = mask_of(3 * m, surface.edges[uv_seams(surface, layout)].ravel())
     outside = np.repeat(mesh.parent < 0, 3)
     cut |= outside != outside[mesh.twin]
     if not cut.any():
         raise TopologyError(f"{side.name}: its uv have no seam: --charts needs both surfaces cut")
-    on = np.zeros(mesh.n, bool)
-    on[mesh.faces.ravel()[cut]] = True
+    on = mask_of(mesh.n, mesh.faces.ravel()[cut])
     of_face, euler = mesh.pieces(cut, on)
     chains, follower = _traced(side, cut, landmarks)
     flat = mesh.faces.ravel()

@@ -4,10 +4,11 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, next_half_edge
+from circparam.core.arrays import group_count, next_half_edge
 from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.linalg import Factor
+from circparam.core.types import FloatArray, IntArray
 from circparam.maps.tracing import Tracer
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.embed import assemble

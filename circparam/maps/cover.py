@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.arrays import mask_of, next_half_edge, positions_in
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.geometries import Geometry, signs_of, weights_in
 
@@ -42,8 +43,7 @@ class Development:
 
     @cached_property
     def _number(self) -> IntArray:
-        number = np.full(len(self.mesh.faces), -1)
-        number[self.special] = np.arange(len(self.special))
+        number = positions_in(len(self.mesh.faces), self.special)
         return number
 
     def of(self, corner: IntArray) -> FloatArray:
@@ -85,11 +85,9 @@ def own_development(
     order = np.argsort(np.repeat(mesh.parent < 0, 3), kind="stable")[::-1]
     first = np.full(mesh.n, -1)
     first[flat[order]] = order
-    touched = np.zeros(mesh.n, bool)
-    touched[flat[index > 0]] = True
+    touched = mask_of(mesh.n, flat[index > 0])
     special = np.flatnonzero(touched[mesh.faces].any(1))
-    number = np.full(len(mesh.faces), -1)
-    number[special] = np.arange(len(special))
+    number = positions_in(len(mesh.faces), special)
     corner_matrices = np.broadcast_to(np.eye(3), (len(special), 3, 3, 3)).copy()
     start = first[touched]
     at, now = start.copy(), np.broadcast_to(np.eye(3), (len(start), 3, 3)).copy()

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import Tail, dirichlet_terms, energies_at_best_scale
 from circparam.mesh.cut_mesh import rest_triangles_of
 

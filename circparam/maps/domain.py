@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
 from circparam.maps.convex import laid_in_polygons
 from circparam.maps.cover import Cover, CoverPoints, Development, own_development, whole_development

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, TopologyError
 from circparam.maps.map_input import MapInput
 

@@ -17,10 +17,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
 from circparam.core.graph import cycles
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import IntArray
 from circparam.errors import TopologyError
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput

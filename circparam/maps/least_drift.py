@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, edge_keys, next_half_edge
+from circparam.core.arrays import cross2, edge_keys, mask_of, next_half_edge
 from circparam.core.linalg import SparseMatrix
 from circparam.core.linear_program import CHOOSE, least
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments, boundary_in, turned_loops
 from circparam.geometry.intersect import meeting
 from circparam.geometry.overlap import overlaps
@@ -116,8 +117,9 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
     wrong[boundary.half_edge[turned_loops(boundary)] // 3] = True  # a flap folded out of a hole
     crossing = edge_keys(chart[a], chart[b], n)
     inside = found.pairs[~np.isin(edge_keys(found.pairs[:, 0], found.pairs[:, 1], n), crossing)]
-    whole = np.zeros(n, bool)
-    whole[np.where(size[inside[:, 0]] <= size[inside[:, 1]], inside[:, 0], inside[:, 1])] = True
+    whole = mask_of(
+        n, np.where(size[inside[:, 0]] <= size[inside[:, 1]], inside[:, 0], inside[:, 1])
+    )
     return wrong | whole[chart]
 
 
@@ -188,8 +190,7 @@ def _linear_step(
     contacts: Contacts,
 ) -> FloatArray:
     """The places after one linear program; vertices outside the region keep theirs."""
-    free = np.zeros(len(x), bool)
-    free[cut_mesh.faces[region]] = True
+    free = mask_of(len(x), cut_mesh.faces[region])
     moving = np.flatnonzero(free)
     n = len(moving)
     number = np.full(len(x), -1)

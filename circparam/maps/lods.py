@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import FloatArray
 from circparam.core.fields import Range
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.geometry.distortion import Tail

@@ -4,9 +4,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, TopologyError
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.mesh.mesh import Mesh

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
+from circparam.core.arrays import group_count, group_sum, mask_of, positions_in
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.intrinsic import signed_areas
 from circparam.maps.cover import Development
 from circparam.maps.geometries import Geometry, counter_clockwise
@@ -38,8 +39,7 @@ class Mender:
         """Patches of so many rings round turned faces, each in the tangent plane of its middle, by the
         foldover-free energy. Patches with vertices out of sight stay."""
         mesh, turned = self.development.mesh, self.turned(q)
-        near = np.zeros(mesh.n, bool)
-        near[mesh.faces[turned]] = True
+        near = mask_of(mesh.n, mesh.faces[turned])
         for _ in range(rings):
             near[mesh.faces[near[mesh.faces].any(1)]] = True
         inside = np.repeat(near[mesh.faces].all(1), 3)
@@ -53,8 +53,7 @@ class Mender:
             chart[:, None] * mesh.n + mesh.faces[faces], return_index=True, return_inverse=True
         )
         own, vertices = np.divmod(key, mesh.n)
-        number = np.full(len(mesh.faces), -1)
-        number[faces] = np.arange(len(faces))
+        number = positions_in(len(mesh.faces), faces)
         pairs = np.stack([h, mesh.twin[h]], 1)[(number[h // 3] >= 0) & (h < mesh.twin[h])]
         part = CutMesh(
             local.reshape(-1, 3),

@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_min, next_half_edge, ranges
+from circparam.core.arrays import group_min, next_half_edge, ranges
 from circparam.core.graph import components, cycles
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import Textures, moved_layout

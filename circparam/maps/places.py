@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import CoverPoints
 from circparam.maps.landmarks import Landmarks

@@ -10,11 +10,12 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import group_sum
 from circparam.core.clock import tick
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.cover import Cover, CoverPoints, Development
 from circparam.maps.geometries import Geometry, counter_clockwise, tangents
 from circparam.mesh.cut_mesh import CutMesh

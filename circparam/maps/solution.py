@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray
+from circparam.core.arrays import mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.distortion import Distortion, distortion
 from circparam.maps.domain import Domain, common_domain, composed
@@ -89,8 +90,7 @@ def relaxed(
     """
     one, two = domain.meshes
     geometry, whole = domain.base.geometry, one.whole
-    fixed = np.zeros(a.closed.n, bool)
-    fixed[np.array(marks.a)[np.array(marks.exact, bool)]] = True
+    fixed = mask_of(a.closed.n, np.array(marks.a)[np.array(marks.exact, bool)])
     fixed[a.n :] = True
     fixed[: a.n] |= a.on_boundary >= 0
     weight = np.where(a.closed.parent < 0, 0.0, a.closed.cut_mesh.areas / a.area)

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.files import write_files
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.mesh.mesh import Mesh

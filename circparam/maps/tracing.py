@@ -5,9 +5,10 @@ from dataclasses import field
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.arrays import mask_of, next_half_edge
 from circparam.core.graph import distances, nearest
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 
 FIRST_RADIUS = 1.5  # distances between two landmarks within which a path is looked for at first
@@ -67,8 +68,7 @@ class Tracer:
     @property
     def on(self) -> BoolArray:
         """(n,) bool: vertices of landmarks and arcs, which no path touches."""
-        out = np.zeros(self.mesh.n, bool)
-        out[np.concatenate([self.marks, *self.arcs.values()])] = True
+        out = mask_of(self.mesh.n, np.concatenate([self.marks, *self.arcs.values()]))
         return out
 
     def on_arcs(self) -> BoolArray:

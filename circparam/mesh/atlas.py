@@ -4,8 +4,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
+from circparam.core.arrays import cross2, group_sum, mask_of, next_half_edge
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
@@ -66,8 +67,7 @@ class Atlas:
     def on_boundary(self) -> BoolArray:
         """(vertices,) bool: the vertex is on a boundary of the surface itself."""
         flat = self.surface.corner_vertex.ravel()
-        out = np.zeros(self.n_vertices, bool)
-        out[flat[self.surface.boundary]] = True
+        out = mask_of(self.n_vertices, flat[self.surface.boundary])
         out[flat[next_half_edge(self.surface.boundary)]] = True
         return out
 

@@ -5,18 +5,17 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     cross2,
     first_of_runs,
     group_sum,
     next_half_edge,
+    positions_in,
     ranges,
     slices,
 )
 from circparam.core.graph import cycles
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import boundary_half_edges
 
 # cached properties of a cut mesh that do not depend on lengths
@@ -183,10 +182,8 @@ class CutMesh:
             return self, np.arange(self.n_vertices), np.arange(len(self.faces))
         fid = np.flatnonzero(charts[self.chart])
         vid = np.flatnonzero(charts[self.vertex_chart])
-        new_vertex = np.full(self.n_vertices, -1)
-        new_vertex[vid] = np.arange(len(vid))
-        new_face = np.full(len(self.faces), -1)
-        new_face[fid] = np.arange(len(fid))
+        new_vertex = positions_in(self.n_vertices, vid)
+        new_face = positions_in(len(self.faces), fid)
         edges = self.edges[charts[self.chart[self.edges[:, 0] // 3]]]
         new_chart = np.cumsum(charts) - 1
         part = CutMesh(

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, slices, sorted_distinct
+from circparam.core.arrays import slices, sorted_distinct
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 
 # ten times the rounding of float32: nearer moments and reaches are equal
 TIE_TOLERANCE_SIZES = 1e-6

@@ -5,16 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     edge_keys,
     first_of_runs,
+    mask_of,
     next_half_edge,
     ranges,
     stable_order,
 )
 from circparam.core.graph import components, follower_components, matching
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 # up to so many faces at one edge all pairs are compared; above, opposite ones pair
 COMPARED_FACES = 16
@@ -196,8 +195,7 @@ def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
         double = _doubled(faces, others, fans, chosen)
         if not double.any():
             break
-        again = np.zeros(int(fans.group.max()) + 1, bool)
-        again[fans.group[chosen[double, 0]]] = True
+        again = mask_of(int(fans.group.max()) + 1, fans.group[chosen[double, 0]])
         tried |= np.isin(fans.x * len(fans.h) + fans.y, _keys(fans, chosen[double]))
         extra = np.where(again[fans.group[fans.x]], AVOID_COST * tried, extra)
         chosen = fans.pairs(extra)
@@ -240,8 +238,7 @@ def point_corners(faces: IntArray, pairs: IntArray) -> IntArray:
 
 def boundary_half_edges(n_faces: int, edges: IntArray) -> IntArray:
     """(b,) half-edges in none of the pairs ``edges`` (e, 2), ascending."""
-    inner = np.zeros(3 * n_faces, bool)
-    inner[edges.ravel()] = True
+    inner = mask_of(3 * n_faces, edges.ravel())
     return np.flatnonzero(~inner)
 
 

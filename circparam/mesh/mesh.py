@@ -4,10 +4,11 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import mask_of
 from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 
 
@@ -43,8 +44,7 @@ class Mesh:
             raise InputError(
                 f"face {bad} names a vertex outside 0..{len(points) - 1}: {faces[bad].tolist()}"
             )
-        used = np.zeros(len(points), bool)
-        used[faces] = True
+        used = mask_of(len(points), faces)
         broken = used & ~np.isfinite(points).all(1)
         if broken.any():
             raise InputError(

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys
+from circparam.core.arrays import edge_keys
 from circparam.core.compiled import breadth_first_order
 from circparam.core.graph import components
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import Pairs
 
 FLAT_COSINE = np.cos(np.radians(0.5))  # of the angle between faces of one flat

@@ -2,15 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    first_of_runs,
-    ranges,
-    sorted_distinct,
-)
+from circparam.core.arrays import first_of_runs, mask_of, ranges, sorted_distinct
 from circparam.core.compiled import kd_tree
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
@@ -48,8 +42,7 @@ def _degenerate_uv(
     chart = UVMap(uv, uv_faces).charts
     polygon = np.arange(len(mesh.faces)) if mesh.polygons is None else mesh.polygons
     # corners of the surface at the points of these faces, sorted by point
-    touched = np.zeros(len(mesh.points), bool)
-    touched[points] = True
+    touched = mask_of(len(mesh.points), points)
     corner = np.flatnonzero(touched[surface.faces.ravel()])
     at = surface.faces.ravel()[corner]
     order = np.argsort(at, kind="stable")
@@ -70,8 +63,7 @@ def _degenerate_uv(
     score = present.sum(1) + 4 * (np.bincount(group, own, len(key)) > 0)
     rank = np.lexsort((key % charts, -score, key // charts))
     best = rank[first_of_runs(key[rank] // charts)]
-    chosen = np.zeros(len(key), bool)
-    chosen[best] = True
+    chosen = mask_of(len(key), best)
     ok = chosen[group]
     slot, corner, own = slot[ok], corner[ok], own[ok]
     rank = np.lexsort((corner, ~own, slot))
@@ -117,6 +109,5 @@ def _flattened(
 def _hit(wanted: IntArray, among: IntArray) -> BoolArray:
     """(k,) bool, which of a few numbers in ascending order are among many."""
     at = np.minimum(np.searchsorted(wanted, among), len(wanted) - 1)
-    out = np.zeros(len(wanted), bool)
-    out[at[wanted[at] == among]] = True
+    out = mask_of(len(wanted), at[wanted[at] == among])
     return out

@@ -5,9 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge, slices
+from circparam.core.arrays import mask_of, next_half_edge, positions_in, slices
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh, laid_flat
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
@@ -187,8 +188,7 @@ class Surface:
         Returns (cut mesh, (k,) face of the surface that each of its faces is).
         """
         fid = np.flatnonzero(faces)
-        local = np.full(len(self.faces), -1)
-        local[fid] = np.arange(len(fid))
+        local = positions_in(len(self.faces), fid)
         e = self.edges[~cut]
         e = e[faces[e[:, 0] // 3] & faces[e[:, 1] // 3]]
         e = 3 * local[e // 3] + e % 3
@@ -209,8 +209,7 @@ class Surface:
 
     def compact(self) -> "Surface":
         """The same with used points alone, in their order, for another process."""
-        used = np.zeros(len(self.points), bool)
-        used[self.faces] = True
+        used = mask_of(len(self.points), self.faces)
         number = np.cumsum(used) - 1
         return replace(self, points=self.points[used], faces=number[self.faces])
 
@@ -219,8 +218,7 @@ class Surface:
         if faces.all() and not len(self.torn):
             return self
         fid = np.flatnonzero(faces)
-        local = np.full(len(self.faces), -1)
-        local[fid] = np.arange(len(fid))
+        local = positions_in(len(self.faces), fid)
         inside = faces[self.edges // 3].all(1)
         e = self.edges[inside]
         return Surface(

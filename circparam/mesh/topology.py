@@ -3,17 +3,16 @@
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     group_count,
     group_sum,
+    mask_of,
     next_half_edge,
     relabel,
     sorted_distinct,
 )
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import point_corners, sort_by_edge
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import double_cover
@@ -30,8 +29,7 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
     scale = mesh_scale(mesh)
     points = mesh.points * scale
     welded = weld[mesh.faces]
-    used = np.zeros(len(points), bool)
-    used[mesh.faces] = True
+    used = mask_of(len(points), mesh.faces)
     bad = degenerate_faces(points, welded)
     duplicate = (first_duplicates(welded, len(points)) != np.arange(len(welded))) & ~bad
     _, component = relabel(
@@ -156,8 +154,7 @@ def _pieces(component: IntArray, edges: _Edges, n: int) -> tuple[IntArray, IntAr
         two_sided = np.ones(number, bool)
     owner = np.zeros(len(two_sided), np.int64)
     owner[piece] = component
-    real = np.zeros(len(two_sided), bool)
-    real[piece[edges.solid]] = True
+    real = mask_of(len(two_sided), piece[edges.solid])
     return group_count(owner[real], n), group_count(owner[real & ~two_sided], n)
 
 

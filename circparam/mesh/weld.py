@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, sorted_distinct
+from circparam.core.arrays import first_of_runs, mask_of, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.graph import components
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.mesh import Mesh
 
@@ -26,8 +27,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
     weld = mesh.weld
     if eps == 0:
         return weld
-    used = np.zeros(len(weld), bool)
-    used[mesh.faces] = True
+    used = mask_of(len(weld), mesh.faces)
     points = sorted_distinct(weld[used])
     scale = mesh_scale(mesh)
     tree = kd_tree(mesh.points[points] * scale)
@@ -86,8 +86,7 @@ def first_in_place(welded: IntArray, first: IntArray, uv: FloatArray) -> IntArra
     first: (m,) the first face with the same three points. NaN is no place: a face with it is its own.
     """
     out = np.arange(len(first))
-    twin = np.zeros(len(first), bool)
-    twin[first[first != out]] = True
+    twin = mask_of(len(first), first[first != out])
     face = np.flatnonzero(twin[first] & np.isfinite(uv).all((1, 2)))
     order = np.argsort(welded[face], axis=1, kind="stable")
     place = np.take_along_axis(uv[face], order[..., None], 1).reshape(-1, 6)

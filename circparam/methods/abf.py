@@ -14,18 +14,12 @@ from itertools import islice
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    group_max,
-    group_sum,
-)
+from circparam.core.arrays import group_max, group_sum
 from circparam.core.linalg import Factor, gradient_iterates
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.registry import Row
+from circparam.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import CutMesh

@@ -8,10 +8,11 @@ factorisation. L-BFGS with that factor as its start matrix then takes over, beca
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.arrays import group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
+from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary

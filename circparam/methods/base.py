@@ -6,10 +6,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.registry import Row
+from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.pins import Pins
 from circparam.solvers.tutte.embed import require_boundary

@@ -10,11 +10,12 @@ boundary crosses itself.
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, next_half_edge
+from circparam.core.arrays import group_count, group_sum, next_half_edge
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.registry import Row
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import (
     corner_angles,

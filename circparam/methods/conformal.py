@@ -3,16 +3,9 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    group_max,
-    group_sum,
-    next_half_edge,
-)
+from circparam.core.arrays import group_max, group_sum, next_half_edge
 from circparam.core.linalg import ComplexFactor
+from circparam.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 from circparam.geometry.intrinsic import cotangent_laplacian, signed_areas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.embed import tutte_embedding

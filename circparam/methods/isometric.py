@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
+from circparam.core.types import BoolArray
 from circparam.errors import NoResultError, OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import FREE, Layout, MethodOptions, MethodRow, require_boundary

@@ -8,10 +8,10 @@ matrix with one row a vertex, block diagonal over the charts. Nothing guarantees
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, ComplexArray, IntArray
 from circparam.core.linalg import ComplexFactor
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
+from circparam.core.types import BoolArray, ComplexArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary

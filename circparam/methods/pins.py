@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import group_count, group_sum, mask_of
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.conformal import chart_sums
@@ -28,8 +29,7 @@ class Pins:
 
     def mask(self, cut_mesh: CutMesh) -> BoolArray:
         """(n_vertices,) the vertices that are fixed."""
-        out = np.zeros(cut_mesh.n_vertices, bool)
-        out[self.vertices] = True
+        out = mask_of(cut_mesh.n_vertices, self.vertices)
         return out
 
 

@@ -1,7 +1,8 @@
 """Untangle the result of a method without a guarantee; a note always reports the repair."""
 
-from circparam.core.arrays import BoolArray, FloatArray, sorted_distinct
+from circparam.core.arrays import sorted_distinct
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
 from circparam.solvers.newton import RelaxOptions, relax

@@ -11,18 +11,17 @@ from dataclasses import replace
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     first_of_runs,
     group_max,
     group_min,
     group_sum,
+    mask_of,
     next_half_edge,
 )
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.coverage import chart_boxes, pages_of
 from circparam.geometry.distortion import best_chart_scales, face_stretch
 from circparam.geometry.intrinsic import signed_areas
@@ -117,8 +116,7 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
             move, fixed = np.zeros(len(texels)), np.zeros(len(texels), bool)
             move[some.vertex] = some.to[some.line] - texels[some.vertex, axis]
             fixed[some.vertex] = True
-            has = np.zeros(cut_mesh.n_charts, bool)
-            has[some.chart] = True
+            has = mask_of(cut_mesh.n_charts, some.chart)
             free = np.flatnonzero(~fixed & has[cut_mesh.vertex_chart])
             rows = matrix[free]
             move[free] = Factor(rows[:, free].tocsc()).solve(-(rows @ move))

@@ -4,8 +4,9 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import mask_of
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
@@ -104,8 +105,7 @@ class Cascade:
 
     def kept_sizes(self, cut_mesh: CutMesh) -> BoolArray:
         """(n_charts,) bool: charts whose size was chosen for the numbers to hold, and is not to be scaled."""
-        keep = np.zeros(cut_mesh.n_charts, bool)
-        keep[cut_mesh.chart[self.singles >= 2]] = True
+        keep = mask_of(cut_mesh.n_charts, cut_mesh.chart[self.singles >= 2])
         return keep
 
     def noted(self, *notes: str) -> "Cascade":

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import IntArray, relabel
+from circparam.core.arrays import relabel
 from circparam.core.limits import mip_level
+from circparam.core.types import IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import output_format, read, read_data

@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.core.arrays import group_count, positions_in
 from circparam.core.graph import components, distances, nearest
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError, TopologyError
 from circparam.geometry.distortion import chart_distortion
 from circparam.geometry.overlap import overlaps, signs
@@ -179,8 +180,7 @@ def halve_charts(atlas: Atlas, charts: BoolArray) -> BoolArray:
     surface, cut = atlas.surface, atlas.cut
     _, chart = atlas.charts()
     faces = np.flatnonzero(charts[chart])
-    local = np.full(len(chart), -1)
-    local[faces] = np.arange(len(faces))
+    local = positions_in(len(chart), faces)
     e = np.flatnonzero(~cut & charts[chart[surface.edges[:, 0] // 3]])
     ends = local[surface.edges[e] // 3]
     centre = surface.points[surface.faces[faces]].mean(1)

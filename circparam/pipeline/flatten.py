@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from circparam.core import clock
-from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
+from circparam.core.types import FloatArray
 from circparam.errors import NoResultError, OutOfTimeError, TopologyError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.frame import frame_of

@@ -4,9 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum, ranges, sorted_distinct
+from circparam.core.arrays import group_sum, mask_of, ranges, sorted_distinct
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.mesh.mesh import UVMap
@@ -58,8 +59,7 @@ def find_floaters(document: Document, surface: Surface, least: float) -> tuple[S
             f"--drop-floaters {least:g} leaves no component: the largest of {n} has "
             f"{area.max() / area.sum():.3g} of the area; give a smaller share"
         )
-    faces = np.zeros(len(document.mesh.faces), bool)
-    faces[surface.source[small[label]]] = True
+    faces = mask_of(len(document.mesh.faces), surface.source[small[label]])
     out = Floaters(faces, int(small.sum()), float(area[small].sum() / area.sum()))
     return (surface.part(~small[label]) if small.any() else surface), out
 

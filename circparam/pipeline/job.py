@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import check_place, check_target, rounding, stored

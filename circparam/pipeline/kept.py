@@ -5,10 +5,11 @@ Faces that stay keep their uv to the last bit. The others go to free places, at 
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, cross2, group_count
+from circparam.core.arrays import cross2, group_count, mask_of
 from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.mesh.cut_mesh import CutMesh
@@ -41,8 +42,7 @@ class Kept:
 
     def merged(self, uvmap: UVMap) -> UVMap:
         """A layout of the new charts over the faces of the file, with the old uv of all other faces."""
-        faces = np.zeros(len(self.uvmap.uv_faces), bool)
-        faces[self.whole.source[self.fresh]] = True
+        faces = mask_of(len(self.uvmap.uv_faces), self.whole.source[self.fresh])
         old = self.uvmap.uv_faces
         # a face that repair set aside is new if it had no uv and all its neighbours are new
         aside = ~np.isin(np.arange(len(old)), self.whole.source)

@@ -23,7 +23,7 @@ from circparam.pipeline import applies
 from circparam.pipeline.named_numbers import EVEN, check_density_words
 
 if TYPE_CHECKING:  # importing this module loads no NumPy: the command line reads it for its help
-    from circparam.core.arrays import FloatArray
+    from circparam.core.types import FloatArray
 
 # names that options had before; they keep working
 ALIASES = {"border": "boundary", "bff_border": "bff_boundary"}

@@ -6,8 +6,9 @@ format cannot store their places, else before anything is written.
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import mask_of, positions_in
 from circparam.core.plural import counted
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import rounding
@@ -79,8 +80,7 @@ def place_pinned(job: Job, cut_mesh: CutMesh, uv: FloatArray, pins: FloatArray) 
     """Charts with pins where they lie (nv, 2); the others to their right, at the same density of texels."""
     uv = np.where(np.isfinite(uv), uv, 0.0)
     vertex = job.repair_report.weld[pin_rows(pins)[0]]
-    pinned = np.zeros(cut_mesh.n_charts, bool)
-    pinned[cut_mesh.chart[np.isin(job.surface.faces, vertex).any(1)]] = True
+    pinned = mask_of(cut_mesh.n_charts, cut_mesh.chart[np.isin(job.surface.faces, vertex).any(1)])
     if pinned.all():
         return Placed(uv, [])
     part, vertices, _ = cut_mesh.subset(pinned)
@@ -104,8 +104,7 @@ def check_pins(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -
     repairs: lines on the layout, for the message.
     """
     vertices, places = pin_rows(pins)
-    row = np.full(len(mesh.points), -1)
-    row[vertices] = np.arange(len(vertices))
+    row = positions_in(len(mesh.points), vertices)
     at = row[mesh.faces]
     pinned = at >= 0
     off = np.abs(uvmap.uv[uvmap.uv_faces[pinned]] - places[at[pinned]]).max(1, initial=0.0)

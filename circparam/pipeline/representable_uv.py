@@ -12,17 +12,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    first_of_runs,
-    group_max,
-    group_sum,
-)
+from circparam.core.arrays import cross2, first_of_runs, group_max, group_sum, mask_of, positions_in
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.overlap import signs
 from circparam.geometry.predicates import orientation
 
@@ -121,8 +114,7 @@ class Patch:
     def independent(self, active: BoolArray, number: IntArray) -> IntArray:
         """Active vertices ((n,) bool) with the highest number in all their faces: no two share a face."""
         own = np.where(active, number, -1)[self.faces]
-        beaten = np.zeros(len(active), bool)
-        beaten[self.faces[own < own.max(1)[:, None]]] = True
+        beaten = mask_of(len(active), self.faces[own < own.max(1)[:, None]])
         return np.flatnonzero(active & ~beaten)
 
     def in_turns(self, waiting: BoolArray, number: IntArray) -> Iterator[IntArray]:
@@ -135,8 +127,7 @@ class Patch:
 
     def around(self, chosen: IntArray) -> tuple[IntArray, IntArray]:
         """The faces round chosen vertices: (c,) which of ``chosen``, (c, 3) the face, that vertex first."""
-        slot = np.full(len(self.exact), -1)
-        slot[chosen] = np.arange(len(chosen))
+        slot = positions_in(len(self.exact), chosen)
         corner = np.flatnonzero(slot[self.faces.ravel()] >= 0)
         turned = corner[:, None] // 3 * 3 + (corner[:, None] + np.arange(3)) % 3
         found = self.faces.ravel()[turned]
@@ -207,8 +198,7 @@ def mend_faces(patch: Patch) -> tuple[FloatArray, BoolArray]:
     for search in PLACE_SEARCHES if spoilt.any() else ():
         if not 0 < spoilt.sum() <= max(MOST, MOST_SHARE * len(patch.faces)):
             break
-        free = np.zeros(len(x), bool)
-        free[patch.faces[spoilt]] = True
+        free = mask_of(len(x), patch.faces[spoilt])
         if search.along:
             free &= ~patch.on_boundary  # no ray is as short as those may move
         for _ in range(search.rings):
@@ -259,8 +249,7 @@ def _descend(patch: Patch, x: FloatArray, free: BoolArray, search: PlaceSearch) 
         least, since = (left, turn) if left < least else (least, since)
         if left == 0 or turn - since > PATIENCE:
             break
-        active = np.zeros(len(x), bool)
-        active[faces[bad]] = True
+        active = mask_of(len(x), faces[bad])
         if turn % 4 == 3:  # obstacles may have to move first
             active[faces[active[faces].any(1)]] = True
         chosen = patch.independent(active & free, mixed(np.arange(len(x)), turn))

@@ -7,7 +7,8 @@ Dirichlet energy of their faces, measured against the layout before rounding, is
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import cross2, group_sum, mask_of
+from circparam.core.types import FloatArray, IntArray
 from circparam.pipeline.representable_uv import FAR_ON_BOUNDARY, RADII, Patch, mixed, not_upright
 
 # of the mean energy of its chart: largest share that storing may add to a face. The least room below a
@@ -28,8 +29,7 @@ def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
     sliver = (load > most) & np.isfinite(load)
     if not sliver.any():
         return stored
-    free = np.zeros(len(exact), bool)
-    free[faces[sliver]] = True
+    free = mask_of(len(exact), faces[sliver])
     part, near, v = patch.part(free)
     at, limit = stored[v], np.where(part.on_boundary, FAR_ON_BOUNDARY, RADII[-1])
 
@@ -41,8 +41,7 @@ def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
 
     for turn in range(ROUNDS):
         load = _loads(part.exact[part.faces], at[part.faces])
-        active = np.zeros(len(v), bool)
-        active[part.faces[(load > most[near]) & np.isfinite(load)]] = True
+        active = mask_of(len(v), part.faces[(load > most[near]) & np.isfinite(load)])
         active &= free[v]
         if not active.any():
             break

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from circparam.core.arrays import IntArray, next_half_edge
+from circparam.core.arrays import mask_of, next_half_edge
 from circparam.core.monitor import Monitor
+from circparam.core.types import IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
@@ -80,8 +81,7 @@ def export_seams(result: Result, path: str | os.PathLike[str], overwrite: bool =
 def seam_pairs(result: Result) -> IntArray:
     """(s, 2) the two mesh vertices of every seam edge, each edge once, in ascending order."""
     surface, cut_mesh = result.surface, result.verification.cut_mesh
-    glued = np.zeros(surface.faces.size, bool)
-    glued[cut_mesh.edges.ravel()] = True
+    glued = mask_of(surface.faces.size, cut_mesh.edges.ravel())
     h = surface.edges[~glued[surface.edges[:, 0]], 0]
     corners, _ = corners_of(surface, UVMap(result.uv, result.uv_faces))
     h = np.concatenate([h, surface.torn_seams(corners)])

@@ -3,9 +3,9 @@
 import time
 from dataclasses import replace
 
-from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray
 from circparam.core.workers import DeferredTask
 from circparam.geometry.visibility import PARTS, visible_part, visible_share
 from circparam.mesh.mesh import UVMap

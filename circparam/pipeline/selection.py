@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from circparam.core.arrays import BoolArray, IntArray, relabel
+from circparam.core.arrays import mask_of, relabel
 from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Named
 from circparam.geometry.coverage import pages_of
@@ -88,8 +89,7 @@ def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
         chosen = _numbered(document, np.asarray(given), flag)
     polygons = document.mesh.polygons
     if polygons is not None:
-        whole = np.zeros(int(polygons.max()) + 1, bool)
-        whole[polygons[chosen]] = True
+        whole = mask_of(int(polygons.max()) + 1, polygons[chosen])
         chosen = whole[polygons]
     if not chosen.any():
         raise OptionError(f"{flag}: no face is selected")
@@ -113,8 +113,7 @@ def _numbered(document: Document, given: NDArray[Any], flag: str) -> BoolArray:
         raise OptionError(
             f"{flag} names face {int(bad[0])}: {counted(count, 'face')}, numbered from 0"
         )
-    chosen = np.zeros(count, bool)
-    chosen[given] = True
+    chosen = mask_of(count, given)
     return chosen[own]
 
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.core.arrays import group_count
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.formats.document import Document
 from circparam.geometry.congruent import Congruent, find_congruent
 from circparam.geometry.distortion import measure

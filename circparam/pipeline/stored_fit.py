@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import NoResultError
 from circparam.formats.io import has_doubles
 from circparam.geometry.coverage import pages_of

@@ -2,15 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_count,
-    next_half_edge,
-    sorted_distinct,
-)
+from circparam.core.arrays import group_count, mask_of, next_half_edge, sorted_distinct
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.overlap import overlaps
 from circparam.mesh.cut_mesh import CutMesh
@@ -78,8 +72,7 @@ def store(
             break
         alone = _patch(part, exact[vertices], mirrored[looked], rounding)
         uv[vertices] = _inwards(part, alone, uv[vertices], meeting, min(push, FAR_ON_BOUNDARY))
-        again = np.zeros(part.n_charts, bool)
-        again[part.chart[meeting // 3]] = True
+        again = mask_of(part.n_charts, part.chart[meeting // 3])
         looked[looked] = again
     return Stored(uv, fault, int((uv != patch.start).any(1).sum()), double)
 

@@ -8,10 +8,10 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted, listed, percent
 from circparam.core.records import dataclass
+from circparam.core.types import IntArray
 from circparam.errors import OptionError, OutputError
 from circparam.formats.document import Document
 from circparam.formats.io import (

@@ -12,9 +12,10 @@ from typing import Any, Unpack
 import numpy as np
 
 from circparam.core import workers
-from circparam.core.arrays import FloatArray, group_sum
+from circparam.core.arrays import group_sum
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
+from circparam.core.types import FloatArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.overlap import signs

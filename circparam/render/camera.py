@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.errors import OptionError
 from circparam.render.scene import Scene
 

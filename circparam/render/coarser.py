@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, IntArray, first_of_runs, group_count, group_sum
+from circparam.core.arrays import first_of_runs, group_count, group_sum, mask_of
 from circparam.core.graph import components
+from circparam.core.types import BoolArray, IntArray
 from circparam.mesh.weld import first_duplicates
 from circparam.render.scene import Scene
 
@@ -27,8 +28,7 @@ def coarser(scene: Scene, most: int) -> Scene:
         return scene
     start = scene.uv_faces[scene.mapped].ravel()
     end = scene.uv_faces[scene.mapped][:, [1, 2, 0]].ravel()
-    fixed = np.zeros(len(scene.uv), bool)
-    fixed[np.concatenate(scene.seam_ends)] = True
+    fixed = mask_of(len(scene.uv), np.concatenate(scene.seam_ends))
     fixed[scene.uv_faces[scene.flipped & scene.mapped]] = True
     area = float(np.abs(scene.uv_areas).sum())
     side = np.sqrt(2 * area / most)

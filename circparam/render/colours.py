@@ -7,7 +7,7 @@ reads in grey as well.
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.materials import linear, srgb
 
 INK = "#1b2130"

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, ranges
+from circparam.core.arrays import mask_of, ranges
+from circparam.core.types import FloatArray
 
 
 def draw_lines(
@@ -33,8 +34,7 @@ def draw_lines(
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     if z_buffer is not None:
         inside[inside] &= p[inside, 2] <= z_buffer[row[inside], column[inside]] + bias
-    touched = np.zeros(height * width, bool)
-    touched[row[inside] * width + column[inside]] = True
+    touched = mask_of(height * width, row[inside] * width + column[inside])
     hit = np.flatnonzero(touched)
     reach = int(np.ceil(radius))
     dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1]

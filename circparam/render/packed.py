@@ -13,9 +13,10 @@ import numpy as np
 import scipy.sparse as sps
 from scipy.sparse import csgraph
 
-from circparam.core.arrays import FloatArray, IntArray, first_of_runs, relabel
+from circparam.core.arrays import first_of_runs, mask_of, relabel
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.halfedge import shared_edges
 from circparam.render import colours as col
 from circparam.render.scene import Scene
@@ -194,8 +195,7 @@ def _deflated(parts: list[tuple[str, Any, str]]) -> tuple[list[dict[str, Any]], 
 
 def box(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Low corner and extent of all that the page shows, morph targets too; no side is zero."""
-    used = np.zeros(len(scene.points), bool)
-    used[scene.faces] = True
+    used = mask_of(len(scene.points), scene.faces)
     every = np.concatenate([scene.used_points, *(points[used] for _, points in scene.targets)])
     low, extent = every.min(0), np.ptp(every, axis=0)
     return low, np.where(extent > 0, extent, max(float(extent.max()), 1.0) * 1e-6)

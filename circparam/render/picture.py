@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from circparam.core.arrays import FloatArray
 from circparam.core.files import write_files
+from circparam.core.types import FloatArray
 from circparam.errors import OutputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.pipeline.result import Result

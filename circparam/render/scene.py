@@ -5,19 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    edge_keys,
-    group_sum,
-    next_half_edge,
-    relabel,
-)
+from circparam.core.arrays import cross2, edge_keys, group_sum, mask_of, next_half_edge, relabel
 from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.geometry.distortion import dirichlet_terms, energies_at_best_scale
 from circparam.geometry.shading import corner_normals, unit
@@ -80,8 +72,7 @@ class Scene:
     @cached_property
     def used_points(self) -> FloatArray:
         """(p, 3) the points that some face uses."""
-        used = np.zeros(len(self.points), bool)
-        used[self.faces] = True
+        used = mask_of(len(self.points), self.faces)
         return self.points[used]
 
     @cached_property

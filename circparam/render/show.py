@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import read

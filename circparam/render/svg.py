@@ -6,8 +6,9 @@ every chart is one path; in the last faces of one chart and of one step of the c
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, next_half_edge
+from circparam.core.arrays import next_half_edge
 from circparam.core.graph import cycles
+from circparam.core.types import FloatArray, IntArray
 from circparam.render import colours as col
 from circparam.render.figures import PictureOptions, counts
 from circparam.render.scene import Scene

@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from circparam.core.arrays import FloatArray
+from circparam.core.types import FloatArray
 
 LARGEST = 2048  # texels a side of a texture inside a page
 

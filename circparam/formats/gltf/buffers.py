@@ -11,7 +11,7 @@ from urllib.parse import quote, unquote
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import IntArray
+from circparam.core.types import IntArray
 from circparam.formats.gltf.model import (
     ARRAY_BUFFER,
     COMPONENT_OF,

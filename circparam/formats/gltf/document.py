@@ -6,8 +6,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.arrays import relabel
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
 from circparam.formats.gltf.editing import TreeEdit, write_uv

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.plural import counted
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.joining import join_primitives

@@ -8,8 +8,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import mask_of
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OutputError
 from circparam.formats.document import (
     Document,
@@ -186,8 +187,7 @@ def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, l
     Raises OutputError for points beyond float32.
     """
     given = y_up(mesh.points, up)
-    used = np.zeros(len(given), bool)
-    used[mesh.faces.ravel()] = True
+    used = mask_of(len(given), mesh.faces.ravel())
     far = float(np.abs(given[used]).max())
     # the node has a place only where the mesh is so far away that rounding would spoil its shape
     low, high = given[used].min(0), given[used].max(0)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.slots import GLOSS, factors_of, places_of, texture_info, unlike

@@ -4,8 +4,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import IntArray
 
 Json: TypeAlias = dict[str, Any]
 # accessor.componentType as NumPy code, and accessor.type as a number of components (glTF 2.0, 3.6.2.2)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.gltf.model import Json, Primitive

@@ -14,7 +14,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, doubles
+from circparam.core.arrays import doubles
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.gltf.model import COMPONENTS, WIDTH, Json
 from circparam.formats.source import Source, bytes_beside, safe_path
 from circparam.formats.tokens import ByteArray, as_bytes

@@ -7,8 +7,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.gltf.model import FAN, STRIP, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.formats.gltf.model import Json
 from circparam.formats.looks import Slot
 

@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray
 from circparam.formats.gltf.model import Json
 from circparam.formats.gltf.reading import element_size
 

@@ -9,8 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.core.arrays import relabel
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Document, Encoded, Named, WriteOptions
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, Wrap, pixels
 from circparam.formats.materials import ImageFiles, Textures, linear, srgb, tint

@@ -6,8 +6,8 @@ from dataclasses import field
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 
 _IMAGE = re.compile(r"map_\w+|bump|disp|decal|refl|norm", re.I)
 # options like "-s 1 1 1" or "-clamp on" stand before the name of an image

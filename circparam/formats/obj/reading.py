@@ -4,7 +4,8 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import ranges
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.polygons import list_start
 from circparam.formats.source import Source
 from circparam.formats.tokens import (

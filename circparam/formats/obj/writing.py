@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import mask_of, ranges
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import (
     Document,
     Encoded,
@@ -88,8 +89,7 @@ def vt_lines(uv: FloatArray, newline: str) -> bytes:
 
 def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
     """Keep only the uv that corners use, in order: ((k,) uv kept, (L,) renumbered corners, −1 kept)."""
-    used = np.zeros(count + 1, bool)
-    used[corner] = True
+    used = mask_of(count + 1, corner)
     used[count] = False
     number = np.cumsum(used) - 1
     number[count] = -1

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
 from circparam.formats.looks import Looks

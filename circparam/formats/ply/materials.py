@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.looks import Carried, Looks, Material, Slot, Use
 from circparam.formats.materials import ImageFiles, Textures
 from circparam.formats.ply.reading import Layout

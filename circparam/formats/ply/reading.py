@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, doubles, ranges
+from circparam.core.arrays import doubles, ranges
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source

@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.ply.reading import INDICES, Element, FaceLists, Layout, Property, vertex_uv
 from circparam.formats.polygons import Polygons, list_start

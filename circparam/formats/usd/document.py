@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.polygons import Polygons

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.formats.polygons import Polygons, list_start, triangulate
 from circparam.formats.source import Source
 

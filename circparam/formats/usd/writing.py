@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
 from circparam.formats.page_names import FIRST
 from circparam.formats.source import Source

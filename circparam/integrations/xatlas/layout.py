@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, relabel
+from circparam.core.arrays import group_max, group_min, relabel
 from circparam.core.monitor import Listener
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
