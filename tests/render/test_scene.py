@@ -11,7 +11,7 @@ from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.render.figures import as_figures, scene_figures
 from circparam.render.scene import make_scene, with_instances
-from circparam.render.show import verified_set, scene_of, view_document, view_figures
+from circparam.render.show import scene_of, verified_set, view_document, view_figures
 from circparam.render.views import draw_plan
 from tests.support import shapes
 from tests.support.command_line import obj
