@@ -33,20 +33,6 @@ def test_the_fan_starts_at_the_first_corner_that_fits() -> None:
             np.testing.assert_allclose(area.sum(0), normal)
 
 
-def test_sizes_are_mixed_and_order_is_kept() -> None:
-    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 2, 0]], float)
-    corners = np.array([0, 1, 0, 1, 2, 0, 1, 2, 3, 4, 0, 1, 2, 3])
-    polys = triangulate(points, corners, np.array([0, 2, 5, 9, 10, 10, 14]))
-    assert polys.triangles.tolist() == [[2, 3, 4], [5, 6, 7], [5, 7, 8], [10, 11, 12], [10, 12, 13]]
-    assert polys.owner.tolist() == [1, 2, 2, 5, 5]
-    assert polys.labels is polys.owner
-    only = triangulate(points, corners[2:5], np.array([0, 3]))
-    assert only.labels is None
-    assert only.triangles.tolist() == [[0, 1, 2]]
-    assert only.owner.tolist() == [0]
-    assert triangulate(points, corners[:2], np.array([0, 2])).triangles.shape == (0, 3)
-
-
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_concave_polygons_in_every_plane(axis: int, reverse: bool) -> None:
@@ -141,18 +127,6 @@ def test_triangles_of_a_polygon_agree_at_its_corners() -> None:
             quad(uv, [[0, 1, 2], wrong])
     with pytest.raises(NoResultError, match="two uv"):  # none is not the uv 0, 0
         quad(uv, [[0, 1, 2], [-1, 2, 3]])
-
-
-@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
-@pytest.mark.parametrize("sides", [4, 7])
-def test_corners_that_are_nowhere_make_triangles_without_a_word(value: float, sides: int) -> None:
-    """The mesh is refused later, with the vertex; warnings are errors here."""
-    turn = 2 * np.pi * np.arange(2 * sides) / sides
-    p = np.stack([np.cos(turn), np.sin(turn), np.arange(2 * sides) // sides], 1).astype(float)
-    p[0, 2] = value
-    polys = triangulate(p, np.arange(2 * sides), np.array([0, sides, 2 * sides]))
-    assert polys.triangles.shape == (2 * (sides - 2), 3)
-    assert sorted(set(polys.triangles.ravel().tolist())) == list(range(2 * sides))
 
 
 def long_comb(n: int) -> np.ndarray:

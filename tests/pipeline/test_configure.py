@@ -1,7 +1,5 @@
 """The options of an unwrap become those of its stages, and fit the file or are refused."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -19,8 +17,6 @@ from circparam.pipeline.configure import (
     open_source,
     pack_options,
     seam_options,
-    target_format,
-    tiles_of,
 )
 from circparam.pipeline.options import Options
 from circparam.seams.options import SeamOptions
@@ -38,21 +34,6 @@ def test_every_kind_of_source_is_a_document() -> None:
         assert len(open_source(source, Options()).mesh.faces) == len(document.mesh.faces)
     with pytest.raises(errors.InputError, match="cannot unwrap a list"):
         open_source([1, 2, 3], Options())
-
-
-@pytest.mark.parametrize(
-    ("output", "asked", "written"),
-    [
-        ("a.obj", None, "obj"),
-        ("a.glb", None, "glb"),
-        (None, None, "glb"),
-        ("-", None, "glb"),
-        ("-", "ply", "ply"),
-    ],
-)
-def test_target_format(output: str | None, asked: str | None, written: str) -> None:
-    document = read(samples.path("knot"))  # STL, written as GLB
-    assert target_format(document, output, Options(format=asked)) == written
 
 
 def test_what_is_given_goes_to_its_stage() -> None:
@@ -90,18 +71,6 @@ def test_options_that_do_not_fit_the_file() -> None:
             seams_of(shapes.grid(3, 3), **keywords)
     with pytest.raises(errors.OptionError, match="share no meshes"):
         check_scene(from_arrays(*shapes.grid(3, 3)), Options(unshare=True))
-
-
-def test_atlases_lie_side_by_side(tmp_path: Path) -> None:
-    document = read(samples.path("vase"))
-    assert tiles_of(document, None, Options()) is None
-    tiles = tiles_of(document, "mesh", Options(pages=3))
-    assert tiles is not None
-    count = len(np.unique(document.labels("mesh")))
-    assert count > 1
-    assert np.unique(tiles).tolist() == [3 * k for k in range(count)]
-    check_scene(document, Options(unshare=True))
-    assert circparam.Options is Options
 
 
 def test_a_density_that_no_page_holds_is_told_before_the_work() -> None:

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from circparam import errors, samples
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import repair
-from circparam.pipeline.inspect import Inspection, inspect, require_disks
+from circparam.pipeline.inspect import Inspection, inspect
 from circparam.pipeline.verify import verify
 from tests.support import shapes
 from tests.support.command_line import obj
@@ -33,18 +32,6 @@ def test_faults_of_a_set(tmp_path: Path) -> None:
         near, uv_set=0, resolution=64, padding=4
     ).faults  # nearer to the edge than 4 texels
     assert not inspect(near, uv_set=0, resolution=64, padding=0).faults
-
-
-@pytest.mark.parametrize("number", [1, 7])
-def test_a_set_that_is_not_there(number: int) -> None:
-    with pytest.raises(errors.InputError, match=rf"no uv set {number} \(there is 0\)"):
-        inspect(read(samples.path("vase")), uv_set=number)
-
-
-@pytest.mark.parametrize("keywords", [{"resolution": 0}, {"resolution": 16385}, {"padding": -1}])
-def test_pages_that_do_not_exist(keywords: dict[str, int]) -> None:
-    with pytest.raises(errors.OptionError, match=f"--{next(iter(keywords))}"):
-        inspect(read(samples.path("vase")), uv_set=0, **keywords)
 
 
 def test_charts_hang_together_as_the_layout_shows_them() -> None:
@@ -152,13 +139,3 @@ def test_too_many_pages_are_told_and_not_drawn() -> None:
     n = found.uv.numbers()
     assert (n["pages"], n["pack"], n["border_texels"]) == (101, None, None)
     assert any("101 pages" in line for line in found.faults)
-
-
-def test_disks() -> None:
-    require_disks(inspect(from_arrays(*shapes.grid(3, 3))))
-    mixed = shapes.join(shapes.grid(3, 3), shapes.torus(6, 5), shapes.icosphere(0))
-    with pytest.raises(errors.TopologyError, match=r"component 1 is .*genus 1.*\(2 components are"):
-        require_disks(inspect(from_arrays(*mixed)))
-    one = shapes.join(shapes.icosphere(0), shapes.grid(3, 3))
-    with pytest.raises(errors.TopologyError, match=r"component 0 is .*not a disk: cut it"):
-        require_disks(inspect(from_arrays(*one)))

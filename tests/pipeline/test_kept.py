@@ -10,8 +10,6 @@ import circparam
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
-from circparam.mesh.mesh import UVMap
-from circparam.pipeline.result import verify_layout
 from circparam.pipeline.summary import summarise
 from tests.support import shapes
 from tests.support.command_line import run
@@ -192,18 +190,6 @@ def test_pack_moves_no_locked_chart_and_packs_the_others_round_it(tmp_path: Path
     assert summarise(dense)["kept"]["texel_density"] == pytest.approx(80, rel=1e-3)
     with pytest.raises(OptionError, match="every chart"):
         circparam.repack(path, lock=np.ones(len(faces), bool))
-
-
-def test_a_layout_that_overlaps_new_charts_would_be_found(cube: Path) -> None:
-    """The verifier looks at the whole page: a chart pushed onto one that stays is an overlap."""
-    points, faces = shapes.cube(4)
-    chosen = top(points, faces)
-    result = circparam.unwrap(cube / "a.obj", only=chosen, **QUICK)
-    uv = result.uv[result.uv_faces].copy()
-    uv[chosen] += uv[~chosen].reshape(-1, 2).mean(0) - uv[chosen].reshape(-1, 2).mean(0)
-    own = UVMap(uv.reshape(-1, 2), np.arange(uv.size // 2).reshape(-1, 3))
-    found = verify_layout(result.surface, own, result.options, kept=result.kept)
-    assert found.overlap > 0
 
 
 def test_the_command_line_reads_faces_from_a_file_and_ends_with_the_documented_codes(

@@ -1,7 +1,6 @@
 """Atlases that share the plane: the file says which, and check, view and pack know it."""
 
 import io
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +9,9 @@ from PIL import Image
 
 import circparam
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.gltf.groups import store_grouping, stored_grouping
 from circparam.formats.io import encode, read, read_data
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.inspect import inspect
-from circparam.pipeline.stored_groups import laid_apart
 from circparam.pipeline.unwrap import repack
 from circparam.render.show import view_document
 from tests.support.formats_tools import GltfMaker, grid
@@ -113,27 +110,3 @@ def test_a_view_lays_atlases_side_by_side(tmp_path: Path) -> None:
     assert scene.uv[:, 0].max() > 1.5
     one = view_document(read(path), tmp_path / "one.svg", group_by="scene")
     assert one.n_tiles == 1
-
-
-def test_corners_without_uv_stay_without() -> None:
-    uvmap = UVMap(
-        np.array([[0.0, 0], [1, 0], [0, 1]]), np.array([[0, 1, 2], [-1, -1, -1], [0, 2, 1]])
-    )
-    out = laid_apart(uvmap, np.array([0, 0, 2]))
-    assert (out.uv_faces[1] == -1).all()
-    np.testing.assert_array_equal(out.uv[out.uv_faces[0]], uvmap.uv)
-    np.testing.assert_array_equal(out.uv[out.uv_faces[2]], uvmap.uv[[0, 2, 1]] + [2, 0])
-
-
-@pytest.mark.parametrize(
-    "extras", [{}, {"mine": 1}, {"circparam": {"else": 2}}, {"circparam": 3}, [1]]
-)
-def test_extras_that_are_there_stay(extras: object) -> None:
-    tree = {"asset": {"version": "2.0", "extras": extras}}
-    before = json.dumps(tree)
-    store_grouping(tree, 1, "mesh")
-    assert stored_grouping(tree, 1) == (None if extras in ([1], {"circparam": 3}) else "mesh")
-    assert stored_grouping(tree, 0) is None
-    store_grouping(tree, 1, None)
-    if extras:
-        assert json.dumps(tree) == before

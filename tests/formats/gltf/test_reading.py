@@ -10,7 +10,7 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.gltf.buffers import glb_bytes
-from circparam.formats.gltf.reading import Tree, element_size
+from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import read, read_data
 from circparam.formats.source import Source
 from tests.support.formats_tools import (
@@ -110,16 +110,6 @@ def test_glb_chunks_that_lie() -> None:
         with pytest.raises(InputError):
             read_data(bytes(good[:end]), format="glb")
     refused(b"glTF" + b"\xff" * 100, "GLB")
-
-
-@pytest.mark.parametrize(
-    ("type_", "component", "size"),
-    [("SCALAR", 5121, 1), ("VEC3", 5126, 12), ("VEC4", 5123, 8), ("MAT4", 5126, 64),
-     ("MAT2", 5121, 8), ("MAT2", 5123, 8), ("MAT3", 5120, 12), ("MAT3", 5122, 24), ("MAT3", 5126, 36)],
-)  # fmt: skip
-def test_sizes_of_elements(type_: str, component: int, size: int) -> None:
-    """Columns of matrices begin at multiples of four bytes (glTF 2.0, 3.6.2.4)."""
-    assert element_size({"type": type_, "componentType": component}) == size
 
 
 def test_normalised_integers_are_fractions() -> None:

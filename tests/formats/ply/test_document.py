@@ -9,27 +9,11 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data, stored
 from tests.support.formats_tools import (
     assert_round_trip,
-    corners,
     corpus_files,
     layout_with_seams,
     smooth_layout,
 )
 from tests.support.ply_files import CODES, ORDERS, build, naive, plain, sample
-
-
-@pytest.mark.parametrize("encoding", ORDERS)
-def test_the_uv_of_the_file_is_read(encoding: str) -> None:
-    at_vertices = read_data(sample(encoding, uv="vertex")).uv()
-    np.testing.assert_array_equal(
-        at_vertices.uv, np.stack([np.arange(7) / 8, np.arange(7) / 16], 1)
-    )
-    document = read_data(sample(encoding, uv="face"))
-    at_faces = document.uv()
-    expected = np.concatenate([r["texcoord"] for r in naive(sample(encoding, uv="face"))["face"]])
-    got = corners(at_faces).reshape(-1, 2)
-    np.testing.assert_array_equal(
-        got, expected.reshape(-1, 2)[document.polygons().triangles.ravel()]
-    )
 
 
 def test_uv_kept_in_doubles_where_the_file_has_doubles() -> None:

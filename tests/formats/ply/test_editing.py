@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.errors import InputError, OptionError
+from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import assert_round_trip, layout_with_seams, smooth_layout
-from tests.support.ply_files import ORDERS, build, naive, plain, sample, strip_file, triangles_of
+from tests.support.ply_files import build, naive, plain, sample, strip_file, triangles_of
 
 
 def test_names_of_the_uv_are_kept() -> None:
@@ -24,19 +24,6 @@ def test_names_of_the_uv_are_kept() -> None:
     out = encode(document, smooth_layout(document), "ply").data
     assert b"property float texture_u\nproperty float texture_v\n" in out
     assert b"property float s\n" not in out
-
-
-@pytest.mark.parametrize("encoding", ORDERS)
-def test_strips(encoding: str) -> None:
-    rows = [[0, 3, 1, 4, 2, 5, -1, 3, 6, 4, 7, 7, 5, 5, 8], [6, 9, 7, 10]]
-    document = read_data(strip_file(encoding, rows))
-    assert document.mesh.faces.tolist() == [t for row in rows for t in triangles_of(row)]
-    for uvmap in (smooth_layout(document), layout_with_seams(document)):
-        assert_round_trip(document, uvmap, "ply")
-    out = encode(document, smooth_layout(document), "ply").data
-    assert [r["vertex_indices"] for r in naive(out)["tristrips"]] == rows
-    with pytest.raises(OptionError, match="tristrips"):
-        encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv="face"))
 
 
 @settings(max_examples=80)

@@ -1,6 +1,5 @@
 """A new PLY file from any mesh: where uv go, which types hold what, read by an independent reader."""
 
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -61,18 +60,3 @@ def test_list_lengths_outgrow_a_byte(place: str, last: int) -> None:
             np.testing.assert_array_equal(got, uvmap.uv.astype("f4"))
         again = read_data(data).uv()
         assert len(again.uv) == n
-
-
-def test_the_bytes_of_one_triangle() -> None:
-    doc = from_arrays(np.array([[0.1, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[2, 1, 0]]))
-    uv = np.array([[0.5, 0.25], [0, 1], [1, 0]])
-    data = encode(doc, UVMap(uv, np.array([[2, 1, -1]])), "ply").data
-    head, _, body = data.partition(b"end_header\n")
-    assert head.split(b"\n")[:4] == [
-        b"ply", b"format binary_little_endian 1.0", b"comment written by circparam",
-        b"element vertex 3",
-    ]  # fmt: skip
-    assert b"property double x" in head  # 0.1 is no float32
-    rows = [(0.1, 0, 0, 0, 0), (1, 0, 0, 0, 1), (0, 1, 0, 1, 0)]  # a corner without uv gets 0, 0
-    expected = b"".join(struct.pack("<3d2f", *row) for row in rows)
-    assert body == expected + struct.pack("<B3i", 3, 2, 1, 0)

@@ -9,8 +9,6 @@ import pytest
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
-from circparam.formats.ply.reading import Layout
-from circparam.formats.source import Source
 from tests.support.formats_tools import layout_with_seams
 from tests.support.ply_files import ORDERS, build, naive, plain, sample
 
@@ -108,28 +106,6 @@ def test_rows_shorter_than_the_first_are_all_read(sides: tuple[int, ...]) -> Non
         "face": (["list uchar int vertex_indices"], rows),
     })  # fmt: skip
     assert len(read_data(data).mesh.faces) == sum(sides) - 2 * len(sides)
-
-
-@pytest.mark.parametrize("encoding", ORDERS)
-def test_every_value_where_it_stands(encoding: str) -> None:
-    """Scalars and lists of every element, before and behind lists of any length."""
-    data = sample(encoding, uv="face")
-    layout, expected = Layout(data, Source("x")), naive(data)
-    assert [e.name for e in layout.elements] == list(expected)
-    for e in layout.elements:
-        for p in e.properties:
-            cells = [row[p.name] for row in expected[e.name]]
-            if p.count_type:
-                values, counts = layout.list(e, p.name)
-                assert counts.tolist() == [len(c) for c in cells]
-                flat = [x for c in cells for x in c]
-                np.testing.assert_allclose(values, flat, rtol=1e-7)
-            else:
-                np.testing.assert_allclose(layout.scalar(e, p.name), cells, rtol=1e-7)
-    with pytest.raises(InputError, match="no scalar property 'vertex_indices'"):
-        layout.scalar(layout.element("face"), "vertex_indices")
-    with pytest.raises(InputError, match="no list property 'x'"):
-        layout.list(layout.element("vertex"), "x")
 
 
 @pytest.mark.parametrize("kind", ["char", "short", "int"])

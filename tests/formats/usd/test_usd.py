@@ -343,18 +343,6 @@ def test_a_broken_file_is_one_line(text: str, said: str, tmp_path: Path) -> None
         assert "\n" not in str(caught.value)
 
 
-def test_the_content_decides_what_a_usd_is(tmp_path: Path) -> None:
-    stage = Usd.Stage.CreateInMemory()
-    box(stage, "/m")
-    for kind in ("usda", "usdc"):
-        stage.GetRootLayer().Export(str(tmp_path / f"x.{kind}"))
-        (tmp_path / f"{kind}.usd").write_bytes((tmp_path / f"x.{kind}").read_bytes())
-        assert read(tmp_path / f"{kind}.usd").format == kind
-    (tmp_path / "text.usdz").write_bytes((tmp_path / "x.usda").read_bytes())
-    with pytest.raises(InputError, match="says USDZ, the content is USDA"):
-        read(tmp_path / "text.usdz")
-
-
 def test_without_usd_core_it_says_what_to_install(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "m.usda").write_text("#usda 1.0\n")
