@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from circparam.batch.index import Index
 from circparam.batch.sources import SourceFile
-from circparam.batch.store import Folder, digest
+from circparam.batch.store import Folder
 from circparam.errors import OptionError
 
 
@@ -121,13 +121,3 @@ def test_a_result_that_is_gone_is_made_again(index: Index) -> None:
 
     assert due(index, exists=gone) == ["a.obj"]
     assert asked == [("a.obj", 9)]
-
-
-def test_a_file_that_was_only_touched_is_not_done_again(index: Index, tmp_path: Path) -> None:
-    path = tmp_path / "a.obj"
-    path.write_text("12345")
-    index.add_sources([SourceFile(str(path), "a.obj", 5, "new")], Folder("/nowhere"))
-    index.add_lines([line("a.obj", source_hash=digest(path))])
-    assert due(index) == []
-    path.write_text("54321")
-    assert due(index) == ["a.obj"]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.boundary import BoundarySegments
@@ -11,73 +11,8 @@ from circparam.geometry.intersect import (
     meeting,
     nearby,
     segment_distance,
-    wedge_left_of,
-    wedges_meet,
-    winding_pairs,
     windings,
 )
-
-direction = st.tuples(st.integers(-2, 2), st.integers(-2, 2)).filter(any)
-
-
-def corner_boundary(*wedges):
-    """Boundaries that pass through the origin: (out, back) directions of each; segment 2k leaves wedge k."""
-    start, end = [], []
-    for out, back in wedges:
-        start += [(0, 0), back]
-        end += [out, (0, 0)]
-    n = len(start)
-    other = np.arange(n) ^ 1
-    return BoundarySegments(
-        np.arange(n),
-        np.arange(n) // 2,
-        np.array(start, float),
-        np.array(end, float),
-        other,
-        other,
-        np.ones(n // 2),
-    )
-
-
-def in_arc(angle, first, last):
-    turn = 2 * np.pi
-    span = (last - first) % turn or turn
-    inside = (angle - first) % turn
-    return (inside > 1e-9) & (inside < span - 1e-9)
-
-
-def angle_of(d):
-    return np.arctan2(d[1], d[0])
-
-
-MANY = np.arange(3600) * 2 * np.pi / 3600 + 1e-5
-
-
-@settings(max_examples=150)
-@given(direction, direction, direction, direction)
-@example((1, 0), (1, 0), (0, 1), (0, 2))
-@example((1, 0), (0, -1), (1, -1), (1, 0))
-def test_wedges_meet_where_they_share_a_direction(out_a, back_a, out_b, back_b):
-    boundary = corner_boundary((out_a, back_a), (out_b, back_b))
-    got = wedges_meet(boundary, np.array([0]), np.array([2]))[0]
-    expected = in_arc(MANY, angle_of(out_a), angle_of(back_a))
-    expected &= in_arc(MANY, angle_of(out_b), angle_of(back_b))
-    assert got == expected.any()
-
-
-@settings(max_examples=150)
-@given(direction, direction, direction)
-@example((1, 0), (-1, 0), (-1, 0))
-@example((1, 0), (1, -1), (-1, 0))
-@example((1, 0), (1, -1), (-1, -1))
-def test_a_wedge_reaches_to_the_left_of_a_line(line, out, back):
-    boundary = corner_boundary((out, back), (line, line))
-    d = np.array(line, float)
-    boundary.start[2], boundary.end[2] = -2 * d, 3 * d
-    got = wedge_left_of(boundary, np.array([0]), np.array([2]))[0]
-    left = angle_of(line)
-    expected = in_arc(MANY, angle_of(out), angle_of(back)) & in_arc(MANY, left, left + np.pi)
-    assert got == expected.any()
 
 
 def random_boundary(seed: int, dense: int) -> BoundarySegments:
@@ -199,17 +134,6 @@ def test_a_chart_meets_itself_but_not_in_segments_that_follow_each_other():
     assert met(loops(doubled), between=False) == []
 
 
-def test_segment_distance_of_ends_feet_and_parallels():
-    a, b = np.array([[0.0, 0.0]] * 6), np.array([[4.0, 0.0]] * 6)
-    c = np.array([[1, 2], [7, 4], [-3, 4], [2, 1], [6, 0], [3, -2]], float)
-    d = np.array([[3, 2], [9, 9], [-3, 9], [2, 5], [9, 0], [3, -9]], float)
-    expected = [2, 5, 5, 1, 2, 2]
-    np.testing.assert_allclose(segment_distance(a, b, c, d), expected)
-    np.testing.assert_allclose(segment_distance(c, d, a, b), expected)
-    np.testing.assert_allclose(segment_distance(d, c, b, a), expected)
-    np.testing.assert_allclose(segment_distance(a, a, c, c), np.linalg.norm(c, axis=1))
-
-
 def test_chamfers_part_only_segments_with_more_boundary_between_them():
     """A long bar whose end is cut off by a short segment: its sides are near there by necessity."""
     reach = 0.1
@@ -243,31 +167,3 @@ def test_winding_numbers_inside_outside_and_in_holes():
     twice = loops(np.concatenate([box(0, 0, 9, 9), box(-1, -1, 12, 12)]))
     assert windings(twice, points[:1], np.zeros(1, np.int64), True)[2].tolist() == [2]
     assert len(windings(boundary, points[:0], np.zeros(0, np.int64), True)[0]) == 0
-
-
-def test_rays_through_corners_count_them_once():
-    """Points level with corners, where a ray passes two segments at once or a level one."""
-    diamond = np.array([[0.0, -2.0], [2.0, 0.0], [0.0, 2.0], [-2.0, 0.0]])
-    steps = np.array([[0, -2], [3, -2], [3, 0], [2, 0], [2, 2], [0, 2]], float)
-    points = np.array([[0.5, 0.0], [-1.0, 0.0], [-3.0, 0.0], [-3.0, 2.0], [-3.0, -2.0]])
-    for shape, inside in ((diamond, [1, 1, 0, 0, 0]), (steps, [1, 0, 0, 0, 0])):
-        boundary = loops(shape)
-        k, _, turns = windings(boundary, points, np.zeros(5, np.int64), True)
-        assert np.bincount(k, turns, 5).tolist() == inside
-
-
-def test_winding_pairs_of_many_boxes_are_those_of_their_corners():
-    """Random boxes, nested, apart and overlapping: a point is inside where all four sides say so."""
-    rng = np.random.default_rng(5)
-    low = rng.uniform(0, 8, (60, 2))
-    size = rng.uniform(0.2, 5, (60, 2))
-    boundary = loops(*(box(*corner, *side) for corner, side in zip(low, size, strict=True)))
-    points = low + size / 2
-    inside, outside = winding_pairs(boundary, np.arange(60), points)
-    within = ((points[:, None] > low) & (points[:, None] < low + size)).all(2)
-    np.fill_diagonal(within, False)
-    expected = np.argwhere(within)
-    assert len(expected) > 100
-    assert sorted(zip(inside.tolist(), outside.tolist(), strict=True)) == list(
-        map(tuple, expected.tolist())
-    )

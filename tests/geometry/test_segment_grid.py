@@ -84,18 +84,6 @@ def found_pairs(start, end, group=None, reach=0.0):
     return candidates, pairs
 
 
-def test_boxes_that_touch_are_candidates_and_boxes_apart_are_not():
-    start = [[0, 0], [1, 1], [2.5, 0], [0, 3]]
-    end = [[1, 1], [2, 2], [3, 1], [1, 4]]
-    _, pairs = found_pairs(start, end)
-    assert set(pairs) == {(0, 1)}
-    # widened by the reach, each box by half of it
-    assert set(found_pairs(start, end, reach=0.5)[1]) == {(0, 1), (1, 2)}
-    assert set(found_pairs(start, end, reach=0.49)[1]) == {(0, 1)}
-    assert set(found_pairs(start, end, reach=1.0)[1]) == {(0, 1), (1, 2), (1, 3)}
-    assert found_pairs(start, end, [0, 1, 2, 3], 9.0)[1] == []
-
-
 def test_one_segment_none_and_points_of_no_length():
     assert found_pairs(np.zeros((0, 2)), np.zeros((0, 2)))[1] == []
     assert found_pairs([[0, 0]], [[1, 1]])[1] == []
@@ -116,20 +104,6 @@ def test_pairs_beyond_a_chunk_are_all_handed_out_once():
     assert not len(candidates.crowded)
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, np.pi / 2, 2.0])
-def test_crowds_of_parallel_segments_are_swept_across(turn):
-    """300 long teeth close together, at any angle, and one that crosses them all."""
-    n = 300
-    x = np.arange(n) / n
-    start, end = np.stack([x, np.zeros(n)], 1), np.stack([x, np.full(n, 5.0)], 1)
-    start, end = np.r_[start, [[-1.0, 2.0]]], np.r_[end, [[2.0, 2.5]]]
-    c, s = np.cos(turn), np.sin(turn)
-    turned = np.array([[c, -s], [s, c]])
-    start, end = start @ turned.T, end @ turned.T
-    _, pairs = found_pairs(start, end)
-    assert {(k, n) for k in range(n)} <= set(pairs)
-
-
 def crossing(start, end):
     """(i, j), i < j, of all segments that cross properly, by brute force."""
     i, j = np.triu_indices(len(start), 1)
@@ -137,22 +111,6 @@ def crossing(start, end):
     cross = orientation(a, b, c) * orientation(a, b, d) < 0
     cross &= orientation(c, d, a) * orientation(c, d, b) < 0
     return set(zip(i[cross].tolist(), j[cross].tolist(), strict=True))
-
-
-@pytest.mark.parametrize("corner", [(0.0, 0.0), (1e6, -1e6)])
-def test_cells_so_crowded_that_they_are_quartered_hold_every_crossing(corner):
-    """A tangle of 1000 segments of many lengths: each cell of the first grid holds more than it should."""
-    rng = np.random.default_rng(8)
-    start = rng.random((1000, 2)) * [2.0, 1.0] + corner
-    end = start + rng.normal(size=(1000, 2)) * 10.0 ** rng.uniform(-1.3, 0, (1000, 1))
-    expected = crossing(start, end)
-    assert len(expected) > 1000
-    candidates, pairs = found_pairs(start, end)
-    assert expected <= set(pairs)
-    assert not len(candidates.crowded)
-    twice = np.repeat([0, 1], 500)
-    apart = {(i, j) for i, j in expected if twice[i] == twice[j]}
-    assert apart <= set(found_pairs(start, end, twice)[1])
 
 
 def test_a_pile_that_no_grid_parts_is_looked_at_in_full():

@@ -50,32 +50,6 @@ def test_what_is_told_in_a_frame_is_read_back(seed: int):
     assert np.allclose(unit(x * t + y * b + z * n), direction, atol=1e-9)
 
 
-def test_tangents_of_a_ball_run_along_its_parallels():
-    mesh, layout = belt(40, 80)
-    corners = mesh.points[mesh.faces]
-    normal = corner_normals(corners, mesh.faces)
-    space = frames(corners, layout.uv[layout.uv_faces], mesh.faces, normal)
-    east = unit(np.cross([0.0, 0, 1], corners))
-    seam = (np.abs(corners[..., 1]) < 0.05) & (corners[..., 0] > 0)
-    inner = (np.abs(corners[..., 2]) < 0.8) & ~seam  # away from the boundary
-    assert (normal * unit(corners)).sum(2)[inner].min() > np.cos(0.01)
-    assert (space.tangent * east).sum(2)[inner].min() > np.cos(0.01)
-    assert (space.sign == 1).all()
-
-
-def test_normals_do_not_depend_on_how_a_corner_is_cut_into_triangles():
-    """The corner of a cube: three sides, one of them in two triangles there, weigh the same by angle."""
-    corners = np.array([
-        [[0.0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]],
-        [[0, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 0, 0], [0, 0, 1], [1, 0, 0]],
-    ])  # fmt: skip
-    _, label = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    label = label.reshape(4, 3)
-    assert np.allclose(corner_normals(corners, label)[:, 0], 1 / np.sqrt(3))
-    flat = corner_normals(corners, label, sharp=40)[:, 0]
-    assert np.allclose(flat, [[0, 0, 1], [0, 0, 1], [1, 0, 0], [0, 1, 0]])
-
-
 def test_uv_without_a_direction_still_have_a_frame():
     corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
     labels = np.array([[0, 1, 2]])

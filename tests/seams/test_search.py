@@ -96,16 +96,3 @@ def test_limits_of_faces_time_rounds_and_work_are_kept() -> None:
     assert atlas.charts()[0] == 4
     merge_with(atlas, work=0.0)
     assert 1 < atlas.charts()[0] < 4, "a round is tried to its end"
-
-
-def test_the_longest_common_seam_is_glued_first() -> None:
-    """Three charts in an L: those with the longer seam, in shares of their boundary, join first."""
-    points, faces = shapes.grid(7, 5, 6.0, 4.0)
-    surface = surface_of(points, faces)
-    x, y = middles(surface)[:, 0], middles(surface)[:, 1]
-    atlas = as_it_lies(cut_between(surface, np.where(x > 4, 2, (y > 3).astype(np.int64))))
-    assert atlas.charts()[0] == 3
-    merge_with(atlas, rounds=1)
-    _, chart = atlas.charts()
-    low, high, side = (chart[(x < 4) & (y < 3)][0], chart[(x < 4) & (y > 3)][0], chart[x > 4][0])
-    assert low == high != side

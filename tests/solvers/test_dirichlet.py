@@ -29,26 +29,6 @@ def test_the_gradient_is_that_of_the_energy(blend: float) -> None:
             assert np.abs(slope - g[d, c]).max() <= 1e-5 * np.abs(g).max()
 
 
-@pytest.mark.parametrize("blend", [0.0, 0.4, 1.0])
-def test_the_modes_are_the_hessian_without_its_negative_part(blend: float) -> None:
-    j = _jacobians(2)
-    values, modes = dirichlet.newton_modes(j, blend)
-    assert values.min() >= 0
-    assembled = np.einsum("km,kabm,kcdm->mabcd", values, modes, modes).reshape(-1, 4, 4)
-    hessian = np.zeros((2, 2, 2, 2, j.shape[2]))
-    for d in range(2):
-        for c in range(2):
-            step = np.zeros_like(j)
-            step[d, c] = 1e-6
-            slope = dirichlet.gradient(j + step, blend) - dirichlet.gradient(j - step, blend)
-            hessian[:, :, d, c] = slope / 2e-6
-    full = hessian.reshape(4, 4, -1).transpose(2, 0, 1)
-    value, vector = np.linalg.eigh((full + full.transpose(0, 2, 1)) / 2)
-    positive = np.einsum("mij,mj,mkj->mik", vector, np.maximum(value, 0), vector)
-    scale = np.abs(positive).max(axis=(1, 2), keepdims=True)
-    assert (np.abs(assembled - positive) / scale).max() < 1e-4
-
-
 @given(st.integers(0, 10_000))
 @settings(max_examples=40)
 def test_the_largest_step_is_where_a_face_first_collapses(seed: int) -> None:

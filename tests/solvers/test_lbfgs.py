@@ -45,22 +45,6 @@ def test_a_start_in_the_minimum_stays_there_while_others_descend():
     assert found.reasons[0] == "no lower step"
 
 
-def test_memory_turns_a_narrow_valley_into_few_steps():
-    """Rosenbrock's valley, where steepest descent needs thousands of steps."""
-
-    def energy(x):
-        a, b = x[0]
-        value = (1 - a) ** 2 + 100 * (b - a * a) ** 2
-        slope = [-2 * (1 - a) - 400 * a * (b - a * a), 200 * (b - a * a)]
-        return np.array([value]), np.array([slope])
-
-    groups = Groups(np.zeros(1, int), 1)
-    found = descend(
-        energy, np.array([[-1.2, 1.0]]), groups, lambda g: g / 100, DescentOptions(1e-12, 100)
-    )
-    np.testing.assert_allclose(found.x, [[1.0, 1.0]], atol=1e-5)
-
-
 def test_every_accepted_step_lowers_the_energy_of_its_group_and_time_ends_it():
     seen = []
     target = np.random.default_rng(2).normal(size=(8, 2))

@@ -4,7 +4,6 @@ import numpy as np
 
 from circparam.core.linalg import conjugate_gradients
 from circparam.solvers import dirichlet
-from circparam.solvers.objective import Objective
 from circparam.solvers.preconditioner import (
     BlockPattern,
     TwoLevel,
@@ -50,25 +49,3 @@ def test_conjugate_gradients_with_two_levels_equal_a_direct_solve():
     assert rough @ g.ravel() > 0, "a descent direction"
     gap = [np.abs(matrix @ y - g.ravel()).max() for y in (x.ravel(), rough)]
     assert gap[0] < 1e-3 * gap[1], "the tolerance is heeded"
-
-
-def test_the_assembled_matrix_is_the_second_derivative_of_the_energy():
-    """At an isometry, where nothing has to be projected, and whatever charts stand beside each other."""
-    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(40), 2))
-    uv = points[:, :2]
-    objective = Objective(cut_mesh, None, 0.0)
-    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
-    values, modes = dirichlet.newton_modes(jac)
-    matrix = BlockPattern(cut_mesh).assemble(
-        dirichlet.edge_blocks(values * objective.weight, modes, gradients)
-    )
-    step = np.random.default_rng(0).normal(size=uv.shape)
-    h = 1e-5
-
-    def slope(x):
-        return objective.gradient(objective.energies(x)[1], x)
-
-    found = (slope(uv + h * step) - slope(uv - h * step)) / (2 * h)
-    got = (matrix @ step.ravel()).reshape(-1, 2)
-    np.testing.assert_allclose(got, found, atol=1e-5 * np.abs(found).max())

@@ -3,34 +3,9 @@
 import numpy as np
 import pytest
 
-from circparam.solvers.region import THINNEST, cut_out, grow, moving_region
+from circparam.solvers.region import THINNEST, cut_out, moving_region
 from tests.support import shapes
 from tests.support.charts import patches_of
-
-
-def seed_at(cut_mesh, face):
-    seed = np.zeros(len(cut_mesh.faces), bool)
-    seed[face] = True
-    return seed
-
-
-def test_vertices_of_other_faces_and_held_ones_are_fixed():
-    cut_mesh, _ = patches_of(shapes.grid(12, 12))
-    region = grow(cut_mesh, seed_at(cut_mesh, 100), 2)
-    hold = np.zeros(cut_mesh.n_vertices, bool)
-    hold[cut_mesh.faces[100, 0]] = True
-    part, source, fixed = cut_out(cut_mesh, region, hold)
-    outside = np.unique(cut_mesh.faces[~region])
-    expected = np.isin(source, outside) | hold[source]
-    np.testing.assert_array_equal(fixed, expected)
-    assert (~fixed).any()
-    # its faces are faces of the whole, with their own shape
-    whole = {
-        tuple(f): r for f, r in zip(cut_mesh.faces.tolist(), cut_mesh.rest_triangles, strict=True)
-    }
-    for corners, rest in zip(source[part.faces].tolist(), part.rest_triangles, strict=True):
-        np.testing.assert_array_equal(whole[tuple(corners)], rest)
-    assert not fixed[part.faces].all(1).any(), "a face that cannot move is no part of it"
 
 
 def test_groups_that_share_fixed_vertices_only_move_apart_from_each_other():

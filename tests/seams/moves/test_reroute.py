@@ -80,27 +80,6 @@ def test_locked_edges_are_never_cut() -> None:
     assert np.isfinite(edge_costs(atlas)[~middle]).all()
 
 
-def test_random_seams_never_cost_more_afterwards_and_keep_their_junctions() -> None:
-    surface = surface_of(*shapes.bumped_disk(300))
-    seeds = np.random.default_rng(2).choice(len(surface.faces), 7, replace=False)
-    middle = middles(surface)
-    label = np.linalg.norm(middle[:, None] - middle[seeds], axis=2).argmin(1)
-    atlas = cut_between(surface, label)
-    cost = edge_costs(atlas)
-    proposal = propose(atlas, 2)
-    length = np.zeros((2, proposal.n))
-    for row, of in enumerate((proposal.old, proposal.new)):
-        np.add.at(length[row], of[of >= 0], cost[of >= 0])
-    assert (length[1] <= length[0] + 1e-12).all()
-    assert length[1].sum() < 0.99 * length[0].sum()
-    was = Atlas(surface, atlas.cut).charts()[0]
-    for take in (np.ones(proposal.n, bool), np.arange(proposal.n) % 2 == 0):
-        now = Atlas(surface, proposal.cut(take))
-        assert now.charts()[0] == was
-        degree = [np.bincount(np.r_[c.ends[0][c.cut], c.ends[1][c.cut]]) for c in (atlas, now)]
-        assert np.array_equal(np.flatnonzero(degree[0] > 2), np.flatnonzero(degree[1] > 2))
-
-
 BOUND = 1.05
 
 
