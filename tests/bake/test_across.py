@@ -140,16 +140,6 @@ def test_normals_through_a_map_turn_with_the_surface(tmp_path: Path):
     assert np.abs(one.astype(float) - [127.5, 127.5, 255]).max() > 20
 
 
-def test_heights_through_a_map_fill_the_range_and_do_not_leave_it(tmp_path: Path):
-    low, high = belt(16, 32), belt(30, 60, 0.02, 1.0)
-    target, source = stored(tmp_path, "low", *low), stored(tmp_path, "high", *high)
-    across = Across(known_map(target.mesh, source.mesh))
-    baked = bake_document(target, "height", source=source, across=across, size=128)
-    half = 65535 / 2
-    most = np.abs(baked.tiles[0, 0].astype(float) - half).max()
-    assert 0.6 * half < most < half - 1
-
-
 def test_what_rays_miss_is_told_filled_or_left(tmp_path: Path):
     """A source that covers half of the target: beyond it the closest point, then the padding."""
     points, faces = sheet(8)

@@ -5,7 +5,7 @@ import pytest
 
 from circparam.core.graph import components
 from circparam.mesh.surface import Surface
-from circparam.seams.multires.decimate import decimate
+from circparam.seams.multires.decimate import decimate, pair_edges
 from tests.support import shapes
 from tests.support.atlases import surface_of
 
@@ -61,3 +61,21 @@ def test_components_of_few_faces_are_taken_over_as_they_are() -> None:
     alone = decimate(surface_of(*small), 10)
     assert len(alone.surface.faces) == 300
     assert np.array_equal(np.sort(alone.cell), np.arange(len(small[0])))
+
+
+def test_edges_of_several_faces_or_of_one_direction_are_told_apart() -> None:
+    points, faces = shapes.fins(3, 2)
+    surface, apart = pair_edges(points, faces)
+    ends = points[apart]
+    assert len(apart) >= 1
+    assert (np.abs(ends[:, :, :2]) < 1e-9).all(), "all on the axis"
+    assert (apart[:, 0] < apart[:, 1]).all()
+    assert len(surface.edges) == 3, "the diagonals"
+    assert np.array_equal(surface.source, np.arange(len(faces)))
+    # two faces wound against each other share no inner edge
+    torn, apart = pair_edges(np.eye(4, 3), np.array([[0, 1, 2], [0, 1, 3]]))
+    assert len(torn.edges) == 0
+    assert np.unique(apart, axis=0).tolist() == [[0, 1]]
+    whole, apart = pair_edges(np.eye(4, 3), np.array([[0, 1, 2], [1, 0, 3]]))
+    assert len(whole.edges) == 1
+    assert len(apart) == 0
