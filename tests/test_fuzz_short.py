@@ -10,10 +10,12 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 
+from circparam import formats
 from circparam.cli import cli
+from circparam.mesh.mesh import UVMap
 from tests.fuzz import hostile
 from tests.fuzz.cases import Case, cases, layouts_of_others
-from tests.fuzz.check import ALLOWED, bounded, live_faces, overlapping, problems
+from tests.fuzz.check import ALLOWED, bounded, judge, live_faces, overlapping, problems
 from tests.support import shapes
 from tests.support.writers import obj
 
@@ -36,29 +38,20 @@ def test_layouts_of_others_are_judged_as_integers_judge_them(case: Case) -> None
         assert problems(case, Path(name), bound=30) == []
 
 
-@needs_alarm
-def test_the_judge_finds_a_lying_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fuzzer's own check must be able to fail: a pipeline whose verification is blind is found out."""
-    from circparam.pipeline import job
-
-    def crushed(*given: object) -> object:
-        uvmap = original(*given)
-        uvmap.uv[:] = np.abs(uvmap.uv - uvmap.uv.mean(0))  # the layout folded twice
-        return uvmap
-
-    original = job.complete
-    monkeypatch.setattr(job, "complete", crushed)
-    monkeypatch.setattr("circparam.pipeline.fallback.faults", _sound)
-    monkeypatch.setattr("circparam.pipeline.result.reasons", lambda *_: [])
-    data = obj(*shapes.bumped_disk(60))
-    case = Case("mesh.obj", data, ("unwrap",), ("--no-normalize",), ".obj")
-    found = problems(case, tmp_path)
+def test_the_judge_finds_a_lying_report(tmp_path: Path) -> None:
+    """The fuzzer's own check must be able to fail: a layout that was folded behind the report is found out."""
+    source, target = tmp_path / "in.obj", tmp_path / "out.obj"
+    source.write_bytes(obj(*shapes.bumped_disk(60)))
+    words = ["unwrap", str(source), "-o", str(target), "--no-normalize", "--json"]
+    said = CliRunner().invoke(cli, words).stdout
+    case = Case("mesh.obj", source.read_bytes(), ("unwrap",), ("--no-normalize",), ".obj")
+    assert judge(case, source, target, said, "") == []
+    document = formats.read(str(target))
+    uvmap = document.uv()
+    folded = UVMap(np.abs(uvmap.uv - uvmap.uv.mean(0)), uvmap.uv_faces)
+    formats.write(target, document, folded, overwrite=True)
+    found = judge(case, source, target, said, "")
     assert any("overlap" in line for line in found), found
-
-
-def _sound(cut_mesh: object, uv: object) -> tuple[np.ndarray, np.ndarray]:
-    """Every chart is fine."""
-    return np.zeros(cut_mesh.n_charts, int), np.zeros(len(cut_mesh.faces), bool)
 
 
 def test_triangles_that_touch_do_not_overlap() -> None:

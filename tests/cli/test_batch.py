@@ -1,6 +1,6 @@
 """``circparam batch``: options, refusals, codes, what is printed."""
 
-import io
+import contextlib
 import json
 import os
 import sys
@@ -15,7 +15,7 @@ from circparam.batch.progress import Meter, Progress, printable
 from circparam.cli.batch_progress import Screen, clock, headline
 from tests.support.batch_faults import QUICK, told, write_set
 from tests.support.clock import Clock
-from tests.support.command_line import one_line_error, run
+from tests.support.command_line import Terminal, one_line_error, run
 
 ARGS = [part for k, v in QUICK.items() for part in (f"--{k}", str(v))]
 
@@ -101,22 +101,15 @@ def test_a_line_a_minute_without_a_terminal(
     assert capsys.readouterr().err == "circparam: error: a.obj: broken\n"
 
 
-class Terminal(io.StringIO):
-    """What is written to a terminal."""
-
-    def isatty(self) -> bool:
-        return True
-
-
 def test_on_a_terminal_names_and_ages_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     out = Terminal()
-    monkeypatch.setattr("sys.stderr", out)
     monkeypatch.setenv("TERM", "xterm")
-    screen = Screen(False, 0, False)
-    running = tuple((f"m{k}\x1b.obj", 100.0 - k) for k in range(12))
-    counts = {"ok": 4, "repaired": 0, "degraded": 0, "failed": 1}
-    screen.show(Progress(30, 0, counts, 0, running, 1.5, 3700.0, 12, ""))
-    screen.close()
+    with contextlib.redirect_stderr(out):
+        screen = Screen(False, 0, False)
+        running = tuple((f"m{k}\x1b.obj", 100.0 - k) for k in range(12))
+        counts = {"ok": 4, "repaired": 0, "degraded": 0, "failed": 1}
+        screen.show(Progress(30, 0, counts, 0, running, 1.5, 3700.0, 12, ""))
+        screen.close()
     text = out.getvalue()
     assert "5 of 30 done, 1 failed, 12 running on 12 workers, 1.5 files/s, 1:01:40 left" in text
     assert "1:40" in text

@@ -1,5 +1,6 @@
 """Warnings and bars go to stderr, and nowhere where nobody would see them."""
 
+import contextlib
 import sys
 
 import numpy as np
@@ -11,6 +12,7 @@ import circparam
 from circparam.cli import progress
 from tests.support import shapes
 from tests.support.clock import Clock
+from tests.support.command_line import Terminal
 
 
 def test_lines_for_people_and_none_with_quiet(capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,12 +49,14 @@ def test_a_program_hears_each_per_cent_once(
 
 
 def test_a_bar_appears_on_a_terminal_after_the_delay(
-    clock: Clock, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress.listener("m.obj", True) as listener:
-        assert isinstance(listener, progress.Status)
-    with progress.listener("m.obj", False, (2, 6)) as listener:
+    with (
+        contextlib.redirect_stderr(Terminal()),
+        progress.listener("m.obj", True) as quiet,
+        progress.listener("m.obj", False, (2, 6)) as listener,
+    ):
+        assert isinstance(quiet, progress.Status)
         clock.now = progress.DELAY - 0.1
         listener("solve", 0.1, "")
         assert listener.bar is None

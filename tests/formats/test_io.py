@@ -1,5 +1,6 @@
 """Reading and writing by name: formats told, whole files or none, standard streams."""
 
+import contextlib
 import io
 import sys
 from pathlib import Path
@@ -66,8 +67,8 @@ def test_standard_streams(monkeypatch: pytest.MonkeyPatch) -> None:
     uvmap = layout_with_seams(doc)
     for format in ("obj", "ply", "glb", "gltf"):
         pipe = io.TextIOWrapper(io.BytesIO())
-        monkeypatch.setattr(sys, "stdout", pipe)
-        written = write("-", doc, uvmap, format=format)
+        with contextlib.redirect_stdout(pipe):
+            written = write("-", doc, uvmap, format=format)
         assert written.path is None
         data = pipe.buffer.getvalue()
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))

@@ -57,7 +57,7 @@ def problems(
     if extra:
         out.append(f"left files behind: {', '.join(extra)}")
     if result.exit_code == exits.OK:
-        out += _judge(case, source, target, result.stdout, result.stderr)
+        out += judge(case, source, target, result.stdout, result.stderr)
     elif target is not None and target.exists():
         out.append(f"exit {result.exit_code} and an output file")
     if result.exit_code not in (exits.OK, exits.INTERNAL) and not result.stderr.strip():
@@ -65,7 +65,7 @@ def problems(
     return out
 
 
-def _judge(case: Case, source: Path, target: Path | None, said: str, warned: str) -> list[str]:
+def judge(case: Case, source: Path, target: Path | None, said: str, warned: str) -> list[str]:
     """Problems of a case that ended with exit 0."""
     try:
         report = json.loads(said)

@@ -1,5 +1,6 @@
 """The command line in this process, and small files for it."""
 
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -42,3 +43,11 @@ def obj(path: Path, shape: tuple[np.ndarray, np.ndarray], uv: np.ndarray | None 
     """An OBJ file of points and faces; uv: of each point."""
     path.write_bytes(writers.obj(*shape, uv))
     return path
+
+
+class Terminal(io.StringIO):
+    """What is written to a terminal."""
+
+    def isatty(self) -> bool:
+        """It is one."""
+        return True
