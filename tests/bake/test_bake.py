@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.bake.bake import bake, bake_document, dilate
+from circparam.bake.bake import bake, bake_document
 from circparam.bake.sampling import corner_paint
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError
@@ -36,17 +36,6 @@ def test_vertex_colours_come_back():
     error = np.abs(sample_back(baked, layout, face, bary) - truth)
     assert error.mean() < 1 / 255
     assert error.max() < 8 / 255  # at the borders too: the colours reach into the padding
-
-
-def test_dilation_takes_the_nearest_colour():
-    image = np.zeros((5, 5, 3), np.uint8)
-    mask = np.zeros((5, 5), bool)
-    mask[0, 0] = mask[4, 4] = True
-    image[0, 0], image[4, 4] = 10, 200
-    out = dilate(image, mask)
-    assert (out[0, 1] == 10).all()
-    assert (out[4, 3] == 200).all()
-    assert set(np.unique(out)) == {10, 200}
 
 
 def test_tiles_become_images_of_their_own():

@@ -1,7 +1,6 @@
 """Baked images on the disk, alone or inside a GLB."""
 
 import base64
-import io
 import json
 import struct
 from dataclasses import replace
@@ -23,7 +22,7 @@ from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit
 from circparam.mesh.mesh import UVMap
-from tests.support.baking import back, sample_back, some_places, write_obj
+from tests.support.baking import sample_back, some_places, write_obj
 from tests.support.bumps import belt
 from tests.support.formats_tools import grid
 from tests.support.maps import cube_obj
@@ -38,32 +37,6 @@ def chunks(data: bytes) -> tuple[dict, bytes]:
     length, kind = struct.unpack_from("<I4s", data, 20 + size)
     assert (kind, 28 + size + length) == (b"BIN\0", total)
     return json.loads(data[20 : 20 + size]), data[28 + size :]
-
-
-def test_glb_with_its_image(files: Path):
-    new = read(files / "new.obj")
-    baked = bake_document(new, "texture", source=read(files / "old.obj"), size=64)
-    paths, _ = write_baked(files / "out.glb", baked, new, 0, "texture")
-    data = paths[0].read_bytes()
-    assert struct.unpack_from("<I", data, 8)[0] == len(data)
-    tree, binary = chunks(data)
-    assert tree["buffers"][0]["byteLength"] <= len(binary)
-    for mesh in tree["meshes"]:
-        for primitive in mesh["primitives"]:
-            material = tree["materials"][primitive["material"]]
-            texture = tree["textures"][
-                material["pbrMetallicRoughness"]["baseColorTexture"]["index"]
-            ]
-            view = tree["bufferViews"][tree["images"][texture["source"]]["bufferView"]]
-            assert view["byteOffset"] % 4 == 0
-            png = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
-            assert (np.asarray(Image.open(io.BytesIO(png))) == baked.tiles[0, 0]).all()
-    again = read(paths[0])  # and the file can be baked from: its own texture, through its own uv
-    layout = again.uv()
-    assert layout is not None
-    assert len(again.mesh.faces) == len(new.mesh.faces)
-    third = bake_document(new, "texture", source=again, size=64)
-    assert back(third, files) < 4 / 255
 
 
 def test_png_of_several_tiles(tmp_path: Path, files: Path):

@@ -63,20 +63,6 @@ def test_gap_between_two_squares(texels: int, gap: float) -> None:
     assert found.share == pytest.approx(0.08, abs=0.002)
 
 
-def test_far_charts_have_no_gap_within_the_search() -> None:
-    cut_mesh, uv = squares([(0.1, 0.1), (0.6, 0.6)], 0.2)
-    assert cover(cut_mesh, uv, 100, 6).gap == np.inf
-
-
-def test_pages_that_hold_nothing_do_not_count() -> None:
-    cut_mesh, uv = squares([(0.1, 0.1), (1e9 + 0.1, 0.1)], 0.2)
-    found = cover(cut_mesh, uv, 50, 4)
-    assert (found.pages, found.border) == (2, 5)
-    assert found.share == pytest.approx(0.04, abs=0.005)
-    alone = cover(cut_mesh, uv, 50, 4, np.array([True, False]))
-    assert alone.pages == 1
-
-
 def test_pages_are_tiles() -> None:
     cut_mesh, uv = squares([(0.1, 0.1), (1.1, 0.1), (2.5, 0.5)], 0.2)
     assert pages_of(cut_mesh, uv).tolist() == [0, 1, 2]

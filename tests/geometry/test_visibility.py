@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry.visibility import axes, edge_shares, visible_share
+from circparam.geometry.visibility import edge_shares, visible_share
 from circparam.mesh.surface import Surface
 from tests.support import shapes
 from tests.support.atlases import surface_of
@@ -43,16 +43,6 @@ def plates(gap: float, n: int = 8) -> Shape:
 def shares(shape: Shape, count: int = 64, pixels: int = 256) -> tuple[Surface, np.ndarray]:
     surface = surface_of(*shape)
     return surface, edge_shares(surface, count, pixels)
-
-
-@pytest.mark.parametrize("count", [12, 32])
-def test_axes_and_their_opposites_lie_evenly_on_the_sphere(count: int) -> None:
-    both = np.concatenate([axes(count), -axes(count)])
-    assert np.linalg.norm(both, axis=1) == pytest.approx(1)
-    # what is even has no first moment, and the second of the sphere
-    assert both.T @ both / len(both) == pytest.approx(np.eye(3) / 3, abs=0.035)
-    far = np.sort(both @ both.T, axis=1)[:, -2]
-    assert np.degrees(np.arccos(far.max())) > 0.5 * np.degrees(np.sqrt(4 * np.pi / len(both)))
 
 
 def test_every_edge_of_a_sphere_is_seen_from_half_of_the_directions() -> None:

@@ -45,19 +45,6 @@ def test_charts_go_to_charts(tmp_path: Path, relax: bool) -> None:
     assert np.abs(far).max() < 0.6
 
 
-def net(level: int, directions: np.ndarray, seed: int) -> tuple[Mesh, UVMap]:
-    """A blob with a chart for every one of some directions: where it is nearest, by faces of level 2."""
-    coarse, mesh = pairs.blob(2, seed), pairs.blob(level, seed)
-    unit = mesh.points / np.linalg.norm(mesh.points, axis=1)[:, None]
-    chart = (coarse.points[coarse.faces].mean(1) @ directions.T).argmax(1)
-    chart = np.repeat(chart, len(mesh.faces) // len(coarse.faces))
-    corner = unit[mesh.faces][:, :, :2] + 10 * chart[:, None, None]
-    return mesh, UVMap(corner.reshape(-1, 2), np.arange(mesh.faces.size).reshape(-1, 3))
-
-
-PRISM = np.array([[1.0, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0.1], [0, 0.1, 1], [0, 0, -1.1]])
-
-
 def test_a_disk_in_two_charts(tmp_path: Path) -> None:
     both = []
     for name, n in (("a", 12), ("b", 17)):
@@ -84,19 +71,6 @@ def test_other_charts_are_told(tmp_path: Path) -> None:
         TopologyError, match="A has 12 charts, 24 seams and 12 nodes, B has 9 charts"
     ):
         circparam.map_surfaces(a, b, charts=True)
-
-
-def test_landmarks_in_other_charts_are_told(tmp_path: Path) -> None:
-    """The first says which chart goes where, the second denies it."""
-    a = stored(tmp_path, "a", *net(2, PRISM, 1))
-    marks = pairs.marks(a.mesh, a.mesh)[[2, 5]]
-    marks[[0, 1], 1] = marks[[1, 0], 1]
-    good = pairs.marks(a.mesh, a.mesh)[[0, 4]]
-    found = circparam.map_surfaces(a, a, charts=True, landmarks=good, relax=False)
-    assert found.inversions == (0, 0)
-    marks = np.concatenate([good, marks])
-    with pytest.raises(TopologyError, match="landmarks lie in other charts"):
-        circparam.map_surfaces(a, a, charts=True, landmarks=marks)
 
 
 def test_a_ring_is_no_chart(tmp_path: Path) -> None:

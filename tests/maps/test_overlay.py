@@ -68,16 +68,6 @@ def test_the_overlay_is_a_partition_of_both(kind: str, relax: bool) -> None:
     assert np.abs(own[order] - image).max() < 1e-6 * size
 
 
-def test_a_mesh_and_itself_have_an_overlay_too() -> None:
-    """All edges lie on each other."""
-    a = pairs.blob(2, 1)
-    found = circparam.map_surfaces(a, a, landmarks=pairs.marks(a, a), overlay=True)
-    made = found.map.overlay
-    partitions(a, made.on_a, made.faces, made.parents[:, 0])
-    moved = made.on_a.of(a.points, a.faces) - made.on_b.of(a.points, a.faces)
-    assert np.abs(moved).max() < pairs.longest_edge(a)
-
-
 def test_the_file_keeps_it(tmp_path: Path) -> None:
     found = mapped("sphere").map
     save_map(tmp_path / "map.npz", found)

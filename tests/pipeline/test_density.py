@@ -63,14 +63,6 @@ def test_a_number_a_face_is_got_and_parts_share_no_chart(ratio: float) -> None:
     assert dense / asked == pytest.approx(np.full(len(dense), (dense / asked).mean()), rel=0.02)
 
 
-def test_texels_a_unit_stay_absolute() -> None:
-    plain = circparam.unwrap(BRACKET, texel_density=3.0, **QUICK)
-    found = circparam.unwrap(BRACKET, texel_density=3.0, density={"steel": 1.5}, **QUICK)
-    assert plain.measures["density_max"] == pytest.approx(3.0, rel=0.02)
-    assert rows(found)["steel"]["texels"] == pytest.approx(4.5, rel=0.02)
-    assert rows(found)["the rest"]["texels"] == pytest.approx(3.0, rel=0.02)
-
-
 def test_even_is_what_nobody_asks_for() -> None:
     uv = [circparam.unwrap(bars(), density=d, **QUICK).uv for d in (None, "even")]
     assert np.array_equal(*uv)
@@ -122,16 +114,6 @@ def test_charts_that_may_not_be_cut_hold_one_density(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="1 chart with parts"):
         circparam.unwrap(whole, cut="none", density=np.arange(1.0, 1 + len(faces)))
     assert document.uv_sets == (0,)
-
-
-def test_copies_of_other_densities_are_no_stack() -> None:
-    points, faces = shapes.row_of(shapes.icosphere(1), 3, gap=0.5)
-    third = len(faces) // 3
-    value = np.repeat([1.0, 2.0, 2.0], third)
-    result = circparam.unwrap(from_arrays(points, faces), stack="identical", density=value, **QUICK)
-    assert result.stacks is not None
-    assert (result.stacks.kinds, result.stacks.copies) == (2, 1)
-    assert rows(result)["2"]["got"] == pytest.approx(2, rel=0.02)
 
 
 def test_colours_are_names(tmp_path: Path) -> None:

@@ -11,14 +11,12 @@ import circparam
 from circparam import samples
 from circparam.errors import OptionError
 from circparam.formats.io import read, read_data
-from circparam.formats.joined import join
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.result import Result
 from circparam.pipeline.selection import find_groups, group_rows
 from circparam.pipeline.summary import summarise
 from circparam.pipeline.unwrap import repack
 from tests.support import shapes, writers
-from tests.support.named import named_scene
 from tests.support.parts import extrude
 
 QUICK: dict[str, Any] = {"effort": "draft", "resolution": 512, "hide_seams": 0}
@@ -127,15 +125,6 @@ def test_names_are_needed_and_fit_the_pages(tmp_path: Path) -> None:
     assert find_groups(many, "material", False).names == tuple(f"m{k}" for k in range(101))
 
 
-def test_a_face_of_several_names_belongs_to_the_first(tmp_path: Path) -> None:
-    """A node above others has a name for their faces too."""
-    document = read(named_scene(tmp_path)[1])
-    found, groups = document.named("node"), find_groups(document, "node", False)
-    own = {label: name for name, label in reversed(found.names)}
-    assert len(own) < len(found.names)
-    assert [groups.names[k] for k in groups.label] == [own[label] for label in found.label]
-
-
 def test_more_than_ten_groups_get_pages_in_one_row(tmp_path: Path) -> None:
     source, out = sheets(tmp_path / "sheets.obj", 23), tmp_path / "sheets.glb"
     result = circparam.unwrap(source, out, pages_by="material", **QUICK)
@@ -185,12 +174,6 @@ def test_up_is_v_in_charts_that_have_one(angle: float) -> None:
     assert free.measures["charts"] == result.measures["charts"]
 
 
-def test_quarter_turns_keep_up_along_an_axis() -> None:
-    result = circparam.unwrap(BRACKET, orient="up", rotate="90", **QUICK)
-    found = rise(result)[np.hypot(*rise(result).T) > 0.3]
-    assert np.abs(found).min(1) == pytest.approx(np.zeros(len(found)), abs=1e-6)
-
-
 def test_up_is_that_of_the_file_or_of_the_user() -> None:
     result = circparam.unwrap(samples.path("bracket"), orient="up", up="z", **QUICK)
     found = rise(result, axis=2)
@@ -234,16 +217,6 @@ def test_orient_tells_what_it_costs_of_the_page(plain: tuple[Result, Path]) -> N
     assert summarise(free)["orient"] is None
     fixed = circparam.unwrap(BRACKET, orient="up", texel_density=2.0, **QUICK)
     assert summarise(fixed)["orient"] is None
-
-
-def test_several_files_on_one_page_keep_their_names() -> None:
-    joined = join([BRACKET, read(samples.path("knot")), BRACKET])
-    found = joined.named("material")
-    names = {label: name for name, label in found.names}
-    counts = np.bincount(found.label)
-    steel = sum(n for label, n in enumerate(counts.tolist()) if names.get(label) == "steel")
-    assert steel == 2 * (BRACKET.named("material").label == 1).sum()
-    assert (found.label == 0).sum() == len(read(samples.path("knot")).mesh.faces)
 
 
 @pytest.mark.parametrize("ending", ["glb", "gltf"])

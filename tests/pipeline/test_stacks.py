@@ -112,17 +112,6 @@ def test_copies_with_other_triangles_lie_on_one_part(tmp_path: Path, stack: str)
     assert again.verification.flips == again.verification.overlap == 0
 
 
-def test_parts_with_weights_of_their_own_are_not_stacked() -> None:
-    a = assemble([bolt()], 4)
-    weights = [[*a.faces[a.part == 2][0, :2], np.inf]]
-    result = circparam.unwrap((a.points, a.faces), stack="identical", seam_weights=weights, **QUICK)
-    assert result.stacks.kinds == 2
-    plain = circparam.unwrap(
-        (a.points, a.faces), stack="identical", seam_weights=[[0, -1, 1.0]], **QUICK
-    )
-    assert plain.stacks.kinds == 1
-
-
 def test_no_seam_may_run_inside_a_flat_that_copies_draw_otherwise() -> None:
     p, f = kinds(4)[3]
     a = assemble([(p, f), (p, other_triangles(p, f))], 2)

@@ -173,18 +173,6 @@ def test_what_overlaps_widely_is_told_not_mended() -> None:
     assert store(cut_mesh, wound, np.array([False]), ROUNDINGS["f4"]).fault.tolist() != [SOUND]
 
 
-def test_a_sound_layout_is_only_rounded_and_moves_are_counted() -> None:
-    for shape, moves in (
-        (shapes.delaunay_disk(200, 1), False),
-        (needles.crowd(np.random.default_rng(2), 8, 1e-9), True),
-    ):
-        cut_mesh, uv = flat_chart(*shape)
-        got = store(cut_mesh, uv, np.array([False]), ROUNDINGS["f4"])
-        assert got.sound
-        assert got.moved == (got.uv != ROUNDINGS["f4"](uv)).any(1).sum()
-        assert (got.moved > 0) == moves == any("nearby storable" in note for note in got.notes)
-
-
 def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
     """A chart 1e-8 of a page wide at the bottom left: v of glTF is finest at the top. Each keeps its page.
 
@@ -243,15 +231,6 @@ def test_where_single_precision_has_no_place_ply_takes_doubles(
     assert (result.uv.astype(np.float32) != result.uv).any()
     assert name in path.read_bytes()[:400]
     assert any("doubles" in note for note in result.notes)
-
-
-def test_numbers_that_only_single_precision_turns_over_are_mended() -> None:
-    result = circparam.unwrap(shapes.tube(6.0), format="glb", **QUICK)
-    assert result.verification.valid
-    disk = {"cut": "disk", "method": "uniform"}
-    result = circparam.unwrap(shapes.tube(9.0), format="glb", **disk, **QUICK)
-    assert result.status == "degraded"
-    assert any("flipped" in line and "chart 0" in line for line in result.warnings)
 
 
 def test_needles_that_no_stored_number_holds_end_without_a_flip(tmp_path: Path) -> None:

@@ -80,20 +80,3 @@ def test_a_bad_polygon_is_refused(corners, word):
 
 def test_a_clockwise_polygon_is_turned():
     assert enclosed(check_polygon(TRIANGLE[::-1])) > 0
-
-
-def test_corners_go_to_the_vertices_nearest_to_them_along_the_boundary():
-    """Counted from the vertex at the first corner; some lie before their quarter, some behind it."""
-    off = []
-    for seed in range(4):
-        cut_mesh, points = patches_of(shapes.delaunay_disk(120, seed))
-        boundary = BOUNDARIES["square"].function(cut_mesh, TutteOptions())
-        p = points[boundary.vertices]
-        length = np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
-        place = np.r_[0.0, np.cumsum(length)[:-1]] / length.sum()
-        corner = np.abs(np.abs(boundary.uv) - np.abs(boundary.uv).max()).max(1) < 1e-9
-        found = np.flatnonzero(corner)
-        target = np.arange(4) / 4
-        assert found.tolist() == np.abs(place[:, None] - target).argmin(0).tolist()
-        off += (place[found] - target)[1:].tolist()
-    assert min(off) < 0 < max(off)
