@@ -16,6 +16,9 @@ from circparam.packing.outlines import Shapes, least_square_angles, shapes_of
 from circparam.packing.placement import PackTask, Placement
 from circparam.packing.straight import along_axes
 
+# By which compaction scales nine of ten layouts at most.
+COMPACTED = 1.08
+
 
 def pack(
     faces: IntArray,
@@ -23,8 +26,11 @@ def pack(
     chart: IntArray,
     options: PackOptions | None = None,
     monitor: Monitor | None = None,
+    least: float = 0.0,
 ) -> Packed:
     """Place charts on pages: faces (m, 3) into uv (nv, 2), chart (m,) labels 0..n-1.
+
+    least: factor from the uv given to those of a page that is asked for; the search ends early without it.
 
     All charts get one scale, so relative sizes are kept. Charts are moved, turned as the options allow, and
     scaled, never mirrored. On a raster of the stated resolution the covered texel centres of two charts are at
@@ -43,8 +49,11 @@ def pack(
     with monitor.stage("pack"):
         # a check fills a raster of the whole page
         checked = cache(lambda placement: finish(shapes, placement, options))
-        task = PackTask(shapes, options, monitor, {}, lambda p: checked(p)[1] is None)
-        candidates = _candidates(task)
+        least *= options.resolution
+        task = PackTask(
+            shapes, options, monitor, {}, lambda p: checked(p)[1] is None, least / COMPACTED
+        )
+        candidates = [p for p in _candidates(task) if p.scale >= least]
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
         # the largest scale, then the fewest pages; the next one follows if the check refuses

@@ -30,6 +30,7 @@ class PackTask:
 
     found: placements of the packers before it, by the name of their row; it may start from them.
     sound: whether a placement passes the check on the raster (a packer may ask before it settles for one).
+    least: a placement at a smaller scale is of no use.
     """
 
     shapes: Shapes
@@ -37,6 +38,7 @@ class PackTask:
     monitor: Monitor
     found: Mapping[str, Placement]
     sound: Callable[[Placement], bool]
+    least: float = 0.0
 
 
 Place: TypeAlias = Callable[[PackTask], Placement | None]

@@ -49,8 +49,8 @@ def _rows(task: PackTask) -> Placement | None:
 
 
 def _best_scale(task: PackTask) -> float:
-    """The largest scale that another packer has reached; 0 for none."""
-    return max((placement.scale for placement in task.found.values()), default=0.0)
+    """The largest scale that another packer has reached, or that is asked for; 0 for none."""
+    return max(task.least, *(placement.scale for placement in task.found.values()), 0.0)
 
 
 def _nest(task: PackTask) -> Placement | None:

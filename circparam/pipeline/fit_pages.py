@@ -70,8 +70,7 @@ def _halves(cutter: Cutter, part: Part, side: float) -> list[Part] | None:
     chords = part.chords
     page = 2 * np.log(np.maximum(chords.square / side, 1.0))
     cost = chords.length / cutter.root + COST.page * page
-    sound = [part.distortion(k) <= cutter.limits.bound for k in range(len(cost))]
-    for k in np.lexsort([cost, ~np.array(sound, bool)]).tolist():
+    for k in np.argsort(cost, kind="stable").tolist():
         done = cutter.cut(part, k) if len(part.failed) < CHORDS else None
         if done is not None:
             return done[0]

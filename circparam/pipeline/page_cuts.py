@@ -8,9 +8,8 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
-from circparam.geometry.distortion import at_best_scales, energy_terms
+from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.pipeline.chords import (
     Chords,
@@ -19,14 +18,12 @@ from circparam.pipeline.chords import (
     least_frames,
     outlines,
     turned,
-    within,
 )
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
+from circparam.seams.cost import COST
 from circparam.seams.hard.regions import ORGANIC, hardness
 from circparam.seams.prices import edge_prices
 
-SAMPLED = 500  # faces of a chart that are looked at, so that the time does not grow with the mesh
-IN_FLATS = 0.2  # of the length of a cut that may run through flats
 CORNERS = 100  # of an outline along the side of the square that all charts cover
 
 
@@ -75,34 +72,16 @@ class Part:
         """The chords of its outline."""
         return chords(self.outline)
 
-    @cached_property
-    def _terms(self) -> tuple[FloatArray, FloatArray]:
-        """(f, 2) middles of its faces, every k-th of many, and (f, 3) terms of their energies."""
-        mine = np.flatnonzero(self.opened.cut_mesh.chart == self.label)
-        mine = mine[:: 1 + len(mine) // SAMPLED]
-        cut_mesh, uv = self.opened.cut_mesh, self.opened.uv
-        return uv[cut_mesh.faces[mine]].mean(1), energy_terms(cut_mesh, uv, mine)
-
-    def distortion(self, k: int) -> float:
-        """Mean distortion of the worse part that a straight cut along chord k leaves, laid out as it is."""
-        middle, terms = self._terms
-        i, j = int(self.chords.i[k]), int(self.chords.j[k])
-        inside = within(self.places[i : j + 1], middle)
-        square, inverse, area = np.stack([terms[inside].sum(0), terms[~inside].sum(0)], 1)
-        return float((np.sqrt(square * inverse) / np.maximum(2 * area, 1e-300)).max())
-
 
 @dataclass(frozen=True, eq=False)
 class Cutter:
-    """The maker of cuts in an atlas: cut_mesh, uv: the atlas opened. limits: of both parts of a cut.
+    """The maker of cuts in an atlas, ``whole``. limits: of both parts of a cut.
 
-    through_flats: whether cuts may lead through flats of the design. grounds: of the charts that a cut was
-    tried on.
+    through_flats: whether a cut through a flat of the design costs its length alone. grounds: of charts that
+    were to be cut.
     """
 
-    atlas: Atlas
-    cut_mesh: CutMesh
-    uv: FloatArray
+    whole: Opened
     limits: Limits
     through_flats: bool
     grounds: dict[int, Ground] = field(default_factory=dict)
@@ -110,13 +89,12 @@ class Cutter:
     @cached_property
     def root(self) -> float:
         """Root of the area of the surface, the unit of all lengths of seams."""
-        return float(np.sqrt(self.atlas.surface.areas.sum()))
+        return float(np.sqrt(self.whole.atlas.surface.areas.sum()))
 
     @cached_property
     def charts(self) -> list[Part]:
         """All charts as they are; charts without an outline are left out."""
-        whole = Opened(self.atlas, self.cut_mesh, self.uv)
-        return self._parts(whole, np.arange(self.cut_mesh.n_charts), None)
+        return self._parts(self.whole, np.arange(self.whole.cut_mesh.n_charts), None)
 
     def cut(self, part: Part, k: int) -> tuple[list[Part], float] | None:
         """(both parts of a part cut near its chord k, length of the seam at the user's prices), or None."""
@@ -131,9 +109,10 @@ class Cutter:
                 piece = ground.part(after, label == c)
                 parts += self._parts(piece.opened, np.zeros(1, np.int64), piece)
             new = after.cut & ~ground.opened.atlas.cut
-            length = np.where(new, after.surface.priced_lengths, 0.0)
-            seen = float(length[ground.flat].sum()) > IN_FLATS * float(length.sum())
-            if len(parts) == 2 and (self.through_flats or not seen):
+            length = after.surface.priced_lengths[new]
+            if not self.through_flats:
+                length = length * (1 + COST.flat * ground.flat[new])
+            if len(parts) == 2:
                 return parts, float(length.sum())
         part.failed.add(k)
         return None
@@ -153,14 +132,15 @@ class Cutter:
 
     def _ground(self, chart: int) -> Ground:
         if chart not in self.grounds:
-            mine = self.cut_mesh.chart == chart
-            surface = self.atlas.surface
+            atlas = self.whole.atlas
+            mine = self.whole.cut_mesh.chart == chart
+            surface = atlas.surface
             sides = surface.edges // 3
             near = mine.copy()  # with the neighbours, which show where a flat chart ends
             near[sides[mine[sides].any(1)]] = True
             costs, flat = _costs(surface.part(near))
             inner = mine[sides[near[sides].all(1)]].all(1)
-            opened = Opened.of(self.atlas.part(mine))
+            opened = Opened.of(atlas.part(mine))
             self.grounds[chart] = Ground(
                 chart, np.flatnonzero(mine), opened, costs[inner], flat[inner]
             )

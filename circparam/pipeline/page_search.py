@@ -26,7 +26,7 @@ from circparam.seams.cost import COST
 CELLS = 32  # squared: cells that all charts cover together on a sketch
 TRIES = 2  # orders of charts without a smaller page after which a sketch is done
 COARSE = 2  # cells by which a page with one cut more may seem larger
-SKETCHED = 30  # charts up to which a sketch takes less time than a cut
+SKETCHED = 30  # charts on a sketch at most, the largest: small ones lie between them
 CHORDS = 8  # that are sketched for each cut
 AHEAD = 2  # cuts without gain that are made before the search ends
 
@@ -44,7 +44,16 @@ class Plan:
     @property
     def cost(self) -> float:
         """What the cuts and the page cost together."""
-        return self.seam + COST.chart * self.cuts - COST.page * self.log_share
+        return self.price - COST.page * self.log_share
+
+    @property
+    def price(self) -> float:
+        """What the cuts cost."""
+        return self.seam + COST.chart * self.cuts
+
+    def least(self, scale: float) -> float:
+        """The scale of charts at which the cuts pay, where charts without cuts reach ``scale``."""
+        return scale * float(np.exp(self.price / (2 * COST.page)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,22 +73,24 @@ class _Trial:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What all plans share. most: cuts. options: of packing. sketches: whether pages are sketched. gain: by
-    which a chord has to lower the estimated cost, else it is not tried. budget: of the faces of charts that are
-    cut."""
+    """What all plans share. most: cuts. options: of packing. sketches: whether pages are sketched. paying:
+    whether each cut has to lower the cost. budget: of the faces of charts that are cut."""
 
     cutter: Cutter
     most: int
     options: PackOptions
     sketches: bool
-    gain: float
+    paying: bool
     budget: Budget
     monitor: Monitor
 
-    def plans(self) -> list[Plan]:
-        """The plan without a cut, and plans with one cut more each."""
+    def plans(self, log_share: float) -> list[Plan]:
+        """The plan without a cut, and plans with one cut more each.
+
+        log_share: of the page without cuts. Sketches are compared with its sketch, which is as coarse.
+        """
         charts = self.cutter.charts
-        plans = [Plan(charts, 0.0, 0, self._log_share(charts))]
+        plans = [Plan(charts, 0.0, 0, self._log_share(charts) if self.sketches else log_share)]
         best = plans[0]
         while plans[-1].cuts < min(best.cuts + AHEAD, self.most) and not self.budget.over:
             after = self._following(plans[-1])
@@ -111,7 +122,7 @@ class Search:
         """Faces of a part."""
         if part.ground is not None:
             return float(len(part.ground.faces))
-        return float((self.cutter.cut_mesh.chart == part.outline.chart).sum())
+        return float((self.cutter.whole.cut_mesh.chart == part.outline.chart).sum())
 
     def _log_share(self, parts: list[Part]) -> float:
         """Logarithm of the covered share of a page of some parts."""
@@ -130,7 +141,8 @@ class Search:
     def _sketched_share(self, outlines: list[Outline], below: int) -> float:
         """Logarithm of the covered share of the smallest page that is found for some outlines; −∞ if it has not
         fewer cells a side than ``below``."""
-        sketches = [self._grid.sketch(*o.edges) for o in outlines]
+        largest = sorted(outlines, key=lambda o: -o.area)[:SKETCHED]
+        sketches = [self._grid.sketch(*o.edges) for o in largest]
         budget = Budget(np.inf, lambda: self.monitor.expired)
         page = least_page(sketches, below, TRIES, budget)
         return -np.inf if page is None else 2 * float(np.log(CELLS / page.side))
@@ -140,14 +152,13 @@ class Search:
     ) -> FloatArray:
         """Logarithm of the share of a page by the sum of all least boxes and the widest least square.
 
-        The geometric mean of two pages: of the larger one of the square and of charts that interlock half, and
-        of the square with all boxes beside it.
+        Between two pages: the larger one of the square and of charts that interlock half, and the square with
+        all boxes beside it. Pages of 2 to 70 charts lie at a quarter of the way, on a scale of logarithms.
         """
         area, pages = sum(p.outline.area for p in parts), self.options.pages
         low = np.maximum(np.square(square), (np.asarray(box) + area) / (2 * pages))
-        return np.asarray(
-            np.log(area / pages) - np.log(low * (np.square(square) + np.asarray(box) / pages)) / 2
-        )
+        high = np.square(square) + np.asarray(box) / pages
+        return np.asarray(np.log(area / pages) - 0.75 * np.log(low) - 0.25 * np.log(high))
 
     def _trials(self, plan: Plan) -> Iterator[_Trial]:
         """All chords by their estimated cost, the best first; parts whose cuts cannot pay are left out."""
@@ -157,11 +168,14 @@ class Search:
         order = np.argsort(squares)
         others = np.full(len(squares), squares[order[-1]])
         others[order[-1]] = squares[order[-2]] if len(squares) > 1 else 0.0
-        now = self._estimate(plan.parts, boxes.sum(), squares.max())
+        now = (
+            plan.log_share
+            if self.paying
+            else self._estimate(plan.parts, boxes.sum(), squares.max())
+        )
         most = self._estimate(plan.parts, boxes.sum() - boxes + areas, others)
         found = []
-        least = COST.chart + max(self.gain, 0.0)
-        for n in np.flatnonzero(COST.page * (most - now) > least).tolist():
+        for n in np.flatnonzero(COST.page * (most - now) > COST.chart).tolist():
             chords = plan.parts[n].chords
             square = np.maximum(chords.square, others[n])
             share = self._estimate(plan.parts, boxes.sum() - boxes[n] + chords.box, square)
@@ -169,7 +183,8 @@ class Search:
             k = np.arange(len(seam))
             found.append(np.stack([np.full(len(k), n), k, seam, share, seam - COST.page * share]))
         every = np.concatenate(found, axis=1) if found else np.zeros((5, 0))
-        every = every[:, every[4] + COST.chart + self.gain < -COST.page * now]
+        if self.paying:
+            every = every[:, every[4] + COST.chart < -COST.page * now]
         every = every[:, np.argsort(every[4], kind="stable")]
         return (_Trial(int(n), int(k), seam, share) for n, k, seam, share, _ in every.T)
 
@@ -187,8 +202,6 @@ class Search:
             if (d < 2 * COARSE / CELLS * self.cutter.root).any():
                 continue
             ends[trial.n] = np.vstack([ends[trial.n], here])
-            if part.distortion(trial.k) > self.cutter.limits.bound:
-                continue
             kept.append(trial)
             if len(kept) == CHORDS:
                 break

@@ -267,6 +267,7 @@ def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         return cascade
     from circparam.pipeline.fuller_page import packing
 
+    cascade = fallback.settle(cascade, monitor)
     return replace(cascade, packing=packing(cascade, options, monitor))
 
 

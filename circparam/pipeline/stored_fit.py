@@ -60,7 +60,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     for turn in range(ROUNDS):
         if turn == 1:  # faces that stored numbers spoil are spoilt in a loose layout too
             options = replace(options, effort=min(RETRIED * options.work, 1.0))
-        if not settled:
+        if not settled and cascade.packing is None:  # no layout is packed before it is settled
             cascade = fallback.settle(cascade, monitor)
         cut_mesh, uv = cascade.open()
         keep = cascade.kept_sizes(cut_mesh)

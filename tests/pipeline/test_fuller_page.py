@@ -124,10 +124,13 @@ def test_there_are_no_more_charts_than_asked_for_and_none_too_small() -> None:
     assert filled(before, least=1100).atlas is before  # of 2000 faces
 
 
-def test_flats_are_not_cut_through() -> None:
-    """A tube of ten flat sides: no way across but through them."""
-    before = roll(rough=0.0)
-    assert filled(before).atlas is before
+def test_flats_are_cut_only_where_the_page_pays_five_times_the_seam() -> None:
+    """Tubes of ten flat sides: no way across but through them. A short one stays whole."""
+    short, long = roll(16, rough=0.0), roll(rough=0.0)
+    assert filled(short).atlas is short
+    after = filled(long)
+    seam = after.atlas.seam_length - long.seam_length
+    assert cost(after) + COST.flat * seam < cost(Cascade(long, CascadeRules(bound=1.05)))
 
 
 def test_what_may_not_be_a_seam_is_none() -> None:

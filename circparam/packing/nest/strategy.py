@@ -44,7 +44,7 @@ def nested(task: PackTask) -> Placement | None:
     start, straight = _searched(task)
     budget = Budget(GRID_OPERATIONS / 3 * options.effort, lambda: task.monitor.expired)
     growth = Growth(shapes, options, budget, straight)
-    starts = [*task.found.values()] if start is None else [start, *task.found.values()]
+    starts = [p for p in (start, *task.found.values()) if p is not None and p.scale >= task.least]
     grown = _compacted(task, starts, growth)
     if start is None or (grown is not None and grown.scale >= start.scale):
         return grown
@@ -66,7 +66,9 @@ def _searched(task: PackTask) -> tuple[Placement | None, Straight | None]:
     while not budgets[-1].over and density * options.resolution**2 > 1:
         board, cell = _board(shapes, options, density, straight)
         found, along = [], None
-        side = board.side
+        # masks are grown by half the gap, which at the border is not needed
+        most = (_inner(options) + options.gap) / max(task.least * cell, 1e-300)
+        side = int(min(board.side, most))
         if straight is not None:
             count = np.where(straight.counts, 4, [len(m.angle) for m in board.masks])
             allowed = [np.arange(k) for k in count.tolist()]
@@ -78,6 +80,8 @@ def _searched(task: PackTask) -> tuple[Placement | None, Straight | None]:
             found, along = (free, None) if free else (found, along)
         if found:
             return to_placement(board, found[0], cell, options), along
+        if side < board.side:
+            break
         density /= 2
     return None, None
 
