@@ -67,11 +67,6 @@ def test_flags_of_the_wrong_kind_are_refused() -> None:
     assert CliRunner().invoke(command, ["--shade", "grey"]).exit_code == 2
 
 
-@pytest.mark.parametrize("bend", [1, 3])
-def test_both_ends_of_the_range_belong_to_it(bend: float) -> None:
-    assert ToyOptions(cut="disk", bend=bend).bend == bend
-
-
 @pytest.mark.parametrize(
     ("keywords", "line"),
     [
@@ -86,7 +81,3 @@ def test_it_is_checked_when_it_is_made(keywords: dict[str, Any], line: str) -> N
     with pytest.raises(OptionError) as error:
         ToyOptions(**keywords)
     assert str(error.value) == line
-
-
-def test_a_report_names_it() -> None:
-    assert ToyOptions(shade="dark").given() == {"shade": "dark"}

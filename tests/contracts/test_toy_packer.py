@@ -9,8 +9,6 @@ from circparam.core.monitor import Monitor
 from circparam.core.registry import Row, Table
 from circparam.errors import OptionError
 from circparam.packing import PACKERS, Packed, PackOptions, pack
-from circparam.packing.outlines import shapes_of
-from circparam.packing.pack import finish
 from circparam.packing.placement import Packer, PackTask, Placement
 
 N = 5
@@ -101,17 +99,3 @@ def test_only_instant_packers_run_after_the_deadline(monkeypatch: pytest.MonkeyP
     instant = Row("quincunx", Packer(quincunx, instant=True), "takes no time")
     assert not is_quincunx(packed_by(monkeypatch, PACKERS["shelf"], TOY, monitor=Over()))
     assert is_quincunx(packed_by(monkeypatch, instant, monitor=Over()))
-
-
-@pytest.mark.parametrize("row", list(PACKERS), ids=PACKERS.names())
-def test_every_row_places_charts_by_itself(row: Row[Packer]) -> None:
-    """Without any placement to start from, and so that the check finds nothing wrong."""
-    shapes, options = shapes_of(*squares(12)), replace(OPTIONS, effort=0.2)
-
-    def sound(placement: Placement) -> bool:
-        return finish(shapes, placement, options)[1] is None
-
-    placement = row.function(PackTask(shapes, options, Monitor(), {}, sound))
-    packed, wrong = finish(shapes, placement, options)
-    assert wrong is None
-    assert packed.share[0] > 0.5

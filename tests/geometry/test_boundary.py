@@ -15,35 +15,6 @@ def segments(faces: np.ndarray, uv: np.ndarray, chart: np.ndarray) -> BoundarySe
     return boundary_of(faces, uv, chart, shared_edges(faces), int(chart.max()) + 1)
 
 
-def follows(boundary: BoundarySegments) -> None:
-    """Each segment ends where the one behind it begins, and is the one before that."""
-    n = len(boundary.chart)
-    np.testing.assert_array_equal(boundary.end, boundary.start[boundary.following])
-    np.testing.assert_array_equal(boundary.before[boundary.following], np.arange(n))
-    np.testing.assert_array_equal(boundary.following[boundary.before], np.arange(n))
-
-
-def enclosed(boundary: BoundarySegments) -> float:
-    s, e = boundary.start, boundary.end
-    return float((s[:, 0] * e[:, 1] - s[:, 1] * e[:, 0]).sum() / 2)
-
-
-@pytest.mark.parametrize("mirror", [1.0, -1.0])
-def test_a_square_has_its_four_sides_with_the_inside_on_the_left(mirror: float) -> None:
-    boundary = segments(HALVES, SQUARE * [mirror, 1.0], np.zeros(2, np.int64))
-    follows(boundary)
-    assert boundary.half_edge.tolist() == [0, 1, 4, 5], "all but the two of the diagonal"
-    assert enclosed(boundary) == pytest.approx(6)
-    assert boundary.size.tolist() == [pytest.approx(np.sqrt(6))]
-    loop, position, total = boundary.along
-    assert set(loop.tolist()) == {0}
-    np.testing.assert_allclose(total, 10)
-    length = np.linalg.norm(boundary.end - boundary.start, axis=1)
-    assert sorted(length.tolist()) == [2, 2, 3, 3]
-    np.testing.assert_allclose(np.mod(position + length, 10), position[boundary.following])
-    assert position[0] == pytest.approx(0), "counted from the first segment of the loop"
-
-
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_a_second_loop_counter_clockwise_is_turned_out(scale: float) -> None:
     """A ring's hole runs clockwise; drawn wider than the outer loop it is folded out, and so are both."""

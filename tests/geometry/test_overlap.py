@@ -5,7 +5,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from circparam.core.arrays import next_half_edge
 from circparam.geometry.overlap import crossings, overlaps, self_overlapping, signs
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.mesh.halfedge import corner_classes, shared_edges
@@ -120,44 +119,6 @@ def coil(turns, n=12):
     a, b, c, d = 1 + k, 1 + (k + 1) % n, n + 1 + k, n + 1 + (k + 1) % n
     ring = np.concatenate([np.stack([a, c, d], 1), np.stack([a, d, b], 1)])
     return np.concatenate([uv, 3 * np.stack([np.cos(t), np.sin(t)], 1)]), np.r_[fans, ring]
-
-
-def two_sheets(crossed):
-    """A large square and a small one in its middle, of one surface when ``crossed``: joined crosswise along a
-    slit, so that both ends of the slit are wound twice while the two boundaries are plain nested squares."""
-    big, small = shapes.grid(9, 9, 8.0, 8.0), shapes.grid(5, 5, 4.0, 4.0)
-    uv = np.concatenate([big[0][:, :2] - 4, small[0][:, :2] - 2])
-    faces = np.concatenate([big[1], small[1] + len(big[0])])
-    chart = np.repeat([0, 1], [len(big[1]), len(small[1])])
-    edges = shared_edges(faces)
-    flat = faces.ravel()
-    p, q = uv[flat[edges[:, 0]]], uv[flat[next_half_edge(edges[:, 0])]]
-    on = np.flatnonzero((p[:, 1] == 0) & (q[:, 1] == 0) & (np.abs(p + q)[:, 0] / 2 < 1))
-    if crossed:
-        # each slit edge as (half-edge of the face above, of the one below), sheet by sheet, then swapped
-        above = uv[faces[edges[on, 0] // 3]].mean(1)[:, 1] > 0
-        up = np.where(above, edges[on, 0], edges[on, 1])
-        down = np.where(above, edges[on, 1], edges[on, 0])
-        place = np.round(np.minimum(p[on, 0], q[on, 0])).astype(int)
-        order = np.lexsort((chart[edges[on, 0] // 3], place))
-        partner = order.reshape(-1, 2)[:, ::-1].ravel()
-        edges[on[order]] = np.sort(np.stack([up[order], down[partner]], 1), 1)
-        chart = np.zeros_like(chart)
-    _, corners = corner_classes(len(faces), edges)
-    place = np.zeros((corners.max() + 1, 2))
-    place[corners.ravel()] = uv[flat]
-    return corners, place, chart, edges
-
-
-def test_a_surface_wound_twice_overlaps_though_its_boundaries_never_meet():
-    faces, uv, chart, edges = two_sheets(crossed=True)
-    found = overlaps(faces, uv, chart, edges)
-    assert found.self_overlapping.tolist() == [True]
-    assert len(found.crossings) == 0, "only the inner vertices tell"
-    faces, uv, chart, edges = two_sheets(crossed=False)
-    found = overlaps(faces, uv, chart, edges)
-    assert found.self_overlapping.tolist() == [False, False]
-    assert found.pairs.tolist() == [[0, 1]]
 
 
 def patches_of(uv, faces):

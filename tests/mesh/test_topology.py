@@ -68,16 +68,6 @@ def test_boundary_lengths_are_in_units_of_the_mesh_longest_first():
     assert np.allclose(ring.boundary_lengths, [side, side / 4])
 
 
-def test_components_come_in_the_order_of_their_first_face():
-    p, f = shapes.grid()
-    apart = (p + np.array([9, 0, 0]), f)
-    report = describe(Mesh(*shapes.join(shapes.icosphere(1), shapes.torus(), apart)))
-    assert [c.faces for c in report.components] == [80, 1024, 96]
-    assert [c.first_face for c in report.components] == [0, 80, 1104]
-    assert report.genus == 1
-    assert report.not_disks == [0, 1]
-
-
 def test_non_manifold_edges_and_points():
     report = describe(Mesh(*shapes.fins(3, 5)))
     assert report.nonmanifold_edges == 4

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -69,24 +68,6 @@ def test_a_chart_with_a_hole_stays_empty_there():
     assert shapes.simple.all()
     assert not shapes.scanned.any()
     assert by_outline(faces, uv, np.zeros(8, int))[0][0][25, 25] == -1
-
-
-def test_a_fold_beyond_the_outline_is_seen():
-    """A fan whose apex lies outside its border: a face is reversed, so the faces are scanned."""
-    uv = np.array([[10.0, 10], [30, 10], [30, 30], [10, 30], [50, 20]])
-    i = np.arange(4)
-    faces = np.stack([i, (i + 1) % 4, 0 * i + 4], 1)
-    shapes = agrees(faces, uv, np.zeros(4, int))
-    assert not shapes.simple.any()
-    assert by_outline(faces, uv, np.zeros(4, int))[0][0][20, 45] == 0
-
-
-@pytest.mark.parametrize("third", [[0, 1, 4], [1, 0, 4]])
-def test_edges_of_three_faces_are_no_outline(third):
-    uv = np.array([[10.0, 10], [30, 10], [20, 30], [20, -5], [22, 40]])
-    faces = np.array([[0, 1, 2], [1, 0, 3], third])
-    shapes = agrees(faces, uv, np.zeros(3, int))
-    assert not shapes.simple.any()
 
 
 def test_faces_without_area_are_scanned():

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.errors import OptionError
-from circparam.packing.outlines import least_box_angles, least_square_angles, shapes_of
+from circparam.packing.outlines import least_box_angles, shapes_of
 from tests.support.packing import blobs, vertices_of
 
 
@@ -16,40 +16,6 @@ def test_charts_that_share_a_vertex_are_refused():
     uv = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
     with pytest.raises(OptionError, match="shares a uv vertex"):
         shapes_of(np.array([[0, 1, 2], [1, 3, 2]]), uv, np.array([0, 1]))
-
-
-def ring():
-    """A square with a square hole, four quads of two faces: (faces, uv)."""
-    outer = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
-    uv = np.concatenate([outer, outer / 2 + 1])
-    i = np.arange(4)
-    j = (i + 1) % 4
-    return np.concatenate([np.stack([i, j, j + 4], 1), np.stack([i, j + 4, i + 4], 1)]), uv
-
-
-def test_outlines_are_the_edges_of_one_face_only():
-    faces, uv = ring()
-    shapes = shapes_of(faces, uv, np.zeros(8, int))
-    edges = {frozenset(e) for e in zip(shapes.start.tolist(), shapes.end.tolist(), strict=True)}
-    sides = [(i, (i + 1) % 4) for i in range(4)]
-    assert edges == {frozenset(s) for s in sides} | {frozenset((a + 4, b + 4)) for a, b in sides}
-    assert shapes.area == pytest.approx([12.0])
-    np.testing.assert_allclose(shapes.points, uv - 2.0)  # about the middle of its box
-    assert shapes.radius == pytest.approx([np.sqrt(8)])
-    start, end = shapes.outline(0)
-    np.testing.assert_allclose(start, shapes.points[shapes.start])
-    np.testing.assert_allclose(end, shapes.points[shapes.end])
-
-
-def test_a_chart_without_a_border_ends_at_its_folds():
-    """A face and its reverse are folded at every edge; the chart beside them keeps its outline."""
-    uv = np.array([[0.0, 0], [2, 0], [0, 1], [5, 5], [6, 5], [5, 6]])
-    shapes = shapes_of(np.array([[0, 1, 2], [2, 1, 0], [3, 4, 5]]), uv, np.array([0, 0, 1]))
-    assert np.diff(shapes.edge_start).tolist() == [3, 3]
-    assert set(shapes.start[:3]) == {0, 1, 2}
-    np.testing.assert_allclose(
-        shapes.boxes(np.zeros(2)), [[-1, -0.5, 1, 0.5], [-0.5] * 2 + [0.5] * 2]
-    )
 
 
 @settings(max_examples=30)
@@ -84,15 +50,6 @@ def test_the_least_box_of_a_rectangle_is_the_rectangle(angle, width):
     plain = shapes.boxes(np.zeros(1))[0]
     assert sorted(upright[2:] - upright[:2]) == pytest.approx(sorted(plain[2:] - plain[:2]))
     assert upright[2] - upright[0] >= upright[3] - upright[1] - 1e-6 * width
-
-
-def test_the_least_square_holds_a_rod_on_the_diagonal():
-    rod = np.array([[0.0, 0], [10, 0], [10, 0.1], [0, 0.1]])
-    shapes = shapes_of(np.array([[0, 1, 2], [0, 2, 3]]), rod, np.zeros(2, int))
-    box = shapes.boxes(least_square_angles(shapes, "free"))[0]
-    assert max(box[2:] - box[:2]) == pytest.approx(10.1 / np.sqrt(2), rel=1e-3)
-    for rotate in ("90", "none"):
-        np.testing.assert_array_equal(least_square_angles(shapes, rotate), [0.0])
 
 
 @pytest.mark.parametrize(

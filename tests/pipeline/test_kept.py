@@ -89,19 +89,6 @@ def test_faces_without_uv_get_some_beside_the_others(tmp_path: Path) -> None:
     assert np.array_equal(corners(a), corners(tmp_path / "c.obj")[: len(faces)])
 
 
-def test_faces_that_stay_without_uv_stay_so_and_are_told(cube: Path, tmp_path: Path) -> None:
-    points, faces = shapes.cube(4)
-    uvmap = read(cube / "a.obj").uv()
-    holes = uvmap.uv_faces.copy()
-    holes[:5] = -1
-    document = from_arrays(points, faces, uv=uvmap.uv, uv_faces=holes)
-    chosen = top(points, faces)
-    chosen[:5] = False
-    result = circparam.unwrap(document, only=chosen, **QUICK)
-    assert result.verification.missing == 5
-    assert result.status == "degraded"
-
-
 def test_names_select_and_wrong_ones_are_answered_with_near_ones(tmp_path: Path) -> None:
     obj, glb = named_scene(tmp_path)
     for path in (obj, glb):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from circparam.geometry.raster import rasterise
-from circparam.render import colours as col
 from circparam.render.camera import look_from
 from circparam.render.figures import PictureOptions
 from circparam.render.picture import draw_figure
@@ -91,22 +90,6 @@ def test_uv_outside_the_unit_square_is_shown():
     assert (u0, v0) == (0, 0)  # the unit square stays in the picture
     assert u1 >= 6
     assert v1 >= 8
-
-
-def test_every_chart_has_its_colour_in_the_layout():
-    points, faces, uv, uv_faces = cube()
-    scene = make_scene(points, faces, uv, uv_faces)
-    image = draw_plan(scene, 240, 1).image
-    centres = uv.reshape(6, 4, 2).mean(1)
-    seen = {
-        tuple(np.round(image[int((1 - v) * 240), int(u * 240)], 3).tolist()) for u, v in centres
-    }
-    assert len(seen) == 6
-    empty = image[120, 1]
-    assert np.allclose(empty, col.rgb(col.PANEL), atol=0.01)
-    (u, v), (side_u, side_v) = uv[:4].mean(0), uv[:2].mean(0)
-    middle, side = (image[int((1 - y) * 240), int(x * 240)] for x, y in ((u, v), (side_u, side_v)))
-    assert side.mean() < middle.mean() - 0.2  # a dark line along all of a boundary
 
 
 def test_padding_band_has_its_width():

@@ -12,7 +12,7 @@ from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, surface_of, uncut
+from tests.support.atlases import cut_between, surface_of, uncut
 
 DEMANDS = Demands(1.05)
 LIMIT = np.array(1.05)
@@ -93,15 +93,6 @@ def test_parts_that_only_touch_are_pushed_apart() -> None:
     assert not self_overlapping(moves.cut_mesh, trial.uv, margin=DEMANDS.margin / 2).any()
     assert chart_energies(moves.cut_mesh, trial.uv)[0] <= DEMANDS.bound
     assert not tried(moves, Demands(1.05, margin=0.5)).good(LIMIT).any(), "no room for that much"
-
-
-def test_a_slit_is_sewn_without_turning_anything() -> None:
-    """Both sides are one chart then: none of its faces is turned."""
-    atlas = as_it_lies(uncut(*shapes.grid(6, 6)))
-    cut_mesh = atlas.cut_mesh()
-    trial = tried(Moves.joining(cut_mesh, atlas.corners, cut_mesh.chart), DEMANDS)
-    away = trial.uv - trial.uv.mean(0) - (atlas.gather(cut_mesh) - 0.5)
-    assert np.abs(away).max() < 1e-6
 
 
 def test_moves_tried_in_parts_are_those_tried_at_once() -> None:

@@ -69,14 +69,6 @@ def test_a_mask_covers_the_grown_chart_and_hardly_more(grow):
         assert (found.low[k] + [columns, rows] <= high + 2.1).all()
 
 
-def test_the_touched_cells_and_the_inside_of_a_square():
-    square = np.array([[-2.5, -2.5], [2.5, -2.5], [2.5, 2.5], [-2.5, 2.5]])
-    found = masks(square, [0.0], 0.0)
-    np.testing.assert_array_equal(found.low, [[-3, -3]])
-    np.testing.assert_array_equal(found.size, [[6, 6]])
-    assert found.cells[0].all()
-
-
 def test_holes_stay_free_and_overlapping_layers_are_full():
     outer = np.array([[-8.0, -8], [8, -8], [8, 8], [-8, 8]])
     hole = outer[::-1] / 2
@@ -98,12 +90,3 @@ def test_a_sliver_is_covered_all_along(turn):
     y, x = np.nonzero(found.cells[0])
     along = (y if turn else x) + int(found.low[0, turn])
     assert set(range(40)) <= set(along.tolist())
-
-
-@pytest.mark.parametrize("grow", [0.0, 0.4, 0.9, 1.3])
-def test_a_speck_covers_the_cell_that_it_lies_in(grow):
-    """However far it is grown: what is grown has no hole in its middle."""
-    speck = np.array([[0.0, 0], [1e-3, 0], [0, 1e-3]]) + 0.52
-    found = masks(speck, [0.0], grow)
-    column, row = np.floor([0.5, 0.5] - found.low[0]).astype(int)
-    assert found.cells[0, row, column]

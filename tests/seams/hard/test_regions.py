@@ -68,31 +68,6 @@ def test_seams_are_dear_in_flats_and_cheap_on_sharp_edges() -> None:
     assert prices.flat.sum() >= len(inside)
 
 
-def test_curved_walls_between_mostly_sharp_edges_are_hard_without_any_large_flat() -> None:
-    """A thick tube with a chamfer: a fifth of its creases is blunt, and little of it is flat."""
-    profile = np.array([[0.5, 0], [1, 0], [1, 2], [0.9, 2.2], [0.5, 2.2]])
-    part = lathe(profile, 48)
-    surface = surface_of(part.points, part.faces)
-    angle, _ = turns(surface)
-    crease = angle > np.radians(20)
-    blunt = surface.edge_lengths[crease & (angle < np.radians(40))].sum()
-    assert 0.1 < blunt / surface.edge_lengths[crease].sum() < 0.5
-    assert (hardness(surface) == HARD).all()
-
-
-def test_a_comb_of_boxes_is_hard_and_a_surface_of_spikes_is_not() -> None:
-    """Both have many regions of few faces between sharp creases; those of spikes are single faces."""
-    teeth = [np.array([[k, 0], [k + 0.5, 0], [k + 0.5, 3], [k + 1, 3]]) for k in range(20)]
-    outline = np.concatenate([*teeth, [[20, 4], [0, 4]]])
-    comb = extrude(outline, height=6.0)
-    surface = surface_of(comb.points, comb.faces)
-    assert comb.flat.sum() * 8 > len(comb.faces)
-    assert (hardness(surface) == HARD).all()
-    points, faces = shapes.icosphere(3)
-    reach = np.random.default_rng(0).uniform(0.2, 3, len(points))
-    assert (hardness(surface_of(points * reach[:, None], faces)) == ORGANIC).all()
-
-
 def test_edges_of_a_box_are_sharp_and_creases() -> None:
     surface = surface_of(*shapes.cube(2))
     angle, concave = turns(surface)
