@@ -39,8 +39,9 @@ def meets_landmarks(case: Pair, found: MapResult) -> None:
     assert found.landmark_error == 0
 
 
-@pytest.mark.parametrize("relax", [True, False])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "relax"), [*((kind, True) for kind in KINDS), ("sphere", False), ("disk", False)]
+)
 def test_a_map_keeps_its_promises(kind: str, relax: bool) -> None:
     case, found = pair(kind), mapped(kind, relax)
     covers_once(case, found, kind)

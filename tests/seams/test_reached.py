@@ -18,7 +18,7 @@ from tests.support import parts, shapes
 from tests.support.atlases import surface_of
 from tests.support.clock import Clock
 
-FRACTIONS = (0.1, 0.25, 0.5, 0.75, 1.1)
+FRACTIONS = (0.1, 0.4, 1.1)
 
 
 def assembly() -> tuple[np.ndarray, np.ndarray]:

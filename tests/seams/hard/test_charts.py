@@ -32,7 +32,7 @@ from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import assert_promises, surface_of
-from tests.support.machined import housing, nozzle, perforated, shaft
+from tests.support.machined import housing, perforated, shaft
 from tests.support.parts import PARTS, Part, circle, extrude, lathe, rectangle, rounded_box, shaken
 
 
@@ -64,7 +64,7 @@ def test_flats_and_tubes_of_parts_stay_whole(name) -> None:
     check_whole(PARTS[name]())
 
 
-@pytest.mark.parametrize("make", [partial(perforated, 3), housing, nozzle, shaft])
+@pytest.mark.parametrize("make", [partial(perforated, 2), housing, shaft])
 def test_however_a_part_lies_in_space(make) -> None:
     """Which of forty alike lines opens a tube is up to rounding, so one chart more or less may merge."""
     part = make()
@@ -86,14 +86,14 @@ def test_flats_of_a_part_without_any_sharp_edge_stay_whole(bound) -> None:
 
 @pytest.mark.parametrize(
     ("name", "scale"),
-    [("plate", 25.4), ("flanged pipe", 1e-3), ("letters", 1e-3), ("letters", 25.4)],
+    [("flanged pipe", 1e-3), ("letters", 25.4)],
 )
 def test_noise_of_single_precision_and_units_cut_no_flat(name, scale) -> None:
     part = shaken(PARTS[name](), 1e-7)
     check_whole(Part(part.points * scale, part.faces, part.surface, part.flat, part.tube))
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @example(1, 13, 0.09375, 0.75, True)
 @example(1, 13, 0.09375, 0.88, True)
 @example(1, 16, 0.31420043788742086, 0.703125, True)
