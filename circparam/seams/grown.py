@@ -39,6 +39,9 @@ PROXY_MOST_SHARE = 0.5  # of the faces: a proxy that keeps more (many small comp
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 DECIDING_SHARE = 0.5  # of the time that is left, at least, for charts on the proxy
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
+# the same as LEVEL_FACES in drafts, whose levels may be as small as the ratio makes them: of 65,000 to 124,000
+# faces they take 0.8 of the time without a level (docs/experiments/draft-profile.md)
+DRAFT_LEVEL_FACES = 50_000
 # the same for the mesh after a level: splitting large charts gives less back
 LEVEL_SLACK_EXCESS = 0.08
 # of the bound's excess that is given up to roughness: beyond it charts are split
@@ -91,7 +94,8 @@ def _decided(
             decided = _decided(closed, bound, options, worker, monitor)
             atlas = without_fans(decided.atlas, surface)
             return Decided(atlas, dual_graph(surface), decided.relaxing)
-    if len(surface.faces) > LEVEL_FACES and options.max_charts is None:
+    above = DRAFT_LEVEL_FACES if options.search.draft else LEVEL_FACES
+    if len(surface.faces) > above and options.max_charts is None:
         return _from_level(surface, bound, options, monitor)
     graph, draft = dual_graph(surface), options.search.draft
     with monitor.stage("charts"):
@@ -198,8 +202,10 @@ def _before_transfer(monitor: Monitor) -> Iterator[None]:
 
 def _from_level(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Decided:
     """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little."""
+    draft = options.search.draft
+    least = 0 if draft else LEAST_LEVEL
     with monitor.stage("charts"):
-        level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
+        level = decimate(surface, max(least, len(surface.faces) // LEVEL_RATIO))
         near = nearest_coarse_face(surface, level)
         rough = ROUGH_TIMES_MEAN * roughness(surface, level.surface, near)
     lost = min(rough, ROUGH_MOST_EXCESS * (bound - 1))
@@ -211,7 +217,7 @@ def _from_level(surface: Surface, bound: float, options: SeamOptions, monitor: M
         # another surface would have areas, normals and all else of its own
         blind, graph = surface.unpriced(), dual_graph(surface)
         atlas = from_level(blind, graph, best, level, near)
-    return Decided(atlas, graph, _relaxing(inner, options))
+    return Decided(atlas, graph, _relaxing(inner, options), merged=draft)
 
 
 def _level_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:

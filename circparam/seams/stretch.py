@@ -35,8 +35,9 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
     """How far faces may be stretched; whether seams may be added for that, and charts be split."""
     asked = stretch_asked(options.max_stretch, options.max_distortion)
     free = asked and options.max_charts is None and options.min_chart_faces == 1
-    local = LOCAL_STEPS if options.search.draft else None
-    return Limits(bound, options.max_stretch or STRETCH, local=local), asked, free
+    local, cuts_off = (LOCAL_STEPS, free) if options.search.draft else (None, False)
+    limits = Limits(bound, options.max_stretch or STRETCH, local=local, cuts_off=cuts_off)
+    return limits, asked, free
 
 
 def stretch_held(atlas: Atlas, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:

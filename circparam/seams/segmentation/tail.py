@@ -2,18 +2,21 @@
 
 Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
 much, the others, of which there are a hundred times as many, give way by little. Where that is not enough, a
-slit leads from the boundary towards the curvature that asks for it; at last a chart is split.
+slit leads from the boundary towards the curvature that asks for it; at last a chart is split. A draft does not
+look for slits: it cuts the tips off.
 """
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
-from circparam.core.graph import nearest, undirected
+from circparam.core.graph import components, nearest, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import FINAL
+from circparam.seams.evaluate import MARGIN
+from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
@@ -40,6 +43,9 @@ def limit_stretch(
     """
     cut_mesh, uv = atlas.open()
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
+    if slits and limits.cuts_off:
+        _cut_off(atlas, limits, monitor)
+        return
     # how often slits have not helped the chart of each face
     failed = np.zeros(len(atlas.surface.faces), np.int64)
     for _ in range(TURNS if slits else 0):
@@ -143,6 +149,59 @@ def _slit(
     inner = back[atlas.surface.edges // 3].all(1)
     atlas.cut[inner] = cut[inner]
     return back
+
+
+def _cut_off(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
+    """Cut off the parts that are stretched too much and lay them out alone; all else stays as it lies.
+
+    A layout stays sound when a part of it goes, so the work is proportional to what is cut off.
+    """
+    surface, flat = atlas.surface, atlas.flat
+    together = surface.locked if flat is None else surface.locked | flat
+    _, cell = components(len(surface.faces), *(surface.edges[together].T // 3))
+    for _ in range(TURNS):
+        cut_mesh, uv = atlas.open()
+        inside = _stretched_parts(cut_mesh, face_stretch(cut_mesh, uv), cell, limits)
+        sides = inside[surface.edges // 3]
+        around = (sides[:, 0] != sides[:, 1]) & ~atlas.cut
+        if not around.any() or monitor.expired:
+            return
+        atlas.cut |= around
+        part = atlas.part(inside)
+        graph = dual_graph(part.surface, part.flat)
+        inner, uv = part.open()
+        layouts = judge(inner, lay_out_sound(inner, uv, FINAL, monitor))
+        enforce(part, graph, layouts, limits.bound, FINAL, monitor)
+        merge(part, MergeOptions(limits.bound, MARGIN / 2), monitor)
+        atlas.put(inside, part)
+
+
+def _stretched_parts(
+    cut_mesh: CutMesh, stretch: FloatArray, cell: IntArray, limits: Limits
+) -> BoolArray:
+    """(m,) bool: faces of the parts with most of the tail, as few parts as leave no more than is allowed.
+
+    A part is what hangs together above the root of the largest stretch: a tip with what leads to it, and whole
+    cells ((m,) of each face). Pieces of a chart that are left apart from its largest one go with it.
+    """
+    far, over = stretch > np.sqrt(limits.most), cut_mesh.areas * (stretch > limits.most)
+    whole = cut_mesh.areas.sum()
+    if over.sum() <= limits.enough * whole:
+        return np.zeros(len(far), bool)
+    left, right = cut_mesh.edges.T // 3
+    joined = far[left] & far[right]
+    n, part = components(len(far), left[joined], right[joined])
+    share = group_sum(over, part, n) / whole
+    order = np.argsort(share, kind="stable")
+    gone = np.zeros(n, bool)
+    gone[order[np.cumsum(share[order]) > limits.allowed]] = True
+    inside = np.bincount(cell, gone[part])[cell] > 0
+    joined = inside[left] == inside[right]
+    n, piece = components(len(far), left[joined], right[joined])
+    rest = group_sum(cut_mesh.areas * ~inside, piece, n)[piece]
+    largest = group_max(rest, cut_mesh.chart, cut_mesh.n_charts)[cut_mesh.chart]
+    result: BoolArray = inside | (rest < largest)
+    return result
 
 
 def _split(

@@ -33,7 +33,8 @@ class Limits:
     """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of
     the surface may exceed. near: share of the root of a chart's area that moves round such faces at first.
     local: iterations of a step, where what moves is only a few rings wide, and charts too large for a round too
-    many (None: charts move as a whole as long as they do not lie on themselves then).
+    many (None: charts move as a whole as long as they do not lie on themselves then). cuts_off: parts that
+    weights do not mend are cut off, not slit to.
     """
 
     bound: float
@@ -41,6 +42,7 @@ class Limits:
     allowed: float = AIMED * TAIL
     near: float = NEAR
     local: int | None = None
+    cuts_off: bool = False
 
     @property
     def enough(self) -> float:

@@ -43,9 +43,9 @@ def fewest(shape):
     return atlas
 
 
-def held(loose, most):
+def held(loose, most, **how):
     atlas = Atlas(loose.surface, loose.cut, loose.corners)
-    limit_stretch(atlas, Limits(1.05, most), Monitor())
+    limit_stretch(atlas, Limits(1.05, most, **how), Monitor())
     return atlas
 
 
@@ -68,6 +68,24 @@ def test_seams_hold_what_weights_cannot(shape, most):
     assert share_over(better, most) <= 1e-3
     assert better.seam_length > loose.seam_length
     assert_promises(better, 1.05)
+
+
+@pytest.mark.parametrize(
+    ("shape", "most"), [(SPIKE, 1.5), (TUBE, 1.25), (shapes.icosphere(3), 1.25)]
+)
+def test_a_draft_cuts_off_what_weights_cannot_hold(shape, most):
+    loose = fewest(shape)
+    better = held(loose, most, local=8, cuts_off=True)
+    assert share_over(loose, most) > 1e-3
+    assert share_over(better, most) <= 1e-3
+    assert_promises(better, 1.05)
+
+
+def test_what_is_cut_off_leaves_locked_edges_whole():
+    loose = fewest(SPIKE)
+    loose.surface.locked[~loose.cut] = True
+    better = held(loose, 1.5, local=8, cuts_off=True)
+    assert np.array_equal(loose.cut, better.cut)
 
 
 def test_charts_are_not_split_where_their_number_counts():
