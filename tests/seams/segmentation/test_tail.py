@@ -16,7 +16,7 @@ from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits
 from circparam.solvers.newton import relax
 from tests.support import shapes
-from tests.support.atlases import assert_promises, voronoi
+from tests.support.atlases import assert_promises, middles, voronoi
 
 NONE = 1e6  # a stretch that nothing reaches
 SPIKE = shapes.spiked_disk(400, 2.0)
@@ -86,6 +86,15 @@ def test_what_is_cut_off_leaves_locked_edges_whole():
     loose.surface.locked[~loose.cut] = True
     better = held(loose, 1.5, local=8, cuts_off=True)
     assert np.array_equal(loose.cut, better.cut)
+
+
+def test_a_chart_without_a_tail_stays_whole_beside_one_that_is_split():
+    points, faces = shapes.grid(7, 7)
+    loose = fewest(shapes.join(TUBE, (points + np.array([20.0, 0, 0]), faces)))
+    better = held(loose, 1.5)
+    assert better.charts()[0] > loose.charts()[0]
+    far = middles(better.surface)[:, 0] > 15
+    assert not better.cut[far[better.surface.edges[:, 0] // 3]].any()
 
 
 def test_charts_are_not_split_where_their_number_counts():
