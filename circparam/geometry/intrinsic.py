@@ -76,7 +76,8 @@ def singular_values(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     a, b = jacobian[:, 0, 0], jacobian[:, 0, 1]
     c, d = jacobian[:, 1, 0], jacobian[:, 1, 1]
-    large = np.hypot(a + d, c - b) / 2 + np.hypot(a - d, c + b) / 2
+    e, f, g, h = a + d, a - d, c + b, c - b
+    large = (np.sqrt(e * e + h * h) + np.sqrt(f * f + g * g)) / 2
     with np.errstate(invalid="ignore", divide="ignore"):
         small = np.where(large > 0, (a * d - b * c) / large, 0.0)
     return large, small

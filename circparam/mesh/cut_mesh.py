@@ -6,9 +6,11 @@ import numpy as np
 
 from circparam.core.arrays import (
     cross2,
+    doubled_areas,
     first_of_runs,
     group_sum,
     next_half_edge,
+    norms3,
     positions_in,
     ranges,
     slices,
@@ -27,6 +29,11 @@ TOPOLOGICAL = (
     "_elimination",
     "_pattern",
     "_rim",
+)
+# cached properties that follow from the arrays alone, whatever was solved
+SHAPES = (
+    *("n_vertices", "n_charts", "areas", "gradients", "edge_lengths", "chart_areas"),
+    *("vertex_chart", "boundary", "loops"),
 )
 
 
@@ -143,6 +150,12 @@ class CutMesh:
         outer[by_length[first_of_runs(chart[by_length])]] = True
         return Loops(h[order], start, chart.astype(np.int64), length, outer)
 
+    def twin(self) -> "CutMesh":
+        """The same cut mesh with its shapes, without what solves have left on it."""
+        out = CutMesh(self.faces, self.rest_triangles, self.chart, self.edges)
+        out.__dict__.update({name: self.__dict__[name] for name in SHAPES if name in self.__dict__})
+        return out
+
     @property
     def elimination(self) -> IntArray | None:
         """(n_vertices,) an order of the vertices in which factorisations fill little, where one is known."""
@@ -212,11 +225,11 @@ def laid_flat(points: FloatArray, faces: IntArray) -> FloatArray:
     for k in slices(len(faces)):
         a, b, c = points[faces[k, 0]], points[faces[k, 1]], points[faces[k, 2]]
         e1, e2 = b - a, c - a
-        x = np.linalg.norm(e1, axis=1)
+        x = norms3(e1)
         out[k, 1, 0] = x
         with np.errstate(invalid="ignore", divide="ignore"):
             out[k, 2, 0] = np.einsum("ij,ij->i", e1, e2) / x
-            out[k, 2, 1] = np.linalg.norm(np.cross(e1, e2), axis=1) / x
+            out[k, 2, 1] = doubled_areas(e1, e2) / x
     return out
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import slices, sorted_distinct
+from circparam.core.arrays import doubled_areas, slices, sorted_distinct
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 
@@ -87,18 +87,22 @@ def _moments(
     second, third = np.zeros((3, 3)), np.zeros((3, 3, 3))
     for k in slices(len(faces)):
         corner = points[faces[k]] - origin
-        area, middle = _areas(corner), corner.mean(1)
+        area, middle = _areas(corner), _middles(corner)
         # of a triangle with corners p and centroid q: area (Σ p pᵀ + 9 q qᵀ) / 12
-        second += np.einsum("m,mki,mkj->ij", area, corner, corner) / 12
-        second += np.einsum("m,mi,mj->ij", area, middle, middle) * 0.75
+        second += np.einsum("mki,mkj->ij", area[:, None, None] * corner, corner) / 12
+        second += np.einsum("mi,mj->ij", area[:, None] * middle, middle) * 0.75
         pairs = middle[:, :, None] * middle[:, None]
         third += np.einsum("mi,mjk->ijk", area[:, None] * middle, pairs)
     return second, third
 
 
 def _areas(corner: FloatArray) -> FloatArray:
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    return np.sqrt((normal**2).sum(1)) / 2
+    return doubled_areas(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
+
+
+def _middles(corner: FloatArray) -> FloatArray:
+    result: FloatArray = (corner[:, 0] + corner[:, 1] + corner[:, 2]) / 3
+    return result
 
 
 def _farthest(points: FloatArray, reach: FloatArray, size: float) -> FloatArray:

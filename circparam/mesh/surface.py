@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import mask_of, next_half_edge, positions_in, slices
+from circparam.core.arrays import mask_of, next_half_edge, norms3, positions_in, slices
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -116,7 +116,7 @@ class Surface:
         for k in slices(len(out)):
             p = self.points[self.faces[k]]
             n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-            out[k] = n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
+            out[k] = n / np.maximum(norms3(n), 1e-300)[:, None]
         return out
 
     @cached_property
@@ -126,7 +126,14 @@ class Surface:
 
     def forget(self) -> None:
         """Drop cached shapes of the faces; they are computed again when needed."""
-        for name in ("rest_triangles", "areas", "normals", "edge_lengths", "priced_lengths"):
+        for name in (
+            "rest_triangles",
+            "areas",
+            "normals",
+            "edge_lengths",
+            "priced_lengths",
+            "_opened",
+        ):
             self.__dict__.pop(name, None)
 
     def torn_seams(self, corners: FloatArray) -> IntArray:
@@ -140,7 +147,7 @@ class Surface:
         """(h,) length of each of the given half-edges."""
         flat = self.faces.ravel()
         d = self.points[flat[next_half_edge(half_edges)]] - self.points[flat[half_edges]]
-        return np.linalg.norm(d, axis=1)
+        return norms3(d)
 
     @cached_property
     def priced_lengths(self) -> FloatArray:
@@ -174,11 +181,24 @@ class Surface:
         return kept[1:]
 
     def cut_mesh(self, cut: BoolArray) -> CutMesh:
-        """The whole surface cut open along ``cut`` ((e,) bool): charts and faces in order."""
-        _, chart = self.charts(cut)
-        edges = self.edges[~cut]
-        _, corners = corner_classes(len(self.faces), edges)
-        return CutMesh(corners, self.rest_triangles, chart, edges)
+        """The whole surface cut open along ``cut`` ((e,) bool): charts and faces in order.
+
+        One along the same seams as the last shares its arrays and its shapes, but nothing that a solve left.
+        """
+        kept: tuple[BoolArray, CutMesh] | None = self.__dict__.get("_opened")
+        if kept is not None and np.array_equal(kept[0], cut):
+            last = kept[1].twin()
+        else:
+            _, chart = self.charts(cut)
+            edges = self.edges[~cut]
+            _, corners = corner_classes(len(self.faces), edges)
+            last = CutMesh(corners, self.rest_triangles, chart, edges)
+        self.__dict__["_opened"] = cut.copy(), last
+        return last
+
+    def __getstate__(self) -> dict[str, object]:
+        """Another process opens the surface itself: the cut mesh is larger than the surface."""
+        return {name: value for name, value in self.__dict__.items() if name != "_opened"}
 
     def part_cut_mesh(
         self, cut: BoolArray, faces: BoolArray, chart: IntArray

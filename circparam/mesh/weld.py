@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import first_of_runs, mask_of, sorted_distinct
+from circparam.core.arrays import doubled_areas, first_of_runs, mask_of, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.graph import components
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -56,7 +56,7 @@ def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     # a power of two for each face: exact, so the areas are those of the plain formula where it works
     exponent = np.frexp(np.maximum(span, 1e-300))[1]
     e1, e2 = np.ldexp(e1, -exponent[:, None]), np.ldexp(e2, -exponent[:, None])
-    area = 0.5 * np.linalg.norm(np.cross(e1, e2), axis=1)
+    area = 0.5 * doubled_areas(e1, e2)
     longest = np.max([(e1**2).sum(1), (e2**2).sum(1), ((e2 - e1) ** 2).sum(1)], 0)
     tiny = span <= TINY_EDGE_SHARE * span.max(initial=0.0)
     a, b, c = faces.T

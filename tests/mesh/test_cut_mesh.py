@@ -6,6 +6,7 @@ import pytest
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import close_holes, rest_triangles_of
 from tests.support import shapes
+from tests.support.atlases import surface_of
 from tests.support.charts import patches_of
 
 
@@ -72,3 +73,17 @@ def test_holes_are_closed_by_flat_fans() -> None:
     same, none = close_holes(patches_of(shapes.grid())[0])
     assert len(none) == 0
     assert same.euler().tolist() == [1]
+
+
+def test_a_surface_opened_again_has_its_shapes_and_nothing_that_a_solve_left() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    cut = np.zeros(len(surface.edges), bool)
+    first = surface.cut_mesh(cut)
+    areas = first.areas
+    first.eliminated_in(np.arange(first.n_vertices))
+    again = surface.cut_mesh(cut.copy())
+    assert again.areas is areas
+    assert again.elimination is None
+    cut[0] = True
+    assert surface.cut_mesh(cut).n_vertices == first.n_vertices
+    assert len(surface.cut_mesh(cut).edges) == len(first.edges) - 1

@@ -54,6 +54,13 @@ def extent(surface: Surface) -> float:
 
 
 def sure_normals(surface: Surface) -> FloatArray:
+    """As ``measured_normals``, kept as long as the surface is used."""
+    if surface not in _normals:
+        _normals[surface] = measured_normals(surface)
+    return _normals[surface]
+
+
+def measured_normals(surface: Surface) -> FloatArray:
     """(m, 3) unit normals; needles, whose own are noise, take that of the face beyond their longest edges.
 
     Where noise leaves them half a normal, faces beyond a sharp edge count as beyond a shorter one: the needle
@@ -78,6 +85,7 @@ def sure_normals(surface: Surface) -> FloatArray:
     return result
 
 
+_normals: WeakKeyDictionary[Surface, FloatArray] = WeakKeyDictionary()
 _turns: WeakKeyDictionary[Surface, tuple[FloatArray, BoolArray]] = WeakKeyDictionary()
 _flats: WeakKeyDictionary[Surface, tuple[IntArray, BoolArray]] = WeakKeyDictionary()
 
@@ -103,11 +111,13 @@ def measured_turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     angle, concave = np.empty(count), np.empty(count, bool)
     for k in slices(count):
         h, other = surface.edges[k].T
-        a, b = n[h // 3], n[other // 3]
-        cross = np.cross(a, b)
-        along = points[flat[next_half_edge(h)]] - points[flat[h]]
-        angle[k] = np.arctan2(np.linalg.norm(cross, axis=1), (a * b).sum(1))
-        concave[k] = (cross * along).sum(1) < 0
+        a, b = n[h // 3].T, n[other // 3].T
+        along = (points[flat[next_half_edge(h)]] - points[flat[h]]).T
+        x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        angle[k] = np.arctan2(
+            np.sqrt(x * x + y * y + z * z), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+        )
+        concave[k] = x * along[0] + y * along[1] + z * along[2] < 0
     return angle, concave
 
 

@@ -165,7 +165,8 @@ def _settle(surface: Surface, cell: IntArray) -> IntArray:
     touch = np.unique(np.r_[a[~lost[a] & lost[b]], b[~lost[b] & lost[a]]])
     if len(touch) == 0:
         return cell
-    _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), touch)
+    near = lost[a] | lost[b]  # any other way leads through a vertex of ``touch``
+    _, _, source = nearest(undirected(n, a[near], b[near], np.ones(int(near.sum()))), touch)
     fill = lost & (source >= 0)
     out = cell.copy()
     out[fill] = cell[source[fill]]
