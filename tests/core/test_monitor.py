@@ -70,4 +70,8 @@ def test_the_deadline(clock: Clock) -> None:
     clock.now = 108.0
     assert monitor.short(3.0)
     assert not unbound.short(1e9)
+    # of 10 s from 100 on: 1.4 s of lateness are accepted where it is known how long the rest takes
+    monitor.check(3.3)
+    with pytest.raises(OutOfTimeError):
+        monitor.check(3.5)
     assert not monitor.hurried, "nobody was told that time is up"

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circparam.mesh.halfedge import shared_edges
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.topology import describe
 from tests.support import shapes
@@ -66,6 +67,21 @@ def test_boundary_lengths_are_in_units_of_the_mesh_longest_first():
     ring = describe(Mesh(*shapes.annulus(64, 4, inner=0.25))).components[0]
     side = 2 * np.sin(np.pi / 64) * 64
     assert np.allclose(ring.boundary_lengths, [side, side / 4])
+
+
+def test_edges_between_faces_of_unlike_winding_are_counted_for_each_component():
+    """Sheets of 8 and 18 faces: one face of the first is turned over, and three of the second."""
+    p, f = shapes.grid(3, 3)
+    q, g = shapes.grid(4, 4)
+    points, faces = shapes.join((p, f), (q + np.array([9, 0, 0]), g))
+    inner = shared_edges(faces) // 3
+    turned = [0, 8, 15, 20]
+    faces[turned] = faces[turned][:, ::-1]
+    unlike = np.isin(inner, turned).sum(1) == 1
+    expected = [int((unlike & (inner[:, 0] < 8)).sum()), int((unlike & (inner[:, 0] >= 8)).sum())]
+    found = {c.faces: c.inconsistent_edges for c in describe(Mesh(points, faces)).components}
+    assert [found[8], found[18]] == expected
+    assert min(expected) > 0
 
 
 def test_non_manifold_edges_and_points():

@@ -1,5 +1,7 @@
 """Coincident vertices, degenerate and duplicate faces, as maps."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,14 @@ def test_what_counts_as_degenerate_does_not_depend_on_the_scale(scale):
     if 1e-12 <= scale <= 1e12:
         assert repairs.scale == 1
     check_surface(mesh, surface, repairs)
+
+
+@pytest.mark.parametrize("corners", list(permutations(range(3))))
+def test_a_needle_is_degenerate_from_whichever_corner(corners):
+    """An area up to 1e-12 of the square of its longest edge, which is one long."""
+    for height, none in ((1.9e-12, True), (2.1e-12, False)):
+        needle = np.array([[0, 0, 3], [1, 0, 3], [0.5, height, 3]])
+        assert degenerate_faces(needle, np.array([corners])).tolist() == [none]
 
 
 def test_all_faces_degenerate_is_an_input_error():

@@ -95,6 +95,7 @@ def test_nothing_of_a_bar_chart_is_cut_off(key: str):
         MethodLayout("none", None, "failed", {}),
     ]
     root = ET.fromstring(bars(rows, key, "Title").replace("&nbsp;", " "))
+    assert root.get("aria-label") == ("Title, logarithmic" if key == "seconds" else "Title")
     wide = float(root.get("viewBox").split()[2])
     for text in root.iter("text"):
         x, size = float(text.get("x")), 8.0 * len(text.text)
