@@ -77,7 +77,7 @@ def outlines(cut_mesh: CutMesh, uv: FloatArray, which: IntArray, step: float) ->
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Chords of one outline from corner i to corner j, i < j: all (c,).
+    """Chords of one outline from corner i to corner j, i < j: all (c,). Some may leave the outline.
 
     length: of each. least: area of the smaller part. box: sum of the least bounding boxes of both parts.
     square: side of the smallest square that holds either part.
@@ -94,6 +94,17 @@ class Chords:
     def ends(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Both ends of chord k, each (2,)."""
         return self.outline.p[self.i[k]], self.outline.p[self.j[k]]
+
+    def inside(self, k: int) -> bool:
+        """Whether chord k crosses no edge of the outline, and its middle lies inside."""
+        a, b = self.ends(k)
+        start, end = self.outline.edges
+        ends = (np.broadcast_to(p, start.shape) for p in (a, b))
+        if properly_cross(*ends, start, end).any():
+            return False
+        middle = (a + b)[None] / 2
+        inside = within(self.outline.p, middle)[0]
+        return bool(inside and not any(within(hole, middle)[0] for hole in self.outline.holes))
 
 
 def split(outline: Outline, i: int, j: int) -> tuple[Outline, Outline]:
@@ -114,7 +125,7 @@ def split(outline: Outline, i: int, j: int) -> tuple[Outline, Outline]:
 
 
 def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
-    """Chords between points of an outline that run inside: for each point the shortest ones."""
+    """Chords between points of an outline: for each point the shortest ones."""
     p = outline.p
     pick = np.unique(np.linspace(0, len(p), anchors, endpoint=False).astype(np.int64))
     k = len(pick)
@@ -127,8 +138,6 @@ def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
     near = (far <= np.roll(far, 1, 1)) & (far <= np.roll(far, -1, 1))
     near |= near.T
     i, j = np.nonzero(np.triu(near & np.isfinite(far)))
-    inside = _inside(outline, q[i], q[j])
-    i, j = i[inside], j[inside]
     total = float(outline.fans.sum())
     cumulative = np.r_[0.0, np.cumsum(outline.fans)]
     first = cumulative[pick[j]] - cumulative[pick[i]] + cross2(q[j], q[i]) / 2
@@ -144,19 +153,6 @@ def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
         ahead[0] + back[0],
         np.maximum(ahead[1], back[1]),
     )
-
-
-def _inside(outline: Outline, a: FloatArray, b: FloatArray) -> BoolArray:
-    """(c,) bool: the chord from a to b crosses no edge of the outline, and its middle lies inside."""
-    start, end = outline.edges
-    chord, edge = np.indices((len(a), len(start))).reshape(2, -1)
-    crossed = properly_cross(a[chord], b[chord], start[edge], end[edge])
-    crossed = crossed.reshape(len(a), len(start))
-    middle = (a + b) / 2
-    inside = within(outline.p, middle)
-    for hole in outline.holes:
-        inside &= ~within(hole, middle)
-    return np.asarray(inside & ~crossed.any(1))
 
 
 def turned(points: FloatArray) -> FloatArray:

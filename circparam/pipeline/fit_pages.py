@@ -15,8 +15,6 @@ from circparam.pipeline.page_cuts import Cutter, Part, joined
 from circparam.pipeline.page_search import CHORDS
 from circparam.seams.cost import COST
 
-CUTS = 64  # at most, if the user gives no number
-
 
 def fit_pages(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """Cut charts that are longer than a page at the density asked for; a note tells it.
@@ -28,7 +26,7 @@ def fit_pages(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     cut_mesh, uv = cascade.atlas.open()
     page = pack_options(options)
     most = np.inf if options.max_charts is None else options.max_charts - cut_mesh.n_charts
-    most = min(most, CUTS if options.cuts_asked is None else options.cuts_asked)
+    most = min(most, len(cut_mesh.faces) if options.cuts_asked is None else options.cuts_asked)
     if most < 1 or page.fixed_scale is None or monitor.expired or not np.isfinite(uv).all():
         return cascade
     side = (page.resolution - 2 * page.border) / page.fixed_scale
@@ -71,7 +69,9 @@ def _halves(cutter: Cutter, part: Part, side: float) -> list[Part] | None:
     page = 2 * np.log(np.maximum(chords.square / side, 1.0))
     cost = chords.length / cutter.root + COST.page * page
     for k in np.argsort(cost, kind="stable").tolist():
-        done = cutter.cut(part, k) if len(part.failed) < CHORDS else None
+        if len(part.failed) == CHORDS:
+            break
+        done = cutter.cut(part, k) if chords.inside(k) else None
         if done is not None:
             return done[0]
     return None

@@ -199,7 +199,7 @@ class Search:
                 ends[trial.n] = np.reshape(known, (-1, 4))
             here = np.concatenate(part.chords.ends(trial.k))
             d = np.sqrt((np.reshape(ends[trial.n] - here, (-1, 2, 2)) ** 2).sum(2)).sum(1)
-            if (d < 2 * COARSE / CELLS * self.cutter.root).any():
+            if (d < 2 * COARSE / CELLS * self.cutter.root).any() or not part.chords.inside(trial.k):
                 continue
             ends[trial.n] = np.vstack([ends[trial.n], here])
             kept.append(trial)

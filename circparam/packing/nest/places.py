@@ -40,16 +40,14 @@ def best_place(
 ) -> tuple[int, int, int] | None:
     """Mask, row, column of the free place with the highest contact score; None if nothing is free.
 
-    Only places are looked at where some mask lies on the page. One transform tells which are free, and nearly
-    their contact. If several may be the best, their masks are examined again.
+    Only places are looked at where some mask lies on the page; cells beyond it are taken. One transform tells
+    which are free, and nearly their contact. If several may be the best, their masks are examined again.
     """
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
     # weight of a taken cell: more than the contact of any mask
     used = 2 * np.float32(area.max())
     contact = _at_places(kernel * (page * (blur + used)), tall, wide)
     free = contact < 0.75 * used
-    free &= (np.arange(tall)[None] <= side - rows[:, None])[:, :, None]
-    free &= (np.arange(wide)[None] <= side - columns[:, None])[:, None, :]
     score = np.where(free, contact / area[:, None, None], -1).ravel()
     highest = float(score.max())
     if highest < 0:

@@ -28,7 +28,10 @@ BLURS = 4
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """All charts as masks at one cell size. spectra: of the masks, on a grid of ``side`` cells a side."""
+    """All charts as masks at one cell size. spectra: of the masks, on a grid of ``side`` cells a side.
+
+    Pages have a cell less at least, so that no mask reaches round the grid.
+    """
 
     masks: Sequence[Masks]
     spectra: Sequence[Spectrum]

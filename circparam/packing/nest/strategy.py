@@ -68,7 +68,7 @@ def _searched(task: PackTask) -> tuple[Placement | None, Straight | None]:
         found, along = [], None
         # masks are grown by half the gap, which at the border is not needed
         most = (_inner(options) + options.gap) / max(task.least * cell, 1e-300)
-        side = int(min(board.side, most))
+        side = int(min(board.side - 1, most))
         if straight is not None:
             count = np.where(straight.counts, 4, [len(m.angle) for m in board.masks])
             allowed = [np.arange(k) for k in count.tolist()]
@@ -80,7 +80,7 @@ def _searched(task: PackTask) -> tuple[Placement | None, Straight | None]:
             found, along = (free, None) if free else (found, along)
         if found:
             return to_placement(board, found[0], cell, options), along
-        if side < board.side:
+        if side < board.side - 1:
             break
         density /= 2
     return None, None
@@ -126,7 +126,8 @@ def _board(
     straight: charts that are tried along the axes too, at the first four of their angles. cells: side of a
     page, None for that of the search.
     """
-    side = int(sf.good_size(cells or _cells(shapes, options), True))
+    grid = int(sf.good_size((cells or _cells(shapes, options)) + 1, True))
+    side = grid - 1
     cell = float(np.sqrt(shapes.area.sum() / (density * options.pages))) / side
     # on the largest page, whose texels are the most cells
     grow = options.gap / 2 * side / options.resolution
@@ -137,8 +138,8 @@ def _board(
             angles = np.r_[straight.angle[c] + QUARTERS, angles]
         a, b = shapes.outline(c)
         masks.append(chart_masks(a / cell, b / cell, angles, grow))
-        spectra.append(spectra_of(masks[-1], side))
-    return Board(masks, spectra, side), cell
+        spectra.append(spectra_of(masks[-1], grid))
+    return Board(masks, spectra, grid), cell
 
 
 def chart_angles(shapes: Shapes, options: PackOptions) -> list[FloatArray]:
@@ -227,7 +228,7 @@ def _at_fixed_scale(task: PackTask, scale: float) -> Placement | None:
     board, cell = _board(shapes, options, area / page / options.pages, cells=cells)
     budget = Budget(_work(shapes, options), lambda: task.monitor.expired)
     for pages in range(1, options.pages + 1):
-        found = search(board, board.side, pages, budget, least=board.side)
+        found = search(board, board.side - 1, pages, budget, least=board.side - 1)
         if found:
             return to_placement(board, found[0], cell, options)
     return None
