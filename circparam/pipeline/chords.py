@@ -99,8 +99,8 @@ class Chords:
         """Whether chord k crosses no edge of the outline, and its middle lies inside."""
         a, b = self.ends(k)
         start, end = self.outline.edges
-        ends = (np.broadcast_to(p, start.shape) for p in (a, b))
-        if properly_cross(*ends, start, end).any():
+        here, there = np.broadcast_to(a, start.shape), np.broadcast_to(b, start.shape)
+        if properly_cross(here, there, start, end).any():
             return False
         middle = (a + b)[None] / 2
         inside = within(self.outline.p, middle)[0]
