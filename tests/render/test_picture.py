@@ -4,14 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 import circparam
 from circparam.errors import OutputError
 from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render.colours import distortion_map
 from circparam.render.figures import PictureOptions
-from circparam.render.picture import draw_figure, save_preview, save_result
+from circparam.render.picture import draw_figure, draw_scale, save_preview, save_result, to_image
 from circparam.render.scene import make_scene
+from circparam.render.text import fitted, width
 from tests.support import shapes
 from tests.support.scenes import QUAD, SQUARE, cube
 
@@ -56,3 +58,25 @@ def test_a_point_sized_and_a_flat_mesh_are_drawn():
     )
     assert np.allclose(huge.distortion, 1)
     assert draw_figure(huge, PictureOptions(samples=1)).size == (1600, 1010)
+
+
+def test_the_scale_of_distortion_goes_through_the_whole_map():
+    page = Image.new("RGB", (600, 40), "white")
+    draw = ImageDraw.Draw(page)
+    draw_scale(page, draw, 590, 8, 2.0, "1 is perfect")
+    left = 590 - int(width(draw, "2 or more", 16)) - 250
+    bar = np.asarray(page)[13:25, left : left + 240]
+    np.testing.assert_array_equal(bar, np.repeat(to_image(distortion_map(240)[None]), 12, 0))
+
+
+@pytest.mark.parametrize("room", [60, 100, 180])
+def test_a_text_that_is_too_wide_loses_as_little_of_its_middle_as_it_has_to(room: int):
+    draw = ImageDraw.Draw(Image.new("RGB", (9, 9)))
+    text = "a long name of some mesh.obj"
+    assert fitted(draw, text, 16, 1000) == text
+    begin, end = fitted(draw, text, 16, room).split("…")
+    assert (text.startswith(begin), text.endswith(end)) == (True, True)
+    assert 0 <= len(begin) - len(end) <= 1
+    assert width(draw, f"{begin}…{end}", 16) <= room
+    more = len(begin) + len(end) + 1
+    assert width(draw, f"{text[: more - more // 2]}…{text[-(more // 2) :]}", 16) > room
