@@ -10,6 +10,7 @@ import numpy.typing as npt
 from circparam.bake.projection import frames_over
 from circparam.bake.source_image import SourceImage
 from circparam.bake.texels import flat_areas
+from circparam.core.arrays import normals_of
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
@@ -108,7 +109,7 @@ class Source:
     def areas(self) -> FloatArray:
         """(m,) areas of the faces in space."""
         corners = self.document.mesh.points[self.document.mesh.faces]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        cross = normals_of(corners)
         return np.asarray(np.linalg.norm(cross, axis=1) / 2)
 
     @cached_property

@@ -117,20 +117,8 @@ class Index:
         """
 
         def is_due(row: tuple[Any, ...]) -> bool:
-            (
-                _,
-                source,
-                target,
-                size,
-                mark,
-                old_size,
-                old_mark,
-                hashed,
-                made_with,
-                status,
-                code,
-                out,
-            ) = row
+            _, source, target, size, mark, *done = row
+            old_size, old_mark, hashed, made_with, status, code, out = done
             if status is None or made_with != options or "all" in retry:
                 return True
             if "failed" in retry and (status == "failed" or code):

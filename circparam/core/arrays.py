@@ -120,6 +120,16 @@ def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
+def doubled_areas(corners: FloatArray) -> FloatArray:
+    """(m,) twice the signed areas of plane triangles (m, 3, 2); positive is counter-clockwise."""
+    return cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def normals_of(corners: FloatArray) -> FloatArray:
+    """(m, 3) normals of triangles (m, 3, 3), twice their area long."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
 def norms2(vectors: FloatArray) -> FloatArray:
     """(n,) lengths of plane vectors (n, 2); sums over an axis of length 2 take NumPy many times as long."""
     x, y = vectors[:, 0], vectors[:, 1]

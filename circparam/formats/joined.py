@@ -73,13 +73,8 @@ class JoinedDocument(Document):
         found = [part.uv(uv_set) for part in self.parts]
         if all(layout is None for layout in found):
             return None
-        rows, faces, count = [np.zeros((0, 2))], [], 0
-        for part, layout in zip(self.parts, found, strict=True):
-            layout = layout or UVMap(np.zeros((0, 2)), np.full(part.mesh.faces.shape, -1))
-            faces.append(np.where(layout.uv_faces < 0, -1, layout.uv_faces + count))
-            rows.append(layout.uv)
-            count += len(layout.uv)
-        return UVMap(np.concatenate(rows), np.concatenate(faces))
+        none = [UVMap(np.zeros((0, 2)), np.full(part.mesh.faces.shape, -1)) for part in self.parts]
+        return joined_layout([own or bare for own, bare in zip(found, none, strict=True)])
 
     def colours(self) -> FloatArray | None:
         """The colours of all corners, white in files without any."""
@@ -166,6 +161,16 @@ class JoinedDocument(Document):
         files = {mine: image_name(stem, page) for page, mine in there if mine in pages}
         tangents = None if carried.tangents is None else carried.tangents[self.faces_of(k)]
         return part.dressed(Carried(images, groups, carried.uv_set, tangents, kept, files))
+
+
+def joined_layout(layouts: Sequence[UVMap]) -> UVMap:
+    """Layouts of meshes as one of all their faces, one mesh behind the other."""
+    first = np.cumsum([0, *(len(layout.uv) for layout in layouts)])
+    faces = [
+        np.where(layout.uv_faces < 0, -1, layout.uv_faces + k)
+        for layout, k in zip(layouts, first, strict=False)
+    ]
+    return UVMap(np.concatenate([layout.uv for layout in layouts]), np.concatenate(faces))
 
 
 def _on_page(slot: Slot, names: dict[str, str]) -> Slot:

@@ -117,8 +117,7 @@ def _segments(
 
 def turned_out(boundary: BoundarySegments, n: int) -> BoolArray:
     """(n,) charts with more than one boundary loop that runs counter-clockwise; see ``turned_loops``."""
-    out = mask_of(n, boundary.chart[turned_loops(boundary)])
-    return out
+    return mask_of(n, boundary.chart[turned_loops(boundary)])
 
 
 def turned_loops(boundary: BoundarySegments) -> BoolArray:

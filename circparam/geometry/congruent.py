@@ -13,7 +13,15 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import first_of_runs, group_count, group_max, group_sum, mask_of, ranges
+from circparam.core.arrays import (
+    first_of_runs,
+    group_count,
+    group_max,
+    group_sum,
+    mask_of,
+    normals_of,
+    ranges,
+)
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -126,7 +134,7 @@ def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntA
     owner = key // len(points)
     own = points[key % len(points)]
     corner = own[vertex]
-    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    cross = normals_of(corner)
     area = np.linalg.norm(cross, axis=1) / 2
     total = np.maximum(group_sum(area, component, n), 1e-300)
     middle = corner.mean(1)

@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     group_sum,
     mask_of,
     next_half_edge,
+    normals_of,
     positions_in,
 )
 from circparam.core.graph import components
@@ -38,7 +39,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     i, j = order[first[count == 2]], order[first[count == 2] + 1]
     corner = points[vertex]
-    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    cross = normals_of(corner)
     size = np.linalg.norm(cross, axis=1)
     normal = cross / np.maximum(size, 1e-300)[:, None]
     f, g = i // 3, j // 3
@@ -126,8 +127,7 @@ def _twice(key: IntArray, which: IntArray, count: int) -> BoolArray:
     """(count,) bool: groups in which a key stands more than once."""
     order = np.argsort(key, kind="stable")
     again = order[1:][key[order][1:] == key[order][:-1]]
-    out = mask_of(count, which[again])
-    return out
+    return mask_of(count, which[again])
 
 
 def _astray(

@@ -8,7 +8,7 @@ a normal map made with these has green up, as glTF wants it.
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum
+from circparam.core.arrays import cross2, group_sum, normals_of
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 
@@ -70,7 +70,7 @@ def corner_normals(corners: FloatArray, vertex: IntArray, sharp: float = 180.0) 
     corners: (m, 3, 3). vertex: (m, 3) labels, equal where corners share a vertex. sharp: a corner whose face is
     turned further than this from the mean, degrees, keeps the normal of its face.
     """
-    flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    flat = unit(normals_of(corners))
     weight = corner_angles_of(corners)[..., None] * flat[:, None]
     smooth = unit(_by_group(weight.reshape(-1, 3), vertex.ravel())).reshape(corners.shape)
     whole = np.broadcast_to(flat[:, None], smooth.shape)

@@ -8,6 +8,7 @@ moves the rest by the least drift (``least_drift``). The few faces that it canno
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -69,6 +70,23 @@ class SurfacePoints:
         self.face[rows], self.bary[rows], self.distance[rows] = new.face, new.bary, new.distance
 
 
+def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
+    return SurfacePoints(
+        *(np.concatenate(x) for x in zip(*map(dataclasses.astuple, parts), strict=True))
+    )
+
+
+def _in_blocks(find: Callable[..., SurfacePoints]) -> Callable[..., SurfacePoints]:
+    """A search that takes its rows in blocks, which bounds the memory."""
+
+    @functools.wraps(find)
+    def whole(source: "SourceCharts", *arrays: FloatArray | IntArray) -> SurfacePoints:
+        blocks = slices(len(arrays[0]), PLACES_AT_ONCE)
+        return _concatenated(*(find(source, *(a[k] for a in arrays)) for k in blocks))
+
+    return whole
+
+
 class SourceCharts:
     """A surface with its layout; closest points on any chart, or on one chart near a known place."""
 
@@ -96,11 +114,9 @@ class SourceCharts:
         layer = chart[:, None] * (LAYER_DIAGONALS * self.diagonal)
         return np.concatenate([places, layer, UV_WEIGHT / self.scale * uv], axis=1)
 
+    @_in_blocks
     def anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
         """The closest points; where possible, on faces whose normals agree with the given ones."""
-        return _in_blocks(self._anywhere, places, normals)
-
-    def _anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
         found = self.sample[_nearest(self.free, places)]
         bary, d2 = closest_on_triangles(places[:, None], self.corners[found])
         away = np.einsum("pkc,pc->pk", self.atlas.surface.normals[found], normals) <= 0
@@ -109,11 +125,9 @@ class SourceCharts:
         rows = np.arange(len(places))
         return SurfacePoints(found[rows, best], bary[rows, best], np.sqrt(d2[rows, best]))
 
+    @_in_blocks
     def on_chart(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
         """The closest points of charts (p,), each on the side of seams where the expected uv (p, 2) lies."""
-        return _in_blocks(self._on_chart, places, chart, expected)
-
-    def _on_chart(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
         first = self._walked(places, self._sampled(places, chart, expected))
         # a walk ends at a vertex whose faces beside it are as near: samples round that place lead further
         return self._walked(places, self._sampled(places, chart, self.uv(first)), first)
@@ -156,13 +170,9 @@ class SourceCharts:
         """(p, 2) places of points in the layout."""
         return np.einsum("pk,pkc->pc", spots.bary, self.atlas.corners[spots.face])
 
-    def places_of(self, spots: SurfacePoints) -> FloatArray:
-        """(p, 3) places of points in space."""
-        return np.einsum("pk,pkx->px", spots.bary, self.corners[spots.face])
-
     def expected(self, spots: SurfacePoints, places: FloatArray, normals: FloatArray) -> FloatArray:
         """(p, 2) uv of places beside points, continued along the plane of the normals."""
-        there = self.places_of(spots)
+        there = np.einsum("pk,pkx->px", spots.bary, self.corners[spots.face])
         normal = self.atlas.surface.normals[spots.face]
         turned = turn_gradients(self.gradients[spots.face], normal, normals)
         return self.uv(spots) + np.einsum("pdx,px->pd", turned, places - there)
@@ -170,19 +180,6 @@ class SourceCharts:
 
 def _nearest(tree: cKDTree, places: FloatArray) -> IntArray:
     return tree.query(places, k=min(CANDIDATES, tree.n))[1].reshape(len(places), -1)
-
-
-def _in_blocks(find: Callable[..., SurfacePoints], *arrays: FloatArray | IntArray) -> SurfacePoints:
-    """The rows of a search in blocks, which bounds the memory."""
-    return _concatenated(
-        *(find(*(a[k] for a in arrays)) for k in slices(len(arrays[0]), PLACES_AT_ONCE))
-    )
-
-
-def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
-    return SurfacePoints(
-        *(np.concatenate(x) for x in zip(*map(dataclasses.astuple, parts), strict=True))
-    )
 
 
 def spread_samples(areas: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -12,7 +12,7 @@ from circparam.core.arrays import mask_of, next_half_edge, positions_in
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
-from circparam.maps.geometries import Geometry, signs_of, weights_in
+from circparam.maps.geometries import Geometry, counter_clockwise, signs_of, weights_in
 
 STRAIGHT_STEPS = 60  # faces that a walk crosses by the edge that its goal lies farthest behind
 WALK_STEPS = 400  # faces that a walk crosses at most
@@ -52,6 +52,10 @@ class Development:
         out = np.broadcast_to(np.eye(3), (len(corner), 3, 3)).copy()
         out[at >= 0] = self.corner_matrices[at[at >= 0], corner[at >= 0] % 3]
         return out
+
+    def turned(self, vectors: FloatArray) -> BoolArray:
+        """(m,) bool: faces turned over by vectors (n, 3) of the vertices, or flat to floating point."""
+        return ~counter_clockwise(self.corners(vectors))
 
     def rolled_out(
         self, roots: IntArray, passable: BoolArray | None = None

@@ -15,7 +15,7 @@ from circparam.maps.geometries import Base, base_of, signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.layout import laid_out
 from circparam.maps.map_input import MapInput
-from circparam.maps.mend import Mender
+from circparam.maps.mend import mended
 from circparam.maps.places import along_boundaries
 from circparam.maps.straighten import straighten
 from circparam.maps.tracing import Tracer
@@ -88,7 +88,7 @@ def _patched(
     q = np.einsum("vp,vpd->vd", places.reshape(-1, 3)[first], base.corners[patch[first // 3]])
     cover = Cover(base.geometry, development, base.geometry.normal(q))
     if (signs_of(cover.cones) <= 0).any():
-        q, _ = Mender(base.geometry, development, tracer.on).mended(cover.vectors)
+        q, _ = mended(base.geometry, development, tracer.on, cover.vectors)
         cover = replace(cover, vectors=q)
         collapsed = int((signs_of(cover.cones) <= 0).sum())
         if collapsed:

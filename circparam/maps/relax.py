@@ -17,7 +17,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.cover import Cover, CoverPoints, Development
-from circparam.maps.geometries import Geometry, counter_clockwise, tangents
+from circparam.maps.geometries import Geometry, tangents
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import ranks_of
@@ -248,7 +248,7 @@ class Relaxation:
     def unflipped(self, at: TargetPoint) -> BoolArray:
         """(m,) bool: the face is not turned over, in the domain where it is guarded, else on the target."""
         if self.guard:
-            return counter_clockwise(self.development.corners(at.vectors))
+            return ~self.development.turned(at.vectors)
         p, frames = self.triangles(at)
         normal = np.cross(frames[..., 0], frames[..., 1]).sum(0)
         out = np.ones(len(self.faces), bool)
@@ -291,7 +291,7 @@ class Relaxation:
             if better is not None:
                 return (*better, -slope / 2)
             trial = self.target.moved(at, SHORT_STEP * d)
-            bad = ~counter_clockwise(self.development.corners(trial.vectors))
+            bad = self.development.turned(trial.vectors)
             if not bad.any():
                 break
             resting[self.faces[bad]] = True

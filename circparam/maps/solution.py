@@ -11,10 +11,10 @@ from circparam.core.types import BoolArray
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.distortion import Distortion, distortion
 from circparam.maps.domain import Domain, common_domain, composed
-from circparam.maps.geometries import counter_clockwise, signs_of
+from circparam.maps.geometries import signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
-from circparam.maps.mend import Mender
+from circparam.maps.mend import mended
 from circparam.maps.places import along_boundaries
 from circparam.maps.relax import GeometryTarget, MeshTarget, Relaxation
 
@@ -106,9 +106,8 @@ def relaxed(
         cover = _untied(b, domain, at.on, monitor)
     with monitor.stage("relax"):
         q = cover.vectors_of(at.on)
-        mender = Mender(geometry, whole, fixed)
-        if mender.turned(q).any():
-            q, left = mender.mended(q)
+        if whole.turned(q).any():
+            q, left = mended(geometry, whole, fixed, q)
             if left:
                 return None
             run.target, run.guard = MeshTarget(cover, scale), True
@@ -139,7 +138,7 @@ def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> C
     run: Relaxation | None = None
     before = len(one.whole.mesh.faces) + 1
     for _ in range(DOMAIN_ROUNDS):
-        left = int((~counter_clockwise(one.whole.corners(cover.vectors_of(at)))).sum())
+        left = int(one.whole.turned(cover.vectors_of(at)).sum())
         if left == 0 or left >= before:
             break
         before = left

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from circparam.core.arrays import normals_of
 from circparam.core.files import write_files
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -134,16 +135,11 @@ def moved(mapped: SurfaceMap, target: Mesh, source: Mesh) -> FloatArray:
 
 def turned_over(mapped: SurfaceMap, target: Mesh, source: Mesh) -> BoolArray:
     """(m,) faces of the target that look against the source once they are moved onto it."""
-    normal = _cross(moved(mapped, target, source)[target.faces])
+    normal = normals_of(moved(mapped, target, source)[target.faces])
     there = mapped.to_b.face[target.faces]
-    own = _cross(source.points[source.faces])
+    own = normals_of(source.points[source.faces])
     own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300)
     return (normal * own[there].sum(1)).sum(1) < 0
-
-
-def _cross(corners: FloatArray) -> FloatArray:
-    """(m, 3) normals of triangles, twice their area long."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = False) -> None:

@@ -68,8 +68,7 @@ class Tracer:
     @property
     def on(self) -> BoolArray:
         """(n,) bool: vertices of landmarks and arcs, which no path touches."""
-        out = mask_of(self.mesh.n, np.concatenate([self.marks, *self.arcs.values()]))
-        return out
+        return mask_of(self.mesh.n, np.concatenate([self.marks, *self.arcs.values()]))
 
     def on_arcs(self) -> BoolArray:
         """(3m,) bool: half-edges that lie on an arc."""

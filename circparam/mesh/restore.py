@@ -109,5 +109,4 @@ def _flattened(
 def _hit(wanted: IntArray, among: IntArray) -> BoolArray:
     """(k,) bool, which of a few numbers in ascending order are among many."""
     at = np.minimum(np.searchsorted(wanted, among), len(wanted) - 1)
-    out = mask_of(len(wanted), at[wanted[at] == among])
-    return out
+    return mask_of(len(wanted), at[wanted[at] == among])

@@ -29,8 +29,7 @@ class Pins:
 
     def mask(self, cut_mesh: CutMesh) -> BoolArray:
         """(n_vertices,) the vertices that are fixed."""
-        out = mask_of(cut_mesh.n_vertices, self.vertices)
-        return out
+        return mask_of(cut_mesh.n_vertices, self.vertices)
 
 
 def check_pins(cut_mesh: CutMesh, pins: Pins, fewest: int) -> None:

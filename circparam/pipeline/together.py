@@ -22,7 +22,7 @@ from circparam.formats.io import (
     stage,
     write_staged,
 )
-from circparam.formats.joined import JoinedDocument, join
+from circparam.formats.joined import JoinedDocument, join, joined_layout
 from circparam.formats.table import output_suffix, takes_unshare
 from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.mesh import UVMap
@@ -211,7 +211,8 @@ def save_together(
         ]
         written = write_staged(staged, o.overwrite)
     with monitor.stage("verify"):
-        uvmap = _read_back(joined, written, o)
+        sizes = np.diff(joined.first_face).tolist()
+        uvmap = joined_layout([read_back(one, m, o) for one, m in zip(written, sizes, strict=True)])
         stored = as_stored(result, uvmap, monitor.hurried)
         if stored.verification is not result.verification:
             found = replace(stored.verification, seen=lambda: result.verification.seam_visible)
@@ -238,17 +239,6 @@ def save_together(
 def _maps(maps: Sequence[IntArray], first: IntArray) -> IntArray:
     """Index maps of files as one of all; first: number of the first vertex or face of each."""
     return np.concatenate([own + k for own, k in zip(maps, first, strict=False)])
-
-
-def _read_back(joined: JoinedDocument, written: Sequence[Written], o: Options) -> UVMap:
-    """The layout of all files as they hold it. Raises NoResultError if one has no uv for its faces."""
-    rows, faces, count = [], [], 0
-    for part, one in zip(joined.parts, written, strict=True):
-        layout = read_back(one, len(part.mesh.faces), o)
-        rows.append(layout.uv)
-        faces.append(np.where(layout.uv_faces < 0, -1, layout.uv_faces + count))
-        count += len(layout.uv)
-    return UVMap(np.concatenate(rows), np.concatenate(faces))
 
 
 def _part(joined: JoinedDocument, k: int, result: Result, written: Written) -> AtlasPart:

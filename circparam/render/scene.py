@@ -5,7 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import cross2, edge_keys, group_sum, mask_of, next_half_edge, relabel
+from circparam.core.arrays import (
+    doubled_areas,
+    edge_keys,
+    group_sum,
+    mask_of,
+    next_half_edge,
+    normals_of,
+    relabel,
+)
 from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
@@ -98,7 +106,7 @@ class Scene:
     def uv_areas(self) -> FloatArray:
         """(m,) signed uv area of every face, 0 if it has none."""
         c = np.nan_to_num(self.corner_uv)
-        return cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) / 2
+        return doubled_areas(c) / 2
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -108,7 +116,7 @@ class Scene:
     @cached_property
     def _crosses(self) -> FloatArray:
         c = self.points[self.faces]
-        return np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+        return normals_of(c)
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -294,7 +302,7 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
     _, labels = components(len(fid) + len(edges), rows, edge.reshape(-1) + len(fid))
     n, label = relabel(labels[: len(fid)])
     c = new_uv[joined[fid]]
-    area = group_sum(np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])), label, n)
+    area = group_sum(np.abs(doubled_areas(c)), label, n)
     rank = np.empty(n, np.int64)
     rank[np.lexsort((np.arange(n), -area))] = np.arange(n)
     chart = np.full(len(joined), -1)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import group_max, group_min, relabel
+from circparam.core.arrays import group_max, group_min, normals_of, relabel
 from circparam.core.monitor import Listener
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -108,7 +108,7 @@ def lay_out(
     grows = density > 0 and "resolution" not in keywords
     if grows:
         p = document.mesh.points[document.mesh.faces]
-        normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+        normal = normals_of(p)
         area = float(np.linalg.norm(normal, axis=1).sum() / 2)
         full = math.ceil(density * math.sqrt(area / FULLEST)) + 2 * padding
         keywords = keywords | {"resolution": full}
