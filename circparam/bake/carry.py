@@ -18,12 +18,13 @@ from circparam.bake.merging import FILL, fitted, groups_of, with_cutoff
 from circparam.bake.source_image import Floats, coded
 from circparam.bake.texels import Texels, corners_in_texels, density, find_texels, places_in
 from circparam.bake.write import png
+from circparam.core.arrays import unit
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.core.workers import cores
 from circparam.formats.looks import Carried, Group, Material, Slot, Use
-from circparam.geometry.shading import Frames, unit
+from circparam.geometry.shading import Frames
 from circparam.mesh.mesh import UVMap
 
 MAGNIFIED = 0.5  # texels of an old image along a new one, below which samples hardly differ

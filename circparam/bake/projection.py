@@ -12,14 +12,14 @@ from functools import cached_property
 import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
-from circparam.core.arrays import slices
+from circparam.core.arrays import slices, unit
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.rays import BoxTree, Hits, first_hits
-from circparam.geometry.shading import Frames, corner_normals, frames, unit
+from circparam.geometry.shading import Frames, corner_normals, frames
 from circparam.maps.surface_map import SurfaceMap, moved
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels

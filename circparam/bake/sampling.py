@@ -10,11 +10,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.bake.texels import flat_areas
-from circparam.core.arrays import slices
+from circparam.core.arrays import slices, unit
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.materials import Textures, decode
 from circparam.geometry.closest import Nearest, closest_on_triangles, samples_of, walked
-from circparam.geometry.shading import unit
 from circparam.mesh.halfedge import faces_across, shared_edges
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels

@@ -130,6 +130,11 @@ def normals_of(corners: FloatArray) -> FloatArray:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
+def unit(vectors: FloatArray) -> FloatArray:
+    """(..., d) vectors of length 1; those of length 0 stay."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
+
+
 def norms2(vectors: FloatArray) -> FloatArray:
     """(n,) lengths of plane vectors (n, 2); sums over an axis of length 2 take NumPy many times as long."""
     x, y = vectors[:, 0], vectors[:, 1]

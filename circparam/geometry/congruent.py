@@ -21,6 +21,7 @@ from circparam.core.arrays import (
     mask_of,
     normals_of,
     ranges,
+    unit,
 )
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
@@ -273,7 +274,7 @@ def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
     base = np.full(n, -1)
     base[owner] = _rarest(vertex, owner, kind, ~far, parts.distance[vertex])
     along = parts.points[base[owner]]
-    along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    along = unit(along)
     p = parts.points[vertex]
     off = np.linalg.norm(p - (p * along).sum(1)[:, None] * along, axis=1)
     widest = group_max(off, owner, n)[owner]
@@ -360,9 +361,9 @@ def _motions(
 
 def _axes(a: FloatArray, b: FloatArray, handed: float) -> FloatArray:
     """(k, 3, 3) orthonormal rows: along a, in the plane of a and b, and across it."""
-    x = a / np.maximum(np.linalg.norm(a, axis=1), 1e-300)[:, None]
+    x = unit(a)
     y = b - (b * x).sum(1)[:, None] * x
-    y = y / np.maximum(np.linalg.norm(y, axis=1), 1e-300)[:, None]
+    y = unit(y)
     return np.stack([x, y, handed * np.cross(x, y)], 1)
 
 

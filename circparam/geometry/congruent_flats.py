@@ -10,6 +10,7 @@ from circparam.core.arrays import (
     next_half_edge,
     normals_of,
     positions_in,
+    unit,
 )
 from circparam.core.graph import components
 from circparam.core.records import dataclass
@@ -51,7 +52,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     n, label = components(m, f[level], g[level])
     # finely bent surfaces are level from face to face and no flats
     mean = np.stack([group_sum(cross[:, k], label, n) for k in range(3)], 1)
-    mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-300)[:, None]
+    mean = unit(mean)
     height = (corner * mean[label][:, None]).sum(2)
     spread = group_max(height.max(1), label, n) + group_max(-height.min(1), label, n)
     bent = (spread > 2 * group_max(slack, label, n))[label]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import sorted_distinct
+from circparam.core.arrays import sorted_distinct, unit
 from circparam.core.graph import nearest, undirected
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
@@ -43,7 +43,7 @@ def in_rest_axes(
 ) -> FloatArray:
     """As ``targets_from``, of faces (m, 3) of points (n, 3) with those unit normals (m, 3)."""
     x = points[faces[:, 1]] - points[faces[:, 0]]
-    x = x / np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
+    x = unit(x)
     y = np.cross(normals, x)
     return np.stack(
         [np.einsum("fdx,fx->df", gradients, x), np.einsum("fdx,fx->df", gradients, y)], 1

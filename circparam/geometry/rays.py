@@ -7,7 +7,7 @@ and only the remaining pairs are tested ray by ray.
 
 import numpy as np
 
-from circparam.core.arrays import first_of_runs, ranges, relabel
+from circparam.core.arrays import first_of_runs, ranges, relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
@@ -187,9 +187,9 @@ def _touches(
 ) -> BoolArray:
     """Whether a face may lie in a capsule: seen along the axis, their rectangles overlap."""
     axis = end - start
-    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
+    axis = unit(axis)
     side = np.cross(axis, np.eye(3)[np.abs(axis).argmin(1)])
-    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300)
+    side = unit(side)
     other = np.cross(axis, side)
     reach = radius[segment] * (1 + 1e-9) + 1e-12 * np.abs(corners).max(initial=0)
     keep = np.ones(len(segment), bool)

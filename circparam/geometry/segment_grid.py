@@ -19,6 +19,7 @@ from circparam.core.arrays import (
     ranges,
     sorted_distinct,
     stable_order,
+    unit,
 )
 from circparam.core.types import FloatArray, IntArray
 
@@ -193,7 +194,7 @@ class Candidates:
         p = self.start[segment]
         d = self.end[segment] - p
         double = np.stack([d[:, 0] ** 2 - d[:, 1] ** 2, 2 * d[:, 0] * d[:, 1]], 1)
-        double /= np.maximum(np.linalg.norm(double, axis=1), 1e-300)[:, None]
+        double = unit(double)
         cells = int(cell.max()) + 1
         angle = np.arctan2(
             group_sum(double[:, 1], cell, cells), group_sum(double[:, 0], cell, cells)

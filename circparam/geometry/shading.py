@@ -8,7 +8,7 @@ a normal map made with these has green up, as glTF wants it.
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum, normals_of
+from circparam.core.arrays import cross2, group_sum, normals_of, unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 
@@ -49,12 +49,6 @@ class Frames:
             for k, axis in enumerate(axes)
         ]
         return unit(parts[0] + parts[1] + parts[2])
-
-
-def unit(vectors: FloatArray) -> FloatArray:
-    """(..., 3) vectors of length 1; those of length 0 stay."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
 def corner_angles_of(corners: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import group_sum, mask_of, next_half_edge, ranges, slices
+from circparam.core.arrays import group_sum, mask_of, next_half_edge, ranges, slices, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import extremes, fragments
@@ -84,7 +84,7 @@ def seen_shares(
     pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME)
     scene = [_scene((triangles[k] - centre) / pixel) for k in slices(len(triangles), AT_ONCE)]
     normal = places.normal.sum(1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal = unit(normal)
     vectors = np.ascontiguousarray(
         np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
     )

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sps
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import cross2, first_of_runs, group_sum, next_half_edge, slices
+from circparam.core.arrays import cross2, first_of_runs, group_sum, next_half_edge, slices, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
@@ -375,7 +375,7 @@ def _depths(triangles: FloatArray, own: IntArray, corners: FloatArray) -> FloatA
         for p in (a, b):
             side = p[:, [1, 2, 0]] - p
             normal = np.stack([-side[..., 1], side[..., 0]], -1)
-            normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-300)
+            normal = unit(normal)
             x, y = (np.einsum("kcx,knx->knc", q, normal) for q in (a, b))
             way = np.minimum(x.max(2) - y.min(2), y.max(2) - x.min(2))
             least = np.minimum(least, way.min(1))

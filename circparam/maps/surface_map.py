@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import normals_of
+from circparam.core.arrays import normals_of, unit
 from circparam.core.files import write_files
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -138,7 +138,7 @@ def turned_over(mapped: SurfaceMap, target: Mesh, source: Mesh) -> BoolArray:
     normal = normals_of(moved(mapped, target, source)[target.faces])
     there = mapped.to_b.face[target.faces]
     own = normals_of(source.points[source.faces])
-    own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300)
+    own = unit(own)
     return (normal * own[there].sum(1)).sum(1) < 0
 
 

@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     next_half_edge,
     ranges,
     stable_order,
+    unit,
 )
 from circparam.core.graph import components, follower_components, matching
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -138,7 +139,7 @@ class _Fans(NamedTuple):
         third = faces.ravel()[next_half_edge(next_half_edge(h))]
         inward = points[third] - points[low]
         inward -= (inward * axis).sum(1)[:, None] * axis
-        inward /= np.maximum(np.linalg.norm(inward, axis=1), 1e-300)[:, None]
+        inward = unit(inward)
 
         first = np.repeat(np.cumsum(size) - size, size)
         n = np.repeat(size, size)

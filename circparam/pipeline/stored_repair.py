@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import group_count, mask_of, next_half_edge, sorted_distinct
+from circparam.core.arrays import group_count, mask_of, next_half_edge, sorted_distinct, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import boundary_of, turned_loops
@@ -112,10 +112,10 @@ def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: i
     third = uv[flat[next_half_edge(next_half_edge(h))]]
     normal = np.stack([-along[:, 1], along[:, 0]], 1)
     normal *= np.sign(((third - uv[a]) * normal).sum(1))[:, None]
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal = unit(normal)
     np.add.at(inside, a, normal)
     np.add.at(inside, b, normal)
-    inside /= np.maximum(np.linalg.norm(inside, axis=1), 1e-300)[:, None]
+    inside = unit(inside)
     uv, waiting = uv.copy(), np.zeros(len(uv), bool)
     waiting[a] = waiting[b] = True
     for chosen in patch.in_turns(waiting, np.arange(len(uv))):

@@ -13,6 +13,7 @@ from circparam.core.arrays import (
     next_half_edge,
     normals_of,
     relabel,
+    unit,
 )
 from circparam.core.graph import components
 from circparam.core.plural import counted
@@ -20,7 +21,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.geometry.distortion import dirichlet_terms, energies_at_best_scale
-from circparam.geometry.shading import corner_normals, unit
+from circparam.geometry.shading import corner_normals
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair

@@ -6,7 +6,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from circparam.core.arrays import relabel
+from circparam.core.arrays import relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Document, Encoded, Named, WriteOptions
@@ -109,7 +109,7 @@ class GltfDocument(Document):
         rows = np.zeros((len(self.mesh.points), 3))
         for part, value, matrix in self._directions("NORMAL", 3):
             rows[part] = scene.times(value, np.linalg.pinv(matrix))
-        rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+        rows = unit(rows)
         return rows[self.mesh.faces]
 
     def tangents(self) -> FloatArray | None:

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import relabel
+from circparam.core.arrays import relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Document, Encoded, Named, WriteOptions
@@ -86,7 +86,7 @@ class ObjDocument(Document):
         if lost.any():
             a, b, c = np.moveaxis(self.mesh.points[self.mesh.faces], 1, 0)
             flat = np.cross(b - a, c - a)
-            flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+            flat = unit(flat)
             normal = np.where(lost[:, :, None], flat[:, None], normal)
         return normal
 

@@ -143,14 +143,11 @@ def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
         points = points @ matrix[:3, :3] + matrix[3, :3]
     left = mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
     # part of each face by material, and the names of the parts
-    faces = len(size)
-    from pxr import UsdGeom
-
-    label = np.zeros(faces, np.int64)
+    label = np.zeros(len(size), np.int64)
     names = [mesh.GetPrim().GetName()]
     for subset in UsdGeom.Subset.GetGeomSubsets(mesh, UsdGeom.Tokens.face, "materialBind"):
         mine = np.array(subset.GetIndicesAttr().Get() or [], np.int64)
-        label[mine[(mine >= 0) & (mine < faces)]] = len(names)
+        label[mine[(mine >= 0) & (mine < len(size))]] = len(names)
         names.append(subset.GetPrim().GetName())
     used = np.unique(label)
     label, names = np.searchsorted(used, label), [names[k] for k in used]
