@@ -40,9 +40,9 @@ from circparam.mesh.mesh import UVMap
 
 SHAPES = ("normals", "height")  # kinds that tell the shape of the source, not its colours
 KINDS = ("vertex-colors", "texture", *SHAPES)
-MAX_SIZE = 16384
+MAX_SIDE_TEXELS = 16384
 # sizes of the mesh from which its closest points are doubtful, and meaningless
-FAR, LOST = 0.1, 1.0
+FAR_SIZES, LOST_SIZES = 0.1, 1.0
 Texels: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 
@@ -78,8 +78,8 @@ def bake(
     Raises OptionError for a size outside 1..16384, InputError if the layout has no uv, NaN uv, or a chart
     that leaves its unit tile.
     """
-    if not 1 <= size <= MAX_SIZE:
-        raise OptionError(f"size {size}: give 1 to {MAX_SIZE} texels a side")
+    if not 1 <= size <= MAX_SIDE_TEXELS:
+        raise OptionError(f"size {size}: give 1 to {MAX_SIDE_TEXELS} texels a side")
     monitor = monitor or Monitor()
     tile = tiles_of(layout)
     images: dict[tuple[int, int], Texels] = {}
@@ -215,14 +215,14 @@ def bake_document(
     if source is not None and not same_surface(document.mesh, source.mesh):
         closest = Closest(source.mesh.points, source.mesh.faces)
         away = apart(document.mesh, closest)
-        if away > LOST:
+        if away > LOST_SIZES:
             raise InputError(
                 f"{document.source.name}: it lies {away:.2g} times its size away from {source.source.name}: "
                 "bring both to one place and scale, or give --map"
             )
         paint = closest_paint(document.mesh, closest, paint)
         notes = [*notes, "the source is another mesh: colours come from its closest points"]
-        if away > FAR:
+        if away > FAR_SIZES:
             notes.append(
                 f"these lie {percent(away)} of its size away in the mean: both should have one place and scale"
             )

@@ -27,11 +27,11 @@ from circparam.formats.looks import Carried, Group, Material, Slot, Use
 from circparam.geometry.shading import Frames
 from circparam.mesh.mesh import UVMap
 
-MAGNIFIED = 0.5  # texels of an old image along a new one, below which samples hardly differ
+MAGNIFIED_DENSITY = 0.5  # texels of an old image along a new one, below which samples hardly differ
 # the same, above which twice as many samples are taken: 2 × 2 lose 10 dB of a weave at 4.5
-DENSE = 2.0
-LEVEL = 4  # of compression: 5 % more bytes than 7 in two fifths of its time
-AT_ONCE = 250_000  # texels, a few hundred bytes each in every thread
+FINE_DENSITY = 2.0
+PNG_LEVEL = 4  # of compression: 5 % more bytes than 7 in two fifths of its time
+PART_TEXELS = 250_000  # texels, a few hundred bytes each in every thread
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _painted(
             image = images.pop(page)
             channels = 4 if width[page] == 4 and (image[texels.pixel, 3] < 255).any() else 3
             grown = image[texels.nearest, :channels]
-            return png(grown.reshape(size, size, channels), LEVEL)
+            return png(grown.reshape(size, size, channels), PNG_LEVEL)
 
         names = list(images)
         return dict(zip(names, pool.map(encoded, names), strict=True))
@@ -138,7 +138,7 @@ def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part
     for k, group in group_of.items():
         for use in looks.materials[k].uses.values() if group.shown else ():
             dense = density(work.source.in_texels(use), work.xy)
-            own = ~(dense <= MAGNIFIED) + (dense > DENSE).astype(np.int64)
+            own = ~(dense <= MAGNIFIED_DENSITY) + (dense > FINE_DENSITY).astype(np.int64)
             fine = np.maximum(fine, np.where(looks.face == k, own, 0))
     label = (3 * looks.face + fine)[of]
     order = np.argsort(label, kind="stable")
@@ -146,8 +146,8 @@ def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part
     for a, b in zip(first, [*first[1:], len(order)], strict=True):
         k, level = divmod(int(label[order[a]]), 3)
         if group_of[k].shown:
-            for start in range(a, b, AT_ONCE):
-                at = order[start : min(start + AT_ONCE, b)]
+            for start in range(a, b, PART_TEXELS):
+                at = order[start : min(start + PART_TEXELS, b)]
                 yield Part(group_of[k], looks.materials[k], at, (1, samples, 2 * samples)[level])
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from circparam.bake.look_source import Source
-from circparam.bake.sharpness import FILLED
+from circparam.bake.sharpness import PACKED_SHARE_GUESS
 from circparam.bake.texels import flat_areas
 from circparam.core.arrays import group_sum
 from circparam.core.records import dataclass
@@ -13,8 +13,9 @@ from circparam.mesh.mesh import UVMap
 LEAST_SIDE_TEXELS = 4.0  # texels a side of a chart without an image, and of the smallest with one
 # texels a side for each of its faces, so that numbers of the file tell the faces apart
 SIDE_TEXELS_PER_FACE = 0.5
-PATTERN = 2.0  # times the density of the sharpest image, up to which images that repeat count
-TAIL = 0.01  # share of a chart's surface that may be sharper than the chart
+# times the density of the sharpest image, up to which images that repeat count
+PATTERN_DENSITY_RATIO = 2.0
+SHARPER_AREA_SHARE = 0.01  # share of a chart's surface that may be sharper than the chart
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +30,8 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
     """Charts without an image at a few texels; the others at one density, or at that of their images.
 
     layout: of charts with one density, as ``unwrap`` makes them. side: texels of the page. even: whether charts
-    with images keep one density; else images that repeat count up to PATTERN times the density of the others.
-    None if all charts stay as they are.
+    with images keep one density; else images that repeat count up to PATTERN_DENSITY_RATIO times the density of
+    the others. None if all charts stay as they are.
     """
     chart = layout.charts
     mapped = chart >= 0
@@ -47,7 +48,7 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
             best = tiled if source.repeats(use, mine) else plain
             some = mine & source.places(use)[1]
             best[some] = np.maximum(best[some], found[some])
-    most = PATTERN * plain.max(initial=0) if plain.any() else np.inf
+    most = PATTERN_DENSITY_RATIO * plain.max(initial=0) if plain.any() else np.inf
     dense = np.maximum(plain, np.minimum(tiled, most))
     sharp = _of_charts(dense[mapped], source.areas[mapped], chart[mapped], n)
     shown = sharp > 0
@@ -55,7 +56,7 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
         return None
     factor = np.ones(n) if even else sharp / sharp.max()
     area = group_sum(flat_areas(layout.uv[layout.uv_faces[mapped]]), chart[mapped], n)
-    page = float((area * factor**2)[shown].sum()) / FILLED
+    page = float((area * factor**2)[shown].sum()) / PACKED_SHARE_GUESS
     faces = np.bincount(chart[mapped], minlength=n)
     texels = np.maximum(LEAST_SIDE_TEXELS, SIDE_TEXELS_PER_FACE * np.sqrt(faces))
     least = texels * np.sqrt(page / np.maximum(area, 1e-300)) / side
@@ -68,12 +69,14 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
 
 
 def _of_charts(value: FloatArray, area: FloatArray, chart: IntArray, n: int) -> FloatArray:
-    """(n,) the value that all but TAIL of the area of each chart keeps to."""
+    """(n,) the value that all but SHARPER_AREA_SHARE of the area of each chart keeps to."""
     order = np.lexsort((value, chart))
     share = np.cumsum(area[order])
     whole = group_sum(area, chart, n)
     before = np.cumsum(whole) - whole
-    within = share - before[chart[order]] >= (1 - TAIL) * whole[chart[order]] * (1 - 1e-9)
+    within = share - before[chart[order]] >= (1 - SHARPER_AREA_SHARE) * whole[chart[order]] * (
+        1 - 1e-9
+    )
     first = np.full(n, len(order) - 1)
     np.minimum.at(first, chart[order][within], np.flatnonzero(within))
     return value[order][first]

@@ -19,9 +19,9 @@ from circparam.formats.looks import Group, Material, Slot
 from circparam.formats.materials import srgb
 from circparam.geometry.raster import rasterise
 
-PIXELS = 512  # side of a picture
-GROUND = 0.5  # value of pixels without a surface
-MOST = 99.0  # dB of pictures that are the same to the last bit
+PICTURE_PIXELS = 512  # side of a picture
+GROUND_VALUE = 0.5  # value of pixels without a surface
+EQUAL_PSNR_DB = 99.0  # dB of pictures that are the same to the last bit
 # the corners of an icosahedron: 12 directions spread evenly
 GOLDEN = (1 + 5**0.5) / 2
 VIEWS = [
@@ -65,7 +65,7 @@ def check_look(source: Source, result: Source, face_map: IntArray) -> dict[str, 
         }
     return {
         "views": len(VIEWS),
-        "pixels": PIXELS,
+        "pixels": PICTURE_PIXELS,
         "psnr": min(c["psnr"] for c in channels.values()),
         "ssim": min(c["ssim"] for c in channels.values()),
         "channels": channels,
@@ -73,25 +73,26 @@ def check_look(source: Source, result: Source, face_map: IntArray) -> dict[str, 
 
 
 def _seen(source: Source, direction: FloatArray) -> tuple[FloatArray, IntArray]:
-    """((m, 3, 2) corners in pixels, (PIXELS, PIXELS) face seen or −1) from a direction, parallel light."""
+    """((m, 3, 2) corners in pixels, (PICTURE_PIXELS, PICTURE_PIXELS) face seen or −1) from a direction,
+    parallel light."""
     forward = direction / np.linalg.norm(direction)
     right = np.cross([0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0], forward)
     right /= np.linalg.norm(right)
     points = source.document.mesh.points[source.document.mesh.faces]
     flat = points.reshape(-1, 3)
     low, high = flat.min(0), flat.max(0)
-    scale = PIXELS / max(float(np.linalg.norm(high - low)), 1e-300)
+    scale = PICTURE_PIXELS / max(float(np.linalg.norm(high - low)), 1e-300)
     points = (points - (low + high) / 2) * scale
-    xy = np.stack([points @ right, -(points @ np.cross(forward, right))], 2) + PIXELS / 2
-    return xy, rasterise(xy, PIXELS, PIXELS, -(points @ forward))[0]
+    xy = np.stack([points @ right, -(points @ np.cross(forward, right))], 2) + PICTURE_PIXELS / 2
+    return xy, rasterise(xy, PICTURE_PIXELS, PICTURE_PIXELS, -(points @ forward))[0]
 
 
 def _picture(
     source: Source, slot: Slot, xy: FloatArray, pixel: IntArray, face: IntArray
 ) -> FloatArray:
-    """(PIXELS, PIXELS, c) the picture of a slot."""
-    out = np.full((PIXELS * PIXELS, max(3, len(slot.channels))), GROUND)
-    texels = Texels(PIXELS, pixel, face, pixel, 0, len(pixel))
+    """(PICTURE_PIXELS, PICTURE_PIXELS, c) the picture of a slot."""
+    out = np.full((PICTURE_PIXELS * PICTURE_PIXELS, max(3, len(slot.channels))), GROUND_VALUE)
+    texels = Texels(PICTURE_PIXELS, pixel, face, pixel, 0, len(pixel))
     work = Work(source, texels, xy, None)
     label = source.looks.face[face]
     for k in np.unique(label).tolist():
@@ -100,7 +101,7 @@ def _picture(
             part = Part(Group((k,), {}, ()), material, at, 1)
             value = _values(work, part, slot, material)
             out[pixel[at], : value.shape[1]] = value
-    return out.reshape(PIXELS, PIXELS, -1)
+    return out.reshape(PICTURE_PIXELS, PICTURE_PIXELS, -1)
 
 
 def _values(work: Work, part: Part, slot: Slot, material: Material) -> FloatArray:
@@ -133,9 +134,9 @@ def _values(work: Work, part: Part, slot: Slot, material: Material) -> FloatArra
 
 
 def psnr(a: FloatArray, b: FloatArray) -> float:
-    """Peak signal to noise of pictures of values 0..1, dB; at most MOST."""
+    """Peak signal to noise of pictures of values 0..1, dB; at most EQUAL_PSNR_DB."""
     error = float(((a - b) ** 2).mean())
-    return MOST if error <= 0 else min(MOST, -10 * float(np.log10(error)))
+    return EQUAL_PSNR_DB if error <= 0 else min(EQUAL_PSNR_DB, -10 * float(np.log10(error)))
 
 
 def ssim(a: FloatArray, b: FloatArray) -> float:

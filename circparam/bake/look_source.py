@@ -19,8 +19,9 @@ from circparam.formats.looks import Looks, Use, pixels
 from circparam.geometry.shading import Frames, corner_normals
 from circparam.render.scene import row_labels
 
-FARTHEST = 1e9  # copies of an image away, where doubles still tell its texels apart
-TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern that repeats
+FARTHEST_TILES = 1e9  # copies of an image away, where doubles still tell its texels apart
+# times an image is laid over the surface, from which on it is a pattern that repeats
+PATTERN_TILES = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +65,14 @@ class Source:
         return replace(out, kept=frozenset(kept))
 
     def repeats(self, use: Use, faces: npt.NDArray[np.bool_]) -> bool:
-        """Whether an image lies more than TILES times over some faces."""
+        """Whether an image lies more than PATTERN_TILES times over some faces."""
         places, has = self.places(use)
-        return bool(flat_areas(places[faces & has]).sum() > TILES)
+        return bool(flat_areas(places[faces & has]).sum() > PATTERN_TILES)
 
     def check(self, use: Use, faces: npt.NDArray[np.bool_]) -> None:
         """Raise InputError if faces have uv for a texture that are not finite."""
         corners, has = self.places(use)
-        bad = int(np.count_nonzero(has & faces & ~(np.abs(corners) <= FARTHEST).all((1, 2))))
+        bad = int(np.count_nonzero(has & faces & ~(np.abs(corners) <= FARTHEST_TILES).all((1, 2))))
         if bad:
             raise self.document.source.error(
                 f"{bad} faces have NaN, infinite or huge uv in set {use.uv_set}, where the texture "

@@ -25,13 +25,14 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 
 SIZES = 1e-70, 1e70  # of surfaces whose areas can be squared
-CAGE = 0.02  # of the diagonal of the target's bounding box
-FILL = 2.0  # cages, within which a ray that misses takes the closest point
-BLOCK = 200_000  # texels at once
-LOST = 0.5  # share of texels without a place from which a map is no map of these surfaces
+CAGE_DIAGONALS = 0.02  # of the diagonal of the target's bounding box
+FILL_CAGES = 2.0  # cages, within which a ray that misses takes the closest point
+BLOCK_TEXELS = 200_000  # texels at once
+# share of texels without a place from which a map is no map of these surfaces
+LOST_TEXEL_SHARE = 0.5
 SHARP = 40.0  # degrees: where the source's own normals are unknown, faces across sharper edges stay apart
 # places in a face at which the range of heights is sought
-PROBED = 2_000  # faces whose middles tell whether two surfaces lie apart
+PROBED_FACES = 2_000  # faces whose middles tell whether two surfaces lie apart
 PROBES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2], [3, 3, 0], [3, 0, 3], [0, 3, 3]]) / 6
 
 
@@ -74,7 +75,8 @@ class Projection:
     def __init__(
         self, target: Mesh, source: Mesh, cage: float | None, mapped: SurfaceMap | None = None
     ) -> None:
-        """cage: D in units of the mesh, None for a share CAGE of its size. mapped: from target to source."""
+        """cage: D in units of the mesh, None for a share CAGE_DIAGONALS of its size. mapped: from target to
+        source."""
         points = target.points if mapped is None else moved(mapped, target, source)
         self.source = source
         self.mapped = mapped is not None
@@ -83,7 +85,7 @@ class Projection:
         self.normals = corner_normals(self.corners, self.vertex)
         if mapped is None:
             size = float(np.linalg.norm(np.ptp(target.points[target.faces].reshape(-1, 3), axis=0)))
-            self.cage = CAGE * size if cage is None else cage
+            self.cage = CAGE_DIAGONALS * size if cage is None else cage
             self.reach = np.full(len(target.faces), self.cage)
         else:  # a face may cut through a curved source between its corners, by less than its width
             sides = self.corners - self.corners[:, [1, 2, 0]]
@@ -107,7 +109,7 @@ class Projection:
         self.tally.missed += len(missed)
         if len(missed) == 0:
             return hits
-        far = np.inf if self.mapped else FILL * self.cage
+        far = np.inf if self.mapped else FILL_CAGES * self.cage
         there, at, distance = self.closest.find(place[missed], normal[missed], far)
         there = np.where(distance <= far, there, -1)
         hits.face[missed], hits.bary[missed] = there, at
@@ -140,7 +142,7 @@ class Projection:
     def probe(self) -> None:
         """As ``check``, after rays from the middle of a few faces: before all of them are cast."""
         count = len(self.corners)
-        face = np.unique(np.linspace(0, count - 1, min(count, PROBED)).astype(np.int64))
+        face = np.unique(np.linspace(0, count - 1, min(count, PROBED_FACES)).astype(np.int64))
         self.find(face, np.full((len(face), 3), 1 / 3))
         self.check()
         self.tally = Tally()
@@ -148,7 +150,7 @@ class Projection:
     def check(self) -> None:
         """Raises InputError if hardly any texel finds its place, because the meshes do not belong together."""
         tally = self.tally
-        if self.mapped and tally.share(tally.missed) > LOST:
+        if self.mapped and tally.share(tally.missed) > LOST_TEXEL_SHARE:
             raise InputError(
                 "the map flips the surface: one mesh is mirrored or reversed; turn it, and make "
                 "the map again"
@@ -173,7 +175,7 @@ def landed_paint(
 
     def painted(face: IntArray, bary: FloatArray) -> FloatArray:
         out = np.full((len(face), channels), np.nan)
-        for k in slices(len(face), BLOCK):
+        for k in slices(len(face), BLOCK_TEXELS):
             landed = projection.find(face[k], bary[k])
             on = landed.face >= 0
             out[k][on] = values(face[k][on], bary[k][on], landed.take(on))

@@ -22,16 +22,17 @@ from circparam.render.texture import bilinear
 Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
 # Nearest samples whose faces are tried for the closest point, and steps from the best one to its neighbours.
-CANDIDATES = 6
-FACING = 24  # nearest samples that must look the same way: half of a thin part are on its back
-MOST_STEPS = 8
+CANDIDATE_SAMPLES = 6
+# nearest samples that must look the same way: half of a thin part are on its back
+FACING_SAMPLES = 24
+WALK_STEPS = 8
 
 # Samples of a surface: some for every face, enough for a fine sampling of small meshes, within the memory.
-SAMPLES_A_FACE = 4
+SAMPLES_PER_FACE = 4
 FEWEST_SAMPLES, MOST_SAMPLES = 200_000, 2_000_000
 
 DISTANCE_SAMPLES = 300  # faces whose middle is used to measure the distance of the source
-BLOCK = 200_000  # places looked up at once: some hundred bytes each
+BLOCK_PLACES = 200_000  # places looked up at once: some hundred bytes each
 
 
 def corner_paint(corners: FloatArray) -> Paint:
@@ -98,7 +99,7 @@ class Closest:
         # sides meet by position
         self.beside = faces_across(len(faces), shared_edges(row_labels(points)[faces]))
         self.longest = float(np.sqrt(max((s * s).sum(1).max() for s in (a, b, b - a))))
-        samples = int(np.clip(SAMPLES_A_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
+        samples = int(np.clip(SAMPLES_PER_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
         self.face, r = samples_of(np.linalg.norm(normal, axis=1), samples)
         self.tree = cKDTree(
             self.corners[self.face, 0] + r[:, 1:2] * a[self.face] + r[:, 2:] * b[self.face]
@@ -117,14 +118,14 @@ class Closest:
             return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
         blocks = [
             self._find(places[k], None if normals is None else normals[k], far)
-            for k in slices(len(places), BLOCK)
+            for k in slices(len(places), BLOCK_PLACES)
         ]
         face, bary, distance = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return face, bary, distance
 
     def _find(self, places: FloatArray, normals: FloatArray | None, far: float) -> Nearest:
         """One block: the best face of the nearest samples, then its neighbours while one is nearer."""
-        number = CANDIDATES if normals is None else FACING
+        number = CANDIDATE_SAMPLES if normals is None else FACING_SAMPLES
         # a face that is within reach has all its samples within its longest side of that
         bound = far + self.longest
         _, near = self.tree.query(places, k=min(number, len(self.face)), distance_upper_bound=bound)
@@ -133,7 +134,7 @@ class Closest:
         def best(rows: IntArray, faces: IntArray) -> Nearest:
             return self._best(places[rows], faces, None if normals is None else normals[rows])
 
-        return walked(best(np.arange(len(places)), found), self.beside, best, MOST_STEPS)
+        return walked(best(np.arange(len(places)), found), self.beside, best, WALK_STEPS)
 
     def _best(
         self, places: FloatArray, candidates: IntArray, normals: FloatArray | None

@@ -14,13 +14,14 @@ from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.distortion import Tail
 from circparam.mesh.mesh import UVMap
 
-# of the old density along a side: lower limit on all but TAIL of the surface
+# of the old density along a side: lower limit on all but SLIVER_AREA_SHARE of the surface
 LEAST_DENSITY_SHARE = 0.9
-TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
-FILLED = 0.7  # share of a page that packing covers, guessed before it
+# share of the surface that an image covers: slivers of old uv are no reason for a larger page
+SLIVER_AREA_SHARE = 0.01
+PACKED_SHARE_GUESS = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
 GROWN = 2.0  # a small part of a surface that an image magnifies is no reason for more
-PATTERN = 2048  # the side up to which images that repeat decide
+PATTERN_TEXELS = 2048  # the side up to which images that repeat decide
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,16 @@ class Sharpness:
 def needed_size(source: Source, layout: UVMap | None) -> int:
     """The smallest power of two, SMALLEST to LARGEST, that keeps enough of the density of every image.
 
-    layout: None before there is one; then the page is taken for FILLED by charts without distortion. Repeated
-    images need at most PATTERN, others at most GROWN times the side of a page with all their texels.
+    layout: None before there is one; then the page is taken for PACKED_SHARE_GUESS by charts without
+    distortion. Repeated images need at most PATTERN_TEXELS, others at most GROWN times the side of a page with
+    all their texels.
     """
     whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
     side = float(SMALLEST)
     for _, dense, tiled in _densities(source, layout, 1):
-        side = max(side, min(LEAST_DENSITY_SHARE * dense, PATTERN if tiled else GROWN * whole))
+        side = max(
+            side, min(LEAST_DENSITY_SHARE * dense, PATTERN_TEXELS if tiled else GROWN * whole)
+        )
     return min(1 << math.ceil(math.log2(side) - 1e-9), LARGEST)
 
 
@@ -72,8 +76,8 @@ def blurred(found: list[Sharpness], size: int) -> list[str]:
 
 
 def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[str, float, bool]]:
-    """Of every image: its name, its texels along one of the page that all but TAIL of its surface keep to, and
-    whether it repeats."""
+    """Of every image: its name, its texels along one of the page that all but SLIVER_AREA_SHARE of its surface
+    keep to, and whether it repeats."""
     area, looks = source.areas, source.looks
     shows = np.array([bool(m.uses) for m in looks.materials])[looks.face]
     new = _flat(area, shows) if layout is None else corners_in_texels(layout, size)
@@ -87,7 +91,9 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
             dense = density(source.in_texels(use), new)[some]
             tiled = source.repeats(use, mine)
             known = np.isfinite(dense)
-            value = Tail.of(dense[known], area[some][known]).percentile(100 * (1 - TAIL))
+            value = Tail.of(dense[known], area[some][known]).percentile(
+                100 * (1 - SLIVER_AREA_SHARE)
+            )
             value = value if known.any() else 0.0
             before, repeats = worst.get(use.image, (0.0, False))
             worst[use.image] = max(before, value), repeats or tiled
@@ -98,7 +104,7 @@ def _flat(area: FloatArray, shows: BoolArray) -> FloatArray:
     """(m, 3, 2) triangles with the areas of the faces on a page of side 1; shows: (m,) faces with an image, the
     others take a few texels."""
     whole = area[shows].sum()
-    side = np.sqrt(area / whole * FILLED) if whole > 0 else area
+    side = np.sqrt(area / whole * PACKED_SHARE_GUESS) if whole > 0 else area
     out = np.zeros((len(area), 3, 2))
     out[:, 1, 0] = out[:, 2, 1] = side
     return out

@@ -18,7 +18,7 @@ from circparam.formats.materials import linear, srgb
 Floats = npt.NDArray[np.float32]
 # linear light in so many steps → code of 8 bit; the steepest part of the curve, 12.92, moves 0.05 codes a step
 STEPS = 65535
-FLOATS = 1 << 22  # pixels up to which an image is decoded as a whole, in 64 MB
+WHOLE_IMAGE_PIXELS = 1 << 22  # pixels up to which an image is decoded as a whole, in 64 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ class SourceImage:
         """(p, 4) linear values of texels by their numbers."""
         if level:
             return self.level(level).reshape(-1, 4).take(at, axis=0)
-        if self.width * self.height <= FLOATS:
+        if self.width * self.height <= WHOLE_IMAGE_PIXELS:
             return self.whole.reshape(-1, 4).take(at, axis=0)
         codes = self._words.take(at).view(self._image.dtype).reshape(-1, 4)
         return self._decoded(codes)

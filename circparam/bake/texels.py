@@ -19,7 +19,7 @@ from circparam.geometry.raster import fragments
 from circparam.mesh.mesh import UVMap
 
 Places: TypeAlias = Iterator[npt.NDArray[np.float32]]
-FLAT = 1e-12  # texels²: below that a triangle has no inside to find places in
+FLAT_AREA_TEXELS2 = 1e-12  # texels²: below that a triangle has no inside to find places in
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def places_in(xy: FloatArray, face: IntArray, pixel: IntArray, size: int, sample
     a = xy[:, 1] - xy[:, 0]
     b = xy[:, 2] - xy[:, 0]
     det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    scale = np.where(np.abs(det) > FLAT, 1 / np.where(det == 0, 1.0, det), 0.0)
+    scale = np.where(np.abs(det) > FLAT_AREA_TEXELS2, 1 / np.where(det == 0, 1.0, det), 0.0)
     # v = ∇v · (p − corner 0), w alike
     gradient = np.stack([b[:, 1], -b[:, 0], -a[:, 1], a[:, 0]]) * scale
     vx, vy, wx, wy = gradient[:, face]

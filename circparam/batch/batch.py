@@ -17,7 +17,7 @@ from circparam.batch.index import Index, size_of
 from circparam.batch.manifest import NAME, Manifest, local_copy, read_lines
 from circparam.batch.progress import Meter, Progress
 from circparam.batch.report import save_report
-from circparam.batch.run import LAST, Batch, Task
+from circparam.batch.run import LAST_SECONDS, Batch, Task
 from circparam.batch.settings import Settings
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
@@ -26,7 +26,7 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 
 STATUS = f"{WORK}/status.json"
-REMOTE_STATUS = 30.0  # seconds between two notes of the state in a remote folder
+REMOTE_STATUS_SECONDS = 30.0  # seconds between two notes of the state in a remote folder
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class BatchPlan:
     scheduler: str | None = None
     scheduler_file: str | None = None
     task: Task = do_item
-    last: float = LAST
+    last: float = LAST_SECONDS
 
 
 @dataclass(frozen=True)
@@ -186,13 +186,13 @@ class _StatusFile:
 
     def __init__(self, folder: Folder, listener: Callable[[Progress], None] | None) -> None:
         self.folder, self.listener = folder, listener
-        self.last = -REMOTE_STATUS
+        self.last = -REMOTE_STATUS_SECONDS
         if not folder.remote:
             os.makedirs(folder.of(WORK), exist_ok=True)
 
     def __call__(self, progress: Progress) -> None:
         now = time.monotonic()
-        if not self.folder.remote or now - self.last >= REMOTE_STATUS:
+        if not self.folder.remote or now - self.last >= REMOTE_STATUS_SECONDS:
             self.last = now
             known = {**progress.as_dict(), "pid": os.getpid(), "time": time.time()}
             with contextlib.suppress(Exception):  # it only informs
@@ -254,7 +254,7 @@ def status(out: str) -> dict[str, Any]:
     if known is not None:
         with contextlib.suppress(ValueError):
             live = json.loads(known)
-    stale = 10.0 if not folder.remote else 4 * REMOTE_STATUS
+    stale = 10.0 if not folder.remote else 4 * REMOTE_STATUS_SECONDS
     if live is not None and time.time() - float(live.get("time", 0)) > stale:
         live = None
     return {

@@ -16,7 +16,7 @@ from circparam.batch.store import Folder, digest
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
 
-ROWS = 5000  # rows that are written together
+BLOCK_ROWS = 5000  # rows that are written together
 FIGURES = (
     *("charts", "seam_length", "distortion", "distortion_max_chart", "stretch_p99", "share_over_2"),
     *("pack", "faces", "seconds", "peak_memory", "attempts"),
@@ -176,7 +176,7 @@ def _row(line: dict[str, Any]) -> tuple[Any, ...]:
 
 def _blocks(found: Iterable[Any]) -> Iterator[list[Any]]:
     iterator = iter(found)
-    while block := list(itertools.islice(iterator, ROWS)):
+    while block := list(itertools.islice(iterator, BLOCK_ROWS)):
         yield block
 
 

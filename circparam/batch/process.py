@@ -16,9 +16,9 @@ from circparam.core.memory import resident
 from circparam.core.messages import message, send
 from circparam.core.workers import environment
 
-START = 120.0  # seconds that a server may take to import everything
-MORE = 30.0  # seconds that a server has, after the hard stop of a mesh, to report it
-TICK = 0.1
+START_SECONDS = 120.0  # seconds that a server may take to import everything
+REPORT_SECONDS = 30.0  # seconds that a server has, after the hard stop of a mesh, to report it
+TICK_SECONDS = 0.1
 _FREE: "list[WarmServer]" = []
 _LOCK, _COMING = threading.Lock(), threading.Lock()
 
@@ -52,7 +52,7 @@ class WarmServer:
         )
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
         threading.Thread(target=self._listen, daemon=True).start()
-        self._answer(time.monotonic() + START, None)
+        self._answer(time.monotonic() + START_SECONDS, None)
 
     @property
     def pid(self) -> int:
@@ -76,7 +76,7 @@ class WarmServer:
             send(self._process.stdin, pickle.dumps(task))
         except OSError:
             raise GoneError from None
-        deadline = None if stop is None else start + stop + (MORE if self.forks else 0.0)
+        deadline = None if stop is None else start + stop + (REPORT_SECONDS if self.forks else 0.0)
         end = self._answer(deadline, None if self.forks else limit)
         if isinstance(end, dict):
             return end
@@ -89,7 +89,7 @@ class WarmServer:
         """The next answer; 'timeout' or 'memory' where a bound was crossed. Raises GoneError."""
         while True:
             try:
-                answer = self._answers.get(timeout=TICK if limit or deadline else None)
+                answer = self._answers.get(timeout=TICK_SECONDS if limit or deadline else None)
             except queue.Empty:
                 if deadline is not None and time.monotonic() >= deadline:
                     return "timeout"

@@ -21,11 +21,11 @@ from circparam.render import colours as col
 from circparam.render.html import fill_in, page_style, viewer_file
 
 PAGE, TABLE = "report.html", "report.csv"
-ROWS = 10_000  # of the table in the page; report.csv has all
-BYTES = 3_500_000  # of those rows, so that the page stays below 5 MB
-SHOWN = 8  # slowest and worst files with a picture
-CAUSES = 25
-BINS = 28
+MOST_TABLE_ROWS = 10_000  # of the table in the page; report.csv has all
+MOST_TABLE_BYTES = 3_500_000  # of those rows, so that the page stays below 5 MB
+SHOWN_FILES = 8  # slowest and worst files with a picture
+MOST_CAUSES = 25
+HISTOGRAM_BINS = 28
 TITLES = {
     "charts": "charts",
     "seam_length": "seam / √area",
@@ -135,9 +135,9 @@ def _causes(index: Index) -> str:
     rows = "".join(
         f"<tr><td>{n:,}</td><td>{code}</td><td>{html.escape(text[:400])}</td>"
         f"<td>{html.escape(readable(name))}</td></tr>"
-        for n, code, text, name in sorted(found.values(), key=lambda e: -e[0])[:CAUSES]
+        for n, code, text, name in sorted(found.values(), key=lambda e: -e[0])[:MOST_CAUSES]
     )
-    more = f"<p>and {len(found) - CAUSES} causes more</p>" if len(found) > CAUSES else ""
+    more = f"<p>and {len(found) - MOST_CAUSES} causes more</p>" if len(found) > MOST_CAUSES else ""
     table = (
         '<div class="scroll"><table class="causes"><thead><tr><th>files</th><th>exit</th><th>cause</th>'
         f"<th>for example</th></tr></thead><tbody>{rows}</tbody></table></div>{more}"
@@ -189,7 +189,9 @@ def _edges(low: float, high: float, log: bool) -> FloatArray:
     if high <= low:
         return np.array([low - 0.5, low + 0.5])
     edges: FloatArray = (
-        np.geomspace(low, high, BINS + 1) if log else np.linspace(low, high, BINS + 1)
+        np.geomspace(low, high, HISTOGRAM_BINS + 1)
+        if log
+        else np.linspace(low, high, HISTOGRAM_BINS + 1)
     )
     edges[0], edges[-1] = low, high
     return edges
@@ -203,7 +205,7 @@ def _cards(folder: Folder, index: Index) -> str:
     for title, order in (("Slowest", "seconds DESC"), ("Worst", _WORST)):
         query = (
             f"SELECT name, status, faces, charts, seconds, seam_length, share_over_2, distortion, stage, cause "
-            f"FROM done WHERE {_DRAWABLE} ORDER BY {order}, name LIMIT {SHOWN}"
+            f"FROM done WHERE {_DRAWABLE} ORDER BY {order}, name LIMIT {SHOWN_FILES}"
         )
         cards = "".join(_card(pictures, title, row) for row in index.data.execute(query).fetchall())
         out += _section(title, cards and f'<div class="cards">{cards}</div>')
@@ -256,7 +258,7 @@ def _rows(index: Index) -> tuple[list[list[Any]], bool]:
             readable(cause)[:300],
         ]
         size += len(json.dumps(line))
-        if len(rows) >= ROWS or size > BYTES:
+        if len(rows) >= MOST_TABLE_ROWS or size > MOST_TABLE_BYTES:
             return rows, True
         rows.append(line)
     return rows, False

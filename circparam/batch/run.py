@@ -17,14 +17,14 @@ from circparam.batch.task import do_item, leave, settings_of
 from circparam.core.records import dataclass
 from circparam.errors import OutputError
 
-WINDOW = 4  # tasks at Dask for each that can be at work
-ATTEMPTS = 5  # of a file whose worker, process or store failed
-PAUSE = 0.5  # seconds before a second attempt; twice as long before each further one
+WINDOW_TASKS = 4  # tasks at Dask for each that can be at work
+MOST_ATTEMPTS = 5  # of a file whose worker, process or store failed
+PAUSE_SECONDS = 0.5  # seconds before a second attempt; twice as long before each further one
 # seconds that a full disk may stay full with nothing done before files count as failed
-FULL_WAIT = 600.0
-LOOK = 1.0  # seconds between two looks at the running tasks
-POLL = 0.01
-LAST = 3.0  # seconds for running tasks after the batch was asked to stop
+FULL_DISK_SECONDS = 600.0
+LOOK_SECONDS = 1.0  # seconds between two looks at the running tasks
+POLL_SECONDS = 0.01
+LAST_SECONDS = 3.0  # seconds for running tasks after the batch was asked to stop
 
 Listener = Callable[[Progress], None]
 Task = Callable[[bytes, Item], dict[str, Any]]
@@ -53,7 +53,7 @@ class Batch:
     listener: Listener | None = None
     on_line: Callable[[dict[str, Any]], None] | None = None
     task: Task = do_item
-    last: float = LAST
+    last: float = LAST_SECONDS
     stopping: bool = False
     running: dict[Any, tuple[Any, Item]] = field(default_factory=dict)
 
@@ -96,12 +96,12 @@ class Batch:
                 for future, result in self._ready.next_batch(block=False):
                     self._take(future, result)
             else:
-                time.sleep(POLL)
+                time.sleep(POLL_SECONDS)
 
     def _fill(self) -> bool:
         """Submit up to the window; whether there may be more."""
         now = time.monotonic()
-        room = 1 if self._full_since is not None else WINDOW * max(self._threads, 1)
+        room = 1 if self._full_since is not None else WINDOW_TASKS * max(self._threads, 1)
         while len(self.running) < room and not self._unwritten:
             if self._later and self._later[0][0] <= now:
                 self._submit(heapq.heappop(self._later)[2])
@@ -140,11 +140,11 @@ class Batch:
             # the disk is full: one file at a time until there is room, without counting the attempts
             now = time.monotonic()
             self._full_since = self._full_since or now
-            if now - self._full_since > FULL_WAIT:
+            if now - self._full_since > FULL_DISK_SECONDS:
                 self._final(line)
             elif not self.stopping:
                 self._note = "the disk is full: waiting for room"
-                heapq.heappush(self._later, (now + 2 * PAUSE, next(self._number), item))
+                heapq.heappush(self._later, (now + 2 * PAUSE_SECONDS, next(self._number), item))
             return
         self._full_since, self._note = None, ""
         if again is not None and self._try_again(item):
@@ -172,9 +172,9 @@ class Batch:
 
     def _try_again(self, item: Item) -> bool:
         """Put a file back for a later attempt; False if it had all of them."""
-        if item.attempt >= ATTEMPTS or self.stopping:
+        if item.attempt >= MOST_ATTEMPTS or self.stopping:
             return self.stopping  # no line now: the next run does it
-        ready = time.monotonic() + PAUSE * 2 ** (item.attempt - 1)
+        ready = time.monotonic() + PAUSE_SECONDS * 2 ** (item.attempt - 1)
         heapq.heappush(
             self._later, (ready, next(self._number), replace(item, attempt=item.attempt + 1))
         )
@@ -192,13 +192,13 @@ class Batch:
             except OSError as error:
                 now = time.monotonic()
                 self._full_since = self._full_since or now
-                if self.stopping or now - self._full_since > FULL_WAIT:
+                if self.stopping or now - self._full_since > FULL_DISK_SECONDS:
                     raise OutputError(
                         f"{self.manifest.path}: cannot be written ({error.strerror}): "
                         "the same command again does the files without a line"
                     ) from None
                 self._note = f"the manifest cannot be written ({error.strerror}): waiting"
-                time.sleep(PAUSE)
+                time.sleep(PAUSE_SECONDS)
                 return
             line = self._unwritten.pop(0)
             self.meter.count(line)
@@ -209,7 +209,7 @@ class Batch:
         """A periodic look at the number of workers, the running tasks and the scheduler. After ``ask_to_stop``
         the look tells each worker, also workers that joined later."""
         now = time.monotonic()
-        if now - self._looked < LOOK:
+        if now - self._looked < LOOK_SECONDS:
             return
         self._looked = now
         if not self.cluster.alive:

@@ -15,7 +15,7 @@ from circparam.errors import GateError, InputError, OptionError
 if TYPE_CHECKING:
     from circparam.batch.batch import BatchPlan
 
-CLEARING = 4.0  # seconds for the end of the workers and for their folders
+CLEARING_SECONDS = 4.0  # seconds for the end of the workers and for their folders
 _EPILOG = """\b
 Examples:
   circparam batch meshes --out unwrapped
@@ -97,7 +97,7 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
         screen.show, screen.line, lambda text: progress.warn(text, given["quiet"]), screen.started
     )
     try:
-        with signals.clearing_away(CLEARING):
+        with signals.clearing_away(CLEARING_SECONDS):
             summary = run_batch(plan, hooks)
     finally:
         screen.close()

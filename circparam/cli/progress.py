@@ -14,7 +14,7 @@ from circparam.core.memory import peak, resident
 from circparam.core.monitor import Listener
 
 AS_LINES = "CIRCPARAM_PROGRESS"  # in the environment: a program reads stderr and wants a line for each per cent
-DELAY = 2.0  # seconds before a bar appears
+DELAY_SECONDS = 2.0  # seconds before a bar appears
 FORECAST_SHARE = 0.1  # of the run: no remaining time is shown before this share
 # Stages and their shares of a run, in hundredths: processor seconds, means over meshes of 1,600 to 90,000
 # faces. Groups follow each other; the stages of a group come again and stand inside each other.
@@ -168,7 +168,7 @@ class Bar(Status):
     def __call__(self, stage: str, fraction: float, note: str) -> None:
         """Show the progress of the run, and its stage."""
         super().__call__(stage, fraction, note)
-        if self.bar is None and time.monotonic() - self.start >= DELAY:
+        if self.bar is None and time.monotonic() - self.start >= DELAY_SECONDS:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

@@ -134,7 +134,7 @@ def _short(path: str, width: int = 26) -> str:
     return name if len(name) <= width else f"{name[: width - 13]}…{name[-12:]}"
 
 
-LISTED = 12  # components that a table shows
+LISTED_COMPONENTS = 12  # components that a table shows
 
 
 def check_table(report: dict[str, Any]) -> Table:
@@ -151,14 +151,14 @@ def check_table(report: dict[str, Any]) -> Table:
         ("boundaries", report["boundaries"]),
     ]  # fmt: skip
     rows += [(plural(2, label), report[name]) for name, label in _DEFECTS.items() if report[name]]
-    for number, part in enumerate(parts[:LISTED]):
+    for number, part in enumerate(parts[:LISTED_COMPONENTS]):
         lengths = [f"{x:.4g}" for x in part["boundary_lengths"][:4]]
         lengths += ["..."] if len(part["boundary_lengths"]) > 4 else []
         boundaries = f"; boundaries of length {', '.join(lengths)}" if lengths else ""
         said = f"{part['verdict']}, {counted(part['faces'], 'face')}{boundaries}"
         rows.append((f"component {number}", said))
-    if len(parts) > LISTED:
-        rows.append(("", f"and {len(parts) - LISTED} components more"))
+    if len(parts) > LISTED_COMPONENTS:
+        rows.append(("", f"and {len(parts) - LISTED_COMPONENTS} components more"))
     # with their numbers, so that number 0 is not taken for none
     rows.append(("uv sets", f"{len(sets)} ({_numbers_of(sets)})" if sets else "none"))
     if (uv := report["uv"]) is not None:

@@ -9,14 +9,14 @@ from typing import Any
 from circparam.errors import NoResultError
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h has them
-KEPT_BYTES = 1 << 30  # of freed arrays, and of free space at the end of the heap, that are kept
+# of freed arrays, and of free space at the end of the heap, that are kept
+KEPT_FREED_BYTES = 1 << 30
 # bytes of address space for NumPy and SciPy with the work space of their two OpenBLAS, and for each of its
 # threads: with less, OpenBLAS tries without end, or ends the process
 LIBRARY_BYTES, THREAD_BYTES = 250_000_000, 100_000_000
 SQUARE_ROWS = 300  # rows of matrices whose product takes all work space, in all threads
-USUAL_BYTES = (
-    32 << 20
-)  # the value that glibc reaches by itself for arrays; twice as much for the heap
+# the value that glibc reaches by itself for arrays; twice as much for the heap
+USUAL_THRESHOLD_BYTES = 32 << 20
 
 
 @contextlib.contextmanager
@@ -31,13 +31,13 @@ def keeping_freed(worth_it: bool = True) -> Iterator[None]:
     if libc is None:
         yield
         return
-    libc.mallopt(MMAP_THRESHOLD, KEPT_BYTES)
-    libc.mallopt(TRIM_THRESHOLD, KEPT_BYTES)
+    libc.mallopt(MMAP_THRESHOLD, KEPT_FREED_BYTES)
+    libc.mallopt(TRIM_THRESHOLD, KEPT_FREED_BYTES)
     try:
         yield
     finally:
-        libc.mallopt(MMAP_THRESHOLD, USUAL_BYTES)
-        libc.mallopt(TRIM_THRESHOLD, 2 * USUAL_BYTES)
+        libc.mallopt(MMAP_THRESHOLD, USUAL_THRESHOLD_BYTES)
+        libc.mallopt(TRIM_THRESHOLD, 2 * USUAL_THRESHOLD_BYTES)
         libc.malloc_trim(0)
 
 

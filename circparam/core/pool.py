@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
 MAX_PROCESSES = 4  # processes, the caller included: work is done in no more parts than that
 IDLE_SECONDS = 20.0  # seconds without work after which a worker ends
-LEAST_MEMORY_BYTES = (
-    1 << 29
-)  # bytes of address space that a worker needs: 300 MB of them are libraries
+# bytes of address space that a worker needs: 300 MB of them are libraries
+LEAST_MEMORY_BYTES = 1 << 29
 WORKER_SHARE = 4  # of a bound on the address space one such part goes to all workers together
 INSIDE = "CIRCPARAM_WORKER"  # set in the environment of a worker, which starts no further ones
 # one thread each: the processes are as many as the cores. A growing worker is no leaking one.

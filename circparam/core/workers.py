@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from circparam.core.types import BoolArray, IntArray
 
-PARTED = 8_000  # from this number of faces on work is done in parts
+PARTED_FACES = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
-MAX_PARTS = 8  # at most: more than processes, so that none waits long for the last one
+MOST_PARTS = 8  # at most: more than processes, so that none waits long for the last one
 LARGE_CHARTS_PER_PART = 8  # charts of more than such a part of a part are dealt out one by one
 LARGE_TASK_BYTES = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
 OVERLOOKED_SECONDS = 2.0  # seconds between checks whether a process that should answer was killed
@@ -66,9 +66,9 @@ def in_parts(label: "IntArray") -> "list[BoolArray]":
     import numpy as np
 
     m = len(label)
-    if m < PARTED:
+    if m < PARTED_FACES:
         return [np.ones(m, bool)]
-    n_parts = min(MAX_PARTS, m // PART_FACES)
+    n_parts = min(MOST_PARTS, m // PART_FACES)
     size = np.bincount(label)
     order = np.argsort(-size, kind="stable")
     large = int((size > m / (LARGE_CHARTS_PER_PART * n_parts)).sum())

@@ -28,17 +28,17 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.congruent_flats import Flats, find_flats, same_flats
 
-ALIKE = 2e-5  # of the radius of a component: how far points of copies may lie apart
+ALIKE_RADII = 2e-5  # of the radius of a component: how far points of copies may lie apart
 # of the largest coordinate: the error of two points by single precision and a rotation
-NOISE = 1.2e-6
-BENT = 0.1  # radians by which the sums of the angles at two vertices may differ
-BASES = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
+NOISE_SHARE = 1.2e-6
+BENT_RADIANS = 0.1  # radians by which the sums of the angles at two vertices may differ
+BASE_TRIALS = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
 # Rounds in which components unlike every leader of their class get a leader of their own: 30 meshes of several
 # components take three at most.
 LEADER_ROUNDS = 16
 # Of the radius: least distance of the first vertex from the centroid, and of the second from the line
 # through both.
-FAR, WIDE = 0.3, 0.1
+FAR_RADII, WIDE_RADII = 0.3, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntA
         owner,
         first,
         radius,
-        ALIKE * radius + NOISE * reach,
+        ALIKE_RADII * radius + NOISE_SHARE * reach,
         distance,
         angle,
         label,
@@ -267,9 +267,14 @@ def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
     vertex = np.flatnonzero(leads[parts.owner])
     owner = parts.owner[vertex]
     radius, step = np.maximum(parts.radius[owner], 1e-300), 4 * parts.slack[owner]
-    far = parts.distance[vertex] >= FAR * radius
+    far = parts.distance[vertex] >= FAR_RADII * radius
     kind = np.stack(
-        [owner, np.round(parts.distance[vertex] / step), np.round(parts.angle[vertex] / BENT)], 1
+        [
+            owner,
+            np.round(parts.distance[vertex] / step),
+            np.round(parts.angle[vertex] / BENT_RADIANS),
+        ],
+        1,
     )
     base = np.full(n, -1)
     base[owner] = _rarest(vertex, owner, kind, ~far, parts.distance[vertex])
@@ -281,7 +286,7 @@ def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
     between = np.round(np.linalg.norm(p - parts.points[base[owner]], axis=1) / step)
     side = np.full(n, -1)
     side[owner] = _rarest(
-        vertex, owner, np.c_[kind, between], off < np.minimum(WIDE * radius, widest), off
+        vertex, owner, np.c_[kind, between], off < np.minimum(WIDE_RADII * radius, widest), off
     )
     return _Frames(base, side)
 
@@ -306,7 +311,7 @@ def _like(parts: _Parts, frame: IntArray, leader: IntArray, asked: BoolArray) ->
     of = frame[leader[parts.owner[own]]]
     out = np.zeros(len(parts.owner), bool)
     near = np.abs(parts.distance[own] - parts.distance[of]) <= 2 * parts.slack[parts.owner[own]]
-    out[own] = near & (np.abs(parts.angle[own] - parts.angle[of]) <= BENT)
+    out[own] = near & (np.abs(parts.angle[own] - parts.angle[of]) <= BENT_RADIANS)
     return out
 
 
@@ -322,7 +327,7 @@ def _trials(
     n = len(leader)
     base = np.flatnonzero(bases)
     rank = ranges(group_count(parts.owner[base], n))
-    for k in range(min(BASES[0], int(rank.max(initial=-1)) + 1)):
+    for k in range(min(BASE_TRIALS[0], int(rank.max(initial=-1)) + 1)):
         now = base[(rank == k) & left[parts.owner[base]]]
         if not len(now):
             continue
@@ -336,7 +341,7 @@ def _trials(
         apart = np.linalg.norm(parts.points[side] - parts.points[of[own]], axis=1)
         side = side[np.abs(apart - wanted) <= 2 * parts.slack[own]]
         second = ranges(group_count(parts.owner[side], n))
-        for j in range(min(BASES[1], int(second.max(initial=-1)) + 1)):
+        for j in range(min(BASE_TRIALS[1], int(second.max(initial=-1)) + 1)):
             chosen = side[(second == j) & left[parts.owner[side]]]
             if len(chosen):
                 own = parts.owner[chosen]

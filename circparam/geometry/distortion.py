@@ -20,7 +20,7 @@ from circparam.mesh.cut_mesh import CutMesh
 DEGENERATE = 1e-12
 
 # Stands in for a singular value of zero, so that a collapsed face gives a huge number and not a NaN.
-COLLAPSED = 1e-150
+LEAST_SIGMA = 1e-150
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ def measure(cut_mesh: CutMesh, uv: FloatArray, signs: IntArray | None = None) ->
     group = cut_mesh.chart[live]
     layout = float((surface * large * small).sum())
     equal = np.sqrt(float(surface.sum()) / max(layout, 1e-300)) if live.any() else 1.0
-    large, small = np.maximum(large * equal, COLLAPSED), np.maximum(small * equal, COLLAPSED)
+    large, small = np.maximum(large * equal, LEAST_SIGMA), np.maximum(small * equal, LEAST_SIGMA)
     square = float((surface * (large**2 + small**2)).sum())
     inverse = float((surface * (large**-2.0 + small**-2.0)).sum())
     k = (inverse / square) ** 0.25 if square > 0 else 1.0
@@ -217,7 +217,7 @@ def stretch_and_distortion(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArra
     scale = _best_scales(square, inverse)[cut_mesh.chart[live]]
     out = np.ones(len(cut_mesh.faces))
     with np.errstate(invalid="ignore"):
-        out[live] = np.maximum(large * scale, 1 / np.maximum(small * scale, COLLAPSED))
+        out[live] = np.maximum(large * scale, 1 / np.maximum(small * scale, LEAST_SIGMA))
     return out, _distortion(square, inverse, area)
 
 
@@ -257,7 +257,7 @@ def _sums(
     cut_mesh: CutMesh, live: BoolArray, large: FloatArray, small: FloatArray, surface: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """As ``_scale_terms``, from the singular values and areas of the faces that have a shape."""
-    large, small = np.maximum(large, COLLAPSED), np.maximum(small, COLLAPSED)
+    large, small = np.maximum(large, LEAST_SIGMA), np.maximum(small, LEAST_SIGMA)
     group, n = cut_mesh.chart[live], cut_mesh.n_charts
     square = group_sum(surface * (large**2 + small**2), group, n)
     inverse = group_sum(surface * (large**-2.0 + small**-2.0), group, n)
@@ -306,7 +306,7 @@ def energy_terms(cut_mesh: CutMesh, uv: FloatArray, faces: IntArray) -> FloatArr
     """(f, 3) terms (P, N, A) of some faces (f,): their sums over a chart give its distortion √(P N) / (2 A)."""
     with np.errstate(all="ignore"):
         large, small = singular_values(jacobians(cut_mesh, uv, faces))
-    large, small = np.maximum(large, COLLAPSED), np.maximum(np.abs(small), COLLAPSED)
+    large, small = np.maximum(large, LEAST_SIGMA), np.maximum(np.abs(small), LEAST_SIGMA)
     area = cut_mesh.areas[faces]
     terms = [area * (large**2 + small**2), area * (large**-2.0 + small**-2.0), area]
     return np.where(_live(cut_mesh)[faces], terms, 0.0).T

@@ -8,10 +8,11 @@ from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates
 
-CHUNK = 2_000_000  # points x segments looked at together
+CHUNK_TESTS = 2_000_000  # points x segments looked at together
 SHORT, PIECE = 0.25, 0.5  # segments below so many reaches are looked at in pieces about so long
-CHAMFER = 1.5  # margins: so little boundary between two long segments does not part them
-NEIGHBOURS = 8  # parts of a boundary closer than 8 margins along it are not compared for nearness
+CHAMFER_MARGINS = 1.5  # margins: so little boundary between two long segments does not part them
+# parts of a boundary closer than 8 margins along it are not compared for nearness
+NEIGHBOUR_MARGINS = 8
 
 
 def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArray, IntArray]:
@@ -162,19 +163,21 @@ def nearby(
         close = segment_distance(start[k], end[k], start[m], end[m])
         step = np.abs(position[of[k]] - position[of[m]])
         step = np.minimum(step, total[of[k]] - step) + 2 * slack
-        beside = (loop[of[k]] == loop[of[m]]) & (step < NEIGHBOURS * reach[of[k]])
+        beside = (loop[of[k]] == loop[of[m]]) & (step < NEIGHBOUR_MARGINS * reach[of[k]])
         keep = (close < reach[of[k]] + slack) & ~beside
         k, m = k[keep], m[keep]
         i, j = _all_pairs(first, count, member, k, m)
         apart = np.abs(position[i] - position[j])
         apart = np.minimum(apart, total[i] - apart)
-        far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach[i])
+        far = (loop[i] != loop[j]) | (apart > NEIGHBOUR_MARGINS * reach[i])
         far &= (boundary.following[i] != j) & (boundary.before[i] != j)
         if chamfers:
             length = norms2(boundary.end - boundary.start)
             forward = np.mod(position[j] - position[i], total[i]) - length[i]
             backward = np.mod(position[i] - position[j], total[i]) - length[j]
-            far &= (loop[i] != loop[j]) | (np.minimum(forward, backward) > CHAMFER * reach[i])
+            far &= (loop[i] != loop[j]) | (
+                np.minimum(forward, backward) > CHAMFER_MARGINS * reach[i]
+            )
         i, j = i[far], j[far]
         close = segment_distance(
             boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j]
@@ -265,7 +268,7 @@ def winding_pairs(
     first = np.searchsorted(y, low[:, 1])
     number = np.maximum(np.searchsorted(y, high[:, 1], side="right") - first, 0)
     pairs = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
-    for part in np.array_split(np.arange(n), 1 + int(number.sum()) // CHUNK):
+    for part in np.array_split(np.arange(n), 1 + int(number.sum()) // CHUNK_TESTS):
         other = np.repeat(part, number[part])
         k = order[np.repeat(first[part], number[part]) + ranges(number[part])]
         x = points[k, 0]
@@ -310,7 +313,7 @@ def windings(
     number = np.searchsorted(strip, mine, side="right") - begin
     charts = len(boundary.size)
     keys, turns = [none], [none]
-    for part in np.array_split(np.arange(len(points)), 1 + int(number.sum()) // CHUNK):
+    for part in np.array_split(np.arange(len(points)), 1 + int(number.sum()) // CHUNK_TESTS):
         k = np.repeat(part, number[part])
         j = segment[np.repeat(begin[part], number[part]) + ranges(number[part])]
         y = points[k, 1]

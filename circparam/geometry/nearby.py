@@ -5,7 +5,7 @@ import numpy as np
 from circparam.core.compiled import kd_tree
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
-PAIRS = 4_000_000  # of points and places up to which all are compared: a tree takes 0.1 s to import, too
+BRUTE_PAIRS = 4_000_000  # of points and places up to which all are compared: a tree takes 0.1 s to import, too
 
 
 def centres(uv: FloatArray, faces: IntArray) -> FloatArray:
@@ -33,7 +33,7 @@ def within(
     some = np.flatnonzero(near[:, 0] & near[:, 1] & ~out)
     if len(some) == 0:
         return out
-    if len(some) * len(to) > PAIRS:
+    if len(some) * len(to) > BRUTE_PAIRS:
         out[some] = _by_tree(at[some], group[some], places, reach)
         return out
     square = (at[some, :1] - to[:, 0]) ** 2

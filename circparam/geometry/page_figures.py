@@ -12,13 +12,13 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
 # texels: below, blocks of compressed textures and the first mip levels show the neighbours
-THIN = 8.0
+THIN_TEXELS = 8.0
 
 
 @dataclass(frozen=True, eq=False)
 class PageFigures:
-    """thin: charts narrower than THIN texels. seam_texels: length of seams on the page, the mean of both sides.
-    density_min, density_max: texels per unit of the mesh, of the charts with the fewest and the most.
+    """thin: charts narrower than THIN_TEXELS texels. seam_texels: length of seams on the page, the mean of both
+    sides. density_min, density_max: texels per unit of the mesh, of the charts with the fewest and the most.
     axis_parallel: share of the straight borders that lies along the axes, None if no chart has one.
     texel_aligned: share of them that lies on whole texels, or on whole blocks of a compressed texture.
     """
@@ -48,7 +48,7 @@ def page_figures(
     density = chart_densities(surface, cut_mesh, uv)[used] * resolution
     density = density[np.isfinite(density)]
     return PageFigures(
-        int((width < THIN).sum()),
+        int((width < THIN_TEXELS).sum()),
         _seam_length(surface, cut_mesh, uv, used) * resolution,
         float(density.min(initial=np.inf)) if len(density) else 0.0,
         float(density.max(initial=0.0)),

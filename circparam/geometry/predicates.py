@@ -15,8 +15,8 @@ from circparam.core.types import FloatArray
 
 SignArray: TypeAlias = npt.NDArray[np.int8]
 EPS = 2.0**-53
-BOUND = (3 + 16 * EPS) * EPS
-TINY = 1e-290  # products below it may have lost digits to underflow
+ROUNDING_BOUND = (3 + 16 * EPS) * EPS
+TINY_PRODUCT = 1e-290  # products below it may have lost digits to underflow
 SPLITTER = 134217729.0  # 2^27 + 1
 
 
@@ -30,7 +30,7 @@ def orientation(a: FloatArray, b: FloatArray, c: FloatArray) -> SignArray:
         right = (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
         det = left - right
         size = np.abs(left) + np.abs(right)
-        sure = (np.abs(det) > BOUND * size) & (size > TINY) & np.isfinite(size)
+        sure = (np.abs(det) > ROUNDING_BOUND * size) & (size > TINY_PRODUCT) & np.isfinite(size)
     out = np.where(sure, np.sign(np.where(sure, det, 0.0)), 0.0).astype(np.int8)
     # two equal points, or all on one axis-parallel line: exactly zero
     same_x, same_y = a[:, 0] == b[:, 0], a[:, 1] == b[:, 1]

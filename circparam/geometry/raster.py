@@ -20,12 +20,12 @@ from circparam.core.types import FloatArray, IntArray
 
 LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
-CHUNK = 4_000_000  # fragments at once: bounds the memory at about 0.3 GB
+CHUNK_FRAGMENTS = 4_000_000  # fragments at once: bounds the memory at about 0.3 GB
 # rows of a page at once: arrays of 4096 texels a row stay in the cache, a third of the time
 BAND = 32
 ROWS_AT_ONCE = 1_000_000  # rows of triangles at once: bounds the memory at about 0.2 GB
 # texels: a gap looked for up to here is found offset by offset, beyond by trees, in less time there
-NEAR = 16
+NEAR_TEXELS = 16
 # texels: a centre this close to an edge counts as covered; far above the rounding of the check (1e-12), far
 # below the distance that matters
 EDGE = 1e-6
@@ -64,7 +64,11 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
     rows = last[face].astype(np.int64) - top
     # an upper bound of each face's pixels decides where the chunks end
     bound = np.cumsum(rows * np.minimum((right - left)[face] + 1, width))
-    ends = np.arange(CHUNK, bound[-1] + CHUNK, CHUNK) if len(bound) else np.zeros(0)
+    ends = (
+        np.arange(CHUNK_FRAGMENTS, bound[-1] + CHUNK_FRAGMENTS, CHUNK_FRAGMENTS)
+        if len(bound)
+        else np.zeros(0)
+    )
     start = 0
     for stop in sorted_distinct(np.minimum(np.searchsorted(bound, ends) + 1, len(face))):
         part = slice(start, int(stop))
@@ -244,7 +248,7 @@ def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] |
 
     grid: (h, w), −1 if empty. (infinity, None) where there is none within the search.
     """
-    if search > NEAR:
+    if search > NEAR_TEXELS:
         at, own = _ends(grid)
         return _gap_by_trees(np.stack(np.divmod(at, grid.shape[1]), 1), own, search)
     for distance, own, other in _neighbours(grid, search):
@@ -255,7 +259,7 @@ def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] |
 
 def crowded_labels(grid: LabelGrid, gap: int) -> IntArray:
     """Labels with a texel nearer than ``gap`` to one of another label; of a wide gap only the nearest two."""
-    if gap > NEAR:
+    if gap > NEAR_TEXELS:
         distance, pair = smallest_gap(grid, gap)
         return np.array(pair if pair is not None and distance < gap else (), np.int64)
     found = [np.r_[own, other] for far, own, other in _neighbours(grid, gap) if far < gap]

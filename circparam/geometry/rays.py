@@ -11,11 +11,12 @@ from circparam.core.arrays import first_of_runs, ranges, relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
-WIDTH = 4  # children of a box, and faces of a leaf
-PAIRS = 50_000  # pairs of ray and face in one block, which fits the cache
-CELL = 0.8  # side of the cells whose rays make a packet, in mean diagonals of the faces' boxes
-RAYS = 200_000  # rays at once
-EDGE = 1e-9  # barycentric: rays that meet an edge meet a face beside it, whatever is rounded
+TREE_WIDTH = 4  # children of a box, and faces of a leaf
+BLOCK_PAIRS = 50_000  # pairs of ray and face in one block, which fits the cache
+# side of the cells whose rays make a packet, in mean diagonals of the faces' boxes
+CELL_DIAGONALS = 0.8
+BLOCK_RAYS = 200_000  # rays at once
+EDGE_WEIGHT = 1e-9  # barycentric: rays that meet an edge meet a face beside it, whatever is rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +58,8 @@ class BoxTree:
         sizes = [len(self.order), *(len(low) for low, _ in self.levels)]
         for below, (low, high) in zip(sizes[-2::-1], reversed(self.levels), strict=True):
             keep = _meets(start[segment], end[segment], radius[segment], low[node], high[node])
-            segment = np.repeat(segment[keep], WIDTH)
-            node = (WIDTH * node[keep, None] + np.arange(WIDTH)).ravel()
+            segment = np.repeat(segment[keep], TREE_WIDTH)
+            node = (TREE_WIDTH * node[keep, None] + np.arange(TREE_WIDTH)).ravel()
             segment, node = segment[node < below], node[node < below]
         face = self.order[node]
         keep = _meets(start[segment], end[segment], radius[segment], *self.box(face))
@@ -66,8 +67,8 @@ class BoxTree:
 
 
 def _runs(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Boxes of runs of WIDTH boxes."""
-    first = np.arange(0, len(low), WIDTH)
+    """Boxes of runs of TREE_WIDTH boxes."""
+    first = np.arange(0, len(low), TREE_WIDTH)
     return np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
 
 
@@ -128,8 +129,8 @@ def first_hits(
     way. nearest: take the hit nearest to the origin, not the first.
     """
     face, bary, t = np.full(len(origin), -1), np.zeros((len(origin), 3)), np.zeros(len(origin))
-    for at in range(0, len(origin), RAYS):
-        part = slice(at, at + RAYS)
+    for at in range(0, len(origin), BLOCK_RAYS):
+        part = slice(at, at + BLOCK_RAYS)
         lines = _Lines(origin[part], direction[part], reach[part])
         face[part], bary[part], t[part] = _first(tree, lines, nearest)
     return Hits(face, bary, t)
@@ -152,7 +153,7 @@ def _first(tree: BoxTree, lines: _Lines, nearest: bool) -> tuple[IntArray, Float
     by_packet = np.argsort(packet, kind="stable")
     size = np.bincount(packet, minlength=len(start))
     begin, count = (np.cumsum(size) - size)[segment], size[segment]
-    block = np.cumsum(count) // PAIRS
+    block = np.cumsum(count) // BLOCK_PAIRS
     columns = np.concatenate([lines.origin.T, lines.direction.T, lines.reach[None]])
     found = []
     for part in np.split(np.arange(len(count)), np.flatnonzero(np.diff(block)) + 1):
@@ -165,7 +166,7 @@ def _first(tree: BoxTree, lines: _Lines, nearest: bool) -> tuple[IntArray, Float
 def _packets(tree: BoxTree, lines: _Lines) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
     """Rays side by side that look the same way: ((p,) packet, (k, 3) start, (k, 3) end, (k,) radius)."""
     span = tree.corners.max(1) - tree.corners.min(1)
-    cell = max(CELL * float(np.linalg.norm(span, axis=1).mean()), 1e-300)
+    cell = max(CELL_DIAGONALS * float(np.linalg.norm(span, axis=1).mean()), 1e-300)
     place = np.floor((lines.origin - lines.origin.min(0)) / cell).astype(np.int64) % (1 << 20)
     octant = ((lines.direction > 0) * [1, 2, 4]).sum(1)
     key = (((place[:, 0] << 20) | place[:, 1]) << 20 | place[:, 2]) << 3 | octant
@@ -214,7 +215,7 @@ def _met(
         x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
         v = plane[0] * x + plane[1] * y + plane[2] * z + plane[3]
         w = plane[4] * x + plane[5] * y + plane[6] * z + plane[7]
-        inside = (v >= -EDGE) & (w >= -EDGE) & (v + w <= 1 + EDGE)
+        inside = (v >= -EDGE_WEIGHT) & (w >= -EDGE_WEIGHT) & (v + w <= 1 + EDGE_WEIGHT)
         inside &= (along > 0) & (np.abs(t) <= reach)
     return ray[inside], face[inside], np.stack([v, w, t], 1)[inside]
 

@@ -23,11 +23,11 @@ from circparam.core.arrays import (
 )
 from circparam.core.types import FloatArray, IntArray
 
-CROWD = 24  # cells with more entries are quartered
-LEVELS = 24  # at most so many times
-GROWTH = 6  # quartering may make so many times more entries
-CHUNK = 2_000_000  # pairs handed out at a time
-LIMIT = 200_000_000  # pairs altogether; beyond, each segment meets only its next few of a cell
+CROWD_ENTRIES = 24  # cells with more entries are quartered
+QUARTERING_LEVELS = 24  # at most so many times
+ENTRY_GROWTH = 6  # quartering may make so many times more entries
+CHUNK_PAIRS = 2_000_000  # pairs handed out at a time
+MOST_PAIRS = 200_000_000  # pairs altogether; beyond, each segment meets only its next few of a cell
 FEW = 32
 
 
@@ -72,18 +72,20 @@ class Candidates:
         head = first_of_runs(cell)
         count = np.diff(np.concatenate([head, [len(cell)]]))
         yield from self._thin_cells(segment, count)
-        crowd = np.repeat(count > CROWD, count)
+        crowd = np.repeat(count > CROWD_ENTRIES, count)
         segment, box = segment[crowd], self._boxes(grid, segment[crowd], cell[crowd])
-        count = count[count > CROWD]
-        budget = GROWTH * len(cell) + 10_000
-        for level in range(LEVELS + 1):
+        count = count[count > CROWD_ENTRIES]
+        budget = ENTRY_GROWTH * len(cell) + 10_000
+        for level in range(QUARTERING_LEVELS + 1):
             if len(segment) == 0:
                 return
             cell = np.repeat(np.arange(len(count)), count)
             order, later = self._sweep(segment, cell, box)
             cost = group_sum(later.astype(np.float64), cell, len(count))
-            done = (cost <= CROWD * count)[cell]  # entries of a cell stay together in ``order``
-            if level == LEVELS or len(segment) > budget:
+            done = (cost <= CROWD_ENTRIES * count)[
+                cell
+            ]  # entries of a cell stay together in ``order``
+            if level == QUARTERING_LEVELS or len(segment) > budget:
                 done[:] = True
             yield from self._emit(segment[order], np.where(done, later, 0))
             segment, cell, box = self._quarter(segment[~done], cell[~done], box[~done])
@@ -92,15 +94,15 @@ class Candidates:
             head = first_of_runs(cell[order])
             count = np.diff(np.concatenate([head, [len(cell)]]))
             yield from self._thin_cells(segment, count)
-            crowd = np.repeat(count > CROWD, count)
-            segment, box, count = segment[crowd], box[crowd], count[count > CROWD]
+            crowd = np.repeat(count > CROWD_ENTRIES, count)
+            segment, box, count = segment[crowd], box[crowd], count[count > CROWD_ENTRIES]
 
     def _thin_cells(
         self, segment: IntArray, count: IntArray
     ) -> Iterator[tuple[IntArray, IntArray]]:
         """All pairs inside the cells that are not crowded; count: entries of each cell, in order."""
         many = np.repeat(count, count)
-        yield from self._emit(segment, np.where(many <= CROWD, many - 1 - ranges(count), 0))
+        yield from self._emit(segment, np.where(many <= CROWD_ENTRIES, many - 1 - ranges(count), 0))
 
     def _grid(self) -> _Grid:
         """The first grid of each group: cells about twice as wide as its mean segment."""
@@ -223,7 +225,7 @@ class Candidates:
 
     def _emit(self, segment: IntArray, later: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
         """Pairs of each entry with the ``later`` entries behind it, in chunks."""
-        if self._spent + int(later.sum()) > LIMIT:
+        if self._spent + int(later.sum()) > MOST_PAIRS:
             short = later > FEW
             self.crowded = sorted_distinct(
                 np.concatenate([self.crowded, self.group[segment[short]]])
@@ -234,7 +236,7 @@ class Candidates:
         begin = 0
         while begin < len(later):
             done = int(total[begin - 1]) if begin else 0
-            end = max(int(np.searchsorted(total, done + CHUNK, side="right")), begin + 1)
+            end = max(int(np.searchsorted(total, done + CHUNK_PAIRS, side="right")), begin + 1)
             here = later[begin:end]
             x = begin + np.repeat(np.arange(end - begin), here)
             y = x + 1 + ranges(here)

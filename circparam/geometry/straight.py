@@ -6,11 +6,11 @@ from circparam.core.arrays import group_sum
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
-BINS = 180  # of a quarter turn: half a degree each
+BINS_PER_QUARTER = 180  # of a quarter turn: half a degree each
 # Border along the directions of a chart, over the side of a square of its area, from which on it is a straight
 # one. A square has 4, a regular polygon of 16 sides 0.9 along two perpendicular directions.
 LONG = 1.0
-PARALLEL = np.pi / 2 / BINS  # radians from an axis: resolution of directions
+PARALLEL = np.pi / 2 / BINS_PER_QUARTER  # radians from an axis: resolution of directions
 # texels: rounding of uv to single precision on the largest page, and of what packing adds
 ON_TEXEL = 0.01
 _QUARTER = np.pi / 2
@@ -33,15 +33,17 @@ def directions(edges: FloatArray, owner: IntArray, n: int) -> Directions:
     length = np.hypot(edges[:, 0], edges[:, 1])
     turn = np.mod(np.arctan2(edges[:, 1], edges[:, 0]), _QUARTER)
     # directions of edges in bins, each with its two neighbours: none is torn apart at the end of a bin
-    key = np.minimum((turn / _QUARTER * BINS).astype(np.int64), BINS - 1)
-    weight = group_sum(length, owner * BINS + key, n * BINS).reshape(n, BINS)
+    key = np.minimum((turn / _QUARTER * BINS_PER_QUARTER).astype(np.int64), BINS_PER_QUARTER - 1)
+    weight = group_sum(length, owner * BINS_PER_QUARTER + key, n * BINS_PER_QUARTER).reshape(
+        n, BINS_PER_QUARTER
+    )
     near = weight + np.roll(weight, 1, 1) + np.roll(weight, -1, 1)
     best = near.argmax(1)
     whole = near[np.arange(n), best]
     # the mean direction of those edges, about the middle of the best bin
-    middle = (best + 0.5) / BINS * _QUARTER
+    middle = (best + 0.5) / BINS_PER_QUARTER * _QUARTER
     off = np.mod(turn - middle[owner] + _QUARTER / 2, _QUARTER) - _QUARTER / 2
-    along = np.abs(off) <= 1.5 * _QUARTER / BINS
+    along = np.abs(off) <= 1.5 * _QUARTER / BINS_PER_QUARTER
     counted = np.where(along, length, 0.0)
     mean = group_sum(counted * off, owner, n) / np.maximum(group_sum(counted, owner, n), 1e-300)
     share = whole / np.maximum(weight.sum(1), 1e-300)

@@ -21,19 +21,20 @@ from circparam.geometry.raster import extremes, fragments
 from circparam.mesh.surface import Surface
 
 GOLDEN = (1 + 5**0.5) / 2
-SMALL = 0.7  # pixels: faces whose longest edge is below that leave their centre only
-WIDE = 3  # pixels: others reach no further than that from a corner
-SPARSE = 0.25  # places a pixel, below which faces that hide none of them are left out
-FRAME = 2  # empty pixels round the picture
-SPACING = 8.0  # pixels between the places at which a long edge is looked at
-MOST = 8  # of them on one edge
-JUDGED = 64  # directions that a reported share is measured from
+SMALL_FACE_PIXELS = 0.7  # pixels: faces whose longest edge is below that leave their centre only
+WIDE_FACE_PIXELS = 3  # pixels: others reach no further than that from a corner
+# places a pixel, below which faces that hide none of them are left out
+SPARSE_PLACES_PER_PIXEL = 0.25
+FRAME_PIXELS = 2  # empty pixels round the picture
+SPACING_PIXELS = 8.0  # pixels between the places at which a long edge is looked at
+MOST_EDGE_PLACES = 8  # of them on one edge
+REPORTED_DIRECTIONS = 64  # directions that a reported share is measured from
 # side of the picture for it; up to so many faces the coarse one
 COARSE, FINE, FEW = 128, 256, 10_000
 # faces: derived arrays of a block stay in the cache, twice as fast on 100,000 faces and more
 AT_ONCE = 16_000
 ALL = slice(None)
-PARTS = 2  # of the directions of a reported share, which two processes may look along
+DIRECTION_PARTS = 2  # of the directions of a reported share, which two processes may look along
 
 # corners (3, 3, k) of wide faces, corners (3, 3, l) of others, centres (3, s) of small ones
 Scene: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -81,14 +82,14 @@ def seen_shares(
         return np.zeros(len(seen))
     centre = (flat.min(0) + flat.max(0)) / 2
     radius = float(np.sqrt(((flat - centre) ** 2).sum(1).max()))
-    pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME)
+    pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME_PIXELS)
     scene = [_scene((triangles[k] - centre) / pixel) for k in slices(len(triangles), AT_ONCE)]
     normal = places.normal.sum(1)
     normal = unit(normal)
     vectors = np.ascontiguousarray(
         np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
     )
-    sparse = len(seen) < SPARSE * pixels * pixels
+    sparse = len(seen) < SPARSE_PLACES_PER_PIXEL * pixels * pixels
     for axis in axes(count // 2)[turn]:
         other = np.eye(3)[np.argmin(np.abs(axis))]
         right = np.cross(other, axis)
@@ -120,13 +121,13 @@ def seen_shares(
 
 
 def _scene(triangles: FloatArray) -> Scene:
-    """((3, 3, k), (3, 3, l) corner coordinates of the faces that cover pixels, with an edge longer than WIDE
-    and without; (3, s) centres of the smaller faces), in pixels."""
+    """((3, 3, k), (3, 3, l) corner coordinates of the faces that cover pixels, with an edge longer than
+    WIDE_FACE_PIXELS and without; (3, s) centres of the smaller faces), in pixels."""
     corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
     edge = corners - corners[:, [1, 2, 0]]
     x, y, z = edge * edge
     longest = (x + y + z).max(0)
-    small, wide = longest < SMALL**2, longest > WIDE**2
+    small, wide = longest < SMALL_FACE_PIXELS**2, longest > WIDE_FACE_PIXELS**2
     return corners[:, :, wide], corners[:, :, ~small & ~wide], corners[:, :, small].mean(1)
 
 
@@ -145,7 +146,7 @@ def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
 def _beside(scene: list[Scene], near: BoolArray, frame: FloatArray, pixels: int) -> Scene:
     """The faces that may cover a pixel that anybody looks at.
 
-    near: (pixels²,) bool, pixels up to WIDE from those. frame: of the look.
+    near: (pixels²,) bool, pixels up to WIDE_FACE_PIXELS from those. frame: of the look.
     """
     faces = [
         f[:, :, np.flatnonzero(near[_pixel(_turned(f[:, 0], frame[:2]), pixels)])]
@@ -169,13 +170,13 @@ def _fill(buffers: Buffers, scene: Scene, frame: FloatArray, pixels: int) -> Non
 
 
 def _near(looked_at: list[IntArray], pixels: int) -> BoolArray:
-    """(pixels²,) bool: pixels no more than WIDE columns and rows from some."""
+    """(pixels²,) bool: pixels no more than WIDE_FACE_PIXELS columns and rows from some."""
     near = np.zeros((pixels, pixels), bool)
     for some in looked_at:
         near.ravel()[some] = True
     for _ in range(2):
         grown = near.copy()
-        for step in range(1, WIDE + 1):
+        for step in range(1, WIDE_FACE_PIXELS + 1):
             grown[step:] |= near[:-step]
             grown[:-step] |= near[step:]
         near = np.ascontiguousarray(grown.T)
@@ -246,9 +247,9 @@ def edge_shares(
     h = surface.edges[asked]
     flat = triangles.reshape(-1, 3)
     start, end = flat[h[:, 0]], flat[next_half_edge(h[:, 0])]
-    step = SPACING * float(np.sqrt((np.ptp(flat, axis=0) ** 2).sum())) / pixels
+    step = SPACING_PIXELS * float(np.sqrt((np.ptp(flat, axis=0) ** 2).sum())) / pixels
     length = surface.edge_lengths[asked]
-    number = np.clip(np.ceil(length / max(step, 1e-300)), 1, MOST).astype(np.int64)
+    number = np.clip(np.ceil(length / max(step, 1e-300)), 1, MOST_EDGE_PLACES).astype(np.int64)
     edge = np.repeat(np.arange(len(asked)), number)
     at = ((ranges(number) + 0.5) / number[edge])[:, None]
     n, component = surface.components
@@ -267,18 +268,19 @@ def edge_shares(
 
 
 def visible_share(surface: Surface, cut: BoolArray) -> float | None:
-    """Share of the length of some edges ((e,) bool) that is seen, in the mean over JUDGED directions.
+    """Share of the length of some edges ((e,) bool) that is seen, in the mean over REPORTED_DIRECTIONS
+    directions.
 
     It is Σ length · share / Σ length, shares as ``edge_shares`` has them; None if the edges have no length.
     """
     if not surface.edge_lengths[cut].sum() > 0:
         return None
-    return sum(visible_part(surface, cut, k) for k in range(PARTS))
+    return sum(visible_part(surface, cut, k) for k in range(DIRECTION_PARTS))
 
 
 def visible_part(surface: Surface, cut: BoolArray, k: int) -> float:
     """The part of ``visible_share`` by the directions k, for edges with a length."""
     length = surface.edge_lengths[cut]
     pixels = COARSE if len(surface.faces) <= FEW else FINE
-    shares = edge_shares(surface, JUDGED, pixels, cut, slice(k, None, PARTS))
+    shares = edge_shares(surface, REPORTED_DIRECTIONS, pixels, cut, slice(k, None, DIRECTION_PARTS))
     return float((length * shares).sum() / length.sum())

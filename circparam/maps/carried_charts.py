@@ -32,9 +32,9 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.room import by_page, find_room
 
-CANDIDATES = 12  # nearest samples whose faces are tried for the closest point
+CANDIDATE_SAMPLES = 12  # nearest samples whose faces are tried for the closest point
 WALK_STEPS = 64  # to neighbours, for as long as one is nearer
-SAMPLES_A_FACE = 4  # mean, more where faces are large
+SAMPLES_PER_FACE = 4  # mean, more where faces are large
 FEWEST_SAMPLES, MOST_SAMPLES = 50_000, 1_000_000
 UV_WEIGHT = 0.3  # of a distance in uv against one in space, in the choice of a side of a seam
 PLACES_AT_ONCE = 20_000  # places sought at once: some kilobytes each
@@ -49,7 +49,7 @@ PROBES = np.array(
 SAME_EDGE_SHARE = 0.25  # of an edge in uv, by which its faces may place its ends apart,
 SAME_PAGE_SHARE = 1 / 2048  # and of the page at most: the ends move to their middle
 RELABEL_ROUNDS = 12  # rounds in which faces at fault go to charts of their neighbours; most need 3
-LOOSE_ROUNDS = 3  # rounds in which faces at fault are let go
+LOOSENING_ROUNDS = 3  # rounds in which faces at fault are let go
 PAIRS_AT_ONCE = 4_000_000  # of triangles and faces, whose boxes are compared
 
 
@@ -179,12 +179,12 @@ class SourceCharts:
 
 
 def _nearest(tree: cKDTree, places: FloatArray) -> IntArray:
-    return tree.query(places, k=min(CANDIDATES, tree.n))[1].reshape(len(places), -1)
+    return tree.query(places, k=min(CANDIDATE_SAMPLES, tree.n))[1].reshape(len(places), -1)
 
 
 def spread_samples(areas: FloatArray) -> tuple[IntArray, FloatArray]:
     """Samples of a surface, as ``samples_of``: some for each face, within bounds."""
-    count = np.clip(SAMPLES_A_FACE * len(areas), FEWEST_SAMPLES, MOST_SAMPLES)
+    count = np.clip(SAMPLES_PER_FACE * len(areas), FEWEST_SAMPLES, MOST_SAMPLES)
     return samples_of(areas, int(count))
 
 
@@ -240,7 +240,7 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     # faces that stay at fault are cut loose, and the rest is mended again
     loose = np.zeros(len(uv), bool)
     edges = atlas.surface.edges
-    for left in range(LOOSE_ROUNDS, -1, -1):
+    for left in range(LOOSENING_ROUNDS, -1, -1):
         atlas.cut |= loose[edges // 3].any(1)
         atlas.corners[:] = uv
         cut_mesh, _ = atlas.open()

@@ -18,9 +18,12 @@ from circparam.errors import NoResultError
 from circparam.geometry.predicates import SignArray
 
 NEWTON_STEPS = 200  # of the radii at most; a dozen do
-ANGLE_GOAL = 1e-13  # radians off a full turn round a node, times the number of nodes, to aim at
-ANGLE_LIMIT = 1e-9  # radians off a full turn that are taken where Newton's method ends early
-IN_SIGHT = 0.1  # least cosine to the middle at which a direction is seen in the tangent plane
+# radians off a full turn round a node, times the number of nodes, to aim at
+ANGLE_GOAL_RADIANS = 1e-13
+# radians off a full turn that are taken where Newton's method ends early
+ANGLE_LIMIT_RADIANS = 1e-9
+# least cosine to the middle at which a direction is seen in the tangent plane
+IN_SIGHT_COSINE = 0.1
 
 # A 3 × 3 determinant of entries up to 1 is off by at most so many units of its permanent (Shewchuk 1997,
 # orient3d).
@@ -124,7 +127,7 @@ class Geometry:
         middle = self.normal(np.stack([group_sum(column, group, n) for column in q.T], 1))[group]
         axes, up, origin = self._plane(middle)
         high = (q * up).sum(1)
-        high[high <= (IN_SIGHT if self.curvature > 0 else 0.0)] = np.nan
+        high[high <= (IN_SIGHT_COSINE if self.curvature > 0 else 0.0)] = np.nan
         uv = np.einsum("kd,kda->ka", q, axes) / high[:, None] - origin
         basis = self.tangents(middle)
         return uv, lambda uv: middle + np.einsum("kda,ka->kd", basis, uv)
@@ -227,7 +230,7 @@ def _radii(nodes: IntArray, n: int, curved: bool) -> FloatArray:
 
     r, missing = at(u)
     for _ in range(NEWTON_STEPS):
-        if np.abs(missing).max() < ANGLE_GOAL * n:
+        if np.abs(missing).max() < ANGLE_GOAL_RADIANS * n:
             break
         step = _newton_step(nodes, r, missing, curved)
         share = min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-300))
@@ -241,7 +244,7 @@ def _radii(nodes: IntArray, n: int, curved: bool) -> FloatArray:
         else:
             break
         u, r, missing = new, r_new, less
-    if np.abs(missing).max() > ANGLE_LIMIT:
+    if np.abs(missing).max() > ANGLE_LIMIT_RADIANS:
         raise NoResultError(
             "the layout of the landmarks has no circles that touch (an arc closes a handle too tightly): "
             "add a landmark or two"

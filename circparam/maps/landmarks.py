@@ -14,11 +14,12 @@ from circparam.errors import InputError, TopologyError
 from circparam.maps.map_input import MapInput
 
 BOUNDARY_SAMPLES = 64  # places along a boundary at which two boundaries are compared
-MIRROR_FIT = 0.5  # error of a reflection over that of a rotation: less looks mirrored,
-MIRROR_LIMIT = 0.1  # where it is also below this share of the size
-GUESSED = 8  # landmarks that are guessed,
-GUESSED_PER_HANDLE = 6  # and so many more for every handle
-GUESS_LIMIT = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made
+MIRROR_ERROR_RATIO = 0.5  # error of a reflection over that of a rotation: less looks mirrored,
+MIRROR_ERROR_SIZES = 0.1  # where it is also below this share of the size
+GUESSED_LANDMARKS = 8  # landmarks that are guessed,
+GUESSED_LANDMARKS_PER_HANDLE = 6  # and so many more for every handle
+# mean distance of the aligned surfaces, in sizes, up to which a guess is made
+GUESS_DISTANCE_SIZES = 0.03
 ALIGNMENT_ROUNDS = 12  # of the alignment by closest points
 
 
@@ -145,7 +146,7 @@ def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     q = points_of(b, [marks.b[k] for k in use])
     straight, mirrored = aligned(p, q)[0], aligned(p, q, mirror=True)[0]
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
-    if mirrored < MIRROR_FIT * straight and mirrored < MIRROR_LIMIT * size:
+    if mirrored < MIRROR_ERROR_RATIO * straight and mirrored < MIRROR_ERROR_SIZES * size:
         raise TopologyError(
             f"{b.name} looks like a mirror image of {a.name}: a reflection fits the landmarks "
             f"{straight / max(mirrored, 1e-300):.3g} times better than a rotation; "
@@ -259,16 +260,16 @@ def guess(a: MapInput, b: MapInput) -> Landmarks:
     q = points_of(b, np.arange(b.n))
     error, moved = _best_motion(p, q)
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
-    if error > GUESS_LIMIT * size:
+    if error > GUESS_DISTANCE_SIZES * size:
         raise InputError(
             f"{a.name} and {b.name} are too unlike to guess landmarks (aligned, {percent(error / size)} of "
-            f"the size apart, {percent(GUESS_LIMIT)} at most): give --landmarks with 3 or more pairs"
+            f"the size apart, {percent(GUESS_DISTANCE_SIZES)} at most): give --landmarks with 3 or more pairs"
         )
     inside = a.on_boundary < 0
     out_there = np.linalg.norm(moved - moved.mean(0), axis=1)
     chosen = [int(np.where(inside, out_there, -1).argmax())]
     distance = np.where(inside, np.inf, -1.0)
-    while len(chosen) < min(GUESSED + GUESSED_PER_HANDLE * a.genus, len(p)):
+    while len(chosen) < min(GUESSED_LANDMARKS + GUESSED_LANDMARKS_PER_HANDLE * a.genus, len(p)):
         distance = np.minimum(distance, np.linalg.norm(p - p[chosen[-1]], axis=1))
         chosen.append(int(distance.argmax()))
     own = np.flatnonzero(b.on_boundary < 0)

@@ -29,9 +29,9 @@ from circparam.pipeline.verify import flipped_faces
 
 SHAPE_DIAGONALS = 0.05  # between both surfaces: decimation to a tenth of the faces moves less
 SHAPE_SAMPLES = 5_000  # places of each mesh that are sought on the other
-LOOSE_SHARE = 0.01  # of the surface: more faces without texture would show
-DRIFT = Range(0.0, 1e6, "a distance in texels, at least 0; 8 is the default")
-SIDE = Range(16, 65536, "a page of 16 to 65536 texels a side")
+LOOSE_AREA_SHARE = 0.01  # of the surface: more faces without texture would show
+DRIFT_TEXELS = Range(0.0, 1e6, "a distance in texels, at least 0; 8 is the default")
+SIDE_TEXELS = Range(16, 65536, "a page of 16 to 65536 texels a side")
 
 _DRIFTS = ("drift", "drift_mean", "inside_p95", "inside_max", "apart", "anew", "anew_share")
 
@@ -97,8 +97,8 @@ def transfer(
     Returns one ``Transferred`` per target. Raises InputError if the source has no uv. Raises NoResultError if a
     target has another shape, drifts further than max_drift, or has too many overlapping faces.
     """
-    DRIFT.check("--max-drift", max_drift)
-    SIDE.check("--resolution", resolution)
+    DRIFT_TEXELS.check("--max-drift", max_drift)
+    SIDE_TEXELS.check("--resolution", resolution)
     # nothing is cut, flattened or packed here
     if keywords.get("uv_set") is not None:
         keywords = {**keywords, "overwrite_uv": True}
@@ -157,7 +157,7 @@ def _check_layout(layout: CarriedLayout, job: Job, resolution: int, most: float)
     too far from its place in the first layout."""
     surface, name = job.surface, job.document.source.name
     bad = layout.faulty if layout.faulty.any() else layout.loose
-    if layout.faulty.any() or layout.loose_share > LOOSE_SHARE:
+    if layout.faulty.any() or layout.loose_share > LOOSE_AREA_SHARE:
         places = surface.points[surface.faces].mean(1)
         middle = places[bad][surface.areas[bad].argmax()]
         raise NoResultError(

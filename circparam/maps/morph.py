@@ -21,9 +21,9 @@ from circparam.maps.surface_map import MIRRORED, SurfaceMap, moved, oriented, tu
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.weld import weld_map
 
-FRAMES = 13  # key frames from A to B: a piece of the curve turns by 7° at most
+DEFAULT_FRAMES = 13  # key frames from A to B: a piece of the curve turns by 7° at most
 MOST_FRAMES = 10_000
-SECONDS = 2.0  # from A to B, and back
+MORPH_SECONDS = 2.0  # from A to B, and back
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,11 @@ class Morphed:
 
 
 def morph(
-    a: Document, b: Document, mapped: SurfaceMap, frames: int = FRAMES, overlay: bool = False
+    a: Document,
+    b: Document,
+    mapped: SurfaceMap,
+    frames: int = DEFAULT_FRAMES,
+    overlay: bool = False,
 ) -> Morphed:
     """A GLB of A with B as its morph target, and an animation from A to B and back.
 
@@ -97,7 +101,7 @@ def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:
     """Times and weights from A to B and back: slow at both ends, so that it plays in a loop without a jerk."""
     t = np.linspace(0, 1, frames)
     weight = np.round(0.5 - 0.5 * np.cos(np.pi * t), 9)
-    times = SECONDS * np.concatenate([t, 2 - t[-2::-1]])
+    times = MORPH_SECONDS * np.concatenate([t, 2 - t[-2::-1]])
     return times, np.concatenate([weight, weight[-2::-1]])
 
 

@@ -22,16 +22,17 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import ranks_of
 
-RIDGE = 1e-8  # added to the diagonal of the Hessian, of its trace
-WORST_RISE = 1.5  # growth of the energy of a face in one step beyond which its corners slow down
+RIDGE_TRACE_SHARE = 1e-8  # added to the diagonal of the Hessian, of its trace
+# growth of the energy of a face in one step beyond which its corners slow down
+WORST_ENERGY_RATIO = 1.5
 LOCAL_HALVINGS = 8  # times that the steps of such vertices are halved,
 HALVINGS = 12  # and times that the whole step is halved then
-HOLDS = 3  # directions that are tried in one step, each with more vertices at rest
-PATIENCE = 3  # steps without a gain after which the relaxation ends
-SHORT_STEP = 0.1  # share of a step by which faces turn over whatever its length
+DIRECTION_TRIALS = 3  # directions that are tried in one step, each with more vertices at rest
+PATIENCE_STEPS = 3  # steps without a gain after which the relaxation ends
+SHORT_STEP_SHARE = 0.1  # share of a step by which faces turn over whatever its length
 
 MOST_CROSSINGS = 60  # edges that one step crosses at most
-LONGEST_STEP = 0.5  # radii of curvature that a vertex moves in one step at most
+LONGEST_STEP_RADII = 0.5  # radii of curvature that a vertex moves in one step at most
 
 
 NOWHERE = CoverPoints(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
@@ -61,7 +62,7 @@ class GeometryTarget:
     def moved(self, at: TargetPoint, d: FloatArray) -> TargetPoint:
         """Ends of steps d (n, 2) in the frames: along the tangent, back onto the geometry. Unmoved vertices
         keep their places, bit for bit."""
-        long = np.linalg.norm(d, axis=1) / (LONGEST_STEP * self.scale)
+        long = np.linalg.norm(d, axis=1) / (LONGEST_STEP_RADII * self.scale)
         step = np.einsum("nab,nb->na", at.frame, d / np.maximum(long, 1.0)[:, None]) / self.scale
         still = (d == 0).all(1)[:, None]
         return self.at(np.where(still, at.vectors, self.geometry.normal(at.vectors + step)))
@@ -238,7 +239,7 @@ class Relaxation:
         trace = matrix.diagonal().reshape(-1, 2).sum(1)
         free = trace > 0
         mean = trace[free].sum() / max(np.count_nonzero(free), 1)  # none where all are fixed
-        ridge = np.where(free, RIDGE * trace + 1e-3 * RIDGE * mean, 1.0)
+        ridge = np.where(free, RIDGE_TRACE_SHARE * trace + 1e-3 * RIDGE_TRACE_SHARE * mean, 1.0)
         matrix = sps.csc_matrix(matrix + sps.diags(np.repeat(ridge, 2)))
         d = np.empty((self.n, 2))
         solved = Factor(matrix, ordered=True).solve(-g[self.order].ravel())
@@ -273,7 +274,7 @@ class Relaxation:
             done += 1
             gain, energy = energy - after, after
             small = small + 1 if gain < tolerance * energy else 0
-            if promised < tolerance * energy or small == PATIENCE:
+            if promised < tolerance * energy or small == PATIENCE_STEPS:
                 break
         return at, energy, done
 
@@ -285,12 +286,12 @@ class Relaxation:
         again.
         """
         resting = np.zeros(self.n, bool)
-        for _ in range(HOLDS):
+        for _ in range(DIRECTION_TRIALS):
             d, slope = self.direction(at, resting)
             better = self._line_search(at, d, energy)
             if better is not None:
                 return (*better, -slope / 2)
-            trial = self.target.moved(at, SHORT_STEP * d)
+            trial = self.target.moved(at, SHORT_STEP_SHARE * d)
             bad = self.development.turned(trial.vectors)
             if not bad.any():
                 break
@@ -312,7 +313,7 @@ class Relaxation:
             after = float((value * self.weight).sum())
             if not bad.any() and after < energy:
                 return there, after
-            bad[self.counts[value > WORST_RISE * before + 1]] = True
+            bad[self.counts[value > WORST_ENERGY_RATIO * before + 1]] = True
             if bad.any() and k < LOCAL_HALVINGS:
                 d[np.unique(self.faces[bad])] *= 0.5
             else:

@@ -11,7 +11,8 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 
-FIRST_RADIUS = 1.5  # distances between two landmarks within which a path is looked for at first
+# distances between two landmarks within which a path is looked for at first
+FIRST_RADIUS_DISTANCES = 1.5
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ class Tracer:
             usable[own] |= column[own] == end
         data = np.where(usable, graph.data, np.inf)
         graph = sps.csr_matrix((data, column, graph.indptr), shape=graph.shape)
-        for limit in (FIRST_RADIUS * float(self.distance[i, j]), 1e300):
+        for limit in (FIRST_RADIUS_DISTANCES * float(self.distance[i, j]), 1e300):
             distance, before, _ = nearest(graph, np.array([start]), limit)
             if np.isfinite(distance[end]):
                 break

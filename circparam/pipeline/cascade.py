@@ -14,7 +14,7 @@ from circparam.packing.options import Packed
 
 # Mean distortion from which a chart is faulty under any bound. A chart scaled by 1 : 1400 has (s² + s⁻²) / 2
 # = 10⁶ and fills 1.5 texels instead of 2048.
-FAULTY = 1e6
+FAULTY_DISTORTION = 1e6
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class CascadeRules:
 
     may_split: bool = True
     remap: bool = True
-    bound: float = FAULTY
+    bound: float = FAULTY_DISTORTION
     method: MethodOptions = field(default_factory=MethodOptions)
 
 

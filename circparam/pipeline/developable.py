@@ -16,9 +16,9 @@ from circparam.seams.segmentation.weigh import share_over
 from circparam.seams.stretch import STRETCH
 from circparam.solvers.objective import chart_energies
 
-NEARLY = 1e-4  # of the symmetric Dirichlet energy / 4 over 1: the solvers stop below it
+NEARLY_FLAT_ENERGY = 1e-4  # of the symmetric Dirichlet energy / 4 over 1: the solvers stop below it
 # of √area, by which edges of an exact layout may be off: 2.5e-11 is what the solve rounds at 500,000 faces
-EXACT = 1e-10
+EXACT_FLAT_ENERGY = 1e-10
 
 
 def unrolled(atlas: Atlas) -> Atlas:
@@ -28,7 +28,7 @@ def unrolled(atlas: Atlas) -> Atlas:
         return atlas
     over = chart_energies(cut_mesh, at_best_scales(cut_mesh, uv)) - 1.0
     faces = np.bincount(cut_mesh.chart, minlength=cut_mesh.n_charts)
-    near = (over < NEARLY) & (faces > 1)
+    near = (over < NEARLY_FLAT_ENERGY) & (faces > 1)
     if not near.any():
         return atlas
     part, _, _ = cut_mesh.subset(near)
@@ -66,7 +66,7 @@ def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool
     bent[bent] = grid
     part, vertices, _ = cut_mesh.subset(bent)
     flat, given = at_best_scales(part, flat), uv[vertices]
-    most = bound if always else np.minimum(bound, chart_energies(part, given) + NEARLY)
+    most = bound if always else np.minimum(bound, chart_energies(part, given) + NEARLY_FLAT_ENERGY)
     good = (chart_energies(part, flat) <= most) & (fallback.faults(part, flat)[0] <= 0)
     old, new = (
         share_over(part, face_stretch(part, layout), most_stretch or STRETCH)
@@ -95,5 +95,5 @@ def _isometric(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     p = uv[cut_mesh.faces]
     length = norms2((p[:, [1, 2, 0]] - p).reshape(-1, 2)).reshape(-1, 3)
     size = np.sqrt(cut_mesh.chart_areas)[cut_mesh.chart]
-    off = np.abs(length - cut_mesh.edge_lengths).max(1) > EXACT * size
+    off = np.abs(length - cut_mesh.edge_lengths).max(1) > EXACT_FLAT_ENERGY * size
     return group_count(cut_mesh.chart[off], cut_mesh.n_charts) == 0

@@ -27,14 +27,15 @@ from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.pieces import LARGEST, project_charts, take_to_pieces
 
 SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
-SPLITS = 12  # times that a chart may be halved before it is taken to pieces
-CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
-STEPS = 100  # Newton steps for a piece: sound pieces need about 30, slower ones are split
-PROJECTED = 100  # steps counted for a projection, if there is no time for a map
+HALVINGS = 12  # times that a chart may be halved before it is taken to pieces
+# from this many halvings on, charts take a convex map that nothing relaxes
+CONVEX_HALVINGS = HALVINGS - 2
+PIECE_STEPS = 100  # Newton steps for a piece: sound pieces need about 30, slower ones are split
+PROJECTED_TRIES = 100  # steps counted for a projection, if there is no time for a map
 LATE_BOUND = 3.0  # distortion from which on a projection, in more charts, is the better of the two
-LATE_SPLITS = 6  # times that such a chart may be halved
-LATE_SINGLE_BELOW = 100  # as SINGLE_BELOW, where every round counts
-SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to pieces at once
+LATE_HALVINGS = 6  # times that such a chart may be halved
+LATE_SINGLE_FACES = 100  # as SINGLE_FACES, where every round counts
+SINGLE_FACES = 24  # a faulty chart with at most so many faces is taken to pieces at once
 
 
 def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
@@ -96,7 +97,7 @@ def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
         return out
     bound, last = cascade.rules.bound, cascade.singles > 0
     if monitor.hurried:
-        bound, last = max(bound, LATE_BOUND), last | (cascade.tries >= PROJECTED)
+        bound, last = max(bound, LATE_BOUND), last | (cascade.tries >= PROJECTED_TRIES)
     may = looked & (out == SOUND) & (group_count(whole.chart[last], whole.n_charts) == 0)
     if may.any():
         part, vertices, _ = whole.subset(may)
@@ -121,11 +122,13 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
     if not (again | split).any():
         return None
     with monitor.stage("repair layout"):
-        few = LATE_SINGLE_BELOW if late else SINGLE_BELOW
+        few = LATE_SINGLE_FACES if late else SINGLE_FACES
         small = (size == 1) | ((size <= few) & (fault != DISTORTED))
-        spent = ((tries >= SPLITS) & (tries < PROJECTED)) | (tries >= PROJECTED + LATE_SPLITS)
+        spent = ((tries >= HALVINGS) & (tries < PROJECTED_TRIES)) | (
+            tries >= PROJECTED_TRIES + LATE_HALVINGS
+        )
         single = split & (small | spent)
-        project = split & ~single & late & (tries < PROJECTED)
+        project = split & ~single & late & (tries < PROJECTED_TRIES)
         halve = split & ~single & ~project
         if halve.any():
             shown = ", ".join(
@@ -144,11 +147,11 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
             cascade = cascade.repaired(
                 f"{int(again.sum())} chart(s) mapped again: {_causes(fault[again])} at first"
             )
-        step = np.where(project, PROJECTED, bad.astype(np.int64))
+        step = np.where(project, PROJECTED_TRIES, bad.astype(np.int64))
         cascade = replace(cascade, tries=cascade.tries + step[chart])
         # halves of projected charts keep their coordinates
-        todo = (again | halve)[chart] & (cascade.tries < PROJECTED)
-        gentle = cascade.tries >= CONVEX
+        todo = (again | halve)[chart] & (cascade.tries < PROJECTED_TRIES)
+        gentle = cascade.tries >= CONVEX_HALVINGS
         cascade = _map_again(cascade, todo & ~gentle, "isometric", monitor)
         return _map_again(cascade, todo & gentle, "mean-value", monitor)
 
@@ -162,7 +165,7 @@ def _map_again(cascade: Cascade, faces: BoolArray, method: str, monitor: Monitor
     label = np.zeros(len(chart), np.int64)
     label[faces] = np.unique(chart[faces], return_inverse=True)[1]
     cut_mesh, fid = atlas.surface.part_cut_mesh(atlas.cut, faces, label)
-    options = MethodOptions(tolerance=cascade.rules.method.tolerance, max_iterations=STEPS)
+    options = MethodOptions(tolerance=cascade.rules.method.tolerance, max_iterations=PIECE_STEPS)
     try:
         layout = METHODS[method].function(cut_mesh, options, monitor)
         atlas.corners[fid] = layout.uv[cut_mesh.faces]

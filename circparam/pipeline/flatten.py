@@ -12,7 +12,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.frame import frame_of
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
-from circparam.pipeline.cascade import FAULTY, Cascade, CascadeRules
+from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade, CascadeRules
 from circparam.pipeline.configure import method_options, seam_options
 from circparam.pipeline.density import check_whole
 from circparam.pipeline.job import Job
@@ -118,7 +118,7 @@ def rules(options: Options) -> CascadeRules:
     return CascadeRules(
         may_split=options.cut == "charts",
         remap=options.cut == "charts" or not convex,
-        bound=FAULTY if options.reachable_bound is None else options.reachable_bound,
+        bound=FAULTY_DISTORTION if options.reachable_bound is None else options.reachable_bound,
         method=method_options(options),
     )
 

@@ -15,8 +15,9 @@ from circparam.mesh.surface import Surface
 from circparam.packing.options import PackOptions
 
 # Half the side of a texel is all that the patch takes: it covers no texel centre, so that no texel shows it.
-SIDE = 0.45
-RADIUS = 0.45  # of the circle that the corners of a polygon lie on, in cells of the patch
+PATCH_SIDE_TEXELS = 0.45
+# of the circle that the corners of a polygon lie on, in cells of the patch
+POLYGON_RADIUS_CELLS = 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ def with_patch(
     """
     polys = document.polygons()
     owner = sorted_distinct(polys.owner[floaters.faces])
-    side = SIDE * min(1.0, 2 * options.border) / options.resolution
+    side = PATCH_SIDE_TEXELS * min(1.0, 2 * options.border) / options.resolution
     cells = int(np.ceil(np.sqrt(len(owner))))
     size = side / max(cells, 1)
     number = np.diff(polys.start)[owner]
@@ -87,7 +88,7 @@ def with_patch(
     angle = 2 * np.pi * corner / np.repeat(number, number) + np.pi / 7  # no side along an axis
     cell = np.repeat(np.arange(len(owner)), number)
     at = np.stack([cell % cells, cell // cells], 1) + 0.5
-    uv = size * (at + RADIUS * np.stack([np.cos(angle), np.sin(angle)], 1))
+    uv = size * (at + POLYGON_RADIUS_CELLS * np.stack([np.cos(angle), np.sin(angle)], 1))
     bottom, top = _step(rounding, side), _step(rounding, 1 - side)
     if top < bottom:
         uv[:, 1] += 1 - side

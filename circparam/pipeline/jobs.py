@@ -38,5 +38,5 @@ def start_for(options: Options, faces: int) -> None:
 
     They are as many as asked for, at most the number of cores.
     """
-    if options.cut == "charts" and faces >= (workers.PARTED if options.draft else FACES):
+    if options.cut == "charts" and faces >= (workers.PARTED_FACES if options.draft else FACES):
         workers.start(min(options.processes, max(workers.free_cores(), 2)), *MODULES)

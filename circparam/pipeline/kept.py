@@ -24,7 +24,8 @@ from circparam.pipeline.place import Placed
 from circparam.pipeline.selection import selected_faces
 from circparam.pipeline.verify import Verification, corners_of, uv_seams
 
-SMALLER = 0.999  # of the density of the others: from there on a smaller one is worth a note
+# of the density of the others: from there on a smaller one is worth a note
+SMALLER_DENSITY_SHARE = 0.999
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +147,7 @@ def put_into_room(kept: Kept, cut_mesh: CutMesh, uv: FloatArray, options: Option
         f"{counted(shapes.n, 'new chart')} at {100 * found.scale:.0f} % of the density of the others for want "
         "of room"
     )
-    return Placed(found.uv, [] if found.scale > SMALLER else [note])
+    return Placed(found.uv, [] if found.scale > SMALLER_DENSITY_SHARE else [note])
 
 
 def _missing(shapes: Shapes, pages: list[FloatArray], asked: PackOptions, density: float) -> str:

@@ -8,10 +8,10 @@ from circparam.pipeline.options import Options
 
 # Bytes a face at the highest point, above the memory in use after reading. Scans of 0.3 to 0.7 million faces
 # took 2200 to 2300 (while charts are carried to the mesh), a mesh of floaters 1450.
-FACE = 2_250
-LIKELY = 0.65  # of this need: the share below which no measured mesh succeeded
+UNWRAP_FACE_BYTES = 2_250
+LIKELY_NEED_SHARE = 0.65  # of this need: the share below which no measured mesh succeeded
 # faces from which on that is known; smaller meshes need hardly more than the libraries
-KNOWN = 50_000
+KNOWN_FACES = 50_000
 GIGABYTE = 1e9
 
 
@@ -30,10 +30,10 @@ def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> Non
     limit = memory_limit()
     if limit is None:
         return
-    if options.cut == "charts" and faces >= KNOWN:
+    if options.cut == "charts" and faces >= KNOWN_FACES:
         held = address_space()
-        need = held + FACE * faces
-        if limit < held + LIKELY * FACE * faces:
+        need = held + UNWRAP_FACE_BYTES * faces
+        if limit < held + LIKELY_NEED_SHARE * UNWRAP_FACE_BYTES * faces:
             wanted = need / GIGABYTE
             raise NoResultError(
                 f"{name}: {faces:,} faces take about {wanted:.1f} GB, and the bound is "

@@ -35,10 +35,10 @@ DEFAULT_PADDING = 4
 DEFAULT_BOUND = 1.05
 AUTO = "auto"
 EFFORTS = {"draft": 0.0, "normal": 1.0, "high": 4.0}
-HOUR = 60  # searches at most where a timeout alone says how many
+TIMED_SEARCHES = 60  # searches at most where a timeout alone says how many
 # of the usual work of packing, at least: with 0.1 pages of few charts are as full, and those of 65 charts cover
 # 0.07 to 0.15 less
-DRAFT_PACKING = 0.15
+DRAFT_PACKING_EFFORT = 0.15
 
 
 # names that the tables of the library know, read when they are needed
@@ -347,7 +347,7 @@ class Options:
         """Times the usual work of packing; each of several searches packs as usual."""
         if not applies.searches(self):
             return self.work
-        return min(max(self.work, DRAFT_PACKING), 1.0)
+        return min(max(self.work, DRAFT_PACKING_EFFORT), 1.0)
 
     @property
     def searches(self) -> int:
@@ -355,7 +355,7 @@ class Options:
         if not applies.searches(self):
             return 1
         if self.effort is None and self.timeout is not None:
-            return HOUR
+            return TIMED_SEARCHES
         return max(int(self.work), 1)
 
     @property

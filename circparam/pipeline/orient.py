@@ -20,7 +20,7 @@ from circparam.pipeline.place import pack_groups
 from circparam.pipeline.verify import Verification
 
 # of the length of up in space: a chart whose mean slope is less lies flat, or goes up as much as down
-SLOPE = 0.25
+MEAN_SLOPE_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> U
     """uv (nv, 2) with every chart turned by the angle at which the mean of up over its area is v.
 
     A chart without an up keeps its angle. cut_mesh: of all faces of the surface, in their order. The mean of
-    the gradient of the height over a triangle is that of a linear function; see ``SLOPE``.
+    the gradient of the height over a triangle is that of a linear function; see ``MEAN_SLOPE_SHARE``.
     """
     height = surface.points[surface.faces, axis]
     height = height - height.mean()
@@ -104,7 +104,7 @@ def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> U
     space = group_sum(surface.true_areas, cut_mesh.chart, n)
     plane = group_sum(np.abs(area), cut_mesh.chart, n)
     length = np.hypot(slope[:, 0], slope[:, 1]) / 2
-    has_up = length > SLOPE * np.sqrt(space * plane)
+    has_up = length > MEAN_SLOPE_SHARE * np.sqrt(space * plane)
     mirrored = group_sum(area, cut_mesh.chart, n) < 0
     c, s = np.ones(n), np.zeros(n)
     unit = slope[has_up] / (2 * length[has_up, None])

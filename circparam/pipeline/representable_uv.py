@@ -24,21 +24,23 @@ Rounding: TypeAlias = Callable[[FloatArray], FloatArray]
 # (which of the chosen vertices (c,), faces round them (c, 3), these at all places (c, w, 3, 2)) → cost (c, w)
 Term: TypeAlias = Callable[[IntArray, IntArray, FloatArray], FloatArray]
 
-REACH = 3  # storable numbers to either side that a vertex looks at in one round
+REACH_NUMBERS = 3  # storable numbers to either side that a vertex looks at in one round
 # storable numbers that a vertex may move in all. On a boundary 6 single-precision numbers are 0.006 texels of
 # the largest page (16384), within the margin of packing. Inside a chart nothing is near.
-FAR, FAR_ON_BOUNDARY = 256, 6
-CROWDED = 16  # storable numbers: vertices joined by shorter edges are a crowd
-ROUNDS = 60  # of moves in one search
-PATIENCE = 16  # rounds without fewer spoilt faces after which a search ends
+FAR_NUMBERS, BOUNDARY_NUMBERS = 256, 6
+CROWD_NUMBERS = 16  # storable numbers: vertices joined by shorter edges are a crowd
+MOVE_ROUNDS = 60  # of moves in one search
+PATIENCE_ROUNDS = 16  # rounds without fewer spoilt faces after which a search ends
 # Spoilt faces, and their share, up to one of which a search pays. A layout with more is too small to be
 # stored, and new maps give its faces their size back.
-MOST, MOST_SHARE = 1000, 0.3
-SMALLEST = 2.0**-60  # no step is finer than this: numbers next to zero are of no use
+SPOILT_FACES, SPOILT_SHARE = 1000, 0.3
+SMALLEST_STEP = 2.0**-60  # no step is finer than this: numbers next to zero are of no use
 DOUBLINGS = (32, 16, 8, 4, 2, 1)  # all numbers up to 63 are sums of these
-RAYS = 6  # faces of a vertex, the largest, into which it looks
-RADII = np.unique(np.round(2.0 ** (np.arange(25) / 2)))  # of places on a ray, in storable numbers
-CHUNK = 2_000_000  # corners x places looked at together
+RAYS_PER_VERTEX = 6  # faces of a vertex, the largest, into which it looks
+RAY_NUMBERS = np.unique(
+    np.round(2.0 ** (np.arange(25) / 2))
+)  # of places on a ray, in storable numbers
+CHUNK_PLACES = 2_000_000  # corners x places looked at together
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,9 @@ def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
     The step grows by doubling. The first step that rounds to another number is longer than half the distance to
     that number, and at most the whole distance. No number in between is skipped.
     """
-    step = np.maximum(np.spacing(np.abs(x)) / 2, SMALLEST)  # below a power of two they are finer
+    step = np.maximum(
+        np.spacing(np.abs(x)) / 2, SMALLEST_STEP
+    )  # below a power of two they are finer
     doublings = np.zeros(x.shape, np.int64)  # by halves: single precision is 29 doublings away
     for some in DOUBLINGS:
         stuck = rounding(x + side * np.ldexp(step, doublings + some - 1)) == x
@@ -91,7 +95,7 @@ def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
 class Patch:
     """Faces (m, 3), counter-clockwise as they should lie, whose vertices move among storable numbers.
 
-    exact: (n, 2) before rounding. on_boundary: (n,) bool, vertices that move by ``FAR_ON_BOUNDARY`` at most.
+    exact: (n, 2) before rounding. on_boundary: (n,) bool, vertices that move by ``BOUNDARY_NUMBERS`` at most.
     """
 
     faces: IntArray
@@ -135,20 +139,21 @@ class Patch:
 
     def places(self, x: FloatArray, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
         """((k, w, 2) storable numbers round chosen vertices at x, x in the middle; (k, 2) next − x)."""
-        near = np.repeat(x[chosen][:, :, None], 2 * REACH + 1, axis=2)  # in ascending order
-        for k in range(1, REACH + 1):
+        near = np.repeat(x[chosen][:, :, None], 2 * REACH_NUMBERS + 1, axis=2)  # in ascending order
+        for k in range(1, REACH_NUMBERS + 1):
             for side in (1, -1):
-                last = near[:, :, REACH + side * (k - 1)]
-                near[:, :, REACH + side * k] = following(last, self.rounding, side)
+                last = near[:, :, REACH_NUMBERS + side * (k - 1)]
+                near[:, :, REACH_NUMBERS + side * k] = following(last, self.rounding, side)
         size = near.shape[2]
         grid = np.stack([np.repeat(near[:, 0], size, axis=1), np.tile(near[:, 1], (1, size))], 2)
-        return grid, near[:, :, REACH + 1] - near[:, :, REACH]
+        return grid, near[:, :, REACH_NUMBERS + 1] - near[:, :, REACH_NUMBERS]
 
     def rays(self, x: FloatArray, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
         """((k, w, 2) places of chosen vertices on rays, x itself in the middle; (k, 2) next − x).
 
         A ray leads from a vertex to the middle of the opposite edge of one of its largest faces. The places lie
-        ``RADII`` numbers out, none beyond that edge. Where a vertex has fewer faces, places are x once more.
+        ``RAY_NUMBERS`` numbers out, none beyond that edge. Where a vertex has fewer faces, places are x once
+        more.
         """
         step = following(x[chosen], self.rounding, 1) - x[chosen]
         own, around = self.around(chosen)
@@ -157,11 +162,11 @@ class Patch:
         own = own[order]
         first = first_of_runs(own)
         rank = np.arange(len(own)) - np.repeat(first, np.diff(np.r_[first, len(own)]))
-        some = rank < RAYS
-        ray = np.zeros((len(chosen), RAYS, 2))
+        some = rank < RAYS_PER_VERTEX
+        ray = np.zeros((len(chosen), RAYS_PER_VERTEX, 2))
         ray[own[some], rank[some]] = ((b + c) / 2 - at)[order][some]
         length = np.abs(ray / step[:, None]).max(2)
-        share = RADII / np.maximum(length, RADII[-1])[..., None]
+        share = RAY_NUMBERS / np.maximum(length, RAY_NUMBERS[-1])[..., None]
         out = x[chosen][:, None] + (ray[:, :, None] * share[..., None]).reshape(len(chosen), -1, 2)
         grid = self.rounding(out.reshape(-1, 2)).reshape(out.shape)
         half = grid.shape[1] // 2
@@ -172,8 +177,8 @@ class Patch:
         own, around = self.around(chosen)
         w = grid.shape[1]
         out = np.zeros((len(chosen), w))
-        for first in range(0, len(own), max(CHUNK // w, 1)):
-            part = slice(first, first + max(CHUNK // w, 1))
+        for first in range(0, len(own), max(CHUNK_PLACES // w, 1)):
+            part = slice(first, first + max(CHUNK_PLACES // w, 1))
             triangles = np.repeat(x[around[part]][:, None], w, axis=1)
             triangles[:, :, 0] = grid[own[part]]
             np.add.at(out, own[part], term(own[part], around[part], triangles))
@@ -190,13 +195,13 @@ def not_upright(triangles: FloatArray) -> BoolArray:
 def mend_faces(patch: Patch) -> tuple[FloatArray, BoolArray]:
     """Round a layout, and move vertices among storable numbers until every face is upright, if possible.
 
-    Returns storable uv (n, 2), and (m,) bool: faces that are still not upright. Layouts with over ``MOST``
-    spoilt faces are given up. So are faces that all ``PLACE_SEARCHES`` leave, with vertices up to ``FAR``
-    numbers from their rounded places.
+    Returns storable uv (n, 2), and (m,) bool: faces that are still not upright. Layouts with over
+    ``SPOILT_FACES`` spoilt faces are given up. So are faces that all ``PLACE_SEARCHES`` leave, with vertices up
+    to ``FAR_NUMBERS`` numbers from their rounded places.
     """
     x, spoilt = patch.start.copy(), signs(patch.start, patch.faces) <= 0
     for search in PLACE_SEARCHES if spoilt.any() else ():
-        if not 0 < spoilt.sum() <= max(MOST, MOST_SHARE * len(patch.faces)):
+        if not 0 < spoilt.sum() <= max(SPOILT_FACES, SPOILT_SHARE * len(patch.faces)):
             break
         free = mask_of(len(x), patch.faces[spoilt])
         if search.along:
@@ -225,7 +230,9 @@ def _spread(patch: Patch, inner: BoolArray, by: float) -> tuple[IntArray, FloatA
     step = np.zeros(len(exact))
     step[inner] = (following(start[inner], patch.rounding, 1) - start[inner]).max(1)
     a, b = patch.faces.ravel(), patch.faces[:, [1, 2, 0]].ravel()
-    short = np.linalg.norm(exact[a] - exact[b], axis=1) < CROWDED * np.minimum(step[a], step[b])
+    short = np.linalg.norm(exact[a] - exact[b], axis=1) < CROWD_NUMBERS * np.minimum(
+        step[a], step[b]
+    )
     crowd, label = np.unique(np.r_[a[short], b[short]], return_inverse=True)
     half = int(short.sum())
     n, label = components(len(crowd), label[:half], label[half:])
@@ -234,7 +241,7 @@ def _spread(patch: Patch, inner: BoolArray, by: float) -> tuple[IntArray, FloatA
     for k in (0, 1):
         away[:, k] -= (group_sum(exact[crowd, k], label, n) / count)[label]
     width = group_max(np.abs(away).max(1) / step[crowd], label, n)
-    times = np.minimum(by, np.maximum(FAR / np.maximum(width, 1.0), 1.0))[label]
+    times = np.minimum(by, np.maximum(FAR_NUMBERS / np.maximum(width, 1.0), 1.0))[label]
     return crowd, patch.rounding(exact[crowd] + (times - 1)[:, None] * away)
 
 
@@ -242,12 +249,14 @@ def _descend(patch: Patch, x: FloatArray, free: BoolArray, search: PlaceSearch) 
     """Places after rounds of moves of free vertices from x (n, 2)."""
     x, faces = x.copy(), patch.faces
     least, since = len(faces) + 1, 0
-    limit = np.where(patch.on_boundary, FAR_ON_BOUNDARY, RADII[-1] if search.along else FAR)
-    for turn in range(ROUNDS):
+    limit = np.where(
+        patch.on_boundary, BOUNDARY_NUMBERS, RAY_NUMBERS[-1] if search.along else FAR_NUMBERS
+    )
+    for turn in range(MOVE_ROUNDS):
         bad = signs(x, faces) <= 0
         left = int(bad.sum())
         least, since = (left, turn) if left < least else (least, since)
-        if left == 0 or turn - since > PATIENCE:
+        if left == 0 or turn - since > PATIENCE_ROUNDS:
             break
         active = mask_of(len(x), faces[bad])
         if turn % 4 == 3:  # obstacles may have to move first

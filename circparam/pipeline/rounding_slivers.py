@@ -9,12 +9,18 @@ import numpy as np
 
 from circparam.core.arrays import cross2, group_sum, mask_of
 from circparam.core.types import FloatArray, IntArray
-from circparam.pipeline.representable_uv import FAR_ON_BOUNDARY, RADII, Patch, mixed, not_upright
+from circparam.pipeline.representable_uv import (
+    BOUNDARY_NUMBERS,
+    RAY_NUMBERS,
+    Patch,
+    mixed,
+    not_upright,
+)
 
 # of the mean energy of its chart: largest share that storing may add to a face. The least room below a
 # bound is 5e-6
 ENERGY_SHARE = 1e-6
-ROUNDS = 8  # in each of which every vertex of a sliver moves at most once
+MENDING_ROUNDS = 8  # in each of which every vertex of a sliver moves at most once
 
 
 def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
@@ -31,7 +37,7 @@ def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
         return stored
     free = mask_of(len(exact), faces[sliver])
     part, near, v = patch.part(free)
-    at, limit = stored[v], np.where(part.on_boundary, FAR_ON_BOUNDARY, RADII[-1])
+    at, limit = stored[v], np.where(part.on_boundary, BOUNDARY_NUMBERS, RAY_NUMBERS[-1])
 
     def energy(own: IntArray, around: IntArray, triangles: FloatArray) -> FloatArray:
         """(c, w) load of the faces round vertices at each of their places."""
@@ -39,7 +45,7 @@ def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
         load[not_upright(triangles)] = np.inf
         return load
 
-    for turn in range(ROUNDS):
+    for turn in range(MENDING_ROUNDS):
         load = _loads(part.exact[part.faces], at[part.faces])
         active = mask_of(len(v), part.faces[(load > most[near]) & np.isfinite(load)])
         active &= free[v]

@@ -7,12 +7,13 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray
 from circparam.core.workers import DeferredTask
-from circparam.geometry.visibility import PARTS, visible_part, visible_share
+from circparam.geometry.visibility import DIRECTION_PARTS, visible_part, visible_share
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 from circparam.pipeline.verify import Verification, uv_seams
 
-COST = 6.0  # seconds over those of the repair: 2 to 6 on twelve meshes of 30,000 faces and more
+# seconds over those of the repair: 2 to 6 on twelve meshes of 30,000 faces and more
+VISIBILITY_COST = 6.0
 
 
 def first_part(surface: Surface, cut: BoolArray, monitor: Monitor) -> float:
@@ -52,7 +53,7 @@ class SeamVisibility:
         """
         if self._deferred is not None and self._deferred.begun:
             # here meanwhile, all in the order of ``visible_share``: so the sum is the same to the last digit
-            rest = [visible_part(self._surface, self._cut, k) for k in range(1, PARTS)]
+            rest = [visible_part(self._surface, self._cut, k) for k in range(1, DIRECTION_PARTS)]
             return replace(found, seen=KnownFigure(sum([self._deferred.result(), *rest])))
         if self._late():
             return replace(found, seen=KnownFigure(None))
@@ -64,7 +65,7 @@ class SeamVisibility:
     def _late(self) -> bool:
         """Whether looking would end after the moment at which all work has to."""
         last = self._monitor.last
-        cost = COST * self._monitor.seconds.get("repair", 0.0)
+        cost = VISIBILITY_COST * self._monitor.seconds.get("repair", 0.0)
         return last is not None and time.monotonic() + cost > last
 
 

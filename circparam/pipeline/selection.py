@@ -22,9 +22,9 @@ from circparam.geometry.coverage import pages_of
 from circparam.pipeline.verify import Verification
 
 KINDS = ("material", "group", "node")
-SHOWN = 6  # names of a file in one line
-ROW = 10  # UDIM tiles of a row: 1001 to 1010; later pages go on in the same row
-FIRST = 1001
+NAMES_SHOWN = 6  # names of a file in one line
+UDIM_ROW_TILES = 10  # UDIM tiles of a row: 1001 to 1010; later pages go on in the same row
+FIRST_UDIM = 1001
 NAMELESS = "(no name)"
 
 
@@ -37,7 +37,11 @@ def nearest_names(name: str, known: Iterable[str]) -> str:
     """Names to suggest for a name that no part has: near names, else some of the existing ones."""
     known = list(dict.fromkeys(known))
     near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
-    return f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known[:SHOWN])}"
+    return (
+        f"did you mean {' or '.join(near)}?"
+        if near
+        else f"there are {', '.join(known[:NAMES_SHOWN])}"
+    )
 
 
 def names_in(found: Named) -> list[str]:
@@ -134,7 +138,11 @@ class NamedGroups:
         count = counted(len(self.names), self.kind)
         if not self.pages:
             return f"charts of {count} lie together"
-        row = f"; UDIM has {ROW} in a row, and here u goes on" if len(self.names) > ROW else ""
+        row = (
+            f"; UDIM has {UDIM_ROW_TILES} in a row, and here u goes on"
+            if len(self.names) > UDIM_ROW_TILES
+            else ""
+        )
         return f"{count} with pages of their own{row}"
 
 
@@ -181,6 +189,6 @@ def group_rows(groups: NamedGroups, found: Verification) -> Iterator[dict[str, A
             "name": name,
             "faces": int(mine.sum()),
             "charts": len(charts),
-            "pages": [FIRST + int(p) for p in np.unique(page[charts])],
+            "pages": [FIRST_UDIM + int(p) for p in np.unique(page[charts])],
             "box": [*uv.min(0).tolist(), *uv.max(0).tolist()],
         }

@@ -28,10 +28,11 @@ from circparam.pipeline.representable_uv import Rounding
 from circparam.pipeline.stored_repair import Stored, store
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
-RETRIED = 0.1
-FILLED = 0.4  # share of a page that charts in rows cover
-COARSER = 4.0  # factor by which numbers are taken coarser if there is no time for a second packing
-ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
+RETRIED_EFFORT_SHARE = 0.1
+ROWS_PAGE_SHARE = 0.4  # share of a page that charts in rows cover
+# factor by which numbers are taken coarser if there is no time for a second packing
+COARSER_FACTOR = 4.0
+PACK_ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +56,11 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     if monitor.hurried and options.packed and cascade.rules.may_split:
         # with time up, no packing is tried that stored numbers are likely to spoil: charts that are sound at
         # about the size of charts in rows on a full page, made coarser, are hardly ever spoilt
-        size = float(np.sqrt(FILLED / cascade.atlas.surface.areas.sum())) / COARSER
+        size = float(np.sqrt(ROWS_PAGE_SHARE / cascade.atlas.surface.areas.sum())) / COARSER_FACTOR
         cascade, settled = _settle_stored(job, cascade, size, monitor), True
-    for turn in range(ROUNDS):
+    for turn in range(PACK_ROUNDS):
         if turn == 1:  # faces that stored numbers spoil are spoilt in a loose layout too
-            options = replace(options, effort=min(RETRIED * options.work, 1.0))
+            options = replace(options, effort=min(RETRIED_EFFORT_SHARE * options.work, 1.0))
         if not settled and cascade.packing is None:  # no layout is packed before it is settled
             cascade = fallback.settle(cascade, monitor)
         cut_mesh, uv = cascade.open()

@@ -13,7 +13,8 @@ from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 from circparam.pipeline.verify import EDGE_SLACK, Verification, verify
 
-WIDEST = 1 << 20  # units of u that an atlas may take beside others: beyond it float32 has no texels
+# units of u that an atlas may take beside others: beyond it float32 has no texels
+WIDEST_ATLAS_UNITS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ def tiles_of_groups(uvmap: UVMap, label: IntArray) -> IntArray:
     used = used[np.isfinite(used).all(1)]
     low = np.floor(used[:, 0].min(initial=0.0) + EDGE_SLACK)
     high = np.ceil(used[:, 0].max(initial=1.0) - EDGE_SLACK)
-    return relabel(label)[1] * int(np.clip(high - low, 1, WIDEST))
+    return relabel(label)[1] * int(np.clip(high - low, 1, WIDEST_ATLAS_UNITS))
 
 
 def laid_apart(uvmap: UVMap, tiles: IntArray | None) -> UVMap:

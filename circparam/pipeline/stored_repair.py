@@ -10,7 +10,7 @@ from circparam.geometry.overlap import overlaps
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.pipeline.fallback import FLIPPED, OVERLAPPING, SOUND
 from circparam.pipeline.representable_uv import (
-    FAR_ON_BOUNDARY,
+    BOUNDARY_NUMBERS,
     Patch,
     Rounding,
     mend_faces,
@@ -18,7 +18,7 @@ from circparam.pipeline.representable_uv import (
 )
 from circparam.pipeline.rounding_slivers import relieve
 
-PUSHES = 2 * FAR_ON_BOUNDARY  # rounds in which boundaries that meet draw back
+PUSH_ROUNDS = 2 * BOUNDARY_NUMBERS  # rounds in which boundaries that meet draw back
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +64,14 @@ def store(
     # Charts whose boundaries meet draw back. They know nothing of each other here, so each round looks at those
     # alone that the last one moved.
     looked = fault == SOUND
-    for push in range(1, PUSHES + 2):
+    for push in range(1, PUSH_ROUNDS + 2):
         part, vertices, _ = cut_mesh.subset(looked)
         overlapping, meeting = _meeting(part, uv[vertices])
         fault[looked] = np.where(overlapping, OVERLAPPING, SOUND)
-        if len(meeting) == 0 or push > PUSHES:
+        if len(meeting) == 0 or push > PUSH_ROUNDS:
             break
         alone = _patch(part, exact[vertices], mirrored[looked], rounding)
-        uv[vertices] = _inwards(part, alone, uv[vertices], meeting, min(push, FAR_ON_BOUNDARY))
+        uv[vertices] = _inwards(part, alone, uv[vertices], meeting, min(push, BOUNDARY_NUMBERS))
         again = mask_of(part.n_charts, part.chart[meeting // 3])
         looked[looked] = again
     return Stored(uv, fault, int((uv != patch.start).any(1).sum()), double)
@@ -124,7 +124,7 @@ def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: i
         cost: FloatArray = ((away - by * inside[chosen][:, None]) ** 2).sum(2)
         stay = grid.shape[1] // 2  # always possible
         here = np.minimum(cost[:, stay], 1e9)
-        cost[np.abs(away).max(2) > FAR_ON_BOUNDARY] = np.inf
+        cost[np.abs(away).max(2) > BOUNDARY_NUMBERS] = np.inf
         cost[patch.total(uv, chosen, grid, _turned_over) > 0] = np.inf
         cost[:, stay] = here
         uv[chosen] = grid[np.arange(len(chosen)), cost.argmin(1)]

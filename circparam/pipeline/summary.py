@@ -92,7 +92,7 @@ def _effort(result: "Result") -> dict[str, Any]:
     }
 
 
-ROOM = 0.5  # covered share below which a page is worth a word, if a cure is known
+ROOM_SHARE = 0.5  # covered share below which a page is worth a word, if a cure is known
 
 
 def _room(result: "Result") -> list[str]:
@@ -106,7 +106,7 @@ def _room(result: "Result") -> list[str]:
         or o.scale is False
         or o.texel_density is not None
         or share is None
-        or share >= ROOM
+        or share >= ROOM_SHARE
     ):
         return []
     if result.measures["charts"] == len(result.mesh.faces):  # single faces lie no better

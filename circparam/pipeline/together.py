@@ -36,7 +36,7 @@ from circparam.pipeline.save import read_back
 from circparam.pipeline.summary import SCHEMA, summarise
 from circparam.pipeline.unwrap import unwrap_document
 
-SMALL = 1e-3  # of the pages: 65 texels a side of 2048, the size of an icon
+SMALL_PAGE_SHARE = 1e-3  # of the pages: 65 texels a side of 2048, the size of an icon
 # options of a single file, by the name of the field, with the cure
 OF_ONE_FILE = {
     "pins": "vertices of one file: unwrap it alone",
@@ -231,7 +231,7 @@ def save_together(
     small = [
         f"{part.input} covers {percent(part.packed)} of the page: bring it to the units of the others"
         for part in shares
-        if part.packed is not None and part.packed < SMALL
+        if part.packed is not None and part.packed < SMALL_PAGE_SHARE
     ]
     return SharedAtlas(replace(out, warnings=[*out.warnings, *small]), shares)
 

@@ -47,7 +47,7 @@ from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, stored_la
 LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
 SEARCH_COST = 600.0  # a long full search, as the same multiple
 RESERVE_SECONDS = 0.05  # seconds added to the reserve
-KEEPING = 100_000  # faces from which on freed memory is kept for the next arrays
+KEEPING_FACES = 100_000  # faces from which on freed memory is kept for the next arrays
 
 
 def unwrap(
@@ -83,7 +83,7 @@ def unwrap_document(
     fit_memory(document.source.name, count, options, monitor)
     if monitor.jobs > 1:
         start_for(options, count)
-    with keeping_freed(count >= KEEPING and memory_limit() is None):
+    with keeping_freed(count >= KEEPING_FACES and memory_limit() is None):
         try:
             return _unwrapped(document, output, options, monitor)
         except MemoryError:

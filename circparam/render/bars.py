@@ -11,11 +11,11 @@ from circparam.render.side_by_side import MethodLayout, cell_text
 STAGE_COLOURS = (col.CHARTS[0], col.CHARTS[1], col.CHARTS[4], col.CHARTS[2])
 REST = col.NO_UV
 # width of a letter of the labels, in units of the drawing: a little more than most need
-LETTER = 8.0
+LETTER_WIDTH = 8.0
 WIDTH, BAR, STEP = 640, 300, 30
-FLOOR = 1e-4  # lower values are drawn as this one: nobody tells them apart
-TICKS = 6  # so many intervals at most: their labels stand apart
-BEYOND = 1e12  # collapsed faces: no scale reaches so far
+LEAST_DRAWN_VALUE = 1e-4  # lower values are drawn as this one: nobody tells them apart
+MOST_INTERVALS = 6  # so many intervals at most: their labels stand apart
+LARGEST_DRAWN_VALUE = 1e12  # collapsed faces: no scale reaches so far
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,14 @@ class Scale:
         if not self.logarithmic:
             return []
         first, last = round(math.log10(self.low)), round(math.log10(self.high))
-        step = max(1, math.ceil((last - first) / TICKS))
+        step = max(1, math.ceil((last - first) / MOST_INTERVALS))
         return [(10.0**k, self(10.0**k)) for k in range(first, last + 1, step)]
 
 
 def scale_of(values: Sequence[float]) -> Scale:
     """The scale for some values: whole decades where the largest is more than ten times the smallest."""
-    found = [v for v in values if math.isfinite(v) and v < BEYOND]
-    known = [max(v, FLOOR) for v in found if v > 0]
+    found = [v for v in values if math.isfinite(v) and v < LARGEST_DRAWN_VALUE]
+    known = [max(v, LEAST_DRAWN_VALUE) for v in found if v > 0]
     if not known:
         return Scale(0.0, 1.0, False)
     low, high = min(known), max(known)
@@ -61,7 +61,7 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
     values = [row.figures.get(key) for row in rows]
     scale = scale_of([v - base for v in values if v is not None])
     stages = _main_stages(rows) if key == "seconds" else []
-    left = 16 + LETTER * max((len(row.name) for row in rows), default=0)
+    left = 16 + LETTER_WIDTH * max((len(row.name) for row in rows), default=0)
     top = 60 if scale.logarithmic else 36
     bottom = top + len(rows) * STEP
     # thin lines at the decades, with their values above them
@@ -92,7 +92,7 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
         lines.append(f'<text x="{x + 8:.1f}" y="{y + 14}" class="muted">{text}</text>')
     lines += _key(stages, bottom + 8)
     how = f"{title}, logarithmic" if scale.logarithmic else title
-    wide = max(left + BAR + 16 + LETTER * 12, WIDTH)
+    wide = max(left + BAR + 16 + LETTER_WIDTH * 12, WIDTH)
     return (
         f'<svg class="plot" viewBox="0 0 {wide:g} {bottom + 30}" role="img" aria-label="{html.escape(how)}">'
         f'<text x="0" y="16" class="title">{html.escape(how)}</text>{"".join(lines)}</svg>'
@@ -108,7 +108,7 @@ def _key(stages: Sequence[str], y: float) -> list[str]:
     ]:
         out.append(f'<rect x="{x:g}" y="{y:g}" width="12" height="12" fill="{colour}"/>')
         out.append(f'<text x="{x + 18:g}" y="{y + 11:g}" class="muted">{html.escape(name)}</text>')
-        x += 34 + LETTER * len(name)
+        x += 34 + LETTER_WIDTH * len(name)
     return out
 
 

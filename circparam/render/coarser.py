@@ -14,7 +14,7 @@ from circparam.core.types import BoolArray, IntArray
 from circparam.mesh.weld import first_duplicates
 from circparam.render.scene import Scene
 
-MOST = 400_000  # faces of a page, of 4 MB
+MOST_PAGE_FACES = 400_000  # faces of a page, of 4 MB
 
 
 def coarser(scene: Scene, most: int) -> Scene:

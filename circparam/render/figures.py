@@ -15,8 +15,8 @@ from circparam.render.colours import END
 from circparam.render.scene import Scene
 
 Figures = Sequence[tuple[str, str]]
-ENDLESS = 1e50  # stretches beyond it come from faces that are squeezed to nothing
-RASTER = 2048  # texels a side on which the packed share is counted, as by default everywhere
+INFINITE_STRETCH = 1e50  # stretches beyond it come from faces that are squeezed to nothing
+RASTER_TEXELS = 2048  # texels a side on which the packed share is counted, as by default everywhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def counts(scene: Scene, options: PictureOptions) -> str:
 def measured(mesh: Mesh, uvmap: UVMap, padding: int = 4) -> list[tuple[str, str]]:
     """The key figures of a layout as (label, text), by the measures of every report of the command line."""
     surface, _ = repair(mesh, RepairOptions(), uvmap)
-    return as_figures(verify(surface, uvmap, resolution=RASTER, padding=padding).numbers())
+    return as_figures(verify(surface, uvmap, resolution=RASTER_TEXELS, padding=padding).numbers())
 
 
 def scene_figures(scene: Scene) -> list[tuple[str, str]]:
@@ -133,7 +133,7 @@ def number_text(value: object) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return str(value)
     number = float(value)
-    if abs(number) > ENDLESS:
+    if abs(number) > INFINITE_STRETCH:
         return "infinite"
     if np.isfinite(number) and number == int(number) and abs(number) < 1e15:
         return f"{int(number):,}"

@@ -20,7 +20,7 @@ from circparam.core.arrays import group_count, group_sum, next_half_edge
 from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
-from circparam.render.coarser import MOST, coarser
+from circparam.render.coarser import MOST_PAGE_FACES, coarser
 from circparam.render.figures import Figures, PageImages, PictureOptions, counts, scene_figures
 from circparam.render.packed import box, pack_geometry, uv_span
 from circparam.render.scene import Scene
@@ -39,7 +39,8 @@ TOUCH_HINT = (
     "Swipe sideways to turn, pinch to zoom, two fingers to move; tap a chart to find it in both views, "
     "twice to lock it."
 )
-FEWEST = 20_000  # faces that a layout is drawn with at least, however many layouts a page has
+# faces that a layout is drawn with at least, however many layouts a page has
+FEWEST_LAYOUT_FACES = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +148,7 @@ def viewer_script() -> str:
 
 def drawable(layouts: Sequence[PageLayout]) -> list[PageLayout]:
     """Layouts with as few faces as keep a page small, the more of them there are."""
-    most = max(MOST // max(len(layouts), 1), min(FEWEST, MOST))
+    most = max(MOST_PAGE_FACES // max(len(layouts), 1), min(FEWEST_LAYOUT_FACES, MOST_PAGE_FACES))
     return [each.of_faces(most) for each in layouts]
 
 

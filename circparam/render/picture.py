@@ -28,7 +28,7 @@ from circparam.render.views import (
     see,
 )
 
-MARGIN = 40
+MARGIN_PIXELS = 40
 
 
 def to_image(array: FloatArray, paper: str = col.PAPER) -> Image.Image:
@@ -62,25 +62,25 @@ def draw_figure(
     page = Image.new("RGB", (1600, 1010), col.PAPER)
     draw = ImageDraw.Draw(page)
     line = counts(scene, options)
-    write(draw, (1600 - MARGIN, 38), line, 19, col.MUTED, "ra")
-    room = 1600 - 2 * MARGIN - 40 - width(draw, line, 19)
-    write(draw, (MARGIN, 28), fitted(draw, options.title, 30, room), 30, col.INK)
-    draw.line((MARGIN, 80, 1600 - MARGIN, 80), fill=col.HAIRLINE, width=2)
+    write(draw, (1600 - MARGIN_PIXELS, 38), line, 19, col.MUTED, "ra")
+    room = 1600 - 2 * MARGIN_PIXELS - 40 - width(draw, line, 19)
+    write(draw, (MARGIN_PIXELS, 28), fitted(draw, options.title, 30, room), 30, col.INK)
+    draw.line((MARGIN_PIXELS, 80, 1600 - MARGIN_PIXELS, 80), fill=col.HAIRLINE, width=2)
     y = 128
-    page.paste(to_image(plan.image), (MARGIN, y))
+    page.paste(to_image(plan.image), (MARGIN_PIXELS, y))
     note = _tile_note(scene) + ("; hatched where it overlaps" if plan.overlap > 1e-4 else "")
-    _label(draw, MARGIN, y - 26, "Layout", note)
+    _label(draw, MARGIN_PIXELS, y - 26, "Layout", note)
     ink = col.rgb(col.INK)
     for k, view in enumerate(views):
-        x = MARGIN + 720 + 40 + k * (wide + 20)
+        x = MARGIN_PIXELS + 720 + 40 + k * (wide + 20)
         checker = paint(view, checker_colours(scene, view, cells), ink)
         distortion = paint(view, distortion_colours(scene, view.face, top), ink, 0.5, 0.5)
         page.paste(to_image(checker), (x, y))
         page.paste(to_image(distortion), (x, y + high + 30))
-    x = MARGIN + 760
+    x = MARGIN_PIXELS + 760
     _label(draw, x, y - 26, "Checker", "in the colours of the charts; seams in black")
     _label(draw, x, y + high + 4, "Distortion", "")
-    _legend(page, draw, 1600 - MARGIN, y + high + 6, top, scene)
+    _legend(page, draw, 1600 - MARGIN_PIXELS, y + high + 6, top, scene)
     _figures(draw, 905, figures if figures is not None else scene_figures(scene))
     return page
 
@@ -130,11 +130,11 @@ def draw_scale(
 
 def _figures(draw: ImageDraw.ImageDraw, y: int, figures: Figures) -> None:
     """The key figures in one row: large number, small label."""
-    draw.line((MARGIN, y - 18, 1600 - MARGIN, y - 18), fill=col.HAIRLINE, width=2)
+    draw.line((MARGIN_PIXELS, y - 18, 1600 - MARGIN_PIXELS, y - 18), fill=col.HAIRLINE, width=2)
     shown = list(figures)[:8]
-    step = (1600 - 2 * MARGIN) / max(len(shown), 1)
+    step = (1600 - 2 * MARGIN_PIXELS) / max(len(shown), 1)
     for k, (label, text) in enumerate(shown):
-        x = MARGIN + k * step
+        x = MARGIN_PIXELS + k * step
         write(draw, (x, y), fitted(draw, text, 27, step - 12), 27, col.INK)
         write(draw, (x, y + 38), fitted(draw, label, 16, step - 12), 16, col.MUTED)
 

@@ -23,12 +23,18 @@ from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.result import Result
 from circparam.pipeline.stored_groups import VerifiedSet, laid_apart, verify_set
 from circparam.render.colours import END
-from circparam.render.figures import RASTER, PageImages, PictureOptions, as_figures, scene_figures
+from circparam.render.figures import (
+    RASTER_TEXELS,
+    PageImages,
+    PictureOptions,
+    as_figures,
+    scene_figures,
+)
 from circparam.render.html import PageLayout
 from circparam.render.picture import save_result, save_scene
 from circparam.render.scene import Scene, make_scene, with_instances
 from circparam.render.svg import figure_svg
-from circparam.render.texture import LARGEST, unmoved
+from circparam.render.texture import LARGEST_SIDE_TEXELS, unmoved
 
 KINDS = (".png", ".svg", ".html")
 MOST_TARGETS = 8  # number of morph targets with a slider that fit above the pictures
@@ -143,7 +149,7 @@ def verified_set(
     try:
         uvmap = document.require_uv(uv_set)
         surface, _ = repair(document.mesh, RepairOptions(), uvmap)
-        return verify_set(document, surface, uvmap, uv_set, group_by, resolution=RASTER)
+        return verify_set(document, surface, uvmap, uv_set, group_by, resolution=RASTER_TEXELS)
     except InputError:
         return None
 
@@ -190,9 +196,9 @@ def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes,
     if move is not None and not np.array_equal(move, np.eye(2, 3)):
         image, kind = unmoved(image, move), ""
     known = kind in ("image/png", "image/jpeg", "image/webp")
-    if known and max(image.size) <= LARGEST and len(data) <= 3_000_000:
+    if known and max(image.size) <= LARGEST_SIDE_TEXELS and len(data) <= 3_000_000:
         return data, kind
-    image.thumbnail((LARGEST, LARGEST))
+    image.thumbnail((LARGEST_SIDE_TEXELS, LARGEST_SIDE_TEXELS))
     out = io.BytesIO()
     if image.mode == "RGBA":
         image.save(out, "PNG", optimize=True)

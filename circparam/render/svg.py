@@ -14,8 +14,8 @@ from circparam.render.figures import PictureOptions, counts
 from circparam.render.scene import Scene
 from circparam.render.views import checker_cells, layout_line_weight
 
-SIZE = 1000  # svg units for one uv unit
-STEPS = 24  # of the colour scale
+SVG_UNITS = 1000  # svg units for one uv unit
+COLOUR_STEPS = 24  # of the colour scale
 
 
 def outlines(scene: Scene, label: IntArray | None = None) -> list[tuple[int, FloatArray]]:
@@ -58,7 +58,7 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
     """The layout three times: tiles as squares, charts as paths with their holes."""
     scene = scene.once
     u0, v0, u1, v1 = scene.bounds
-    width, height = (u1 - u0) * SIZE, (v1 - v0) * SIZE
+    width, height = (u1 - u0) * SVG_UNITS, (v1 - v0) * SVG_UNITS
     pad, text = 0.02 * max(width, height), 0.024 * max(width, height)
     stroke = max(width, height) / 900
     thin = stroke * layout_line_weight(scene)
@@ -106,7 +106,7 @@ def _paths(scene: Scene, label: IntArray | None = None) -> dict[int, str]:
     u0, _, _, v1 = scene.bounds
     parts: dict[int, list[str]] = {}
     for piece, uv in outlines(scene, label):
-        xy = np.stack([uv[:, 0] - u0, v1 - uv[:, 1]], 1) * SIZE
+        xy = np.stack([uv[:, 0] - u0, v1 - uv[:, 1]], 1) * SVG_UNITS
         points = " ".join(f"{x:.2f},{y:.2f}" for x, y in xy.tolist())
         parts.setdefault(piece, []).append(f"M{points}Z")
     return {piece: "".join(loops) for piece, loops in parts.items()}
@@ -129,9 +129,9 @@ def _unfilled(path: str) -> str:
 def _checker(scene: Scene) -> str:
     """Two fields of a checker as a pattern over all charts, so that a drawing program can scale it."""
     u0, _, _, v1 = scene.bounds
-    cell = SIZE / checker_cells(scene)
+    cell = SVG_UNITS / checker_cells(scene)
     # cells begin at uv 0, wherever the picture does
-    x, y = (-u0 * SIZE) % (2 * cell), (v1 * SIZE) % (2 * cell)
+    x, y = (-u0 * SVG_UNITS) % (2 * cell), (v1 * SVG_UNITS) % (2 * cell)
     everything = "".join(_paths(scene).values())
     return (
         f'<pattern id="cells" patternUnits="userSpaceOnUse" x="{x:g}" y="{y:g}" width="{2 * cell:g}" '
@@ -144,13 +144,13 @@ def _checker(scene: Scene) -> str:
 def _distortion(scene: Scene, options: PictureOptions) -> str:
     """Faces by steps of the colour scale; flipped ones in a colour of their own."""
     t = col.distortion_position(scene.distortion, options.scale_end)
-    step = np.minimum((t * STEPS).astype(np.int64), STEPS - 1)
-    step = np.where(scene.flipped, STEPS, step)
-    label = np.where(scene.mapped, scene.chart * (STEPS + 1) + step, -1)
-    ramp = [*map(col.hex_code, col.distortion_map(2 * STEPS)[1::2]), col.FLIP]
+    step = np.minimum((t * COLOUR_STEPS).astype(np.int64), COLOUR_STEPS - 1)
+    step = np.where(scene.flipped, COLOUR_STEPS, step)
+    label = np.where(scene.mapped, scene.chart * (COLOUR_STEPS + 1) + step, -1)
+    ramp = [*map(col.hex_code, col.distortion_map(2 * COLOUR_STEPS)[1::2]), col.FLIP]
     by_step: dict[int, list[str]] = {}
     for piece, d in _paths(scene, label).items():
-        by_step.setdefault(piece % (STEPS + 1), []).append(d)
+        by_step.setdefault(piece % (COLOUR_STEPS + 1), []).append(d)
     # a stroke of the same colour closes the gaps that drawing programs leave between neighbours
     return "".join(
         f'<path fill="{ramp[k]}" stroke="{ramp[k]}" stroke-width="0.4" fill-rule="evenodd" d="{"".join(ds)}"/>'
@@ -160,9 +160,9 @@ def _distortion(scene: Scene, options: PictureOptions) -> str:
 
 def _legend(x: float, y: float, width: float, text: float, end: float) -> str:
     """The colour scale below the last square."""
-    ramp = col.distortion_map(STEPS)
+    ramp = col.distortion_map(COLOUR_STEPS)
     left, bar = x + 7 * text, max(width - 14 * text, width / 4)
-    each = bar / STEPS
+    each = bar / COLOUR_STEPS
     boxes = "".join(
         f'<rect x="{left + k * each:.2f}" y="{y:.2f}" width="{each * 1.02:.2f}" height="{0.7 * text:.2f}" '
         f'fill="{col.hex_code(c)}"/>'
@@ -179,9 +179,9 @@ def _grid(u0: float, v0: float, u1: float, v1: float) -> list[str]:
     """Lines between the tiles, none if there would be too many."""
     if max(u1 - u0, v1 - v0) > 64:
         return []
-    columns = [(u - u0) * SIZE for u in range(int(np.ceil(u0)), int(np.floor(u1)) + 1)]
-    rows = [(v1 - v) * SIZE for v in range(int(np.ceil(v0)), int(np.floor(v1)) + 1)]
-    width, height = (u1 - u0) * SIZE, (v1 - v0) * SIZE
+    columns = [(u - u0) * SVG_UNITS for u in range(int(np.ceil(u0)), int(np.floor(u1)) + 1)]
+    rows = [(v1 - v) * SVG_UNITS for v in range(int(np.ceil(v0)), int(np.floor(v1)) + 1)]
+    width, height = (u1 - u0) * SVG_UNITS, (v1 - v0) * SVG_UNITS
     return [f'<path d="M{x:g},0V{height:g}"/>' for x in columns] + [
         f'<path d="M0,{y:g}H{width:g}"/>' for y in rows
     ]

@@ -5,7 +5,7 @@ from PIL import Image
 
 from circparam.core.types import FloatArray
 
-LARGEST = 2048  # texels a side of a texture inside a page
+LARGEST_SIDE_TEXELS = 2048  # texels a side of a texture inside a page
 
 
 def bilinear(image: FloatArray, uv: FloatArray) -> FloatArray:
@@ -29,7 +29,7 @@ def unmoved(image: Image.Image, move: FloatArray) -> Image.Image:
     the image itself does where the map takes whole units to whole units.
     """
     size = np.linalg.norm(move[:, :2] * np.array(image.size)[:, None], axis=0)
-    width, height = np.clip(np.ceil(size - 1e-9), 1, LARGEST).astype(int).tolist()
+    width, height = np.clip(np.ceil(size - 1e-9), 1, LARGEST_SIDE_TEXELS).astype(int).tolist()
     x, y = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (np.arange(height) + 0.5) / height)
     uv = np.stack([x.ravel(), y.ravel()], 1) @ move[:, :2].T + move[:, 2]
     pixels = bilinear(np.asarray(image, np.float64), uv)

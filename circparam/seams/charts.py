@@ -6,7 +6,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Worker
+from circparam.core.workers import PARTED_FACES, Worker
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -127,7 +127,7 @@ def mirrored_atlas(
             rest = surface.part(~mirror.half)
             graph = dual_graph(rest)
             other = transfer_to_fine(rest, graph, *about_image_of(mirror, half, rest))
-        worker = Worker(monitor.jobs if len(rest.faces) > PARTED else 1)
+        worker = Worker(monitor.jobs if len(rest.faces) > PARTED_FACES else 1)
         finish(Decided(other, graph), bound, options, worker, monitor, notes)
     atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):

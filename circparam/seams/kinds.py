@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Worker
+from circparam.core.workers import PARTED_FACES, Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
@@ -69,7 +69,7 @@ def atlas_of_kind(
     def search() -> Atlas:
         if name == "organic":
             return grown_atlas(surface, bound, options, monitor, notes)
-        worker = Worker(monitor.jobs if len(surface.faces) > PARTED else 1)
+        worker = Worker(monitor.jobs if len(surface.faces) > PARTED_FACES else 1)
         return hard_atlas(surface, bound, options, worker, monitor, notes)
 
     atlas = in_time(surface, search, monitor)

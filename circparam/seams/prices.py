@@ -12,7 +12,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
-from circparam.geometry.visibility import PARTS, edge_shares
+from circparam.geometry.visibility import DIRECTION_PARTS, edge_shares
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
@@ -77,7 +77,7 @@ def visibility_prices(
     that half as many directions see costs a quarter of it at a strength of ½. monitor: its processes share
     the directions (None: this one takes all).
     """
-    parts = 1 if monitor is None else PARTS
+    parts = 1 if monitor is None else DIRECTION_PARTS
     tasks = [(surface, DIRECTIONS, part, parts) for part in range(parts)]
     worker = Worker(1 if monitor is None else monitor.jobs)
     share = sum(worker.map(shares_of_part, tasks, monitor or Monitor()))

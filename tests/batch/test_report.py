@@ -13,7 +13,7 @@ import pytest
 import circparam
 from circparam.batch.index import Index
 from circparam.batch.pictures import thumbnails
-from circparam.batch.report import BINS, report_page, save_report
+from circparam.batch.report import HISTOGRAM_BINS, report_page, save_report
 from circparam.batch.store import Folder
 from circparam.errors import OutputError
 from tests.support.batch_faults import QUICK, write_disk
@@ -106,7 +106,7 @@ def test_the_bars_hold_all_values(index: Index) -> None:
     index.add_lines([line("a.obj", measures={"pack": 0.01}), line("b.obj", measures={"pack": 0.9})])
     covered = report_page(Folder("/nowhere"), index).partition("<h3>covered %</h3>")[2]
     assert "(log)" not in covered.partition("</figure>")[0]
-    assert len(bars) <= BINS
+    assert len(bars) <= HISTOGRAM_BINS
 
 
 def test_results_have_pictures(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from circparam import samples
 from circparam.batch.batch import BatchPlan, Hooks, Summary, run_batch, status
 from circparam.batch.cluster import Cluster
 from circparam.batch.manifest import encode_line
-from circparam.batch.run import ATTEMPTS, task_key
+from circparam.batch.run import MOST_ATTEMPTS, task_key
 from circparam.core.workers import environment
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
 from circparam.pipeline.gates import Gates
@@ -212,7 +212,7 @@ def test_a_mesh_that_is_ended_again_and_again_is_given_up(tmp_path: Path) -> Non
     summary = batch(source, out, settings=settings(out, Poison()))
     found = told(out)
     assert summary.counts == {"ok": 2, "failed": 1}
-    assert [line["attempts"] for line in found.values() if line["exit"]] == [ATTEMPTS]
+    assert [line["attempts"] for line in found.values() if line["exit"]] == [MOST_ATTEMPTS]
     assert "SIGKILL" in str(found["killed/killed0.obj"]["error"])
 
 
@@ -477,8 +477,8 @@ def test_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_disk_is_full_for_a_while(
     shared: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("circparam.batch.run.LOOK", 0.1)
-    monkeypatch.setattr("circparam.batch.run.PAUSE", 0.1)
+    monkeypatch.setattr("circparam.batch.run.LOOK_SECONDS", 0.1)
+    monkeypatch.setattr("circparam.batch.run.PAUSE_SECONDS", 0.1)
     source, out = write_set(tmp_path / "src", 4), tmp_path / "out"
     (source / "FULL").touch()
     notes: list[str] = []

@@ -57,10 +57,10 @@ def test_a_bar_appears_on_a_terminal_after_the_delay(
         progress.listener("m.obj", False, (2, 6)) as listener,
     ):
         assert isinstance(quiet, progress.Status)
-        clock.now = progress.DELAY - 0.1
+        clock.now = progress.DELAY_SECONDS - 0.1
         listener("solve", 0.1, "")
         assert listener.bar is None
-        clock.now = progress.DELAY
+        clock.now = progress.DELAY_SECONDS
         listener("solve", 0.5, "half way")
         (task,) = listener.bar.tasks
         assert (task.fields["stage"], task.fields["note"]) == ("solve", "half way")

@@ -236,19 +236,19 @@ def test_parts_hold_whole_charts_each_once(seed: int, m: int, charts: int, uneve
     share = np.arange(1, charts + 1.0) ** -uneven
     label = np.random.default_rng(seed).choice(charts, m, p=share / share.sum())
     parts = workers.in_parts(label)
-    assert 1 <= len(parts) <= workers.MAX_PARTS
+    assert 1 <= len(parts) <= workers.MOST_PARTS
     assert [part.sum() for part in parts] == sorted((part.sum() for part in parts), reverse=True)
     assert (np.sum(parts, axis=0) == 1).all()
     for part in parts:
         assert part.any()
         assert not np.isin(label[part], label[~part]).any()
     if len(parts) > 1:
-        assert m >= workers.PARTED
+        assert m >= workers.PARTED_FACES
         assert max(part.mean() for part in parts) <= workers.LARGEST_PART_SHARE
     sizes = np.bincount(label)
-    if m >= workers.MAX_PARTS * workers.PART_FACES and sizes.max() <= m / 16:
-        assert len(parts) == workers.MAX_PARTS
-        assert max(part.sum() for part in parts) <= m / workers.MAX_PARTS + sizes.max()
+    if m >= workers.MOST_PARTS * workers.PART_FACES and sizes.max() <= m / 16:
+        assert len(parts) == workers.MOST_PARTS
+        assert max(part.sum() for part in parts) <= m / workers.MOST_PARTS + sizes.max()
 
 
 CALLER = """

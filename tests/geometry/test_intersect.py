@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.intersect import (
-    NEIGHBOURS,
+    NEIGHBOUR_MARGINS,
     meeting,
     nearby,
     segment_distance,
@@ -50,7 +50,7 @@ def test_near_parts_of_a_boundary_against_brute_force(seed, dense, reach):
     loop, position, total = boundary.along
     apart = np.abs(position[i] - position[j])
     apart = np.minimum(apart, total[i] - apart)
-    far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach)
+    far = (loop[i] != loop[j]) | (apart > NEIGHBOUR_MARGINS * reach)
     far &= (boundary.following[i] != j) & (boundary.before[i] != j)
     i, j = i[far], j[far]
     close = segment_distance(boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j])

@@ -177,7 +177,7 @@ def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
     """Never one to one by omission: where not every pair can be looked at, the chart counts as overlapping."""
     import circparam.geometry.segment_grid as nearby
 
-    monkeypatch.setattr(nearby, "LIMIT", 10)
+    monkeypatch.setattr(nearby, "MOST_PAIRS", 10)
     monkeypatch.setattr(nearby, "FEW", 0)
     cut_mesh, uv = patches_of(*strip(np.stack([np.linspace(0, 1, 50), np.zeros(50)], 1)))
     assert self_overlapping(cut_mesh, uv)[0]

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.raster import (
-    NEAR,
+    NEAR_TEXELS,
     covered_runs,
     fragments,
     free_border,
@@ -133,7 +133,7 @@ def test_each_row_is_crossed_where_an_edge_passes_its_centre(seed: int, centre: 
     assert np.allclose(d[:, 0] * e[:, 1], d[:, 1] * e[:, 0], atol=1e-9)
 
 
-@pytest.mark.parametrize("search", [4, NEAR + 1])
+@pytest.mark.parametrize("search", [4, NEAR_TEXELS + 1])
 def test_a_gap_is_found_in_every_direction(search: int) -> None:
     """One texel beside another, at every offset within the search."""
     reach = np.arange(-search, search + 1)
@@ -146,7 +146,7 @@ def test_a_gap_is_found_in_every_direction(search: int) -> None:
 
 
 @settings(max_examples=60)
-@given(st.integers(0, 10**6), st.integers(0, 7) | st.integers(NEAR + 1, NEAR + 9))
+@given(st.integers(0, 10**6), st.integers(0, 7) | st.integers(NEAR_TEXELS + 1, NEAR_TEXELS + 9))
 def test_smallest_gap_is_that_of_all_pairs(seed: int, search: int) -> None:
     rng = np.random.default_rng(seed)
     grid = np.full(rng.integers(1, 24, 2), -1, np.int32)

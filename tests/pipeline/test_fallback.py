@@ -13,7 +13,7 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
-from circparam.pipeline.cascade import FAULTY, Cascade
+from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade
 from circparam.pipeline.pieces import LARGEST, STEEP, project_charts, take_to_pieces
 from tests.support import shapes, strategies
 from tests.support.cascades import flat, sound, start, surface_of
@@ -71,11 +71,11 @@ def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
     whole = s.cut_mesh(np.zeros(len(s.edges), bool))
     top = METHODS["mean-value"].function(whole, MethodOptions(), Monitor())
     corners = top.uv[whole.faces]
-    for bound in (FAULTY, 1.1):
+    for bound in (FAULTY_DISTORTION, 1.1):
         cascade = fallback.settle(start(s, corners, bound=bound), Monitor())
         assert sound(cascade)
         assert (chart_distortion(*cascade.open()) <= bound).all()
-        assert (s.charts(cascade.atlas.cut)[0] == 1) == (bound == FAULTY)
+        assert (s.charts(cascade.atlas.cut)[0] == 1) == (bound == FAULTY_DISTORTION)
     assert "distorted" in cascade.repairs[0]
     no_leave = start(s, corners, bound=1.1, may_split=False)
     assert fallback.settle(no_leave, Monitor()) is no_leave

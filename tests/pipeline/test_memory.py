@@ -22,7 +22,7 @@ def judged(monkeypatch: pytest.MonkeyPatch, limit: float | None, **options: obje
 
 
 def test_workers_go_before_the_work_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    held, need = address_space(), memory.FACE * FACES
+    held, need = address_space(), memory.UNWRAP_FACE_BYTES * FACES
     enough = 4 / 3 * (held + need)  # for a worker too, which gets a quarter
     for limit, jobs in ((None, 2), (1.02 * enough, 2), (0.98 * enough, 1), (held + 0.7 * need, 1)):
         assert judged(monkeypatch, limit) == jobs
@@ -32,7 +32,7 @@ def test_what_has_no_chance_is_refused_with_a_size_that_would_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with pytest.raises(NoResultError) as caught:
-        judged(monkeypatch, address_space() + 0.6 * memory.FACE * FACES)
+        judged(monkeypatch, address_space() + 0.6 * memory.UNWRAP_FACE_BYTES * FACES)
     said = re.fullmatch(
         r"scan\.ply: 1,000,000 faces take about ([\d.]+) GB, and the bound is [\d.]+ GB: "
         r"give --max-memory ([\d.]+)G or more, or a smaller mesh",

@@ -11,7 +11,7 @@ from circparam.core.monitor import Monitor
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import prepare
-from circparam.pipeline.options import HOUR, Options
+from circparam.pipeline.options import TIMED_SEARCHES, Options
 from circparam.pipeline.searches import Drafted, cost_of, on_page
 from circparam.seams.cost import COST
 from tests.support import shapes
@@ -92,14 +92,14 @@ def test_time_chooses_the_effort_where_nothing_else_does(clock: Clock) -> None:
     limit, clock.now = 3 * clock.now, 0.0
     found = unwrapped(shapes.icosphere(1), timeout=limit).effort
     assert clock.now < 1.1 * limit
-    assert 1 < found.searches < HOUR
-    assert found.searches + found.more == HOUR
+    assert 1 < found.searches < TIMED_SEARCHES
+    assert found.searches + found.more == TIMED_SEARCHES
     assert min(found.costs) == found.costs[found.best]
 
 
 def test_an_effort_beside_a_deadline_ends_with_the_earlier_one() -> None:
     assert Options(effort=2, timeout=900.0).searches == 2
-    assert Options(timeout=900.0).searches == HOUR
+    assert Options(timeout=900.0).searches == TIMED_SEARCHES
     assert Options().searches == 1
     assert Options(effort=0.5, timeout=900.0).searches == 1
 

@@ -15,8 +15,8 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline import stored_fit
 from circparam.pipeline.fallback import SOUND
 from circparam.pipeline.representable_uv import (
-    FAR_ON_BOUNDARY,
-    RADII,
+    BOUNDARY_NUMBERS,
+    RAY_NUMBERS,
     Patch,
     mend_faces,
 )
@@ -51,7 +51,7 @@ def test_needles_are_upright_after_a_few_units(name, make, n: int, width: float,
     assert (signs(uv, f) > 0).all()
     away = np.abs(uv - patch.start).max(1)
     unit = 1e-7 if name == "decimals" else 2.0**-23
-    assert (away <= np.where(patch.on_boundary, FAR_ON_BOUNDARY, RADII[-1]) * unit).all()
+    assert (away <= np.where(patch.on_boundary, BOUNDARY_NUMBERS, RAY_NUMBERS[-1]) * unit).all()
     near = np.zeros(len(p), bool)
     near[f[before]] = True
     for _ in range(5):
@@ -66,7 +66,7 @@ def test_vertices_on_a_boundary_move_little_and_others_as_far_as_they_must(insid
     patch = Patch(f, p, np.full(len(p), not inside), ROUNDINGS["f4"])
     uv, spoilt = mend_faces(patch)
     away = np.abs(uv - patch.start) / np.spacing(patch.start.astype(np.float32))
-    assert (0 < FAR_ON_BOUNDARY < away.max()) if inside else (0 < away.max() <= FAR_ON_BOUNDARY)
+    assert (0 < BOUNDARY_NUMBERS < away.max()) if inside else (0 < away.max() <= BOUNDARY_NUMBERS)
     assert bool(spoilt.any()) is not inside
 
 

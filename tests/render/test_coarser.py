@@ -111,7 +111,7 @@ def test_a_page_says_that_it_draws_fewer(monkeypatch) -> None:
     images = PageImages([(b"x", "image/png")], np.zeros(len(scene.faces), np.int64))
     options = PictureOptions(images=images)
     assert "drawn with" not in page(scene, options)
-    monkeypatch.setattr("circparam.render.html.MOST", 800)
+    monkeypatch.setattr("circparam.render.html.MOST_PAGE_FACES", 800)
     text = page(scene, options)
     shown = coarser(scene, 800)
     assert f"3,042 faces · 2 charts · drawn with {len(shown.faces):,} of the faces" in text

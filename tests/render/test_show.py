@@ -9,7 +9,7 @@ from PIL import Image
 
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
-from circparam.render.show import LARGEST, page_images
+from circparam.render.show import LARGEST_SIDE_TEXELS, page_images
 from tests.support.baking import sheet, write_obj
 
 
@@ -17,8 +17,8 @@ from tests.support.baking import sheet, write_obj
 def test_large_textures_are_scaled_down_and_keep_their_alpha(tmp_path: Path, mode: str, kind: str):
     """A wide image, its left half one colour (and half clear), its right half another."""
     left, right = ((200, 40, 60, 128), (20, 180, 90, 255))
-    image = Image.new(mode, (2 * LARGEST, 64), right[: len(mode)])
-    image.paste(left[: len(mode)], (0, 0, LARGEST, 64))
+    image = Image.new(mode, (2 * LARGEST_SIDE_TEXELS, 64), right[: len(mode)])
+    image.paste(left[: len(mode)], (0, 0, LARGEST_SIDE_TEXELS, 64))
     image.save(tmp_path / "skin.png")
     (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
     points, faces = sheet(2)
@@ -29,8 +29,8 @@ def test_large_textures_are_scaled_down_and_keep_their_alpha(tmp_path: Path, mod
     ((data, media),) = found.files
     assert media == f"image/{kind.lower()}"
     small = Image.open(io.BytesIO(data))
-    assert (small.format, small.mode, small.size) == (kind, mode, (LARGEST, 32))
-    for x, colour in ((100, left), (LARGEST - 100, right)):
+    assert (small.format, small.mode, small.size) == (kind, mode, (LARGEST_SIDE_TEXELS, 32))
+    for x, colour in ((100, left), (LARGEST_SIDE_TEXELS - 100, right)):
         seen = np.array(small.getpixel((x, 16)), float)
         assert np.abs(seen - colour[: len(mode)]).max() <= 4
 
