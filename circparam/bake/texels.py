@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from circparam.core.arrays import doubled_areas
+from circparam.core.arrays import cross_areas
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
@@ -103,7 +103,7 @@ def places_in(xy: FloatArray, face: IntArray, pixel: IntArray, size: int, sample
 
 def flat_areas(corners: FloatArray) -> FloatArray:
     """(m,) areas of triangles (m, 3, 2)."""
-    return np.abs(doubled_areas(corners)) / 2
+    return np.abs(cross_areas(corners)) / 2
 
 
 def density(old: FloatArray, new: FloatArray) -> FloatArray:

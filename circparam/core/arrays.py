@@ -120,7 +120,7 @@ def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def doubled_areas(corners: FloatArray) -> FloatArray:
+def cross_areas(corners: FloatArray) -> FloatArray:
     """(m,) twice the signed areas of plane triangles (m, 3, 2); positive is counter-clockwise."""
     return cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 

@@ -8,7 +8,7 @@ taken apart at its folds: its upright faces and its reversed ones have a boundar
 
 import numpy as np
 
-from circparam.core.arrays import doubled_areas, next_half_edge, sorted_distinct
+from circparam.core.arrays import cross_areas, next_half_edge, sorted_distinct
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import LabelGrid, free_border, row_crossings, smallest_gap
@@ -95,7 +95,7 @@ def label_grid(
     """
     flat = cut_mesh.faces.ravel()
     q = uv[cut_mesh.faces]
-    reversed_faces = doubled_areas(q) < 0
+    reversed_faces = cross_areas(q) < 0
     side = reversed_faces[cut_mesh.edges // 3]
     folds = cut_mesh.edges[side[:, 0] != side[:, 1]]
     h = np.concatenate([cut_mesh.boundary, folds.ravel()])

@@ -6,7 +6,7 @@ A surface bent without stretching gives the same numbers, and every function wor
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import cross2, doubled_areas, group_sum
+from circparam.core.arrays import cross2, cross_areas, group_sum
 from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 
@@ -86,7 +86,7 @@ def singular_values(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
 def signed_areas(faces: IntArray, uv: FloatArray) -> FloatArray:
     """(m,) signed area of each face in the layout, in squared uv units; positive is counter-clockwise."""
     p = uv[faces]
-    return doubled_areas(p) / 2
+    return cross_areas(p) / 2
 
 
 def cotangent_laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:

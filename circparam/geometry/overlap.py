@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import (
-    doubled_areas,
+    cross_areas,
     edge_keys,
     first_of_runs,
     group_count,
@@ -181,7 +181,7 @@ def _wound_twice(
 def _inner_points(faces: IntArray, uv: FloatArray, chart: IntArray) -> tuple[IntArray, FloatArray]:
     """A point inside each chart (the centre of its largest face): (charts, (k, 2) points)."""
     p = uv[faces]
-    area = np.abs(doubled_areas(p))
+    area = np.abs(cross_areas(p))
     order = np.lexsort((np.arange(len(faces)), -area, chart))
     best = order[first_of_runs(chart[order])]
     return chart[best], p[best].mean(1)

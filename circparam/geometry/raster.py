@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import doubled_areas, ranges, slices, sorted_distinct
+from circparam.core.arrays import cross_areas, ranges, slices, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -164,7 +164,7 @@ def covered_runs(corners: FloatArray, height: int) -> Iterator[tuple[IntArray, .
     Rows outside 0..height-1 are left out; columns are not clipped.
     """
     p = corners - 0.5
-    clockwise = doubled_areas(p) < 0
+    clockwise = cross_areas(p) < 0
     p = np.where(clockwise[:, None, None], p[:, ::-1], p)
     low = np.maximum(np.ceil(p[:, :, 1].min(1) - EDGE), 0).astype(np.int64)
     high = np.minimum(np.floor(p[:, :, 1].max(1) + EDGE), height - 1).astype(np.int64)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import doubled_areas, edge_keys, mask_of, next_half_edge
+from circparam.core.arrays import cross_areas, edge_keys, mask_of, next_half_edge
 from circparam.core.linalg import SparseMatrix
 from circparam.core.linear_program import CHOOSE, least
 from circparam.core.records import dataclass
@@ -146,7 +146,7 @@ def heights(p: FloatArray, sign: FloatArray) -> tuple[FloatArray, FloatArray]:
     by the corners). sign: (m,) 1, or −1 for faces of clockwise charts."""
     side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]  # across from each corner
     longest = np.maximum(np.sqrt((side**2).sum(2).max(1)), 1e-300)
-    area = doubled_areas(p)
+    area = cross_areas(p)
     turned = np.stack([-side[:, :, 1], side[:, :, 0]], axis=2)
     by = sign / longest
     return area * by, turned * by[:, None, None]

@@ -5,7 +5,7 @@ Faces that stay keep their uv to the last bit. The others go to free places, at 
 
 import numpy as np
 
-from circparam.core.arrays import doubled_areas, group_count, mask_of
+from circparam.core.arrays import cross_areas, group_count, mask_of
 from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
@@ -125,7 +125,7 @@ def find_lock(
 def _density(areas: FloatArray, corners: FloatArray, faces: BoolArray) -> float:
     """Uv units per unit of length over some faces: areas (m,), corners (m, 3, 2), faces (m,) bool."""
     p = corners[faces]
-    plane = float(np.abs(doubled_areas(p)).sum() / 2)
+    plane = float(np.abs(cross_areas(p)).sum() / 2)
     return float(np.sqrt(plane / max(float(areas[faces].sum()), 1e-300)))
 
 

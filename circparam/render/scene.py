@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import (
-    doubled_areas,
+    cross_areas,
     edge_keys,
     group_sum,
     mask_of,
@@ -107,7 +107,7 @@ class Scene:
     def uv_areas(self) -> FloatArray:
         """(m,) signed uv area of every face, 0 if it has none."""
         c = np.nan_to_num(self.corner_uv)
-        return doubled_areas(c) / 2
+        return cross_areas(c) / 2
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -303,7 +303,7 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
     _, labels = components(len(fid) + len(edges), rows, edge.reshape(-1) + len(fid))
     n, label = relabel(labels[: len(fid)])
     c = new_uv[joined[fid]]
-    area = group_sum(np.abs(doubled_areas(c)), label, n)
+    area = group_sum(np.abs(cross_areas(c)), label, n)
     rank = np.empty(n, np.int64)
     rank[np.lexsort((np.arange(n), -area))] = np.arange(n)
     chart = np.full(len(joined), -1)
