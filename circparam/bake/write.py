@@ -207,9 +207,8 @@ def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
     """A specular-glossiness material in the words of glTF 2.0: no metal, roughness for missing gloss."""
     pbr = material.setdefault("pbrMetallicRoughness", {})
     if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
-        factor_alone = (
-            "specularGlossinessTexture" not in gloss
-        )  # otherwise the factor is only a part of the value
+        # otherwise the factor is only a part of the value
+        factor_alone = "specularGlossinessTexture" not in gloss
         pbr["metallicFactor"] = 0.0
         pbr["roughnessFactor"] = (
             1.0 - float(gloss.get("glossinessFactor", 1.0)) if factor_alone else 0.9

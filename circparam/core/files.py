@@ -83,9 +83,8 @@ def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tupl
             if not real.parent.is_dir():
                 raise OutputError(f"{path}: the folder {str(path.parent)!r} does not exist")
             folder = real.parent
-            if (
-                real.exists() and not real.is_file()
-            ):  # no file may be made beside a pipe or a device
+            # no file may be made beside a pipe or a device
+            if real.exists() and not real.is_file():
                 import tempfile
 
                 folder = Path(tempfile.gettempdir())

@@ -162,9 +162,8 @@ def splice(
 def take_ranges(data: ByteArray, start: IntArray, length: IntArray) -> ByteArray:
     """The bytes of many ranges, in the given order (they may repeat), one after the other."""
     result: ByteArray
-    if (
-        _alike(length) and length[0] > 0
-    ):  # rows of one length, as binary files have: no index for every byte
+    # rows of one length, as binary files have: no index for every byte
+    if _alike(length) and length[0] > 0:
         result = np.lib.stride_tricks.sliding_window_view(data, int(length[0]))[start].reshape(-1)
     else:
         result = data[np.repeat(start, length) + ranges(length)]

@@ -202,9 +202,8 @@ def base_of(regions: IntArray, ends: IntArray) -> Base:
     for k in range(3):
         place[regions[:, k]] = np.stack([np.arange(len(regions)), np.full(len(regions), k)], 1)
     start, stop = (corner[place[:, 0], (place[:, 1] + k) % 3] for k in (0, 1))
-    twin = (
-        np.arange(len(ends)) ^ 1
-    )  # in the triangle on the right it leads from its end to its start
+    # in the triangle on the right it leads from its end to its start
+    twin = np.arange(len(ends)) ^ 1
     own = np.linalg.inv(geometry.frames(start, stop))
     across = np.asarray(geometry.frames(stop[twin], start[twin]) @ own, np.float64)
     areas = np.pi - angle.sum(1) if curved else corner[:, 1, 0] * corner[:, 2, 1] / 2
@@ -278,20 +277,19 @@ def polyhedron(faces: IntArray) -> FloatArray:
     (hundreds of vertices).
     """
     k = int(faces.max()) + 1
-    # Tutte's drawing with unit stresses
+    inner, outer = faces[:-1], faces[-1]
+    # Tutte's drawing with unit stresses, the outer face clockwise
     joined = np.zeros((k, k))
     joined[faces.ravel(), faces[:, [1, 2, 0]].ravel()] = 1
-    outer = faces[-1][::-1]
+    rim = outer[::-1]
     angle = 2 * np.pi * np.arange(3) / 3
     plane = np.zeros((k, 2))
-    plane[outer] = np.stack([np.cos(angle), np.sin(angle)], 1)
-    free = np.setdiff1d(np.arange(k), outer)
+    plane[rim] = np.stack([np.cos(angle), np.sin(angle)], 1)
+    free = np.setdiff1d(np.arange(k), rim)
     laplacian = np.diag(joined.sum(1)) - joined
-    plane[free] = np.linalg.solve(
-        laplacian[np.ix_(free, free)], joined[np.ix_(free, outer)] @ plane[outer]
-    )
+    pull = joined[np.ix_(free, rim)] @ plane[rim]
+    plane[free] = np.linalg.solve(laplacian[np.ix_(free, free)], pull)
     # heights of the convex lifting, 0 at the outer face, below 0 inside
-    inner, outer, k = faces[:-1], faces[-1], len(plane)
     owner = np.full((k, k), -1)
     owner[inner, inner[:, [1, 2, 0]]] = np.arange(len(inner))[:, None]
     i, j = np.nonzero((owner >= 0) & (owner.T >= 0))

@@ -69,7 +69,8 @@ def searched(whole: Cascade, options: Options, most: int, monitor: Monitor) -> l
     widest = max((np.ptp(part.outline.p, axis=0).max() for part in cutter.charts), default=np.inf)
     one = options.pages in (None, 1)
     sketches = one and not options.draft and 2 * widest <= CELLS * cutter.root
-    share = -np.inf if whole.packing is None else float(np.log(covered_share(whole.packing)))
+    covered = 0.0 if whole.packing is None else covered_share(whole.packing)
+    share = float(np.log(covered)) if covered > 0 else -np.inf
     if not np.isfinite(widest):
         return [Plan(cutter.charts, 0.0, 0, share)]
     page = pack_options(options)

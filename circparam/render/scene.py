@@ -88,9 +88,8 @@ class Scene:
     def inside_out(self) -> bool:
         """Whether a (nearly) closed surface is inside out: its signed volume is negative."""
         whole = float(np.linalg.norm(self._crosses, axis=1).sum())
-        if (
-            np.linalg.norm(self._crosses.sum(0)) > 0.02 * whole
-        ):  # the sum of a closed surface is zero
+        # the sum of a closed surface is zero
+        if np.linalg.norm(self._crosses.sum(0)) > 0.02 * whole:
             return False
         p = self.points[self.faces].mean(1)
         middle = (p * self.areas[:, None]).sum(0) / max(float(self.areas.sum()), 1e-300)

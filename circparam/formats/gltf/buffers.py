@@ -63,9 +63,8 @@ class Packing:
     def accessor(self, entry: Json, rows: ByteArray, target: int = ARRAY_BUFFER) -> int:
         """Append an accessor and its bytes (n, bytes of an element); returns its number. target: 0 for none."""
         form = {"target": target} if target else {}
-        if (
-            target == ARRAY_BUFFER and rows.shape[1] % 4
-        ):  # vertex attributes begin at multiples of 4
+        # vertex attributes begin at multiples of 4
+        if target == ARRAY_BUFFER and rows.shape[1] % 4:
             rows = np.pad(rows, ((0, 0), (0, -rows.shape[1] % 4)))
             form["byteStride"] = rows.shape[1]
         view = self.view(rows.tobytes(), **form)
