@@ -69,8 +69,7 @@ def searched(whole: Cascade, options: Options, most: int, monitor: Monitor) -> l
     widest = max((np.ptp(part.outline.p, axis=0).max() for part in cutter.charts), default=np.inf)
     one = options.pages in (None, 1)
     sketches = one and not options.draft and 2 * widest <= CELLS * cutter.root
-    covered = 0.0 if whole.packing is None else covered_share(whole.packing)
-    share = float(np.log(covered)) if covered > 0 else -np.inf
+    share = -np.inf if whole.packing is None else _log_share(whole.packing)
     if not np.isfinite(widest):
         return [Plan(cutter.charts, 0.0, 0, share)]
     page = pack_options(options)
@@ -107,7 +106,7 @@ def cheapest(whole: Cascade, plans: list[Plan], options: Options, monitor: Monit
 
 def priced(plan: Plan, found: KnownPacking | None) -> float:
     """The cost of a plan on the page where it was packed; infinite if it could not be packed."""
-    return np.inf if found is None else replace(plan, log_share=np.log(covered_share(found))).cost
+    return np.inf if found is None else replace(plan, log_share=_log_share(found)).cost
 
 
 def longer(cuts: str, purpose: str, before: Cascade, after: Cascade) -> str:
@@ -159,6 +158,12 @@ def cheaper_packing(
 ) -> KnownPacking | None:
     """``packing`` for a process of a worker."""
     return packing(cascade, options, monitor, least)
+
+
+def _log_share(found: KnownPacking) -> float:
+    """Logarithm of the covered share; −∞ where charts without area cover nothing."""
+    share = covered_share(found)
+    return float(np.log(share)) if share > 0 else -np.inf
 
 
 def covered_share(found: KnownPacking) -> float:
