@@ -215,7 +215,7 @@ def test_morph_targets_come_back_and_nothing_else_grows():
 
 
 def test_a_smooth_surface_takes_few_bytes():
-    """Seven bytes a face at most: 100,000 faces in less than a megabyte of page."""
+    """Less than five bytes a face: 100,000 faces in half a megabyte."""
     n = 60
     g = np.linspace(0, 1, n + 1)
     x, y = (a.ravel() for a in np.meshgrid(g, g))
@@ -228,4 +228,4 @@ def test_a_smooth_surface_takes_few_bytes():
     faces = faces[rng.permutation(len(faces))]  # the order of a file does not matter
     uv = np.stack([x, y], 1) + rng.normal(0, 0.02 / n, (len(x), 2))
     scene = make_scene(np.stack([x, y, z], 1), faces, uv, faces)
-    assert len(pack_geometry(scene).data) < 7 * len(faces)
+    assert len(pack_geometry(scene).data) < 5 * len(faces)
