@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     edge_keys,
     first_of_runs,
     group_count,
+    mask_of,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
@@ -75,11 +76,15 @@ class _Router:
     ) -> None:
         self.fine, self.proxy, self.coarse_ends, self.boundary = fine, proxy, coarse_ends, boundary
         self.cost = edge_costs(fine)
-        self.usable = np.flatnonzero(np.isfinite(self.cost))
+        # no path of a chain leaves its cells and those beside them, so other edges need not be looked at
+        close = _close_to(coarse_ends, len(boundary), chains, max(RINGS) + 1)
+        member = np.append(close, False)[proxy.cell]
+        close = member[fine.ends[0]] & member[fine.ends[1]]
+        self.usable = np.flatnonzero(close & np.isfinite(self.cost))
         self.ends = fine.ends[0][self.usable], fine.ends[1][self.usable]
         owner, _ = self._bands(chains, RINGS[0])
-        # (coarse points,) fine vertex that stands for each
-        self.stand = _representatives(fine, proxy, proxy.surface.points, boundary, chains, owner)
+        # (coarse points,) fine vertex that stands for each of those near chains
+        self.stand = _representatives(fine, proxy, boundary, chains, owner, member, close)
         self.junctions = np.r_[chains.start, chains.end]
 
     def cut(self, chains: Chains, rings: int) -> Chains:
@@ -113,11 +118,21 @@ class _Router:
 
     def find_way(self, ends: tuple[int, int]) -> bool:
         """Cut a shortest path between the stands of two coarse points: for the last few, one by one."""
-        return _find_way(self.fine, self.usable, self.cost, *(int(self.stand[k]) for k in ends))
+        usable = np.flatnonzero(np.isfinite(self.cost))
+        return _find_way(self.fine, usable, self.cost, *(int(self.stand[k]) for k in ends))
 
     def _bands(self, chains: Chains, rings: int) -> tuple[IntArray, FloatArray]:
         owner, value = bands(self.coarse_ends, len(self.boundary), chains, self.boundary, rings)
         return _fine_bands(self.fine, self.proxy, chains, self.ends, owner, value)
+
+
+def _close_to(ends: tuple[IntArray, IntArray], n: int, chains: Chains, rings: int) -> BoolArray:
+    """(n,) bool: coarse points at most so many edges from a chain."""
+    close = mask_of(n, np.r_[chains.vertex, chains.start, chains.end])
+    for _ in range(rings):
+        a, b = close[ends[0]], close[ends[1]]
+        close[ends[1][a]] = close[ends[0][b]] = True
+    return close
 
 
 def _halves(chains: Chains) -> Chains:
@@ -237,33 +252,36 @@ def _fine_bands(
 def _representatives(
     fine: Atlas,
     proxy: Proxy,
-    points: FloatArray,
     boundary: BoolArray,
     chains: Chains,
     owner: IntArray,
+    member: BoolArray,
+    close: BoolArray,
 ) -> IntArray:
-    """(coarse points,) fine vertex that stands for each.
+    """(coarse points,) fine vertex that stands for each, −1 where none of its vertices is a ``member``.
+
+    member: (fine vertices,) bool, those that may stand for a point; close: (e,) bool, edges between them.
 
     At a junction the vertex beside which the most chains begin; then one on the boundary where the coarse point
     is on it; then the nearest.
     """
-    cell = proxy.cell
-    a = np.r_[fine.ends[0], fine.ends[1], np.arange(len(cell))]
-    b = np.r_[fine.ends[1], fine.ends[0], np.arange(len(cell))]
+    cell, points = proxy.cell, proxy.surface.points
+    members = np.flatnonzero(member)
+    ends = fine.ends[0][close], fine.ends[1][close]
+    a, b = np.r_[ends[0], ends[1], members], np.r_[ends[1], ends[0], members]
     k = owner[b]
     here = (k >= 0) & (cell[a] >= 0)
     a, k = a[here], k[here]
     own = (chains.start[k] == cell[a]) | (chains.end[k] == cell[a])
     pairs = np.unique(a[own] * (len(chains.start) + 1) + k[own])
     beside = np.bincount(pairs // (len(chains.start) + 1), minlength=len(cell))
-    member = np.flatnonzero(cell >= 0)
-    c = cell[member]
-    distance = np.linalg.norm(fine.surface.vertex_points[member] - points[c], axis=1)
-    inside = boundary[c] & ~fine.on_boundary[member]
-    order = np.lexsort((distance, -beside[member], inside, c))
+    c = cell[members]
+    distance = np.linalg.norm(fine.surface.vertex_points[members] - points[c], axis=1)
+    inside = boundary[c] & ~fine.on_boundary[members]
+    order = np.lexsort((distance, -beside[members], inside, c))
     first = first_of_runs(c[order])
     out = np.full(len(points), -1)
-    out[c[order][first]] = member[order][first]
+    out[c[order][first]] = members[order][first]
     return out
 
 
