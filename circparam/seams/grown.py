@@ -207,7 +207,8 @@ def _from_level(surface: Surface, bound: float, options: SeamOptions, monitor: M
     with monitor.stage("charts"):
         level = decimate(surface, max(least, len(surface.faces) // LEVEL_RATIO))
         near = nearest_coarse_face(surface, level)
-        rough = ROUGH_TIMES_MEAN * roughness(surface, level.surface, near)
+        # what a draft saves by not looking is more than what the cuts on a rough mesh take
+        rough = 0.0 if draft else ROUGH_TIMES_MEAN * roughness(surface, level.surface, near)
     lost = min(rough, ROUGH_MOST_EXCESS * (bound - 1))
     middle = with_visibility(level.surface, options, monitor)
     inner = 1 + (bound - 1) * (1 - LEVEL_SLACK_EXCESS) - lost

@@ -15,7 +15,7 @@ from circparam.seams.accuracy import TRIAL
 from circparam.seams.segmentation.layout import embed_and_relax
 from circparam.solvers.objective import chart_energies
 
-PATCHES = 24
+PATCHES = 48
 LEAST_FACES, LEAST_COARSE = 300, 30  # of a patch, on the mesh and on the level
 ENOUGH = 8  # patches by which a component is judged alone
 
