@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -144,3 +146,19 @@ def _squares(n):
     uv = np.concatenate([corner + np.array([3.0 * k, 0]) for k in range(n)])
     faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(n)])
     return faces, uv, np.repeat(np.arange(n), 2)
+
+
+@pytest.mark.parametrize("density", [6.0, 8.0, 9.5, 11.0])
+def test_small_pages_are_packed_or_refused_with_a_cure(density: float) -> None:
+    """On pages of a few texels most of the side is border, and charts still keep their gap."""
+    angle = 0.3
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.6]]) @ turn
+    uv = np.concatenate([triangle, triangle @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + 5])
+    faces, chart = np.arange(6).reshape(2, 3), np.array([0, 1])
+    fitted = 0
+    for side in range(16, 30):
+        with contextlib.suppress(OptionError):
+            pack(faces, uv, chart, PackOptions(side, 4, texel_density=density))
+            fitted += 1
+    assert fitted >= 5

@@ -129,8 +129,8 @@ def _board(
     grid = int(sf.good_size((cells or _cells(shapes, options)) + 1, True))
     side = grid - 1
     cell = float(np.sqrt(shapes.area.sum() / (density * options.pages))) / side
-    # on the largest page, whose texels are the most cells
-    grow = options.gap / 2 * side / options.resolution
+    # on the largest page, whose texels are the most cells; see ``to_placement``
+    grow = options.gap / 2 * side / (_inner(options) + options.gap)
     masks, spectra = [], []
     for c, angles in enumerate(chart_angles(shapes, options)):
         clock.tick()
