@@ -7,7 +7,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.errors import OptionError
+from circparam.errors import NoResultError, OptionError
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import check_fixed_room, does_not_fit, finish, pack
@@ -90,7 +90,7 @@ def _clustered(
         try:
             boxes = _boxes(charts, strips, asked, monitor)
             placed = _placed(boxes, options, monitor)
-        except OptionError:  # a group is larger than a page
+        except (OptionError, NoResultError):  # a group is larger than a page
             if fixed is not None:
                 return None
             scale /= 2
@@ -134,7 +134,7 @@ def _alone(charts: _Charts, strip: bool, options: PackOptions, monitor: Monitor)
         try:
             alone = replace(options, resolution=page, pages=1)
             return pack(charts.faces, charts.uv, charts.chart, alone, monitor).uv * page
-        except OptionError:
+        except (OptionError, NoResultError):  # too small, or refused by the check
             if page == last:
                 raise
         side *= CLOSE_RATIO
