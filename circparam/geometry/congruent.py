@@ -278,8 +278,7 @@ def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
     )
     base = np.full(n, -1)
     base[owner] = _rarest(vertex, owner, kind, ~far, parts.distance[vertex])
-    along = parts.points[base[owner]]
-    along = unit(along)
+    along = unit(parts.points[base[owner]])
     p = parts.points[vertex]
     off = np.linalg.norm(p - (p * along).sum(1)[:, None] * along, axis=1)
     widest = group_max(off, owner, n)[owner]
@@ -367,8 +366,7 @@ def _motions(
 def _axes(a: FloatArray, b: FloatArray, handed: float) -> FloatArray:
     """(k, 3, 3) orthonormal rows: along a, in the plane of a and b, and across it."""
     x = unit(a)
-    y = b - (b * x).sum(1)[:, None] * x
-    y = unit(y)
+    y = unit(b - (b * x).sum(1)[:, None] * x)
     return np.stack([x, y, handed * np.cross(x, y)], 1)
 
 

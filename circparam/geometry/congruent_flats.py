@@ -51,8 +51,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     level &= ((normal[f] * normal[g]).sum(1) > 0) & (kind[f] == kind[g]) & (a[i] == b[j])
     n, label = components(m, f[level], g[level])
     # finely bent surfaces are level from face to face and no flats
-    mean = np.stack([group_sum(cross[:, k], label, n) for k in range(3)], 1)
-    mean = unit(mean)
+    mean = unit(np.stack([group_sum(cross[:, k], label, n) for k in range(3)], 1))
     height = (corner * mean[label][:, None]).sum(2)
     spread = group_max(height.max(1), label, n) + group_max(-height.min(1), label, n)
     bent = (spread > 2 * group_max(slack, label, n))[label]

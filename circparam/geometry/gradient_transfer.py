@@ -42,8 +42,7 @@ def in_rest_axes(
     points: FloatArray, faces: IntArray, normals: FloatArray, gradients: FloatArray
 ) -> FloatArray:
     """As ``targets_from``, of faces (m, 3) of points (n, 3) with those unit normals (m, 3)."""
-    x = points[faces[:, 1]] - points[faces[:, 0]]
-    x = unit(x)
+    x = unit(points[faces[:, 1]] - points[faces[:, 0]])
     y = np.cross(normals, x)
     return np.stack(
         [np.einsum("fdx,fx->df", gradients, x), np.einsum("fdx,fx->df", gradients, y)], 1

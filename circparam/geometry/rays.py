@@ -187,10 +187,8 @@ def _touches(
     start: FloatArray, end: FloatArray, radius: FloatArray, segment: IntArray, corners: FloatArray
 ) -> BoolArray:
     """Whether a face may lie in a capsule: seen along the axis, their rectangles overlap."""
-    axis = end - start
-    axis = unit(axis)
-    side = np.cross(axis, np.eye(3)[np.abs(axis).argmin(1)])
-    side = unit(side)
+    axis = unit(end - start)
+    side = unit(np.cross(axis, np.eye(3)[np.abs(axis).argmin(1)]))
     other = np.cross(axis, side)
     reach = radius[segment] * (1 + 1e-9) + 1e-12 * np.abs(corners).max(initial=0)
     keep = np.ones(len(segment), bool)

@@ -82,9 +82,8 @@ class Candidates:
             cell = np.repeat(np.arange(len(count)), count)
             order, later = self._sweep(segment, cell, box)
             cost = group_sum(later.astype(np.float64), cell, len(count))
-            done = (cost <= CROWD_ENTRIES * count)[
-                cell
-            ]  # entries of a cell stay together in ``order``
+            # entries of a cell stay together in ``order``
+            done = (cost <= CROWD_ENTRIES * count)[cell]
             if level == QUARTERING_LEVELS or len(segment) > budget:
                 done[:] = True
             yield from self._emit(segment[order], np.where(done, later, 0))
@@ -195,8 +194,7 @@ class Candidates:
         """
         p = self.start[segment]
         d = self.end[segment] - p
-        double = np.stack([d[:, 0] ** 2 - d[:, 1] ** 2, 2 * d[:, 0] * d[:, 1]], 1)
-        double = unit(double)
+        double = unit(np.stack([d[:, 0] ** 2 - d[:, 1] ** 2, 2 * d[:, 0] * d[:, 1]], 1))
         cells = int(cell.max()) + 1
         angle = np.arctan2(
             group_sum(double[:, 1], cell, cells), group_sum(double[:, 0], cell, cells)

@@ -84,8 +84,7 @@ def seen_shares(
     radius = float(np.sqrt(((flat - centre) ** 2).sum(1).max()))
     pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME_PIXELS)
     scene = [_scene((triangles[k] - centre) / pixel) for k in slices(len(triangles), AT_ONCE)]
-    normal = places.normal.sum(1)
-    normal = unit(normal)
+    normal = unit(places.normal.sum(1))
     vectors = np.ascontiguousarray(
         np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
     )

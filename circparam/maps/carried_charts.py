@@ -374,8 +374,7 @@ def _depths(triangles: FloatArray, own: IntArray, corners: FloatArray) -> FloatA
         least = np.full(len(i), np.inf)
         for p in (a, b):
             side = p[:, [1, 2, 0]] - p
-            normal = np.stack([-side[..., 1], side[..., 0]], -1)
-            normal = unit(normal)
+            normal = unit(np.stack([-side[..., 1], side[..., 0]], -1))
             x, y = (np.einsum("kcx,knx->knc", q, normal) for q in (a, b))
             way = np.minimum(x.max(2) - y.min(2), y.max(2) - x.min(2))
             least = np.minimum(least, way.min(1))

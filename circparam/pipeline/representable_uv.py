@@ -37,9 +37,8 @@ SPOILT_FACES, SPOILT_SHARE = 1000, 0.3
 SMALLEST_STEP = 2.0**-60  # no step is finer than this: numbers next to zero are of no use
 DOUBLINGS = (32, 16, 8, 4, 2, 1)  # all numbers up to 63 are sums of these
 RAYS_PER_VERTEX = 6  # faces of a vertex, the largest, into which it looks
-RAY_NUMBERS = np.unique(
-    np.round(2.0 ** (np.arange(25) / 2))
-)  # of places on a ray, in storable numbers
+# of places on a ray, in storable numbers
+RAY_NUMBERS = np.unique(np.round(2.0 ** (np.arange(25) / 2)))
 CHUNK_PLACES = 2_000_000  # corners x places looked at together
 
 
@@ -76,9 +75,8 @@ def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
     The step grows by doubling. The first step that rounds to another number is longer than half the distance to
     that number, and at most the whole distance. No number in between is skipped.
     """
-    step = np.maximum(
-        np.spacing(np.abs(x)) / 2, SMALLEST_STEP
-    )  # below a power of two they are finer
+    # below a power of two they are finer
+    step = np.maximum(np.spacing(np.abs(x)) / 2, SMALLEST_STEP)
     doublings = np.zeros(x.shape, np.int64)  # by halves: single precision is 29 doublings away
     for some in DOUBLINGS:
         stuck = rounding(x + side * np.ldexp(step, doublings + some - 1)) == x

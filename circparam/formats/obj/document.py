@@ -85,8 +85,7 @@ class ObjDocument(Document):
             return None
         if lost.any():
             a, b, c = np.moveaxis(self.mesh.points[self.mesh.faces], 1, 0)
-            flat = np.cross(b - a, c - a)
-            flat = unit(flat)
+            flat = unit(np.cross(b - a, c - a))
             normal = np.where(lost[:, :, None], flat[:, None], normal)
         return normal
 
