@@ -12,7 +12,9 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.records import dataclass
 from circparam.geometry.distortion import stretch_and_distortion
+from circparam.geometry.intrinsic import singular_values
 from circparam.mesh.atlas import Atlas
+from circparam.solvers import dirichlet
 
 TAIL_STRETCH = 2.0  # times its size: faces stretched or shrunk more make up the tail
 NO_SHARE = 1e-300  # of a page that holds needles alone
@@ -66,6 +68,13 @@ class AtlasCost:
             loss += self.tail * (stretch > TAIL_STRETCH)
             cost += group_sum(loss * surface.areas, component, n) / surface.unit**2
         return cost
+
+    def loss(self, jacobian: FloatArray) -> FloatArray:
+        """(m,) what the distortion and the tail of faces with those Jacobians (2, 2, m) cost, over their share
+        of the surface."""
+        large, small = singular_values(jacobian.transpose(2, 0, 1))
+        stretched = (large > TAIL_STRETCH) | (small < 1 / TAIL_STRETCH)
+        return self.distortion * (dirichlet.energy(jacobian) - 1) + self.tail * stretched
 
     def finished(
         self, seam: float, charts: int, distortion: float, tail: float, share: float

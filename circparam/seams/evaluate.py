@@ -90,7 +90,7 @@ class Moves:
         turned = np.stack([cosine * x - sine * y, sine * x + cosine * y]).transpose(2, 1, 0)
         corners = np.where((part >= 0)[:, None, None], turned, corners)
         no_limit = np.full(cut_mesh.n_charts, np.inf)
-        return Moves(cut_mesh, corners, part, _jacobians(cut_mesh, corners), no_limit)
+        return Moves(cut_mesh, corners, part, jacobians(cut_mesh, corners), no_limit)
 
     @property
     def moving(self) -> BoolArray:
@@ -99,15 +99,10 @@ class Moves:
         return result
 
     @cached_property
-    def energies(self) -> FloatArray:
-        """(m,) energy of each face as it is laid out now."""
-        return dirichlet.energy(_jacobians(self.cut_mesh, self.corners))
-
-    @cached_property
     def apart(self) -> FloatArray:
         """(n,) energy times area of the parts of each chart as they are laid out now."""
-        cut_mesh = self.cut_mesh
-        return group_sum(self.energies * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
+        cut_mesh, energy = self.cut_mesh, dirichlet.energy(self.targets)
+        return group_sum(energy * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
 
     def subset(self, which: BoolArray) -> tuple["Moves", IntArray]:
         """(some moves ((n,) bool), their vertices)."""
@@ -283,7 +278,7 @@ def _keep_apart(moves: Moves, trial: Trial, demands: Demands, monitor: Monitor) 
     trial.overlapping[number[fine]] = False
 
 
-def _jacobians(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
+def jacobians(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
     """(2, 2, m) Jacobians of faces with those corners (m, 3, 2)."""
     gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
     return dirichlet.jacobians(gradients, corners.transpose(2, 1, 0))

@@ -5,7 +5,7 @@ much less the seams would cost. A round has four steps, all of them array operat
 
 1. Choose a batch of independent moves: a greedy matching, in which no chart is changed by two moves.
 2. Lay all charts of the batch out in one block system (``seams.evaluate``), from cheap questions to dear ones.
-3. Make the moves whose charts are good and that lower the cost: ΔC = 26 ΔD − gain < 0.
+3. Make the moves whose charts are good and that lower the cost: ΔC = 26 ΔD + 100 ΔT − gain < 0.
 4. Tell the family, which forgets what failed until one of the charts changes.
 
 The search ends when the family proposes nothing, or when its trials have had as many faces as it may spend.
@@ -26,7 +26,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.cost import COST
-from circparam.seams.evaluate import Demands, Moves, try_moves
+from circparam.seams.evaluate import Demands, Moves, jacobians, try_moves
 from circparam.solvers.pattern import eliminate_as, elimination_ranks
 
 SHARE = 0.5  # of the search for charts that merging is
@@ -140,6 +140,11 @@ class _Batch:
     move: IntArray
     part: IntArray
 
+    def of_charts(self, value: FloatArray) -> FloatArray:
+        """(charts,) integral of a value of faces over each chart."""
+        cut_mesh = self.cut_mesh
+        return group_sum(value * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
+
     def of_moves(self, value: FloatArray | BoolArray, n: int) -> FloatArray:
         """(n,) sum of a value of charts for each move."""
         return group_sum(value.astype(np.float64), self.move, n)
@@ -169,14 +174,17 @@ def _tried(
         vertices = atlas.surface.corner_vertex[faces]
         eliminate_as(cut_mesh, elimination_ranks(atlas.surface), vertices)
     moves = Moves.joining(cut_mesh, atlas.corners[faces], batch.part)
-    # energy times area that may be added
-    worth = candidates.gain[chosen] * atlas.surface.unit**2 / COST.distortion
-    moves = replace(moves, most=(moves.apart + worth[batch.move]) / cut_mesh.chart_areas)
+    # costs times the area of the surface
+    gain = candidates.gain[chosen] * atlas.surface.unit**2
+    loss = batch.of_charts(COST.loss(moves.targets))
+    moves = replace(
+        moves, most=1 + (loss + gain[batch.move]) / COST.distortion / cut_mesh.chart_areas
+    )
     trial = try_moves(moves, demands, worker or Worker(1), monitor)
     good = trial.good(np.minimum(moves.most, demands.bound))
     with np.errstate(invalid="ignore"):
-        added = batch.of_moves(trial.energy * cut_mesh.chart_areas - moves.apart, n)
-        made = sound & (batch.of_moves(~good, n) == 0) & (added < worth)
+        added = batch.of_charts(COST.loss(jacobians(cut_mesh, trial.uv[cut_mesh.faces]))) - loss
+        made = sound & (batch.of_moves(~good, n) == 0) & (batch.of_moves(added, n) < gain)
     kept = made[batch.move][cut_mesh.chart]
     atlas.corners[faces[kept]] = trial.uv[cut_mesh.faces[kept]]
     excess = batch.of_moves((trial.floor - 1) * cut_mesh.chart_areas, n)
