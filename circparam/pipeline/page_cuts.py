@@ -21,7 +21,7 @@ from circparam.pipeline.chords import (
 )
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
 from circparam.seams.cost import COST
-from circparam.seams.hard.regions import ORGANIC, hardness
+from circparam.seams.hard.regions import hard_components
 from circparam.seams.prices import edge_prices
 
 CORNERS = 100  # of an outline along the side of the square that all charts cover
@@ -161,7 +161,7 @@ def joined(before: Atlas, parts: Iterable[Part]) -> Atlas:
 
 
 def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
-    """(e,) price of a cut along each edge, and (e,) bool: edges inside flats of parts that may be hard."""
+    """(e,) price of a cut along each edge, and (e,) bool: edges inside flats of hard parts."""
     cost = np.where(surface.locked, np.inf, surface.priced_lengths)
-    prices = edge_prices(surface, hardness(surface) != ORGANIC)
+    prices = edge_prices(surface, hard_components(surface))
     return cost * prices.price, prices.flat

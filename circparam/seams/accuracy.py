@@ -10,4 +10,5 @@ TRIAL = RelaxOptions(tolerance=1e-3)
 ROUGH = replace(TRIAL, bound=1.01)
 # charts that are kept: the bound has four digits
 FINAL = RelaxOptions(tolerance=1e-4)
+LOCAL = 8  # iterations of a step where only what is near a few faces moves
 UNROLLED = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled

@@ -1,6 +1,7 @@
 """Few charts under a distortion bound: grow, merge, shorten, on a coarse proxy where the mesh is large."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 
@@ -15,15 +16,14 @@ from circparam.seams.constraints import constrain
 from circparam.seams.evaluate import MARGIN
 from circparam.seams.finish import LEVEL_FACES, REGROUP_FACES, Decided, finish
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
-from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
-from circparam.seams.kinds import atlases_of_kinds, left_for_organic
+from circparam.seams.hard.charts import hard_atlas, quick_atlas, unrolls_whole
+from circparam.seams.hard.regions import hard_components
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.prices import edge_prices, with_visibility, with_weights
 from circparam.seams.reached import in_time
-from circparam.seams.segmentation.decide import CROWD, merge_on, reach_count, worth
+from circparam.seams.segmentation.decide import merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
@@ -32,9 +32,6 @@ from circparam.seams.segmentation.starts import DIRECT_FACES
 from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris
-
-# faces of components that may be hard surfaces or not, up to which both ways are tried
-DOUBTS = 10_000
 
 
 def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
@@ -98,7 +95,7 @@ def contains_draft(surface: Surface, options: SeamOptions) -> bool:
         return True
     if len(surface.faces) > LEVEL_FACES:
         return True
-    return int((hardness(surface) != HARD).sum()) <= DIRECT_FACES
+    return int((~hard_components(surface)).sum()) <= DIRECT_FACES
 
 
 def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
@@ -159,7 +156,7 @@ def bounded_atlas(
     if count <= max(most, pieces) or monitor.expired:
         return atlas
     tried = [atlas, grown_atlas(surface, bound, options, monitor, notes)]
-    if len(surface.faces) <= REGROUP_FACES and count <= CROWD:
+    if len(surface.faces) <= REGROUP_FACES:
         merged = Atlas(surface, atlas.cut.copy(), atlas.corners.copy())
         with monitor.stage("charts"):
             reach_count(merged, bound, most, monitor)
@@ -200,41 +197,23 @@ def _first_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
     """Hard components from their regions, the others grown."""
-    kind = hardness(surface)
-    worth_it = ~debris(surface)
-    hard, doubtful = (kind == HARD) & worth_it, (kind == DOUBTFUL) & worth_it
-    doubtful &= doubtful.sum() <= DOUBTS and not options.search.draft
-    if not (hard | doubtful).any():
+    hard = hard_components(surface) & ~debris(surface)
+    if not hard.any():
         return grown_atlas(surface, bound, options, monitor, notes)
     if monitor.deadline is not None:
         with monitor.stage("charts"):
-            monitor.keep(quick_atlas(surface.part(hard | doubtful), bound, monitor))
-    if not unrolls_whole(surface.part(hard | doubtful)):
+            monitor.keep(quick_atlas(surface.part(hard), bound, monitor))
+    if not unrolls_whole(surface.part(hard)):
         surface = with_visibility(surface, options, monitor, LEVEL_FACES)
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    rest = ~hard
-    # a disk in doubt may need no seam, and no organic charts then; of other components both are made at once
-    cut_mesh = atlas.cut_mesh()
-    kinds = {"hard": hard, "doubtful": doubtful}
-    disks = (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any()
-    if not disks:
-        kinds["organic"] = rest
-    made = atlases_of_kinds(surface, kinds, bound, options, monitor, notes)
-    other = made.get("doubtful")
-    rest = left_for_organic(other, doubtful, rest)
-    if disks:
-        made |= atlases_of_kinds(surface, {"organic": rest}, bound, options, monitor, notes)
-    unrolled = hard & ("hard" in made)
-    if "hard" in made:
-        atlas.put(hard, made["hard"])
-    if "organic" in made:
-        atlas.put(rest, made["organic"])
-    if other is not None:
-        plain = doubtful & ~rest
-        atlas.put(plain, other.part(plain[doubtful]))
-        unrolled |= plain | take_better(atlas, doubtful, other)
-    if unrolled.any():
-        atlas.prices = edge_prices(surface, unrolled)
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface, hard))
+    # the first has its share of the time that is left, the second the rest
+    for faces, make, share in ((hard, hard_atlas, hard.mean()), (~hard, grown_atlas, 1.0)):
+        if faces.any():
+            part = surface.part(faces)
+            search = partial(make, part, bound, options, monitor, notes)
+            with monitor.holding(np.inf, least=float(share)):
+                atlas.put(faces, in_time(part, search, monitor))
+            monitor.keep(atlas.part(faces))
     return atlas
 
 

@@ -3,18 +3,16 @@
 A move glues two charts, or hands faces over from one to the other. All charts that a batch of moves leaves are
 laid out in one block system. A chart that fails a question is not asked the next one:
 
-1. Do the layouts fit together as they are, without any solve?
-2. One linear solve: which layout comes closest to the Jacobians that the faces had? It must not be flipped.
-3. Does its boundary cross itself?
-4. Two Newton steps: do they leave a lower bound of the energy that is above the bound?
-5. Newton steps to convergence: is the energy below the bound?
-6. Do parts of the boundary keep apart, or can they be pushed apart?
+1. One linear solve: which layout comes closest to the Jacobians that the faces had? It must not be flipped.
+2. Does its boundary cross itself?
+3. Two Newton steps: do they leave a lower bound of the energy that is above the bound?
+4. Newton steps to convergence: is the energy below the bound?
+5. Do parts of the boundary keep apart, or can they be pushed apart?
 
 Topology comes before all of them (``mesh.cut_mesh.not_disks``), since the caller has to leave such moves out.
 """
 
 from dataclasses import fields, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -98,12 +96,6 @@ class Moves:
         result: BoolArray = self.part >= 0
         return result
 
-    @cached_property
-    def apart(self) -> FloatArray:
-        """(n,) energy times area of the parts of each chart as they are laid out now."""
-        cut_mesh, energy = self.cut_mesh, dirichlet.energy(self.targets)
-        return group_sum(energy * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
-
     def subset(self, which: BoolArray) -> tuple["Moves", IntArray]:
         """(some moves ((n,) bool), their vertices)."""
         sub, vid, fid = self.cut_mesh.subset(which)
@@ -159,41 +151,12 @@ def try_moves(moves: Moves, demands: Demands, worker: Worker, monitor: Monitor) 
 
 def _tried(moves: Moves, demands: Demands, monitor: Monitor) -> Trial:
     """The ladder for moves that are worked on together."""
-    trial = _joined(moves)
-    cut_mesh = moves.cut_mesh
-    most = moves.apart / cut_mesh.chart_areas + TRIAL.tolerance * (demands.bound - 1)
-    todo = ~(trial.energy <= np.minimum(most, demands.bound))
-    if todo.any():
-        rest, vid = moves.subset(todo)
-        trial.put(todo, vid, _started(rest, demands.bound))
+    trial = _started(moves, demands.bound)
     _drop_crossed(moves, trial)
-    live = todo & np.isfinite(trial.energy) & ~trial.overlapping
+    live = np.isfinite(trial.energy) & ~trial.overlapping
     if live.any():
         _relax(moves, trial, live, demands)
     _keep_apart(moves, trial, demands, monitor)
-    return trial
-
-
-def _joined(moves: Moves) -> Trial:
-    """Parts shifted onto their charts without any solve: vertices of both lie half way between."""
-    cut_mesh, flat = moves.cut_mesh, moves.cut_mesh.faces.ravel()
-    n, moving = cut_mesh.n_vertices, np.repeat(moves.moving, 3)
-    count = np.stack([np.bincount(flat[side], minlength=n) for side in (~moving, moving)])
-    at = np.zeros((2, n, 2))
-    for k, side in enumerate((~moving, moving)):
-        for d in range(2):
-            total = group_sum(moves.corners.reshape(-1, 2)[side, d], flat[side], n)
-            at[k, :, d] = total / np.maximum(count[k], 1)
-    both = np.flatnonzero(count.all(0))
-    of, parts = np.zeros(n, np.int64), int(moves.part.max(initial=0)) + 1
-    of[flat[moving]] = np.repeat(moves.part, 3)[moving]
-    gap = np.stack([group_sum((at[0] - at[1])[both, d], of[both], parts) for d in range(2)], 1)
-    gap /= np.maximum(np.bincount(of[both], minlength=parts), 1)[:, None]
-    at[1] += gap[of]
-    weight = (count > 0) / np.maximum((count > 0).sum(0), 1)
-    trial = Trial.unknown(cut_mesh)
-    trial.uv[:] = (weight[..., None] * at).sum(0)
-    trial.energy[:] = chart_energies(cut_mesh, trial.uv)
     return trial
 
 

@@ -13,7 +13,7 @@ from circparam.core.workers import Worker
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams.accuracy import FINAL
+from circparam.seams.accuracy import FINAL, LOCAL
 from circparam.seams.cost import COST
 from circparam.seams.evaluate import ENOUGH, MARGIN
 from circparam.seams.finish import LEVEL_FACES, Decided, finish
@@ -48,7 +48,7 @@ LEVEL_SLACK_EXCESS = 0.08
 ROUGH_MOST_EXCESS = 0.7
 # times the mean roughness: half of the charts have more, and pieces of those more yet
 ROUGH_TIMES_MEAN = 1.3
-LEVEL_STEPS = dataclasses.replace(FINAL, max_iterations=3, local=8)  # from a level on
+LEVEL_STEPS = dataclasses.replace(FINAL, max_iterations=3, local=LOCAL)  # from a level on
 
 
 def grown_atlas(

@@ -70,13 +70,12 @@ class Family(Protocol[Some]):
 class Outcome:
     """What came of a batch of moves.
 
-    chosen: (k,) numbers of the candidates. made: (k,) bool. excess: (k,) lower bound of (energy − 1) · area of
-    the charts that a move leaves. cut_mesh, uv: their layout. faces: (f,) of the surface that they hold.
+    chosen: (k,) numbers of the candidates. made: (k,) bool. cut_mesh, uv: layout of the charts that the moves
+    leave. faces: (f,) of the surface that they hold.
     """
 
     chosen: IntArray
     made: BoolArray
-    excess: FloatArray
     cut_mesh: CutMesh
     uv: FloatArray
     faces: IntArray
@@ -169,7 +168,7 @@ def _tried(
         batch = _batch(atlas, candidates, chosen, sound)
     cut_mesh, faces = batch.cut_mesh, batch.faces
     if not len(faces):
-        return Outcome(chosen, sound, np.zeros(n), cut_mesh, np.zeros((0, 2)), faces)
+        return Outcome(chosen, sound, cut_mesh, np.zeros((0, 2)), faces)
     if effort.ordered:
         vertices = atlas.surface.corner_vertex[faces]
         eliminate_as(cut_mesh, elimination_ranks(atlas.surface), vertices)
@@ -187,8 +186,7 @@ def _tried(
         made = sound & (batch.of_moves(~good, n) == 0) & (batch.of_moves(added, n) < gain)
     kept = made[batch.move][cut_mesh.chart]
     atlas.corners[faces[kept]] = trial.uv[cut_mesh.faces[kept]]
-    excess = batch.of_moves((trial.floor - 1) * cut_mesh.chart_areas, n)
-    return Outcome(chosen, made, excess, cut_mesh, trial.uv, faces)
+    return Outcome(chosen, made, cut_mesh, trial.uv, faces)
 
 
 def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolArray) -> _Batch:

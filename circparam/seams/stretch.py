@@ -7,20 +7,17 @@ import numpy as np
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
+from circparam.seams.accuracy import LOCAL
 from circparam.seams.finish import LEVEL_FACES
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import AIMED, Limits, share_over
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
-STRICT = 1.05  # bound up to which seams are added for that
+STRICT = SeamOptions.max_distortion  # bound up to which seams are added for that
 # of the root of the area of a chart, and in roots of the area of a face: where a level has settled what is
 # further away, weights change no more than this round a face
 NEARBY, NEAR_FACES = 0.05, 4.0
-LOCAL_STEPS = 8  # iterations of a step there
-# faces of such charts, above which no seam is added: a slit takes as long as to carry them, a split more yet
-MOST_SLIT = 5_000_000
-LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 
 
 def stretch_asked(most: float | None, bound: float) -> bool:
@@ -35,25 +32,19 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
     """How far faces may be stretched; whether seams may be added for that, and charts be split."""
     asked = stretch_asked(options.max_stretch, options.max_distortion)
     free = asked and options.max_charts is None and options.min_chart_faces == 1
-    local, cuts_off = (LOCAL_STEPS, free) if options.search.draft else (None, False)
+    local, cuts_off = (LOCAL, free) if options.search.draft else (None, False)
     limits = Limits(bound, options.max_stretch or STRETCH, local=local, cuts_off=cuts_off)
     return limits, asked, free
 
 
 def stretch_held(atlas: Atlas, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
-    """The atlas of a level with its stretch limited: by weights, and by seams where they are not enough.
-
-    The surface that it stands for is rougher: weights go further than asked.
-    """
+    """The atlas of a level with its stretch limited: by weights, and by seams where they are not enough."""
     out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
     if not monitor.expired:
         limits, slits, splits = stretch_limits(bound, options)
         if limits.local is not None:  # the surface that it stands for gets what a level leaves
             limits = replace(limits, allowed=AIMED * limits.allowed)
-        most = 1 + (limits.most - 1) * LEVEL_STRETCH
-        stricter = replace(limits, most=most, allowed=limits.allowed / 2)
         with monitor.shown_as("level"), monitor.stage("stretch"):
-            limit_stretch(out, stricter, monitor, slits=False)
             limit_stretch(out, limits, monitor, slits, splits)
     return out
 
@@ -78,6 +69,5 @@ def limit_stretch_of_all(
     # on a rough mesh such faces are everywhere: what is near is told in faces
     face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
     near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
-    slits = slits and len(part.surface.faces) <= MOST_SLIT
-    limit_stretch(part, replace(rest, near=near, local=LOCAL_STEPS), monitor, slits, splits)
+    limit_stretch(part, replace(rest, near=near, local=LOCAL), monitor, slits, splits)
     atlas.put(faces, part)

@@ -11,10 +11,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH, UNROLLED
-from circparam.seams.cost import COST
 from circparam.seams.hard.copies import find_copies, spread_copies
-from circparam.seams.hard.exact import prefer_exact
-from circparam.seams.hard.regions import CURVED, SHARP, curvature, flats, turns
+from circparam.seams.hard.regions import CURVED, SHARP, curvature, turns
 from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
@@ -36,7 +34,6 @@ def hard_atlas(
     surface: Surface,
     bound: float,
     options: SeamOptions,
-    worker: Worker,
     monitor: Monitor,
     notes: list[str],
 ) -> Atlas:
@@ -44,6 +41,7 @@ def hard_atlas(
 
     Of components that are copies of each other one is worked on, and the others get the same charts.
     """
+    worker = Worker(monitor.jobs)
     copies = find_copies(surface)
     whole = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
     if copies.first.all():
@@ -79,29 +77,18 @@ def _decided(
     graph = dual_graph(atlas.surface, atlas.flat)
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
-        start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
         work = (DRAFT_WORK if options.search.draft else WORK) * len(atlas.surface.faces)
         merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
         merge(atlas, merging, monitor, worker=worker)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
         enforce(atlas, graph, layouts, bound, SETTLED, monitor)
-    if not options.search.draft:
-        with monitor.stage("charts"):
-            prefer_exact(atlas, start, merging, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             absorbing = MergeOptions(bound, MARGIN, chart=np.inf)
             left = absorb(atlas, absorbing, options.min_chart_faces, monitor)
             notes += small_note(left, options.min_chart_faces)
     return atlas
-
-
-def with_seams(atlas: Atlas) -> BoolArray:
-    """(m,) bool: faces of components that are cut."""
-    beside = np.zeros(len(atlas.surface.faces), bool)
-    beside[atlas.surface.edges[atlas.cut, 0] // 3] = True
-    return atlas.surface.whole_components(beside)
 
 
 def unrolls_whole(surface: Surface) -> bool:
@@ -116,23 +103,6 @@ def unrolls_whole(surface: Surface) -> bool:
     if (group_sum(inside, cut_mesh.vertex_chart, cut_mesh.n_charts) > CURVED).any():
         return False
     return not (turns(surface)[0] >= SHARP).any() and not slits(atlas).any()
-
-
-def take_better(atlas: Atlas, faces: BoolArray, other: Atlas) -> BoolArray:
-    """Take components of ``other``, an atlas of some faces ((m,) bool), where it costs less.
-
-    Returns (all faces of ``atlas``,) bool: what was taken.
-    """
-    surface = other.surface
-    mine, flat = atlas.part(faces), flats(surface)[1]
-    theirs, own = (COST.of_components(one, flat, relaxed=True) for one in (other, mine))
-    better = (theirs < own)[surface.components[1]]
-    if better.any():
-        mine.put(better, other.part(better))
-        atlas.put(faces, mine)
-    taken = faces.copy()
-    taken[faces] = better
-    return taken
 
 
 def first_regions(

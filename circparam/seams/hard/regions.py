@@ -31,10 +31,11 @@ BLUNT = 2 * CREASE  # creases that turn less may come from few faces on a round 
 CURVED = 0.3  # radians of curvature: a region with less counts as developable
 FLAT_FACES = 2  # a flat tells a hard surface by more faces: quads are cut in two anywhere
 REGION_FACES = 2  # at least in the mean region of a part: noise has regions of one face
-ORGANIC, DOUBTFUL, HARD = 0, 1, 2
-MOST = 0.5  # of the area in flats or developable regions: a component with more may be hard
-# of the area in developable regions: a component with less is in doubt, unless most of it lies in flats
-SURE_REGIONS = 0.75
+MOST_FLAT, MOST_REGIONS = (
+    0.5,
+    0.75,
+)  # of the area in flats or in developable regions: a hard surface has more
+MOST_BLUNT = 0.5  # of the length of its creases: a hard surface has fewer blunt ones
 
 
 def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
@@ -147,12 +148,11 @@ def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
     return np.where(rim, np.pi, 2 * np.pi) - total, rim
 
 
-def hardness(surface: Surface) -> IntArray:
-    """(m,) ORGANIC, DOUBTFUL or HARD: what the component of each face is, by measurement.
+def hard_components(surface: Surface) -> BoolArray:
+    """(m,) bool: the component of the face is a hard surface, by measurement.
 
-    A component may be hard if much of its area lies in flats of several faces, or in developable regions
-    between creases. It is if its creases are sharp as well: blunt creases may come from few faces on a round
-    shape. Scans and organic shapes have neither.
+    Much of its area lies in flats of several faces, or in developable regions between creases, and its creases
+    are sharp: blunt ones may come from few faces on a round shape. Scans and organic shapes have neither.
     """
     n, component = surface.components
     angle, _ = turns(surface)
@@ -169,11 +169,9 @@ def hardness(surface: Surface) -> IntArray:
     of, length = component[surface.edges[on, 0] // 3], surface.edge_lengths[on]
     creases = group_sum(length, of, n)
     blunt = group_sum(length * (angle[on] < BLUNT), of, n)
-    level = flat_share >= MOST
-    candidate = level | ((creases > 0) & (region_share >= MOST) & large)
-    sure = (level | (region_share >= SURE_REGIONS)) & (blunt < MOST * creases)
-    kind = np.where(candidate, np.where(sure, HARD, DOUBTFUL), ORGANIC)
-    result: IntArray = kind[component]
+    developed = (creases > 0) & (region_share >= MOST_REGIONS) & large
+    hard = ((flat_share >= MOST_FLAT) | developed) & (blunt <= MOST_BLUNT * creases)
+    result: BoolArray = hard[component]
     return result
 
 

@@ -1,11 +1,11 @@
-"""Glue charts: single arcs, all arcs of two charts at once, and those with the slits inside both."""
+"""Glue charts: single arcs, and all arcs of two charts at once."""
 
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker
@@ -66,11 +66,10 @@ def merge(
 
 @dataclass(frozen=True, eq=False)
 class Glues(Candidates):
-    """Candidates for gluing: every arc, every pair of charts with all its arcs, every pair with its slits too.
+    """Candidates for gluing: every arc, and every pair of charts with all its arcs.
 
-    Two charts that close a flat ring overlap with one arc glued, and not with both. A tube, slit to unroll,
-    goes round a disk whole. length: (k,) of the seam that goes. key: (k,) what was tried is remembered by it.
-    pair: (arcs,) pair of each arc. cut: (e,) seams.
+    Two charts that close a flat ring overlap with one arc glued, and not with both. length: (k,) of the seam
+    that goes. key: (k,) what was tried is remembered by it. pair: (arcs,) pair of each arc. cut: (e,) seams.
     """
 
     length: FloatArray
@@ -86,21 +85,16 @@ class Glues(Candidates):
 
     @property
     def n_pairs(self) -> int:
-        """So many candidates after them are pairs, and as many again are pairs with their slits."""
-        return (len(self.left) - self.n_arcs) // 2
+        """The others are pairs."""
+        return len(self.left) - self.n_arcs
 
     def seams(self, chosen: IntArray) -> BoolArray:
         """(e,) seams that are left when the chosen candidates are glued."""
-        arcs, first = self.arcs, self.n_arcs
-        whole = np.zeros(self.n_pairs, bool)
-        whole[(chosen[chosen >= first] - first) % max(self.n_pairs, 1)] = True
-        arc = whole[self.pair]
-        arc[chosen[chosen < first]] = True
-        slit = chosen[chosen >= first + self.n_pairs]
-        charts = np.r_[self.left[slit], self.right[slit]]
-        arc |= (arcs.left == arcs.right) & np.isin(arcs.left, charts)
+        glued = np.zeros(len(self.left), bool)
+        glued[chosen] = True
+        arc = glued[: self.n_arcs] | glued[self.n_arcs :][self.pair]
         out = self.cut.copy()
-        out[arcs.edge[arc[arcs.arc]]] = False
+        out[self.arcs.edge[arc[self.arcs.arc]]] = False
         return out
 
 
@@ -115,8 +109,6 @@ class Glue:
         self.options = options
         self.fixed = np.zeros(len(atlas.cut), bool) if fixed is None else fixed
         self.tried = np.zeros(0, np.uint64)
-        # (e,) energy times area of what failed along each edge
-        self.lower_bound = np.zeros(len(atlas.cut))
 
     def propose(self, atlas: Atlas) -> Glues:
         """All arcs and pairs of an atlas, scored by the length of the seam in shares of the boundary."""
@@ -132,8 +124,6 @@ class Glue:
         if options.faces is not None:
             size = np.bincount(chart)
             may &= size[glues.left] + np.where(one, 0, size[glues.right]) <= options.faces
-        areas = group_sum(atlas.surface.areas, chart, n)
-        may &= 1 + known_excess(glues, areas, self.lower_bound) <= options.bound
         rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
         rim += group_sum(atlas.boundary_lengths, chart[atlas.surface.boundary // 3], n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
@@ -142,14 +132,8 @@ class Glue:
         return replace(glues, score=np.where(may, score, -np.inf))
 
     def learn(self, tried: Glues, outcome: Outcome) -> None:
-        """Forget what was tried. Where all arcs of a pair were glued nothing is known of each alone."""
-        chosen = outcome.chosen
-        self.tried = np.union1d(self.tried, tried.key[chosen])
-        alone = chosen < tried.n_arcs
-        of_arc = np.zeros(tried.n_arcs)
-        of_arc[chosen[alone]] = outcome.excess[alone]
-        edge, arc = tried.arcs.edge, tried.arcs.arc
-        self.lower_bound[edge] = np.maximum(self.lower_bound[edge], of_arc[arc])
+        """What was tried is not tried again while both charts stay."""
+        self.tried = np.union1d(self.tried, tried.key[outcome.chosen])
 
     def _untried(self, glues: Glues) -> BoolArray:
         """(candidates,) bool: what may be tried. Several arcs at once are, when each alone has failed."""
@@ -159,10 +143,9 @@ class Glue:
         waiting = np.zeros(glues.n_pairs, bool)
         waiting[glues.pair[~np.isin(glues.key[:first], self.tried) | held]] = True
         several = np.bincount(glues.pair, minlength=glues.n_pairs) > 1
-        several &= (glues.left != glues.right)[first : first + glues.n_pairs]
-        slit = glues.length[first + glues.n_pairs :] > 0
+        several &= (glues.left != glues.right)[first:]
         alone = ((arcs.left != arcs.right) | arcs.tip) & ~held
-        may = np.concatenate([alone, several & ~waiting, slit & ~waiting])
+        may = np.concatenate([alone, several & ~waiting])
         result: BoolArray = may & ~np.isin(glues.key, self.tried)
         return result
 
@@ -172,19 +155,14 @@ def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int, worth: float) ->
     pairs, pair = np.unique(arcs.left * n + arcs.right, return_inverse=True)
     pair = pair.reshape(-1)
     left, right = np.divmod(pairs, n)
-    together = group_sum(arcs.length, pair, len(pairs))
-    own = arcs.left == arcs.right
-    slit = group_sum(arcs.length[own], arcs.left[own], n)
-    slits = np.where(left != right, slit[left] + slit[right], 0.0)
-    length = np.concatenate([arcs.length, together, np.where(slits > 0, together + slits, 0.0)])
-    left = np.concatenate([arcs.left, left, left])
-    right = np.concatenate([arcs.right, right, right])
+    length = np.concatenate([arcs.length, group_sum(arcs.length, pair, len(pairs))])
+    left = np.concatenate([arcs.left, left])
+    right = np.concatenate([arcs.right, right])
     # a chart is known by its first face and its size, an arc by its first edge
     size = np.bincount(chart, minlength=n)
     first_face = np.full(n, len(chart))
     np.minimum.at(first_face, chart, np.arange(len(chart)))
     mark = np.full(len(left), len(atlas.cut) + 1)
-    mark[len(pair) + len(pairs) :] += 1
     np.minimum.at(mark, arcs.arc, arcs.edge)
     key = np.zeros(len(left), np.uint64)
     for part in (first_face[left], size[left], first_face[right], size[right], mark):
@@ -192,20 +170,6 @@ def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int, worth: float) ->
         key ^= key >> np.uint64(29)
     gain = length / atlas.surface.unit + np.where(left != right, worth, 0.0)
     return Glues(left, right, np.zeros(len(left)), gain, length, key, pair, arcs, atlas.cut)
-
-
-def known_excess(glues: Glues, areas: FloatArray, lower_bound: FloatArray) -> FloatArray:
-    """(candidates,) how far above 1 the energy of each union is at least, as failed unions tell.
-
-    A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
-    a part, and arcs and charts only grow. areas: (n,) of charts. lower_bound: (e,) of the unions that failed
-    along each edge, energy times area.
-    """
-    arcs, n = glues.arcs, glues.n_pairs
-    of_arc = group_max(lower_bound[arcs.edge], arcs.arc, glues.n_arcs)
-    of_pair = group_max(of_arc, glues.pair, n)
-    union = areas[glues.left] + np.where(glues.left == glues.right, 0.0, areas[glues.right])
-    return np.concatenate([of_arc, of_pair, of_pair]) / union
 
 
 def _luck(key: npt.NDArray[np.uint64], draw: int) -> FloatArray:

@@ -19,10 +19,9 @@ from circparam.seams.multires.decimate import Proxy
 from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.paths import Bands, Chains, bands, chains_of, route
 
-RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
+RINGS = (0, 2)  # cells beside a seam's own that its path may use, attempt by attempt
 # from a surface with hardly fewer faces, along whose edges paths would zigzag
 NEAR_RINGS = 1, 0, 2
-HALVINGS = 4  # of a chain that found no path
 
 
 def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas, rings: tuple[int, ...] = RINGS) -> int:
@@ -53,13 +52,6 @@ def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas, rings: tuple[int, .
         left = _joined(_some_chains(chains, np.flatnonzero(~own)), found)
     for wide in rings:
         left = router.cut(left, wide)
-    for _ in range(HALVINGS):
-        # a long path that fails as a whole may fail in one place only: its halves are tried alone
-        left = _halves(left)
-        if len(left.start) == 0:
-            break
-        router.stand_again(left.start, left.end)
-        left = router.cut(router.cut(left, RINGS[0]), RINGS[-1])
     return sum(not router.find_way(k) for k in zip(left.start, left.end, strict=True))
 
 
@@ -101,21 +93,6 @@ class _Router:
         self.fine.cut[self.usable[routes.edges]] = True
         return _some_chains(chains, routes.failed)
 
-    def stand_again(self, start: IntArray, end: IntArray) -> None:
-        """Let coarse points that became ends stand for fine vertices that no seam uses yet."""
-        fine, cell = self.fine, self.proxy.cell
-        new = np.setdiff1d(np.r_[start, end], self.junctions)
-        taken = fine.on_boundary.copy()
-        taken[fine.ends[0][fine.cut]] = taken[fine.ends[1][fine.cut]] = True
-        member = np.flatnonzero(np.isin(cell, new) & ~taken)
-        points = self.proxy.surface.points
-        far = np.linalg.norm(fine.surface.vertex_points[member] - points[cell[member]], axis=1)
-        order = np.lexsort((far, cell[member]))
-        first = order[first_of_runs(cell[member][order])]
-        self.stand[cell[member[first]]] = member[first]
-        # a path may end there from now on: moved once more, it would part from that path
-        self.junctions = np.r_[self.junctions, new]
-
     def find_way(self, ends: tuple[int, int]) -> bool:
         """Cut a shortest path between the stands of two coarse points: for the last few, one by one."""
         usable = np.flatnonzero(np.isfinite(self.cost))
@@ -133,31 +110,6 @@ def _close_to(ends: tuple[IntArray, IntArray], n: int, chains: Chains, rings: in
         a, b = close[ends[0]], close[ends[1]]
         close[ends[1][a]] = close[ends[0][b]] = True
     return close
-
-
-def _halves(chains: Chains) -> Chains:
-    """Each chain cut in two at its middle; chains of one edge stay."""
-    k = np.arange(len(chains.start))
-    middle = np.full(len(k), -1)
-    at = chains.position == (chains.size // 2)[chains.chain]
-    middle[chains.chain[at]] = chains.vertex[at]
-    two = middle >= 0
-    if not two.any():
-        return chains
-    half = np.where(two, chains.size // 2, chains.size)
-    # the second halves are numbered after all the first ones
-    second = np.full(len(k), -1)
-    second[two] = len(k) + np.arange(int(two.sum()))
-    behind = two[chains.chain] & (chains.position > half[chains.chain])
-    inner = ~at
-    return Chains(
-        np.r_[chains.start, middle[two]],
-        np.r_[np.where(two, middle, chains.end), chains.end[two]],
-        chains.vertex[inner],
-        np.where(behind, second[chains.chain], chains.chain)[inner],
-        np.where(behind, chains.position - half[chains.chain], chains.position)[inner],
-        np.r_[half, (chains.size - half)[two]],
-    )
 
 
 def _find_way(fine: Atlas, usable: IntArray, cost: FloatArray, start: int, end: int) -> bool:

@@ -13,14 +13,13 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH
 from circparam.seams.moves.glue import MergeOptions, merge
+from circparam.seams.search import WORK
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.starts import searched
 from circparam.solvers.newton import relax
 
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts of a finished atlas merge
-CROWD = 300  # charts: an atlas with more is not merged on
-LAST_WORK = 200_000  # faces that its trials may have together
-ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
+ANY_BOUND = np.finfo(float).max  # that every chart keeps to which has no flips
 
 
 def decide(
@@ -65,9 +64,10 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
     """
     n, _ = atlas.charts()
     pieces, _ = atlas.surface.components
-    if not pieces < n <= CROWD or monitor.expired:
+    if n <= pieces or monitor.expired:
         return
-    options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, work=LAST_WORK)
+    work = WORK * len(atlas.surface.faces)
+    options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, work=work)
     merge(atlas, options, monitor, worker=Worker(monitor.jobs))
 
 

@@ -25,12 +25,11 @@ from circparam.seams.segmentation.layout import (
     pushed_apart,
 )
 from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
-from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
+from circparam.seams.segmentation.slits import slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
 
-SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
@@ -46,17 +45,16 @@ def enforce(
 ) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
-    layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
-    little is slit from its boundary to where it is distorted most; others are split in two. Parts that lie on
+    layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart above the bound is slit
+    once from its boundary to where it is distorted most, then split in two. Parts that lie on
     each other are pushed apart, but cut apart at once where options stop at a bound. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
     the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
-    # how often the chart of each face was slit
-    slits = np.zeros(len(atlas.surface.faces), np.int64)
-    whole, faces = atlas, np.ones(len(slits), bool)
-    clear, last = np.zeros(len(slits), bool), atlas.corners
+    slit = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that were slit
+    whole, faces = atlas, np.ones(len(slit), bool)
+    clear, last = np.zeros(len(slit), bool), atlas.corners
     for turn in range(ROUNDS):
         small = np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES
         pushed = (small | (turn == 0)) & (options.bound is None)
@@ -68,7 +66,7 @@ def enforce(
         if inside.mean() < NARROW:
             whole.put(faces, atlas)
             faces[faces] = inside
-            atlas, slits = whole.part(faces), slits[inside]
+            atlas, slit = whole.part(faces), slit[inside]
             clear, last = clear[inside], last[inside]
             graph = dual_graph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
@@ -79,7 +77,7 @@ def enforce(
         clear &= moved[layouts.cut_mesh.chart] == 0
         last = atlas.corners.copy()
         found = _Bad(graph, layouts, bad, pushed, bound, clear)
-        cut, slits = _cut_open(atlas, found, slits, monitor)
+        cut, slit = _cut_open(atlas, found, slit, monitor)
         if np.array_equal(before, atlas.cut) and not cut.any():
             break
         layouts = _map_again(atlas, layouts, bad, cut, bound, options, monitor)
@@ -104,27 +102,23 @@ class _Bad:
 
 
 def _cut_open(
-    atlas: Atlas, found: _Bad, slits: IntArray, monitor: Monitor
-) -> tuple[BoolArray, IntArray]:
-    """Slit bad charts, or split them. slits: (m,) how often the chart of each face was slit.
+    atlas: Atlas, found: _Bad, before: BoolArray, monitor: Monitor
+) -> tuple[BoolArray, BoolArray]:
+    """Slit bad charts, or split them. before: (m,) bool, the chart of the face was slit.
 
-    Returns (n,) bool: charts whose pieces may keep their layout; and slits, counted on.
+    Returns (n,) bool: charts whose pieces may keep their layout; (m,) bool as ``before``.
     """
     layouts, bad = found.layouts, found.bad
     chart = layouts.cut_mesh.chart
-    near = layouts.energy <= 1 + (found.bound - 1) * SLIT_REACH
-    first = np.zeros(len(bad), np.int64)
-    np.maximum.at(first, chart, slits)
-    slit = bad & ~layouts.overlapping & near & (first < SLITS)
+    slit = bad & ~layouts.overlapping & (group_count(chart[before], len(bad)) == 0)
     if slit.any():
         slit = slit_charts(atlas, layouts, slit)
-        slits = slits + slit[chart]
     split = bad & ~slit
     cut = np.zeros(len(bad), bool)
     if split.any():
         cut = _split(atlas, found, split, monitor)
     make_disks(atlas, found.graph)
-    return cut, slits
+    return cut, before | slit[chart]
 
 
 def unstick(

@@ -1,6 +1,7 @@
 """Grow first charts: regions of the dual graph round seeds that lie far apart, until every chart is a disk."""
 
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 import scipy.sparse as sps
@@ -21,7 +22,6 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 
 NORMAL_WEIGHT = 3.0  # how much a turn of the normal lengthens a step
-NEEDLES = 0.05  # of the distance of their centroids: two faces are needles where the way across is shorter
 
 
 class DualGraph:
@@ -96,9 +96,6 @@ def _cells_and_steps(
     for k in slices(len(e)):
         turn[k] = 1 - (normal[a[k]] * normal[b[k]]).sum(1)
         far[k] = np.linalg.norm(centre[a[k]] - centre[b[k]], axis=1)
-    # across the long side of two needles the way is as short as they are thin, wherever their centres lie
-    across = 2 * (total[a] + total[b]) / (3 * np.maximum(surface.edge_lengths, 1e-300))
-    far = np.where(across < NEEDLES * far, across, far)
     step = far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
     return cell, a, b, step
 
@@ -187,19 +184,14 @@ def split_charts(
     return new
 
 
-def make_disks(atlas: Atlas, graph: DualGraph, limit: int = 40) -> int:
-    """Split charts until all are disks or disks with holes; returns the rounds it took.
+def make_disks(atlas: Atlas, graph: DualGraph) -> None:
+    """Split charts until all are disks or disks with holes, or cells that cannot be split.
 
-    A chart that a few halvings do not help is cut into ever more pieces; single cells are disks, so this ends.
+    A chart that a few halvings do not help is cut into ever more pieces.
     """
-    for attempt in range(limit):
+    for attempt in count():
         cut_mesh = atlas.cut_mesh()
         bad = not_disks(cut_mesh)
-        if not bad.any():
-            return attempt
-        pieces = 2 if attempt < 4 else 2 ** min(attempt - 2, 12)
-        new = split_charts(atlas, graph, cut_mesh.chart, bad, pieces, 1)
-        if not new.any():
-            # nothing left to split between cells: leave the chart to the caller's checks
-            return attempt
-    return limit
+        pieces = 2 ** max(attempt - 2, 1)
+        if not bad.any() or not split_charts(atlas, graph, cut_mesh.chart, bad, pieces, 1).any():
+            return

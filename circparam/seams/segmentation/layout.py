@@ -1,7 +1,5 @@
 """Lay charts out anew after their seams have moved, from the layout they had."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from circparam.core.arrays import (
@@ -19,18 +17,14 @@ from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.accuracy import TRIAL
-from circparam.solvers.dirichlet import energy, jacobians
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
-from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
 
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
-HOT, HOT_RINGS = 3.0, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,25 +157,7 @@ def lay_out_part(
         if left.any():
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
-    if options.local is not None:
-        uv = _cooled(cut_mesh, uv)
     return relax(cut_mesh, uv, options, monitor).uv
-
-
-def _cooled(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """The layout relaxed near faces that are distorted out of all proportion, the rest held.
-
-    A Newton step widens a nearly collapsed face by a third; all other faces need not wait for it.
-    """
-    jacobian = jacobians(cut_mesh.gradients.transpose(1, 2, 0), uv.T[:, cut_mesh.faces.T])
-    hot = ~(energy(jacobian) <= HOT)
-    if not hot.any():
-        return uv
-    held = np.zeros(cut_mesh.n_vertices, bool)
-    part, source, fixed = cut_out(cut_mesh, grow(cut_mesh, hot, HOT_RINGS), held)
-    out = uv.copy()
-    out[source[~fixed]] = relax(part, uv[source], replace(TRIAL, fixed=fixed)).uv[~fixed]
-    return out
 
 
 def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:

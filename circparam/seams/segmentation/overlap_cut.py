@@ -4,6 +4,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
+    SLICE_ROWS,
     BoolArray,
     FloatArray,
     IntArray,
@@ -23,7 +24,6 @@ from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.layout import ChartLayouts
 
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
-CHUNK = 2_000_000  # points x faces looked at together
 PAIRS = 4  # of doubled parts that are cut apart in a round, in each chart
 NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
 WALL = 2.0**26  # capacity of an edge that must not be cut
@@ -53,9 +53,6 @@ def split_layers(
     if clear is not None:
         clear[faces[~twice]] = True
     pairs = _sides(graph, inner, layouts, faces[twice], point[twice])
-    unseen = which.copy()
-    unseen[chart[faces[twice]]] = False
-    pairs += _touching(graph, inner, layouts, unseen)
     links = undirected(graph.n, graph.tail[inner], graph.head[inner], graph.step[inner])
     off = np.zeros(graph.n, bool)  # cells that were cut off
     for source, sink in pairs:
@@ -106,25 +103,6 @@ def split_overlaps(
     side = first_side[np.where(source >= 0, source, 0)]
     atlas.cut |= use & (side[graph.tail] != side[graph.head])
     return done
-
-
-def _touching(
-    graph: DualGraph, inner: BoolArray, layouts: ChartLayouts, which: BoolArray
-) -> list[tuple[IntArray, IntArray]]:
-    """Cells beside boundaries that cross, in charts whose overlap is too small to cover any sample point."""
-    if not which.any():
-        return []
-    met = crossings(layouts.uv, layouts.cut_mesh) // 3
-    met = met[which[layouts.cut_mesh.chart[met[:, 0]]]]
-    ends = graph.cell[met]
-    ends = ends[ends[:, 0] != ends[:, 1]]
-    pairs = []
-    for a, b in ends[:PAIRS].tolist():
-        sink = np.array([b])
-        source = _widened(graph, inner, np.array([a]), sink)
-        if b not in source:
-            pairs.append((source, sink))
-    return pairs
 
 
 def _cell_areas(graph: DualGraph, layouts: ChartLayouts) -> FloatArray:
@@ -211,7 +189,7 @@ def _covers(
     probe = order[first_of_runs(sheet[order])]
     low, high = corners.min(1), corners.max(1)
     pairs = []
-    for part in np.array_split(probe, 1 + len(probe) * len(sheet) // CHUNK):
+    for part in np.array_split(probe, 1 + len(probe) * len(sheet) // SLICE_ROWS):
         x = point[part][:, None]
         hit = (low <= x).all(2) & (x <= high).all(2) & (chart[part][:, None] == chart)
         row, f = np.nonzero(hit)

@@ -18,8 +18,7 @@ from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.layout import ChartLayouts
 from circparam.solvers import dirichlet
 
-RINGS = 4  # over which the distortion of areas is smoothed, so that single faces are no peaks
-SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
+RINGS = 2  # over which the distortion of areas is smoothed, so that single faces are no peaks
 
 
 def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolArray:

@@ -26,10 +26,9 @@ from circparam.seams.segmentation.slits import (
     slit_to,
     smoothed_area_distortion,
 )
-from circparam.seams.segmentation.weigh import Limits, relax_weighted, share_over
+from circparam.seams.segmentation.weigh import ROUNDS, Limits, relax_weighted, share_over
 from circparam.solvers.newton import relax
 
-TURNS = 8  # of slits and splits
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
@@ -48,7 +47,7 @@ def limit_stretch(
         return
     # how often slits have not helped the chart of each face
     failed = np.zeros(len(atlas.surface.faces), np.int64)
-    for _ in range(TURNS if slits else 0):
+    for _ in range(ROUNDS if slits else 0):
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
         over = share_over(cut_mesh, stretch, limits.most)
@@ -159,7 +158,7 @@ def _cut_off(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     surface, flat = atlas.surface, atlas.flat
     together = surface.locked if flat is None else surface.locked | flat
     _, cell = components(len(surface.faces), *(surface.edges[together].T // 3))
-    for _ in range(TURNS):
+    for _ in range(ROUNDS):
         cut_mesh, uv = atlas.open()
         inside = _stretched_parts(cut_mesh, face_stretch(cut_mesh, uv), cell, limits)
         sides = inside[surface.edges // 3]

@@ -21,8 +21,7 @@ TAIL = 1e-3  # share of the surface on which the stretch may be larger
 # of that share: what is aimed for, since a file stores rounded numbers; and of the excess of the largest
 # stretch over 1: from there on a face weighs more
 AIMED = 0.8
-POWER = 3  # of the stretch over that: by how much its weight grows a round
-ROUNDS = 8  # of weighing; most charts need three
+ROUNDS = 8  # of weighing, most charts need three; and of slits and splits
 PATIENCE = 3  # rounds without headway after which a chart is left
 STEP = replace(FINAL, max_iterations=2)
 NEAR = 0.5  # share of the root of a chart's area that moves round such faces at first
@@ -83,7 +82,7 @@ def relax_weighted(
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
         if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
-        heavier = weight * np.maximum(stretch / (1 + AIMED * (most - 1)), 1.0) ** POWER
+        heavier = weight * np.maximum(stretch / (1 + AIMED * (most - 1)), 1.0) ** 2
         weight = np.where(active[chart], heavier, weight)
         reach = np.where(
             whole, np.inf, limits.near * (1 + turn / 2) * np.sqrt(cut_mesh.chart_areas)

@@ -11,24 +11,15 @@ from hypothesis import strategies as st
 
 from circparam.core import workers
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS, kinds
+from circparam.seams import SEAMS
 from circparam.seams import charts as module
-from circparam.seams.accuracy import ROUGH
-from circparam.seams.hard.charts import take_better, unrolls_whole
-from circparam.seams.hard.regions import (
-    DOUBTFUL,
-    HARD,
-    ORGANIC,
-    hardness,
-    turns,
-)
+from circparam.seams.hard.charts import hard_atlas, unrolls_whole
+from circparam.seams.hard.regions import hard_components
 from circparam.seams.hard.unroll import unroll
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import edge_prices
-from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import assert_promises, surface_of
@@ -68,7 +59,7 @@ def test_flats_and_tubes_of_parts_stay_whole(name) -> None:
 def test_however_a_part_lies_in_space(make) -> None:
     """Which of forty alike lines opens a tube is up to rounding, so one chart more or less may merge."""
     part = make()
-    assert (hardness(surface_of(part.points, part.faces)) == HARD).all()
+    assert hard_components(surface_of(part.points, part.faces)).all()
     counts = []
     for turn in (np.eye(3), shapes.rotation(1)):
         points = part.points @ turn.T
@@ -80,7 +71,7 @@ def test_however_a_part_lies_in_space(make) -> None:
 @pytest.mark.parametrize("bound", [1.05, 1.01])
 def test_flats_of_a_part_without_any_sharp_edge_stay_whole(bound) -> None:
     part = rounded_box()
-    assert (hardness(surface_of(part.points, part.faces)) == DOUBTFUL).all()
+    assert hard_components(surface_of(part.points, part.faces)).all()
     check_whole(part, bound)
 
 
@@ -116,24 +107,8 @@ def test_organic_components_are_laid_out_as_without_the_hard_ones() -> None:
     find = SEAMS["charts"].function
     together = find(both, SeamOptions(hide_seams=0.0), Monitor())
     single = find(alone, SeamOptions(hide_seams=0.0), Monitor())
-    sphere = (hardness(both) == ORGANIC)[both.edges[:, 0] // 3]
+    sphere = ~hard_components(both)[both.edges[:, 0] // 3]
     assert np.array_equal(together.cut[sphere], single.cut)
-
-
-def test_of_two_atlases_each_component_takes_the_better() -> None:
-    """Two cubes: one atlas has squares for the first and a net of the second, the other the reverse."""
-    part = PARTS["cube"]()
-    pair = shapes.join((part.points, part.faces), (part.points + 3.0, part.faces))
-    surface = surface_of(*pair)
-    first = surface.points[surface.faces[surface.edges[:, 0] // 3, 0], 0] < 2
-    squares = turns(surface)[0] > 1
-    nets = module.charts(surface, SeamOptions(), Monitor()).cut
-    one, other = (Atlas(surface, np.where(k, squares, nets)) for k in (first, ~first))
-    for atlas in (one, other):
-        lay_out_fresh(atlas, None, ROUGH)
-    taken = take_better(one, np.ones(len(surface.faces), bool), other)
-    assert np.array_equal(one.cut, nets)
-    assert np.array_equal(taken[surface.edges[:, 0] // 3], first)
 
 
 def test_a_pocket_that_is_stretched_too_much_is_cut_off_along_its_rim() -> None:
@@ -156,7 +131,7 @@ def test_only_hard_components_have_creases() -> None:
     ball = shapes.noisy(*shapes.icosphere(1), amount=0.02)
     part = PARTS["cube"]()
     surface = surface_of(*shapes.join(ball, (part.points + np.array([5.0, 0, 0]), part.faces)))
-    hard = hardness(surface) == HARD
+    hard = hard_components(surface)
     assert 0 < hard.sum() < len(hard)
     atlas = module.free_atlas(surface, 1.05, SeamOptions(), Monitor(), [])
     assert np.array_equal(module.with_creases(atlas), hard)
@@ -182,7 +157,7 @@ def test_workers_change_nothing() -> None:
     out = []
     workers.start(2, module.__name__)
     for jobs in (2, 1):
-        atlas = kinds.hard_atlas(surface, 1.05, SeamOptions(), Worker(jobs), Monitor(), [])
+        atlas = hard_atlas(surface, 1.05, SeamOptions(), Monitor(jobs=jobs), [])
         out.append(atlas.corners)
     workers.stop()
     assert np.array_equal(*out)

@@ -9,12 +9,10 @@ from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.seams import SEAMS
-from circparam.seams.hard.exact import polyhedra
 from circparam.seams.options import SeamOptions
-from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import assert_promises, surface_of
-from tests.support.parts import Part, extrude, lathe, rectangle
+from tests.support.parts import Part, extrude, rectangle
 
 
 def charts_of(part: Part) -> Atlas:
@@ -53,13 +51,3 @@ def test_so_is_a_cube_of_any_triangles(refine: int) -> None:
     atlas = Atlas(surface, seams.cut, seams.uv)
     assert distortion(atlas) == pytest.approx(1.0, abs=1e-9)
     assert surface.edge_lengths[atlas.cut].sum() == pytest.approx(7.0)
-
-
-def test_what_is_round_anywhere_is_no_polyhedron() -> None:
-    box = extrude(rectangle(1.0, 1.0), [], 1.0)
-    tube = lathe(np.array([[0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5, 1.0]]), 48)
-    surface = surface_of(*shapes.join((box.points, box.faces), (tube.points + 3.0, tube.faces)))
-    none = np.zeros(len(surface.edges), bool)
-    found = polyhedra(Atlas(surface, none, prices=edge_prices(surface)))
-    assert np.array_equal(found, surface.points[surface.faces].max((1, 2)) < 1.5)
-    assert not polyhedra(Atlas(surface, none)).any()

@@ -98,8 +98,8 @@ def test_a_chart_without_a_tail_stays_whole_beside_one_that_is_split():
 
 
 def test_charts_are_not_split_where_their_number_counts():
-    free = charts_of(SPIKE, max_stretch=1.5)
-    few = charts_of(SPIKE, max_stretch=1.5, max_charts=1)
+    free = charts_of(SPIKE, max_stretch=1.2)
+    few = charts_of(SPIKE, max_stretch=1.2, max_charts=1)
     assert free.charts()[0] > 1
     assert few.charts()[0] == 1
 
