@@ -35,7 +35,8 @@ from circparam.seams.tiny_components import tiny_atlas, tiny_components
 from circparam.solvers.newton import RelaxOptions
 
 LOOPS = 300  # handles and holes above which small holes are closed while charts are decided
-PROXY_MOST_SHARE = 0.5  # of the faces: a proxy that keeps more (many small components) is no use
+# of the faces: a proxy or a level that keeps more (many small components) is no use
+PROXY_MOST_SHARE = 0.5
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 DECIDING_SHARE = 0.5  # of the time that is left, at least, for charts on the proxy
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
@@ -96,7 +97,11 @@ def _decided(
             return Decided(atlas, dual_graph(surface), decided.relaxing)
     above = DRAFT_LEVEL_FACES if options.search.draft else LEVEL_FACES
     if len(surface.faces) > above and options.max_charts is None:
-        return _from_level(surface, bound, options, monitor)
+        with monitor.stage("charts"):
+            least = 0 if options.search.draft else LEAST_LEVEL
+            level = decimate(surface, max(least, len(surface.faces) // LEVEL_RATIO))
+        if len(level.surface.faces) <= PROXY_MOST_SHARE * len(surface.faces):
+            return _from_level(surface, level, bound, options, monitor)
     graph, draft = dual_graph(surface), options.search.draft
     with monitor.stage("charts"):
         found = _on_proxies(surface, bound, options, worker, monitor)
@@ -200,12 +205,12 @@ def _before_transfer(monitor: Monitor) -> Iterator[None]:
         yield
 
 
-def _from_level(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Decided:
+def _from_level(
+    surface: Surface, level: Proxy, bound: float, options: SeamOptions, monitor: Monitor
+) -> Decided:
     """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little."""
     draft = options.search.draft
-    least = 0 if draft else LEAST_LEVEL
     with monitor.stage("charts"):
-        level = decimate(surface, max(least, len(surface.faces) // LEVEL_RATIO))
         near = nearest_coarse_face(surface, level)
         # what a draft saves by not looking is more than what the cuts on a rough mesh take
         rough = 0.0 if draft else ROUGH_TIMES_MEAN * roughness(surface, level.surface, near)

@@ -9,7 +9,7 @@ from circparam.seams import SEAMS, finish, grown, stretch
 from circparam.seams import charts as module
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
-from circparam.seams.options import SeamOptions
+from circparam.seams.options import SeamOptions, Search
 from circparam.seams.segmentation.grow import dual_graph
 from tests.support import shapes
 from tests.support.atlases import assert_promises, surface_of
@@ -82,3 +82,13 @@ def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
     assert np.array_equal(whole.cut[inside], fine.cut[inside])
     p = surface.points[surface.faces[taken]]
     assert np.array_equal(p, level.surface.points[level.surface.faces[near[taken]]])
+
+
+def test_small_components_that_no_level_shrinks_need_none() -> None:
+    """199 open balls of 280 faces: decimation takes components of up to 300 faces over as they are."""
+    points, faces = shapes.icosphere(2)
+    balls = [(points + np.array([3.0 * k, 0, 0]), faces[40:]) for k in range(199)]
+    surface = surface_of(*shapes.join(*balls))
+    assert len(surface.faces) > grown.DRAFT_LEVEL_FACES
+    seams = SEAMS["charts"].function(surface, SeamOptions(search=Search(draft=True)), Monitor())
+    assert_promises(Atlas(surface, seams.cut, seams.uv), BOUND)
