@@ -23,7 +23,7 @@ SPARSE_SHARE = 0.5
 
 # Cells that a search transforms, over the root of the number of charts; the linear programs of all
 # ascents together spend a third as many rows times charts.
-GRID_OPERATIONS = 1.5e7
+GRID_OPERATIONS = 1.6e7
 
 # Share of the covered area that straight charts along the axes may cost.
 STRAIGHT_LOSS = 0.02
