@@ -1,14 +1,19 @@
 """Cuts along chords of a layout, made along edges of the mesh: the shortest way near each chord."""
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge, stable_order
 from circparam.core.graph import components, nearest
 from circparam.core.records import dataclass
-from circparam.geometry.distortion import chart_distortion
+from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
+from circparam.seams.accuracy import TRIAL
+from circparam.seams.segmentation.layout import judge
+from circparam.solvers.newton import relax
 
 BAND = 0.2  # of a chord's length, and two edges: largest distance of the path along edges from the chord
 ALIKE = 1.6  # ratio of the areas that the chord and the way cut off, at most: with 2 long charts fit on no page
@@ -162,8 +167,8 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:
     """An atlas cut along a path (edges) if both charts are valid, else None.
 
-    Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound as it is. The
-    smaller part has about the planned area.
+    Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound: a part above it
+    is relaxed. The smaller part has about the planned area.
     """
     count, chart = atlas.charts()
     if count != 2 or np.bincount(chart).min() < limits.faces:
@@ -175,6 +180,14 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened 
         return None
     if not_disks(cut_mesh).any():
         return None
-    if (chart_distortion(cut_mesh, uv) > limits.bound).any():
-        return None
+    high = chart_distortion(cut_mesh, uv) > limits.bound
+    if high.any():
+        part, vertices, _ = cut_mesh.subset(high)
+        start = at_best_scales(part, uv[vertices])
+        bound = replace(TRIAL, bound=limits.bound, give_up=limits.bound)
+        laid = judge(part, relax(part, start, bound).uv)
+        if laid.bad(limits.bound).any():
+            return None
+        uv[vertices] = laid.uv
+        atlas.scatter(cut_mesh, uv)
     return Opened(atlas, cut_mesh, uv)

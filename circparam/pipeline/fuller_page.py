@@ -28,8 +28,8 @@ from circparam.pipeline.page_cuts import Cutter, joined
 from circparam.pipeline.page_search import CELLS, Plan, Search
 from circparam.pipeline.place import chart_signs, sized
 from circparam.seams.segmentation.tail import limit_stretch
+from circparam.seams.segmentation.weigh import TAIL, share_over
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
-from circparam.seams.segmentation.weigh import share_over
 from circparam.seams.stretch import STRETCH, stretch_asked
 
 WORK = 12.0  # work of a search: charts are cut that have so many faces together, in faces of the surface
@@ -119,20 +119,22 @@ def longer(cuts: str, purpose: str, before: Cascade, after: Cascade) -> str:
 def stretch_kept(
     atlas: Atlas, before: Atlas, options: Options, bound: float, monitor: Monitor
 ) -> bool:
-    """Whether the cuts keep the stretched area within its limit, or below its old value; weights may help.
+    """Whether the cuts keep the stretched area within what is promised, or below its old value.
 
-    Each part of a chart has its own scale, which stretches other faces.
+    Each part of a chart has its own scale, which stretches other faces. Weights may help; the rest has its
+    price in the cost.
     """
     if not stretch_asked(options.max_stretch, options.bound or np.inf):
         return True
     limits = StretchLimits(bound, options.max_stretch or STRETCH)
-    if _stretched(atlas, limits.most) <= limits.allowed:
+    after = _stretched(atlas, limits.most)
+    if after <= TAIL:
         return True
-    allowed = max(_stretched(before, limits.most), limits.allowed)
-    if _stretched(atlas, limits.most) <= allowed:
-        return True
-    limit_stretch(atlas, limits, monitor, slits=False)
-    return _stretched(atlas, limits.most) <= allowed
+    allowed = max(_stretched(before, limits.most), TAIL)
+    if after > allowed:
+        limit_stretch(atlas, limits, monitor, slits=False)
+        after = _stretched(atlas, limits.most)
+    return after <= allowed
 
 
 def _stretched(atlas: Atlas, most: float) -> float:

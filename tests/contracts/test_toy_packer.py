@@ -12,7 +12,7 @@ from circparam.packing import PACKERS, Packed, PackOptions, pack
 from circparam.packing.placement import Packer, PackTask, Placement
 
 N = 5
-OPTIONS = PackOptions(resolution=256, padding=3, effort=0.02)
+OPTIONS = PackOptions(resolution=256, padding=3, effort=0.01)
 
 
 def squares(n: int = N) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

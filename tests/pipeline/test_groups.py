@@ -162,7 +162,8 @@ def leaning_tube(angle: float) -> circparam.Document:
 
 @pytest.mark.parametrize("angle", [0.0, 0.4])
 def test_up_is_v_in_charts_that_have_one(angle: float) -> None:
-    free = circparam.unwrap(leaning_tube(angle), **QUICK)
+    # upright charts are not cut for their page
+    free = circparam.unwrap(leaning_tube(angle), pack_splits=0, **QUICK)
     result = circparam.unwrap(leaning_tube(angle), orient="up", **QUICK)
     assert result.status == "ok"
     steep = np.hypot(*rise(result).T)

@@ -79,6 +79,7 @@ def test_no_page_is_worth_a_seam_that_none_may_be_or_that_is_dear(
 ) -> None:
     """A tube of twelve sides opens along the one line that is left, however long its strip is."""
     lines: Any = [(2 * k, 2 * k + 1) for k in range(12) if k != 2]
+    lines += [(2 * k, (2 * k + 3) % 24) for k in range(12)]  # diagonals
     given: Any = {"no_seams": lines}
     if weight is not None:
         given = {"seam_weights": [(a, b, weight) for a, b in lines]}
