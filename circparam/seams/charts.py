@@ -74,9 +74,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     best = Atlas(opened, atlas.cut, atlas.corners)
     try:
         with monitor.stage("stretch"):
-            # the level of a large draft is held: on the mesh itself weights and slits gain hardly anything
-            quick = options.search.draft and options.max_stretch is None
-            if not (monitor.expired or (quick and len(opened.faces) > LEVEL_FACES)):
+            if not monitor.expired:
                 limit_stretch_of_all(atlas, limits, monitor, slits and mirror is None, splits)
     except OutOfTimeError:
         monitor.late = True
