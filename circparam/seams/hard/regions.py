@@ -31,10 +31,8 @@ BLUNT = 2 * CREASE  # creases that turn less may come from few faces on a round 
 CURVED = 0.3  # radians of curvature: a region with less counts as developable
 FLAT_FACES = 2  # a flat tells a hard surface by more faces: quads are cut in two anywhere
 REGION_FACES = 2  # at least in the mean region of a part: noise has regions of one face
-MOST_FLAT, MOST_REGIONS = (
-    0.5,
-    0.75,
-)  # of the area in flats or in developable regions: a hard surface has more
+# of the area in flats or in developable regions: a hard surface has more
+MOST_FLAT, MOST_REGIONS = 0.5, 0.75
 MOST_BLUNT = 0.5  # of the length of its creases: a hard surface has fewer blunt ones
 
 
@@ -152,7 +150,8 @@ def hard_components(surface: Surface) -> BoolArray:
     """(m,) bool: the component of the face is a hard surface, by measurement.
 
     Much of its area lies in flats of several faces, or in developable regions between creases, and its creases
-    are sharp: blunt ones may come from few faces on a round shape. Scans and organic shapes have neither.
+    are sharp: blunt ones may come from few faces on a round shape, but not the lines of a tube, which is
+    developable across them. Scans and organic shapes have neither.
     """
     n, component = surface.components
     angle, _ = turns(surface)
@@ -168,16 +167,23 @@ def hard_components(surface: Surface) -> BoolArray:
     on = angle >= CREASE
     of, length = component[surface.edges[on, 0] // 3], surface.edge_lengths[on]
     creases = group_sum(length, of, n)
-    blunt = group_sum(length * (angle[on] < BLUNT), of, n)
+    _, smooth, tube = developable_regions(surface, BLUNT)
+    round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.edges[on, 0] // 3]]
+    blunt = group_sum(length * round_shape, of, n)
     developed = (creases > 0) & (region_share >= MOST_REGIONS) & large
     hard = ((flat_share >= MOST_FLAT) | developed) & (blunt <= MOST_BLUNT * creases)
     result: BoolArray = hard[component]
     return result
 
 
-def developable_regions(surface: Surface) -> tuple[int, IntArray, BoolArray]:
-    """(number of regions between creases, (m,) region of each face, (regions,) bool: hardly any curvature)."""
-    inner = turns(surface)[0] < CREASE
+def developable_regions(
+    surface: Surface, crease: float = CREASE
+) -> tuple[int, IntArray, BoolArray]:
+    """(number of regions between creases, (m,) region of each face, (regions,) bool: hardly any curvature).
+
+    crease: radians by which the edges between two regions turn at least.
+    """
+    inner = turns(surface)[0] < crease
     edges = surface.edges[inner]
     _, corners = corner_classes(len(surface.faces), edges)
     count, region = components(len(surface.faces), edges[:, 0] // 3, edges[:, 1] // 3)

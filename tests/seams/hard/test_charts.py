@@ -85,6 +85,7 @@ def test_noise_of_single_precision_and_units_cut_no_flat(name, scale) -> None:
 
 
 @settings(max_examples=3, deadline=None)
+@example(2, 10, 0.25, 2.0, False)
 @example(1, 13, 0.09375, 0.75, True)
 @example(1, 13, 0.09375, 0.88, True)
 @example(1, 16, 0.31420043788742086, 0.703125, True)
