@@ -69,6 +69,21 @@ def test_max_charts_is_kept_where_the_bound_is_not() -> None:
     assert atlas.charts()[0] == 1
 
 
+@pytest.mark.parametrize(
+    "shape", [shapes.cube(4), shapes.row_of(shapes.icosphere(1), 2)], ids=["cube", "two balls"]
+)
+def test_a_number_of_charts_never_leads_to_more(shape) -> None:
+    """Nor, where the free atlas has no more, to any other atlas."""
+    bound = {"max_distortion": 1.01}
+    _, free = atlas_of(shape, **bound)
+    count = free.charts()[0]
+    for most in sorted({1, count - 1, count} - {0}):
+        _, atlas = atlas_of(shape, max_charts=most, **bound)
+        assert atlas.charts()[0] <= count
+        if most >= count:
+            assert np.array_equal(atlas.cut, free.cut)
+
+
 def test_an_atlas_that_lies_on_itself_is_worth_less_than_one_of_more_charts() -> None:
     """Its charts would be split, and nobody knows into how many."""
     _, sound = atlas_of(shapes.cube(4))
