@@ -18,7 +18,7 @@ from circparam.solvers.objective import chart_energies
 
 NEARLY_FLAT_ENERGY = 1e-4  # of the symmetric Dirichlet energy / 4 over 1: the solvers stop below it
 # of √area, by which edges of an exact layout may be off: 2.5e-11 is what the solve rounds at 500,000 faces
-EXACT_FLAT_ENERGY = 1e-10
+EXACT_EDGE_ERROR = 1e-10
 
 
 def unrolled(atlas: Atlas) -> Atlas:
@@ -95,5 +95,5 @@ def _isometric(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     p = uv[cut_mesh.faces]
     length = norms2((p[:, [1, 2, 0]] - p).reshape(-1, 2)).reshape(-1, 3)
     size = np.sqrt(cut_mesh.chart_areas)[cut_mesh.chart]
-    off = np.abs(length - cut_mesh.edge_lengths).max(1) > EXACT_FLAT_ENERGY * size
+    off = np.abs(length - cut_mesh.edge_lengths).max(1) > EXACT_EDGE_ERROR * size
     return group_count(cut_mesh.chart[off], cut_mesh.n_charts) == 0

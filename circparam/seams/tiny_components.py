@@ -16,7 +16,7 @@ from circparam.seams.segmentation.layout import lay_out_fresh
 
 # components: so many tiny ones skip the search; fewer are searched with all others
 MANY_COMPONENTS = 200
-# of the area of the surface: a tiny component below this share is searched neither as hard nor as doubtful
+# of the area of the surface: a tiny component below this share is not searched as a hard one
 DEBRIS_AREA_SHARE = 2e-4
 
 

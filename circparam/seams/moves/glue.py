@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker
@@ -90,8 +90,7 @@ class Glues(Candidates):
 
     def seams(self, chosen: IntArray) -> BoolArray:
         """(e,) seams that are left when the chosen candidates are glued."""
-        glued = np.zeros(len(self.left), bool)
-        glued[chosen] = True
+        glued = mask_of(len(self.left), chosen)
         arc = glued[: self.n_arcs] | glued[self.n_arcs :][self.pair]
         out = self.cut.copy()
         out[self.arcs.edge[arc[self.arcs.arc]]] = False
