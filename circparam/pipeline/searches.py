@@ -32,6 +32,7 @@ from circparam.seams.options import SeamOptions, Seams, Search
 
 # share of the seconds of the last search that must be left for another one to be begun
 LIKELY = 0.5
+OUT_OF_TIME = "out of time for a full search: its charts are those of a draft"
 FAILURES = (CircparamError, np.linalg.LinAlgError, ArithmeticError)
 
 
@@ -191,7 +192,7 @@ def on_page(
     if draft is None or other is None:
         return with_room(cascade, options, monitor), cascade
     if hurried:
-        other = other.noted("out of time for a full search: its charts are those of a draft")
+        other = other.noted(OUT_OF_TIME)
     sound = not cascade.repairs and np.isfinite(cascade.atlas.corners).all()
     if not sound or finished_cost(other) < finished_cost(cascade):
         cascade = other

@@ -37,7 +37,7 @@ from circparam.pipeline.pinned import check_pins, check_storable
 from circparam.pipeline.result import Effort, Result, verify_layout, with_status
 from circparam.pipeline.save import save
 from circparam.pipeline.seam_visibility import SeamVisibility
-from circparam.pipeline.searches import Drafted, begun_beside, best_layout, on_page
+from circparam.pipeline.searches import OUT_OF_TIME, Drafted, begun_beside, best_layout, on_page
 from circparam.pipeline.stacks import copies_hold
 from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, stored_layout
 
@@ -161,6 +161,8 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
             with monitor.stage("pack"):
                 best = advised(filled, cascade, options, monitor)
         fitted = fit_stored(job, best, monitor)
+    if OUT_OF_TIME in best.notes:
+        return fitted, replace(effort, made=0.0)
     several = applies.searches(options) and not options.draft
     return fitted, replace(effort, made=float(effort.searches) if several else options.work)
 

@@ -85,6 +85,23 @@ def test_where_time_is_up_a_full_search_costs_no_more_than_a_draft(
     assert any("out of time" in note for note in found.notes)
 
 
+@pytest.mark.parametrize(("ends", "made"), [(True, 0), (False, 1)])
+def test_the_effort_made_is_that_of_the_charts_kept(ends: bool, made: int, clock: Clock) -> None:
+    """So little time that a draft comes first; the clock stands, or goes on once the draft is packed."""
+    packed = False
+
+    def listener(stage: str, share: float, note: str) -> None:
+        nonlocal packed
+        packed |= stage == "pack"
+        if packed and stage != "pack" and ends:
+            clock.now = 0.5
+
+    found = unwrapped(bumpy(3), effort=1, timeout=0.5, listener=listener)
+    assert "draft" in found.seconds
+    assert found.effort.made == made
+    assert any("those of a draft" in note for note in found.notes) == ends
+
+
 def test_time_chooses_the_effort_where_nothing_else_does(clock: Clock) -> None:
     """By a clock that counts its calls: searches are made as long as one more is likely to end."""
     clock.step = 1.0
