@@ -12,7 +12,9 @@ SLICE_ROWS = 8192  # rows of a large array per slice
 
 def next_half_edge(h: IntArray) -> IntArray:
     """The next half-edge in the same face: 3f → 3f+1 → 3f+2 → 3f."""
-    return np.where(h % 3 == 2, h - 2, h + 1)
+    after = h + 1
+    after -= 3 * (after // 3 * 3 == after)
+    return after
 
 
 def slices(count: int, size: int = SLICE_ROWS) -> list[slice]:

@@ -53,7 +53,7 @@ def nearest_known(atlas: Atlas, known: BoolArray) -> tuple[IntArray, BoolArray]:
     """(m,) the nearest known face ((m,) bool) in the chart of each face; (m,) bool: there is one."""
     surface = atlas.surface
     inner = ~atlas.cut
-    fi, fj = surface.edges[inner, 0] // 3, surface.edges[inner, 1] // 3
+    fi, fj = surface.sides[:, inner]
     touch = ~known[fi] | ~known[fj]
     fi, fj, w = fi[touch], fj[touch], surface.edge_lengths[inner][touch]
     seeds = sorted_distinct(np.r_[fi[known[fi]], fj[known[fj]]])

@@ -61,11 +61,15 @@ def jacobians(
     x: the plane of the rest triangle. uv: (n_vertices, 2). Built from differences, so that a translation of uv
     costs no digits. faces: numbers of the faces, None for all.
     """
-    f = cut_mesh.faces[faces]
-    d1 = uv[f[:, 1]] - uv[f[:, 0]]
-    d2 = uv[f[:, 2]] - uv[f[:, 0]]
-    g = cut_mesh.gradients[faces]
-    return d1[:, :, None] * g[:, None, :, 1] + d2[:, :, None] * g[:, None, :, 2]
+    a, b, c = cut_mesh.faces[faces].T
+    g = cut_mesh.gradients[faces].transpose(1, 2, 0)
+    out = np.empty((2, 2, len(a)))  # in memory, for operations over whole arrays
+    for i, values in enumerate(np.ascontiguousarray(uv.T)):
+        corner = values[a]
+        d1, d2 = values[b] - corner, values[c] - corner
+        for j in (0, 1):
+            out[i, j] = d1 * g[j, 1] + d2 * g[j, 2]
+    return out.transpose(2, 0, 1)
 
 
 def singular_values(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:

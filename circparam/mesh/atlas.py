@@ -134,7 +134,7 @@ class Atlas:
 
     def part(self, faces: BoolArray) -> "Atlas":
         """The atlas of some faces ((m,) bool) alone."""
-        inside = np.asarray(faces[self.surface.edges // 3].all(1), bool)
+        inside = self.surface.inner_edges(faces)
         prices = None if self.prices is None else self.prices.part(inside)
         return Atlas(self.surface.part(faces), self.cut[inside], self.corners[faces], prices)
 
@@ -150,5 +150,5 @@ class Atlas:
 
     def take(self, faces: BoolArray, cut: BoolArray, corners: FloatArray) -> None:
         """Take over the seams and the uv of ``part(faces)``."""
-        self.cut[faces[self.surface.edges // 3].all(1)] = cut
+        self.cut[self.surface.inner_edges(faces)] = cut
         self.corners[faces] = corners

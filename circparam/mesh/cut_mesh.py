@@ -5,7 +5,6 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import (
-    cross2,
     doubled_areas,
     first_of_runs,
     group_sum,
@@ -86,9 +85,8 @@ class CutMesh:
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) area of each face, in squared units of the mesh."""
-        a = self.rest_triangles[:, 1] - self.rest_triangles[:, 0]
-        b = self.rest_triangles[:, 2] - self.rest_triangles[:, 0]
-        return cross2(a, b) / 2
+        (ax, bx, cx), (ay, by, cy) = self.rest_triangles.T
+        return ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) / 2
 
     @cached_property
     def gradients(self) -> FloatArray:

@@ -55,7 +55,7 @@ def frame_of(points: FloatArray, faces: IntArray) -> Frame:
         corner = points[faces[k]] - origin
         areas = _areas(corner)
         area += float(areas.sum())
-        first += areas @ corner.mean(1)
+        first += areas @ _middles(corner)
     centre = first / area
     second, third = _moments(points, faces, origin + centre)
     used -= centre

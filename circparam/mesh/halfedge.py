@@ -265,7 +265,8 @@ def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
     becomes one vertex for each fan, so the result is always a manifold.
     """
     # the corner that each half-edge leaves is joined to one other at most: that which follows its other side
-    other = opposite_half_edges(n_faces, edges)
-    follower = np.where(other < 0, -1, next_half_edge(other))
+    i, j = np.ascontiguousarray(edges.T)
+    follower = np.full(3 * n_faces, -1)
+    follower[i], follower[j] = next_half_edge(j), next_half_edge(i)
     count, labels = follower_components(follower)
     return count, labels.reshape(-1, 3)

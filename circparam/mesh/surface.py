@@ -66,6 +66,17 @@ class Surface:
         return out
 
     @cached_property
+    def sides(self) -> IntArray:
+        """(2, e) int64: the two faces of each edge, the rows contiguous."""
+        return np.ascontiguousarray(self.edges.T) // 3
+
+    def inner_edges(self, faces: BoolArray) -> BoolArray:
+        """(e,) bool: both faces of the edge are among ``faces`` ((m,) bool)."""
+        left, right = self.sides
+        result: BoolArray = faces[left] & faces[right]
+        return result
+
+    @cached_property
     def corner_vertex(self) -> IntArray:
         """(m, 3) int64: vertex of each corner; a non-manifold vertex is one vertex for each of its fans."""
         return corner_classes(len(self.faces), self.edges)[1]
@@ -145,9 +156,11 @@ class Surface:
 
     def lengths(self, half_edges: IntArray) -> FloatArray:
         """(h,) length of each of the given half-edges."""
-        flat = self.faces.ravel()
-        d = self.points[flat[next_half_edge(half_edges)]] - self.points[flat[half_edges]]
-        return norms3(d)
+        flat, out = self.faces.ravel(), np.empty(len(half_edges))
+        for k in slices(len(out)):
+            h = half_edges[k]
+            out[k] = norms3(self.points[flat[next_half_edge(h)]] - self.points[flat[h]])
+        return out
 
     @cached_property
     def priced_lengths(self) -> FloatArray:
@@ -174,8 +187,8 @@ class Surface:
         # used many times between two changes of the seams
         kept: tuple[BoolArray, int, IntArray] | None = self.__dict__.get("_charts")
         if kept is None or not np.array_equal(kept[0], cut):
-            e = self.edges[~cut]
-            kept = cut.copy(), *components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
+            left, right = self.sides[:, ~cut]
+            kept = cut.copy(), *components(len(self.faces), left, right)
             kept[2].setflags(write=False)
             self.__dict__["_charts"] = kept
         return kept[1:]
@@ -197,8 +210,9 @@ class Surface:
         return last
 
     def __getstate__(self) -> dict[str, object]:
-        """Another process opens the surface itself: the cut mesh is larger than the surface."""
-        return {name: value for name, value in self.__dict__.items() if name != "_opened"}
+        """Another process derives large arrays itself: the cut mesh is larger than the surface."""
+        large = ("_opened", "sides")
+        return {name: value for name, value in self.__dict__.items() if name not in large}
 
     def part_cut_mesh(
         self, cut: BoolArray, faces: BoolArray, chart: IntArray
@@ -239,7 +253,7 @@ class Surface:
             return self
         fid = np.flatnonzero(faces)
         local = positions_in(len(self.faces), fid)
-        inside = faces[self.edges // 3].all(1)
+        inside = self.inner_edges(faces)
         e = self.edges[inside]
         return Surface(
             self.points,

@@ -43,7 +43,7 @@ class Ground:
 
     def part(self, after: Atlas, mine: BoolArray) -> "Ground":
         """The part on some faces (bool) of the atlas after a cut."""
-        inside = mine[after.surface.edges // 3].all(1)
+        inside = after.surface.inner_edges(mine)
         opened = Opened.of(after.part(mine))
         return Ground(self.chart, self.faces[mine], opened, self.costs[inside], self.flat[inside])
 
@@ -135,11 +135,11 @@ class Cutter:
             atlas = self.whole.atlas
             mine = self.whole.cut_mesh.chart == chart
             surface = atlas.surface
-            sides = surface.edges // 3
+            left, right = surface.sides
             near = mine.copy()  # with the neighbours, which show where a flat chart ends
-            near[sides[mine[sides].any(1)]] = True
+            near[left[mine[right]]] = near[right[mine[left]]] = True
             costs, flat = _costs(surface.part(near))
-            inner = mine[sides[near[sides].all(1)]].all(1)
+            inner = surface.inner_edges(mine)[surface.inner_edges(near)]
             opened = Opened.of(atlas.part(mine))
             self.grounds[chart] = Ground(
                 chart, np.flatnonzero(mine), opened, costs[inner], flat[inner]
@@ -156,7 +156,7 @@ def joined(before: Atlas, parts: Iterable[Part]) -> Atlas:
     for number, ground in enumerate(grounds):
         label[ground.faces] = number + 1
         after.corners[ground.faces] = ground.opened.atlas.corners
-    after.cut |= np.diff(label[surface.edges // 3], axis=1)[:, 0] != 0
+    after.cut |= label[surface.sides[0]] != label[surface.sides[1]]
     return after
 
 

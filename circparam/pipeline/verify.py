@@ -199,7 +199,7 @@ def verify(
     if not ok.any():
         raise InputError("no face has finite uv: unwrap the mesh first")
     own = np.zeros(len(ok), np.int64) if tiles is None else tiles[surface.source]
-    cut = _seams(surface, corners, ok) | (np.diff(own[surface.edges // 3])[:, 0] != 0)
+    cut = _seams(surface, corners, ok) | (own[surface.sides[0]] != own[surface.sides[1]])
     atlas = Atlas(surface, cut, corners)
     cut_mesh, uv = atlas.open()
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
@@ -339,7 +339,7 @@ def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
     i, j = surface.edges[:, 0], surface.edges[:, 1]
     ni, nj = (h - h % 3 + (h + 1) % 3 for h in (i, j))
     differs = (flat[i] != flat[nj]).any(1) | (flat[ni] != flat[j]).any(1)
-    return differs | ~ok[surface.edges // 3].all(1)
+    return differs | ~surface.inner_edges(ok)
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ def _part(surface: Surface, cut: BoolArray, faces: BoolArray) -> _Part:
     _, chart = surface.charts(cut)
     label = np.cumsum(np.bincount(chart[faces], minlength=int(chart.max()) + 1) > 0) - 1
     cut_mesh, _ = surface.part_cut_mesh(cut, faces, label[chart])
-    edge = np.flatnonzero(~cut & faces[surface.edges[:, 0] // 3])
+    edge = np.flatnonzero(~cut & faces[surface.sides[0]])
     locked = surface.locked[edge]
     weight = np.maximum(surface.edge_lengths[edge], 1e-9 * surface.edge_lengths.max(initial=0.0))
     # a locked edge is longer than all others together: taken only where there is no other way

@@ -98,7 +98,7 @@ def _away_from_pieces(atlas: Atlas, seams: BoolArray, chart: IntArray) -> BoolAr
     largest = np.zeros(len(size), np.int64)
     np.maximum.at(largest, chart, size)
     piece = size < largest[chart]
-    left, right = atlas.surface.edges.T // 3
+    left, right = atlas.surface.sides
     result: BoolArray = seams & ~piece[left] & ~piece[right]
     return result
 
@@ -122,7 +122,7 @@ def regroup(
         if few.mean() < 0.5:
             part = atlas.part(few)
             if few.any():
-                inside = few[atlas.surface.edges // 3].all(1)
+                inside = atlas.surface.inner_edges(few)
                 kept = None if fixed is None else fixed[inside]
                 regroup(part, bound, options, worker, monitor, kept)
                 atlas.put(few, part)

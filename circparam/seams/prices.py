@@ -49,8 +49,7 @@ def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
     those flats. On other components flats are dear if a designer made them.
     """
     angle, concave = turns(surface)
-    sides = surface.edges // 3
-    of_hard = np.ones(len(sides), bool) if hard is None else hard[sides[:, 0]]
+    of_hard = np.ones(len(angle), bool) if hard is None else hard[surface.sides[0]]
     inside = flats(surface)[1]
     steep = np.interp(angle, np.radians([0.5, 5, 20, 30]), [1.6, 1.2, 0.6, 0.4])
     steep = np.where(inside | (angle < FLAT), FLAT_PRICE, steep * np.where(concave, 0.8, 1.0))

@@ -199,7 +199,7 @@ def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolAr
     label = move[chart]
     cut = candidates.seams(chosen[number])
     cut_mesh, faces = atlas.surface.part_cut_mesh(cut, label >= 0, label)
-    whole = (label >= 0)[atlas.surface.edges[~cut] // 3].all(1)  # the edges of the cut mesh
+    whole = atlas.surface.inner_edges(label >= 0)[~cut]  # the edges of the cut mesh
     uncut = cut_mesh.edges[~atlas.cut[~cut][whole]]
     _, part = components(len(faces), *(uncut.T // 3))
     count, new = components(len(faces), *(cut_mesh.edges.T // 3))

@@ -32,13 +32,20 @@ def determinants(jacobian: FloatArray) -> FloatArray:
     return result
 
 
+def _square(jacobian: FloatArray) -> FloatArray:
+    """(m,) squared Frobenius norm of each J."""
+    (a, b), (c, d) = jacobian
+    result: FloatArray = a * a + b * b + c * c + d * d
+    return result
+
+
 def energy(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
     """(m,) energy of each face, 1 for an isometry, infinite if the face is flipped or collapsed.
 
     blend: share of the conformal energy (σ1/σ2 + σ2/σ1) / 2 (Hormann and Greiner 2000) in the sum.
     """
     det = determinants(jacobian)
-    frobenius = (jacobian * jacobian).sum((0, 1))
+    frobenius = _square(jacobian)
     with np.errstate(all="ignore"):
         value = frobenius * (1 + 1 / (det * det)) / 4
         if blend:
@@ -49,7 +56,7 @@ def energy(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
 def gradient(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
     """(2, 2, m) dE/dJ for faces with a positive determinant."""
     det = determinants(jacobian)
-    frobenius = (jacobian * jacobian).sum((0, 1))
+    frobenius = _square(jacobian)
     (a, b), (c, d) = jacobian
     cofactor = np.empty_like(jacobian)
     cofactor[0, 0], cofactor[0, 1], cofactor[1, 0], cofactor[1, 1] = d, -c, -b, a

@@ -27,7 +27,8 @@ def grow(cut_mesh: CutMesh, seed: BoolArray, rings: int) -> BoolArray:
     for _ in range(rings):
         near = np.zeros(cut_mesh.n_vertices, bool)
         near[cut_mesh.faces[region]] = True
-        region = np.asarray(near[cut_mesh.faces].any(1))
+        a, b, c = near[cut_mesh.faces.T]
+        region = a | b | c
     return region
 
 
@@ -75,7 +76,8 @@ def cut_out(
     """
     fixed = hold.copy()
     fixed[cut_mesh.faces[~region]] = True
-    region = region & ~fixed[cut_mesh.faces].all(1)
+    a, b, c = fixed[cut_mesh.faces.T]
+    region = region & ~(a & b & c)
     fid = np.flatnonzero(region)
     label = _moving_groups(cut_mesh.faces[fid], fixed, cut_mesh.n_vertices)
     chart = label[cut_mesh.faces[fid]].max(1)  # fixed vertices have label −1

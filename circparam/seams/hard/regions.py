@@ -70,7 +70,7 @@ def measured_normals(surface: Surface) -> FloatArray:
     sure = (height > noise / FLAT) & (height > NEEDLE * longest)
     if sure.all() or not sure.any():
         return surface.normals
-    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
+    fi, fj = surface.sides
     touch = ~sure[fi] | ~sure[fj]
     length = surface.edge_lengths[touch]
     step = 1 / np.maximum(length, 1e-9 * max(float(length.max(initial=0.0)), 1e-300))
@@ -126,7 +126,7 @@ def measured_flats(surface: Surface) -> tuple[IntArray, BoolArray]:
     A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not.
     """
     m = len(surface.faces)
-    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
+    fi, fj = surface.sides
     inside = turns(surface)[0] < FLAT
     n, flat = components(m, fi[inside], fj[inside])
     normal = sure_normals(surface)
@@ -165,10 +165,10 @@ def hard_components(surface: Surface) -> BoolArray:
     of_region[region] = component
     large = np.bincount(component) >= REGION_FACES * np.bincount(of_region, minlength=n)
     on = angle >= CREASE
-    of, length = component[surface.edges[on, 0] // 3], surface.edge_lengths[on]
+    of, length = component[surface.sides[0, on]], surface.edge_lengths[on]
     creases = group_sum(length, of, n)
     _, smooth, tube = developable_regions(surface, BLUNT)
-    round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.edges[on, 0] // 3]]
+    round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.sides[0, on]]]
     blunt = group_sum(length * round_shape, of, n)
     developed = (creases > 0) & (region_share >= MOST_REGIONS) & large
     hard = ((flat_share >= MOST_FLAT) | developed) & (blunt <= MOST_BLUNT * creases)
@@ -186,7 +186,7 @@ def developable_regions(
     inner = turns(surface)[0] < crease
     edges = surface.edges[inner]
     _, corners = corner_classes(len(surface.faces), edges)
-    count, region = components(len(surface.faces), edges[:, 0] // 3, edges[:, 1] // 3)
+    count, region = components(len(surface.faces), *surface.sides[:, inner])
     cut_mesh = CutMesh(corners, surface.rest_triangles, region, edges)
     defect, rim = curvature(cut_mesh)
     bent = group_sum(np.where(rim, 0.0, np.abs(defect)), cut_mesh.vertex_chart, count)

@@ -64,7 +64,7 @@ class Reroute:
     def __init__(self, atlas: Atlas, proposal: "Proposal") -> None:
         old, new = proposal.costs(edge_costs(atlas))
         self.proposal, self.gain = proposal, old - new
-        self.sides, self.faces = atlas.surface.edges // 3, len(atlas.surface.faces)
+        self.sides, self.faces = atlas.surface.sides.T, len(atlas.surface.faces)
         on = np.flatnonzero(proposal.old >= 0)
         self.edge = np.zeros(proposal.n, np.int64)  # one edge of each piece
         self.edge[proposal.old[on]] = on

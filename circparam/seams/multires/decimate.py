@@ -146,7 +146,7 @@ def priced(proxy: Surface, surface: Surface, cell: IntArray) -> Surface:
 def _main_parts(points: FloatArray, faces: IntArray, component: IntArray) -> BoolArray:
     """(m,) bool: the face is not in a fragment that the collapses tore off its component."""
     surface, _ = pair_edges(points, faces)
-    count, part = components(len(faces), surface.edges[:, 0] // 3, surface.edges[:, 1] // 3)
+    count, part = components(len(faces), *surface.sides)
     size = np.bincount(part, minlength=count)
     largest = np.zeros(int(component.max()) + 1, np.int64)
     np.maximum.at(largest, component, size[part])

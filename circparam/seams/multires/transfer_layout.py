@@ -9,6 +9,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_count,
     group_sum,
+    norms3,
     slices,
 )
 from circparam.core.graph import nearest, undirected
@@ -49,7 +50,7 @@ def separate(
     if len(seed) == 0:
         return
     before = fine.cut.copy()
-    use = ~fine.cut & several[chart[fine.surface.edges[:, 0] // 3]]
+    use = ~fine.cut & several[chart[fine.surface.sides[0]]]
     links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
     of_cell = np.full(graph.n, -1)
     of_cell[graph.cell[seed]] = coarse_chart[near[seed]]
@@ -73,25 +74,30 @@ def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
     order = np.argsort(coarse.faces.ravel(), kind="stable")
     degree = group_count(coarse.faces.ravel(), len(coarse.points))
     first = np.cumsum(degree) - degree
-    centre = coarse.points[coarse.faces].mean(1)
+    place = np.c_[coarse.points[coarse.faces].mean(1), coarse.normals]
     size = float(np.sqrt(coarse.areas.mean()))
     out = np.full(len(fine.faces), -1)
     for k in slices(len(out), NEAREST_AT_ONCE):
         cell = proxy.cell[fine.corner_vertex[k, 0]]
         a, b, c = fine.faces[k].T
-        here, normal = (fine.points[a] + fine.points[b] + fine.points[c]) / 3, fine.normals[k]
+        here = np.c_[(fine.points[a] + fine.points[b] + fine.points[c]) / 3, fine.normals[k]]
         face = np.flatnonzero((cell >= 0) & (degree[cell] > 0))
-        best, found = np.full(len(cell), np.inf), out[k]
+        here, start, left = here[face], first[cell[face]], degree[cell[face]]
+        best, found = np.full(len(face), np.inf), np.full(len(face), -1)
         turn = 0
         while len(face):  # the next face round each cell, all cells at once
-            candidate = order[first[cell[face]] + turn] // 3
-            apart = np.sqrt(((centre[candidate] - here[face]) ** 2).sum(1)) / size
-            apart += 0.5 * (1 - (coarse.normals[candidate] * normal[face]).sum(1))
-            nearer = apart < best[face]
-            best[face[nearer]] = apart[nearer]
-            found[face[nearer]] = candidate[nearer]
+            candidate = order[start + turn] // 3
+            there = place[candidate]
+            x, y, z = (there[:, 3:] * here[:, 3:]).T
+            apart = norms3(there[:, :3] - here[:, :3]) / size + 0.5 * (1 - (x + y + z))
+            nearer = apart < best
+            best[nearer], found[nearer] = apart[nearer], candidate[nearer]
             turn += 1
-            face = face[degree[cell[face]] > turn]
+            more = left > turn
+            if not more.all():
+                out[k][face[~more]] = found[~more]
+                face, here, start, left = face[more], here[more], start[more], left[more]
+                best, found = best[more], found[more]
     return out
 
 
@@ -236,7 +242,7 @@ def take_over(fine: Atlas, coarse: Atlas, proxy: Proxy, near: IntArray) -> BoolA
     taken: BoolArray = ~changed[component]
     joined = np.zeros(3 * len(coarse.surface.faces), bool)
     joined[coarse.surface.edges[~coarse.cut]] = True
-    edges = np.flatnonzero(taken[surface.edges[:, 0] // 3])
+    edges = np.flatnonzero(taken[surface.sides[0]])
     h = surface.edges[edges]
     fine.cut[edges] = ~joined[3 * near[h // 3] + h % 3].all(1)
     return taken

@@ -13,6 +13,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_max,
     group_sum,
+    norms3,
     slices,
     sorted_distinct,
 )
@@ -77,25 +78,26 @@ def _cells_and_steps(
 ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """(cell, tail, head, step) of a dual graph."""
     m = len(surface.faces)
-    e = surface.edges
-    fi, fj = e[:, 0] // 3, e[:, 1] // 3
+    fi, fj = surface.sides
     locked = surface.locked if whole is None else surface.locked | whole
     n, cell = components(m, fi[locked], fj[locked])
     area = np.maximum(surface.areas, 1e-300)
     total = group_sum(area, cell, n)
     corner = np.empty((m, 3))
     for k in slices(m):
-        corner[k] = surface.points[surface.faces[k]].mean(1)
+        a, b, c = (surface.points[surface.faces[k, j]] for j in range(3))
+        corner[k] = (a + b + c) / 3
     centre = (
         np.stack([group_sum(corner[:, d] * area, cell, n) for d in range(3)], 1) / total[:, None]
     )
     normal = np.stack([group_sum(surface.normals[:, d] * area, cell, n) for d in range(3)], 1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     a, b = cell[fi], cell[fj]
-    turn, far = np.empty(len(e)), np.empty(len(e))
-    for k in slices(len(e)):
-        turn[k] = 1 - (normal[a[k]] * normal[b[k]]).sum(1)
-        far[k] = np.linalg.norm(centre[a[k]] - centre[b[k]], axis=1)
+    turn, far = np.empty(len(a)), np.empty(len(a))
+    for k in slices(len(a)):
+        x, y, z = (normal[a[k]] * normal[b[k]]).T
+        turn[k] = 1 - (x + y + z)
+        far[k] = norms3(centre[a[k]] - centre[b[k]])
     step = far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
     return cell, a, b, step
 
@@ -170,7 +172,7 @@ def split_charts(
     rounds: int = 2,
 ) -> BoolArray:
     """Cut the charts ``which`` ((n,) bool) into about ``pieces`` regions each; returns the edges newly cut."""
-    tail_chart = chart[atlas.surface.edges[:, 0] // 3]
+    tail_chart = chart[atlas.surface.sides[0]]
     use = ~atlas.cut & which[tail_chart]
     cells = np.zeros(graph.n, bool)
     cells[graph.cell[which[chart]]] = True

@@ -46,8 +46,8 @@ def split_layers(
     """
     done = np.zeros(len(which), bool)
     chart = layouts.cut_mesh.chart
-    edges = atlas.surface.edges
-    inner = ~atlas.cut & which[chart[edges[:, 0] // 3]]
+    left = atlas.surface.sides[0]
+    inner = ~atlas.cut & which[chart[left]]
     faces = np.flatnonzero(which[chart] if clear is None else which[chart] & ~clear)
     point, twice = _doubled(layouts, faces)
     if clear is not None:
@@ -67,7 +67,7 @@ def split_layers(
         off |= side
         new = inner & (side[graph.tail] != side[graph.head])
         atlas.cut |= new
-        done[chart[edges[new, 0] // 3]] = True
+        done[chart[left[new]]] = True
     return done
 
 
@@ -95,7 +95,7 @@ def split_overlaps(
     if len(seeds) == 0:
         return done
     done[chart[chosen[:, 0] // 3]] = True
-    use = ~atlas.cut & done[chart[atlas.surface.edges[:, 0] // 3]]
+    use = ~atlas.cut & done[chart[atlas.surface.sides[0]]]
     links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
     _, _, source = nearest(links, seeds.ravel())
     first_side = np.zeros(graph.n, bool)

@@ -53,7 +53,7 @@ def slit_to(
     which[cut_mesh.vertex_chart[peak]] = True
     rim = boundary_vertices(cut_mesh)
     cost = edge_costs(atlas)
-    inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.edges[:, 0] // 3]]
+    inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.sides[0]]]
     if atlas.flat is not None:  # they are as developable as can be: a slit there is of no use
         inner &= ~atlas.flat
     h = atlas.surface.edges[inner, 0]

@@ -145,7 +145,7 @@ def _slit(
     back = which[cut_mesh.chart] & ~faces
     back[fid] = ~fine[sub.chart]
     atlas.corners[back] = corners[back]
-    inner = back[atlas.surface.edges // 3].all(1)
+    inner = atlas.surface.inner_edges(back)
     atlas.cut[inner] = cut[inner]
     return back
 
@@ -157,12 +157,12 @@ def _cut_off(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     """
     surface, flat = atlas.surface, atlas.flat
     together = surface.locked if flat is None else surface.locked | flat
-    _, cell = components(len(surface.faces), *(surface.edges[together].T // 3))
+    _, cell = components(len(surface.faces), *surface.sides[:, together])
     for _ in range(ROUNDS):
         cut_mesh, uv = atlas.open()
         inside = _stretched_parts(cut_mesh, face_stretch(cut_mesh, uv), cell, limits)
-        sides = inside[surface.edges // 3]
-        around = (sides[:, 0] != sides[:, 1]) & ~atlas.cut
+        left, right = inside[surface.sides]
+        around = (left != right) & ~atlas.cut
         if not around.any() or monitor.expired:
             return
         atlas.cut |= around
