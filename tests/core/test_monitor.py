@@ -67,6 +67,9 @@ def test_the_deadline(clock: Clock) -> None:
     ):
         with monitor.holding(held):
             assert monitor.short(seconds) is short
+    with monitor.holding(4.0):
+        assert monitor.last == pytest.approx(106.7), "work without a result gets 0.7 s more"
+    assert unbound.last is None
     clock.now = 108.0
     assert monitor.short(3.0)
     assert not unbound.short(1e9)

@@ -115,15 +115,16 @@ def test_what_a_process_was_too_late_for_is_known_here(seconds: float) -> None:
     assert monitor.late is (seconds < 0)
 
 
-@pytest.mark.parametrize("when", ["at work", "idle"])
+@pytest.mark.parametrize("when", ["at work", "at work one by one", "idle"])
 def test_what_a_dead_worker_leaves_is_done_here_and_the_next_mesh_has_new_ones(when: str) -> None:
     pool, here = opened(), os.getpid()
     if when == "idle":
         for pid in pids(pool):
             os.kill(pid, signal.SIGKILL)
-    tasks = [(k, str(here) if when == "at work" else "") for k in range(4)]
+    tasks = [(k, "" if when == "idle" else str(here)) for k in range(4)]
     for _ in range(2):  # the second time there is no worker any more
-        assert Worker(2).map(square, tasks, Monitor()) == [(k * k, here) for k in range(4)]
+        given = iter(tasks) if "one" in when else tasks  # tasks of an iterator are not kept
+        assert Worker(2).map(square, given, Monitor()) == [(k * k, here) for k in range(4)]
     assert current() is None
     opened()
     (_, own), (_, other) = Worker(2).map(square, [(1, ""), (2, "")], Monitor())
@@ -174,6 +175,16 @@ def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(
     assert (threads, further) == ("1", False)
     assert pid != os.getpid()
     assert "pytest" not in main
+
+
+def test_other_programs_import_the_package_from_where_it_is_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    words = [sys.executable, "-P", "-c", f"import {workers.__name__} as w; print(w.__file__)"]
+    env = workers.environment()
+    found = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == workers.__file__
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="bounds on the address space")

@@ -1,5 +1,7 @@
 """Layouts of one mesh drawn alike, and their figures in words."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from circparam.render.side_by_side import cell_text, draw_layouts
@@ -13,6 +15,13 @@ def test_same_view_and_same_scale():
     shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
     assert np.array_equal(*shape)  # the same silhouette
     assert np.asarray(good[2]).mean() > np.asarray(bad[2]).mean() + 5
+
+
+def test_a_view_of_a_tall_mesh_is_no_higher_than_wide():
+    tall = compared_sheet()
+    points = tall.mesh.points * [1.0, 5.0, 1.0]
+    shown = draw_layouts(replace(tall, mesh=replace(tall.mesh, points=points)), size=60, samples=1)
+    assert shown[0].images[1].size == (60, 60)
 
 
 def test_cells():

@@ -57,6 +57,8 @@ def test_three_squares_and_every_face_in_each():
     drawn = {fill: d for fill, d in fills.items() if fill != "none" and d.count("Z")}
     assert sum(map(area_of, drawn.values())) == pytest.approx(whole, rel=1e-4)
     assert len(drawn) > 1  # faces of several steps of the scale
+    loops = sum(d.count("Z") for d in drawn.values())
+    assert loops < len(scene.faces)  # neighbours of one step have one outline
     beyond = figure_svg(scene, PictureOptions(scale_end=1.0001))
     assert FLIP not in beyond  # what is beyond the scale has its last colour, no face is flipped
 

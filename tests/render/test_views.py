@@ -5,11 +5,14 @@ import pytest
 
 from circparam.geometry.raster import rasterise
 from circparam.render.camera import look_from
+from circparam.render.colours import line_weight
 from circparam.render.figures import PictureOptions
+from circparam.render.lines import draw_lines
 from circparam.render.picture import draw_figure
 from circparam.render.scene import make_scene
-from circparam.render.views import checker_colours, draw_plan, paint, see
-from tests.support.scenes import QUAD, SQUARE, cube, flat_quad
+from circparam.render.views import checker_colours, draw_plan, layout_line_weight, paint, see
+from tests.support.scenes import QUAD, SQUARE, cube, flat_quad, squares
+from tests.support.shapes import icosphere
 
 
 def test_textured_quad_pixel_by_pixel():
@@ -63,6 +66,8 @@ def test_layout_share_overlap_and_tiles():
     plan = draw_plan(make_scene(points, faces, half, uv_faces), 256)
     assert plan.share == pytest.approx(0.32, abs=0.01)
     assert plan.overlap == pytest.approx(1.0, abs=0.01)
+    nothing = draw_plan(make_scene(points, faces, 0 * uv, uv_faces), 16)
+    assert (nothing.share, nothing.overlap) == (0, 0)
 
 
 def test_a_face_that_is_there_twice_is_no_overlap():
@@ -114,3 +119,27 @@ def test_seams_are_painted_and_back_faces_differ():
     assert with_seams[..., :3].sum() < without[..., :3].sum()
     assert (with_seams[..., 3] > 0).any()
     assert not view.back.any()
+
+
+def test_a_ball_is_bright_towards_the_light_and_darker_all_the_way_round():
+    points, faces = icosphere(3)
+    ball = make_scene(points, faces, points[:, :2], faces)
+    view = see(ball, look_from(ball, np.array([0.0, 0.0, 1.0])), 60, 60, 1)
+    normal = np.einsum("pk,pkc->pc", view.bary, points[faces[view.face]])
+    towards = normal @ [-0.40, 0.55, 0.73]
+    bands = [view.light[(towards > low) & (towards < low + 0.2)].mean() for low in (0.8, 0.3, -0.3)]
+    assert bands[0] > 1.2 * bands[1] > 1.4 * bands[2]
+
+
+def test_one_line_has_its_width_and_none_draws_nothing():
+    ends = np.array([[[3.5, 5.5]], [[16.5, 5.5]]])
+    mask = draw_lines(*ends, (12, 20), 2.0)
+    assert mask[:, 10].tolist() == [float(3 <= row <= 7) for row in range(12)]
+    assert not draw_lines(*ends[:, :0], (12, 20), 2.0).any()
+
+
+def test_lines_of_a_layout_are_thinner_the_more_there_are():
+    """By their length in sides of the picture, wherever in the page the charts lie."""
+    assert layout_line_weight(squares(4)) == 1
+    for flip in (1.0, -1.0):
+        assert layout_line_weight(squares(20, flip)) == pytest.approx(line_weight(4 * 20 * 0.8))

@@ -28,6 +28,15 @@ def cube():
     return np.array(points), np.array(faces), np.array(uv), np.array(uv_faces)
 
 
+def squares(n: int, flip: float = 1.0):
+    """n × n flat squares, each a chart in its cell of the page; flip −1 turns the page."""
+    cell = np.stack(np.meshgrid(np.arange(n), np.arange(n)), 2).reshape(-1, 1, 2)
+    uv = ((cell + 0.1 + 0.8 * SQUARE) / n).reshape(-1, 2)
+    faces = (QUAD + 4 * np.arange(n * n)[:, None, None]).reshape(-1, 3)
+    points = np.c_[uv, np.zeros(len(uv))]
+    return make_scene(points, faces, flip * uv + (flip < 0), faces)
+
+
 def flat_quad():
     """The unit square in the plane z = 0 with itself as uv."""
     points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
