@@ -38,11 +38,11 @@ from circparam.geometry.raster import barycentric, fragments
 from circparam.maps.surface_map import SurfaceMap, oriented
 from circparam.mesh.mesh import UVMap
 
-SHAPES = ("normals", "height")  # kinds that tell the shape of the source, not its colours
-KINDS = ("vertex-colors", "texture", *SHAPES)
+SHAPE_KINDS = ("normals", "height")  # kinds that tell the shape of the source, not its colours
+KINDS = ("vertex-colors", "texture", *SHAPE_KINDS)
 MAX_SIDE_TEXELS = 16384
 # sizes of the mesh from which its closest points are doubtful, and meaningless
-FAR_SIZES, LOST_SIZES = 0.1, 1.0
+DOUBTFUL_SIZES, LOST_SIZES = 0.1, 1.0
 Texels: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 
@@ -206,7 +206,7 @@ def bake_document(
         require_shape(source)
         if not isinstance(across.by, SurfaceMap):
             document, source, upright = brought_upright(document, source)
-    if source is not None and (kind in SHAPES or across.by is not None):
+    if source is not None and (kind in SHAPE_KINDS or across.by is not None):
         require_shape(document)
         baked = _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
         return replace(baked, notes=upright + baked.notes, tints=_tints(source, kind))
@@ -222,7 +222,7 @@ def bake_document(
             )
         paint = closest_paint(document.mesh, closest, paint)
         notes = [*notes, "the source is another mesh: colours come from its closest points"]
-        if away > FAR_SIZES:
+        if away > DOUBTFUL_SIZES:
             notes.append(
                 f"these lie {percent(away)} of its size away in the mean: both should have one place and scale"
             )
@@ -256,10 +256,10 @@ def check_across(kind: str, has_source: bool, across: Across) -> None:
     if not has_source:
         if across.by is not None:
             raise OptionError("--map needs another mesh: name it with --source")
-        if kind in SHAPES:
+        if kind in SHAPE_KINDS:
             raise OptionError(f"--from {kind} needs the mesh whose shape is baked: --source OTHER")
     if across.cage is not None:
-        if across.by != "nearest" and (across.by is not None or kind not in SHAPES):
+        if across.by != "nearest" and (across.by is not None or kind not in SHAPE_KINDS):
             raise OptionError("--cage needs --map nearest: give it, or leave --cage out")
         if not across.cage > 0 or not np.isfinite(across.cage):
             raise OptionError(

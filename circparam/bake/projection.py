@@ -19,21 +19,22 @@ from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.rays import BoxTree, Hits, first_hits
-from circparam.geometry.shading import Frames, corner_normals, frames
+from circparam.geometry.shading import SHARP_DEGREES, Frames, corner_normals, frames
 from circparam.maps.surface_map import SurfaceMap, moved
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 
-SIZES = 1e-70, 1e70  # of surfaces whose areas can be squared
+SQUARABLE_SIZES = 1e-70, 1e70  # of surfaces whose areas can be squared
 CAGE_DIAGONALS = 0.02  # of the diagonal of the target's bounding box
 FILL_CAGES = 2.0  # cages, within which a ray that misses takes the closest point
 BLOCK_TEXELS = 200_000  # texels at once
 # share of texels without a place from which a map is no map of these surfaces
 LOST_TEXEL_SHARE = 0.5
-SHARP = 40.0  # degrees: where the source's own normals are unknown, faces across sharper edges stay apart
 # places in a face at which the range of heights is sought
 PROBED_FACES = 2_000  # faces whose middles tell whether two surfaces lie apart
-PROBES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2], [3, 3, 0], [3, 0, 3], [0, 3, 3]]) / 6
+HEIGHT_PROBES = (
+    np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2], [3, 3, 0], [3, 0, 3], [0, 3, 3]]) / 6
+)
 
 
 @dataclass
@@ -58,9 +59,10 @@ def require_shape(document: Document) -> None:
         size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
         sides = (corners[:, 1:] - corners[:, :1]) / size if size > 0 else corners[:, 1:] * 0
         area = np.cross(sides[:, 0], sides[:, 1])
-    if not SIZES[0] < size < SIZES[1] and size > 0:
+    if not SQUARABLE_SIZES[0] < size < SQUARABLE_SIZES[1] and size > 0:
         raise document.source.error(
-            f"it is {size:.2g} units large: scale it to between {SIZES[0]:g} and {SIZES[1]:g}"
+            f"it is {size:.2g} units large: scale it to between {SQUARABLE_SIZES[0]:g} "
+            f"and {SQUARABLE_SIZES[1]:g}"
         )
     if not area.any():
         raise document.source.error("none of its faces has an area: there is nothing to bake from")
@@ -124,8 +126,8 @@ class Projection:
         need."""
         if not self.mapped:
             return self.cage
-        face = np.repeat(np.flatnonzero((layout.uv_faces >= 0).all(1)), len(PROBES))
-        landed = self.find(face, np.tile(PROBES, (len(face) // len(PROBES), 1)))
+        face = np.repeat(np.flatnonzero((layout.uv_faces >= 0).all(1)), len(HEIGHT_PROBES))
+        landed = self.find(face, np.tile(HEIGHT_PROBES, (len(face) // len(HEIGHT_PROBES), 1)))
         self.tally = Tally()
         return max(float(np.abs(landed.t[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
 
@@ -202,7 +204,7 @@ def normal_paint(
     seen = source.normals()
     if seen is None:
         label = row_labels(source.mesh.points)[source.mesh.faces]
-        seen = corner_normals(source.mesh.points[source.mesh.faces], label, SHARP)
+        seen = corner_normals(source.mesh.points[source.mesh.faces], label, SHARP_DEGREES)
     if projection.mapped:
         uv = layout.uv[np.maximum(layout.uv_faces, 0)]
         space = frames_over(projection.corners, projection.vertex, projection.normals, uv)

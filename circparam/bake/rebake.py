@@ -37,7 +37,7 @@ from circparam.pipeline.unwrap import repack_document, unwrap_document
 from circparam.pipeline.verify import reasons
 
 # options that a second packing of the same charts has in common with the first
-PACKING = (
+PACKING_OPTIONS = (
     "resolution", "padding", "rotate", "orient", "up", "group_by", "effort", "uv_set", "overwrite_uv",
     "ply_uv", "lightmap", "copy_assets", "repair", "weld", "overwrite", "jobs", "timeout", "format",
 )  # fmt: skip
@@ -171,7 +171,7 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
         even = str(options.density) != SOURCE
         sized = chart_sizes(source, UVMap(result.uv, result.uv_faces), size, even)
     if sized is not None:
-        packing = Options(**{name: getattr(asked, name) for name in PACKING}, cut="none")
+        packing = Options(**{name: getattr(asked, name) for name in PACKING_OPTIONS}, cut="none")
         again = repack_document(document, sized.layout, None, packing, monitor)
         repairs = list(dict.fromkeys([*result.repairs, *again.repairs]))
         result = replace(again, work="unwrap", effort=result.effort, repairs=repairs)

@@ -17,9 +17,12 @@ from circparam.mesh.mesh import UVMap
 # of the old density along a side: lower limit on all but SLIVER_AREA_SHARE of the surface
 LEAST_DENSITY_SHARE = 0.9
 # share of the surface that an image covers: slivers of old uv are no reason for a larger page
-SLIVER_AREA_SHARE = 0.01
+IGNORED_AREA_SHARE = 0.01
 PACKED_SHARE_GUESS = 0.7  # share of a page that packing covers, guessed before it
-SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
+LEAST_AUTO_TEXELS, MOST_AUTO_TEXELS = (
+    512,
+    8192,
+)  # sides that auto chooses from: below, a padding of 1/512 is no texel
 GROWN = 2.0  # a small part of a surface that an image magnifies is no reason for more
 PATTERN_TEXELS = 2048  # the side up to which images that repeat decide
 
@@ -42,12 +45,12 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
     all their texels.
     """
     whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
-    side = float(SMALLEST)
+    side = float(LEAST_AUTO_TEXELS)
     for _, dense, tiled in _densities(source, layout, 1):
         side = max(
             side, min(LEAST_DENSITY_SHARE * dense, PATTERN_TEXELS if tiled else GROWN * whole)
         )
-    return min(1 << math.ceil(math.log2(side) - 1e-9), LARGEST)
+    return min(1 << math.ceil(math.log2(side) - 1e-9), MOST_AUTO_TEXELS)
 
 
 def sharpness(source: Source, layout: UVMap, size: int) -> list[Sharpness]:
@@ -92,7 +95,7 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
             tiled = source.repeats(use, mine)
             known = np.isfinite(dense)
             value = Tail.of(dense[known], area[some][known]).percentile(
-                100 * (1 - SLIVER_AREA_SHARE)
+                100 * (1 - IGNORED_AREA_SHARE)
             )
             value = value if known.any() else 0.0
             before, repeats = worst.get(use.image, (0.0, False))

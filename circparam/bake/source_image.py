@@ -17,7 +17,7 @@ from circparam.formats.materials import linear, srgb
 
 Floats = npt.NDArray[np.float32]
 # linear light in so many steps → code of 8 bit; the steepest part of the curve, 12.92, moves 0.05 codes a step
-STEPS = 65535
+LINEAR_STEPS = 65535
 WHOLE_IMAGE_PIXELS = 1 << 22  # pixels up to which an image is decoded as a whole, in 64 MB
 
 
@@ -133,11 +133,11 @@ def wrapped(index: FloatArray, size: int, wrap: Wrap) -> IntArray:
 
 def coded(values: npt.NDArray[np.floating], as_srgb: bool) -> npt.NDArray[np.uint8]:
     """Values 0..1 as codes of 8 bit; as_srgb: linear light, coded so."""
-    step = np.nan_to_num(np.clip(values, 0, 1) * STEPS + 0.5).astype(np.uint16)
+    step = np.nan_to_num(np.clip(values, 0, 1) * LINEAR_STEPS + 0.5).astype(np.uint16)
     return _codes(as_srgb).take(step)
 
 
 @cache
 def _codes(as_srgb: bool) -> npt.NDArray[np.uint8]:
-    value = np.arange(STEPS + 1) / STEPS
+    value = np.arange(LINEAR_STEPS + 1) / LINEAR_STEPS
     return np.round((srgb(value) if as_srgb else value) * 255).astype(np.uint8)

@@ -19,13 +19,11 @@ from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
+from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode, read
 from circparam.formats.source import Source
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned, y_up
-
-# readers that know this extension would show its texture instead of the new one
-GLOSS = "KHR_materials_pbrSpecularGlossiness"
 
 
 def check_target(path: Path, kind: str = "texture") -> None:

@@ -21,11 +21,11 @@ from circparam.batch.run import LAST_SECONDS, Batch, Task
 from circparam.batch.settings import Settings
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
-from circparam.batch.task import WORK, do_item, pack_settings
+from circparam.batch.task import WORK_FOLDER, do_item, pack_settings
 from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 
-STATUS = f"{WORK}/status.json"
+STATUS = f"{WORK_FOLDER}/status.json"
 REMOTE_STATUS_SECONDS = 30.0  # seconds between two notes of the state in a remote folder
 
 
@@ -188,7 +188,7 @@ class _StatusFile:
         self.folder, self.listener = folder, listener
         self.last = -REMOTE_STATUS_SECONDS
         if not folder.remote:
-            os.makedirs(folder.of(WORK), exist_ok=True)
+            os.makedirs(folder.of(WORK_FOLDER), exist_ok=True)
 
     def __call__(self, progress: Progress) -> None:
         now = time.monotonic()
@@ -204,7 +204,7 @@ class _StatusFile:
 def _clean(folder: Folder) -> None:
     """Remove temporary files of an earlier run, and of this one."""
     if not folder.remote:
-        shutil.rmtree(folder.of(WORK), ignore_errors=True)
+        shutil.rmtree(folder.of(WORK_FOLDER), ignore_errors=True)
         return
     from circparam.batch.store import root_store
 

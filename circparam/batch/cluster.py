@@ -17,17 +17,17 @@ from pathlib import Path
 from typing import Any
 
 from circparam._version import __version__
-from circparam.batch.store import EXTRA
+from circparam.batch.store import BATCH_EXTRA
 from circparam.core.files import lock
 from circparam.core.messages import message
 from circparam.core.pool import quiet_start
 from circparam.core.workers import environment, free_cores
 from circparam.errors import OptionError
 
-ANSWER = 10.0  # seconds that a scheduler has for its first answer
+ANSWER_SECONDS = 10.0  # seconds that a scheduler has for its first answer
 GONE = 2.0  # seconds that the last process of a cluster that was ended has to remove its semaphores
 YOUNG = 10.0  # seconds
-FOLDER = "circparam-batch-dask-"  # how the folders of clusters on this machine begin
+FOLDER_PREFIX = "circparam-batch-dask-"  # how the folders of clusters on this machine begin
 
 
 class LostError(Exception):
@@ -47,7 +47,7 @@ class Cluster:
         scheduler_file: str | None = None,
     ) -> None:
         if importlib.util.find_spec("distributed") is None:
-            raise OptionError(f"circparam batch: {EXTRA}")
+            raise OptionError(f"circparam batch: {BATCH_EXTRA}")
         self._process: subprocess.Popen[bytes] | None = None
         self._said = b""  # the end of the cluster's standard error
         self._folder: str | None = None
@@ -70,7 +70,7 @@ class Cluster:
         try:
             address = scheduler or self._address()
             self.client = distributed.Client(
-                address, name="circparam-batch", timeout=ANSWER, set_as_default=False
+                address, name="circparam-batch", timeout=ANSWER_SECONDS, set_as_default=False
             )
             self._check_versions()
         except (OSError, ValueError, ImportError) as error:
@@ -78,7 +78,8 @@ class Cluster:
             flag = "--scheduler-file" if scheduler_file else "--scheduler"
             said = " ".join(str(error).split()) or type(error).__name__
             raise OptionError(
-                f"{flag} {self.scheduler}: no answer within {ANSWER:g} s ({said}): is the scheduler running?"
+                f"{flag} {self.scheduler}: no answer within {ANSWER_SECONDS:g} s ({said}): "
+                "is the scheduler running?"
             ) from None
         except BaseException:
             self.kill()
@@ -87,7 +88,7 @@ class Cluster:
     def _start(self, workers: int) -> None:
         """Start a cluster on this machine, with a folder for all that it puts somewhere."""
         clear_folders()
-        self._folder = tempfile.mkdtemp(prefix=FOLDER)
+        self._folder = tempfile.mkdtemp(prefix=FOLDER_PREFIX)
         self._lock = os.open(self._folder, os.O_RDONLY) if os.name == "posix" else None
         if self._lock is not None:
             lock(self._lock)
@@ -208,7 +209,7 @@ def clear_folders() -> None:
 
     Folders of the last seconds stay, because the lock comes a moment after the folder.
     """
-    for left in glob.glob(os.path.join(glob.escape(tempfile.gettempdir()), FOLDER + "*")):
+    for left in glob.glob(os.path.join(glob.escape(tempfile.gettempdir()), FOLDER_PREFIX + "*")):
         with contextlib.suppress(OSError):
             handle = os.open(left, os.O_RDONLY)
             try:

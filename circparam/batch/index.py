@@ -17,7 +17,7 @@ from circparam.core.records import dataclass
 from circparam.errors import OptionError
 
 BLOCK_ROWS = 5000  # rows that are written together
-FIGURES = (
+STORED_FIGURES = (
     *("charts", "seam_length", "distortion", "distortion_max_chart", "stretch_p99", "share_over_2"),
     *("pack", "faces", "seconds", "peak_memory", "attempts"),
 )
@@ -27,7 +27,7 @@ CREATE TABLE file (id INTEGER PRIMARY KEY, source BLOB, target BLOB UNIQUE, path
                    mark TEXT, due INTEGER DEFAULT 0);
 CREATE TABLE done (name BLOB PRIMARY KEY, source BLOB, size INTEGER, mark TEXT, hash TEXT, options TEXT,
                    status TEXT, exit INTEGER, output_bytes INTEGER, cause BLOB, stage TEXT,
-                   {", ".join(f"{name} REAL" for name in FIGURES)});
+                   {", ".join(f"{name} REAL" for name in STORED_FIGURES)});
 """
 
 
@@ -58,7 +58,7 @@ class Index:
 
     def add_lines(self, found: Iterable[dict[str, Any]]) -> None:
         """Fold the lines of a manifest: the last one of each name counts."""
-        marks = ",".join("?" * (11 + len(FIGURES)))
+        marks = ",".join("?" * (11 + len(STORED_FIGURES)))
         for rows in _blocks(map(_row, found)):
             self.data.executemany(f"INSERT OR REPLACE INTO done VALUES ({marks})", rows)
         self.data.commit()
@@ -162,7 +162,7 @@ class Index:
 
 def _row(line: dict[str, Any]) -> tuple[Any, ...]:
     measures = line.get("measures") or {}
-    figures = [line.get(name, measures.get(name)) for name in FIGURES]
+    figures = [line.get(name, measures.get(name)) for name in STORED_FIGURES]
     reasons, stages = line.get("reasons") or [""], line.get("stages") or {}
     cause = str(line.get("error") or reasons[0])  # of a failed or degraded file, in one line
     slowest = max(stages, key=lambda k: stages[k], default="")

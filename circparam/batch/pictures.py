@@ -10,21 +10,21 @@ from circparam.formats.io import read
 from circparam.render.compare_page import png_url
 from circparam.render.side_by_side import MethodLayout, SideBySide, draw_layouts
 
-SIZE = 170  # pixels of a picture
-LARGEST = 64_000_000  # bytes of a result that is read for a picture
+PICTURE_PIXELS = 170  # pixels of a picture
+LARGEST_RESULT_BYTES = 64_000_000  # bytes of a result that is read for a picture
 
 
 def thumbnails(folder: Folder, name: str) -> list[str]:
     """Surface and layout of a result as data addresses; none if it cannot be drawn."""
     with contextlib.suppress(Exception), _local(folder, name) as path:
-        if os.path.getsize(path) > LARGEST:
+        if os.path.getsize(path) > LARGEST_RESULT_BYTES:
             return []
         document = read(path)
         uvmap = document.uv(document.uv_sets[-1]) if document.uv_sets else None
         if uvmap is None:
             return []
         shown = SideBySide("", document.mesh, [MethodLayout("", uvmap)])
-        (drawn,) = draw_layouts(shown, SIZE)
+        (drawn,) = draw_layouts(shown, PICTURE_PIXELS)
         if drawn.images is not None:
             layout, checker, _ = drawn.images
             return [png_url(checker), png_url(layout)]

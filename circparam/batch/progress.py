@@ -11,7 +11,7 @@ from circparam.core.records import dataclass
 # bytes added to the size of a file for its weight: the least cost of an unwrap
 LEAST_WEIGHT_BYTES = 50_000
 RECENT = 300.0  # seconds that the rate is measured over
-KINDS = ("ok", "repaired", "degraded", "failed")
+LINE_STATUSES = ("ok", "repaired", "degraded", "failed")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Meter:
     total: int
     skipped: int
     weight: int
-    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(LINE_STATUSES, 0))
     missed: int = 0
 
     def __post_init__(self) -> None:

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from circparam._version import __version__
-from circparam.batch.index import FIGURES, Index
+from circparam.batch.index import STORED_FIGURES, Index
 from circparam.batch.pictures import thumbnails
-from circparam.batch.progress import KINDS, printable
+from circparam.batch.progress import LINE_STATUSES, printable
 from circparam.batch.store import Folder
 from circparam.core.types import FloatArray
 from circparam.errors import OutputError
 from circparam.render import colours as col
 from circparam.render.html import fill_in, page_style, viewer_file
 
-PAGE, TABLE = "report.html", "report.csv"
+PAGE_NAME, TABLE_NAME = "report.html", "report.csv"
 MOST_TABLE_ROWS = 10_000  # of the table in the page; report.csv has all
 MOST_TABLE_BYTES = 3_500_000  # of those rows, so that the page stays below 5 MB
 SHOWN_FILES = 8  # slowest and worst files with a picture
@@ -48,18 +48,18 @@ def save_report(folder: Folder, index: Index) -> str:
     table = _csv(index).encode("utf-8", "backslashreplace")
     page = report_page(folder, index).encode("utf-8", "backslashreplace")
     try:
-        folder.put_bytes(TABLE, table)
-        folder.put_bytes(PAGE, page)
+        folder.put_bytes(TABLE_NAME, table)
+        folder.put_bytes(PAGE_NAME, page)
     except OutputError:
         raise
     except Exception as error:
         reason = getattr(error, "strerror", None) or error
-        raise OutputError(f"{folder.of(PAGE)}: cannot be written ({reason})") from None
-    return folder.of(PAGE)
+        raise OutputError(f"{folder.of(PAGE_NAME)}: cannot be written ({reason})") from None
+    return folder.of(PAGE_NAME)
 
 
 def _csv(index: Index) -> str:
-    names = ["name", "source", "status", "exit", "cause", "output_bytes", *FIGURES]
+    names = ["name", "source", "status", "exit", "cause", "output_bytes", *STORED_FIGURES]
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(names)
@@ -78,11 +78,13 @@ def report_page(folder: Folder, index: Index) -> str:
         _cards(folder, index),
     ]
     rows, cut = _rows(index)
-    note = f"The {len(rows):,} that failed, degraded or took longest; {TABLE} has all."
+    note = f"The {len(rows):,} that failed, degraded or took longest; {TABLE_NAME} has all."
     heads = ["name", "status", "exit", "faces", *TITLES.values(), "tries", "cause"]
     columns = [{"name": n, "numeric": n not in ("name", "status", "cause")} for n in heads]
-    data = json.dumps({"heads": columns, "kinds": KINDS, "rows": rows}, separators=(",", ":"))
-    colours = {"WARN": col.CHARTS[5], **{kind.upper(): _COLOURS[kind] for kind in KINDS}}
+    data = json.dumps(
+        {"heads": columns, "kinds": LINE_STATUSES, "rows": rows}, separators=(",", ":")
+    )
+    colours = {"WARN": col.CHARTS[5], **{kind.upper(): _COLOURS[kind] for kind in LINE_STATUSES}}
     fields = {
         "VERSION": __version__,
         "TITLE": f"Batch: {sum(counts.values()):,} meshes",
@@ -96,7 +98,7 @@ def report_page(folder: Folder, index: Index) -> str:
     return fill_in(viewer_file("batch.html"), fields)
 
 
-_COLOURS = {kind: col.CHARTS[k] for kind, k in zip(KINDS, (2, 4, 1, 5), strict=True)}
+_COLOURS = {kind: col.CHARTS[k] for kind, k in zip(LINE_STATUSES, (2, 4, 1, 5), strict=True)}
 
 
 def _section(title: str, content: str) -> str:
@@ -110,12 +112,12 @@ def _counts(counts: dict[str, int], index: Index) -> str:
     ).fetchone()
     tiles = "".join(
         f'<li><strong>{counts.get(k, 0):,}</strong><span><i class="dot kind-{k}"></i>{k}</span></li>'
-        for k in KINDS
+        for k in LINE_STATUSES
     )
     if missed:
         tiles += f"<li><strong>{missed:,}</strong><span>missed a gate</span></li>"
     bar = "".join(
-        f'<i class="kind-{k}" style="flex:{counts[k]}"></i>' for k in KINDS if counts.get(k)
+        f'<i class="kind-{k}" style="flex:{counts[k]}"></i>' for k in LINE_STATUSES if counts.get(k)
     )
     return _section("Status", f'<ul class="tiles">{tiles}</ul><div class="share">{bar}</div>')
 
@@ -251,7 +253,12 @@ def _rows(index: Index) -> tuple[list[list[Any]], bool]:
             None if v is None else float(f"{v * _SCALE.get(k, 1.0):.5g}")
             for k, v in zip(TITLES, figures, strict=True)
         ]
-        line = [readable(name), KINDS.index(status), code, None if faces is None else int(faces)]
+        line = [
+            readable(name),
+            LINE_STATUSES.index(status),
+            code,
+            None if faces is None else int(faces),
+        ]
         line += [
             *(int(c) if c is not None and c == int(c) else c for c in cells),
             attempts,

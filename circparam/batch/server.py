@@ -23,7 +23,7 @@ from circparam.batch.settings import Settings, unpickled
 from circparam.core.memory import resident
 from circparam.core.messages import message, send
 
-LOOK_SECONDS = 0.1  # seconds between two looks at the memory of a child
+MEMORY_LOOK_SECONDS = 0.1  # seconds between two looks at the memory of a child
 PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 
 
@@ -108,7 +108,7 @@ class Server:
         parts: list[bytes] = []
         killed = None
         while True:
-            wait = LOOK_SECONDS if limit else 5.0
+            wait = MEMORY_LOOK_SECONDS if limit else 5.0
             if deadline is not None:
                 wait = min(wait, max(deadline - time.monotonic(), 0.0))
             ready, _, _ = select.select([reader, self._input], [], [], wait)

@@ -19,7 +19,7 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 
 _WILD = re.compile(r"[*?\[]")
-OWN = re.compile(r"_uv\.[^./]+$")  # an output of ``unwrap`` beside its source
+OWN_OUTPUT = re.compile(r"_uv\.[^./]+$")  # an output of ``unwrap`` beside its source
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Listing:
     def __iter__(self) -> Iterator[SourceFile]:
         for source in self.sources:
             for found in self._one(source):
-                if OWN.search(found.name):
+                if OWN_OUTPUT.search(found.name):
                     self.own += 1
                 else:
                     yield found

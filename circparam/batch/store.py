@@ -19,11 +19,17 @@ from circparam.errors import InputError, OptionError, OutputError
 
 T = TypeVar("T")
 
-TRIES = 6  # calls of a remote store before it counts as failed
-PAUSE = 0.1  # seconds before the second call; twice as long before each further one
-EXTRA = "it needs the extra: pip install 'circparam[batch]'"
+CALL_TRIES = 6  # calls of a remote store before it counts as failed
+FIRST_PAUSE_SECONDS = 0.1  # seconds before the second call; twice as long before each further one
+BATCH_EXTRA = "it needs the extra: pip install 'circparam[batch]'"
 # parts that other calls do not change
-FINAL = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, ImportError)
+FINAL_ERRORS = (
+    FileNotFoundError,
+    PermissionError,
+    IsADirectoryError,
+    NotADirectoryError,
+    ImportError,
+)
 
 
 def is_remote(address: str) -> bool:
@@ -59,7 +65,7 @@ def open_store(address: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise OptionError(f"{address}: {EXTRA}") from None
+        raise OptionError(f"{address}: {BATCH_EXTRA}") from None
     try:
         store, path = url_to_fs(chained(address), use_listings_cache=False)
     except ImportError as error:
@@ -77,15 +83,15 @@ def root_store(address: str) -> tuple[Any, str]:
 
 def again(call: Callable[..., T], *args: Any, **keywords: Any) -> T:
     """A call of a remote store, repeated where it fails; the last error is raised."""
-    for k in range(TRIES):
+    for k in range(CALL_TRIES):
         try:
             return call(*args, **keywords)
-        except FINAL:
+        except FINAL_ERRORS:
             raise
         except Exception:
-            if k == TRIES - 1:
+            if k == CALL_TRIES - 1:
                 raise
-            time.sleep(PAUSE * 2**k)
+            time.sleep(FIRST_PAUSE_SECONDS * 2**k)
     raise AssertionError("unreachable")
 
 

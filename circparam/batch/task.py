@@ -25,7 +25,7 @@ from circparam.batch.settings import Settings, unpickled
 from circparam.batch.store import Folder, digest, is_remote
 from circparam.errors import InputError, OutputError
 
-WORK = ".circparam-batch"  # folder under --out that exists while a batch runs
+WORK_FOLDER = ".circparam-batch"  # folder under --out that exists while a batch runs
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _FULL_TEXT = tuple(os.strerror(number) for number in _FULL)
 _NOT_ITS_FAULT = (9, 15)  # SIGKILL and SIGTERM come from outside
@@ -98,7 +98,7 @@ def _scratch(settings: Settings, item: Item) -> str:
     """A new folder for one file, on the disk of local results, so that a rename is enough."""
     if is_remote(settings.out):
         return tempfile.mkdtemp(prefix=f"circparam-batch-{settings.run}-")
-    folder = os.path.join(settings.out, WORK, settings.run)
+    folder = os.path.join(settings.out, WORK_FOLDER, settings.run)
     os.makedirs(folder, exist_ok=True)
     return tempfile.mkdtemp(prefix=f"{item.number}-", dir=folder)
 

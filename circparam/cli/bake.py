@@ -10,7 +10,7 @@ from circparam.cli.paths import check_output
 from circparam.errors import OptionError
 from circparam.pipeline.look_options import LookOptions
 
-SIZE = 2048  # texels on each side of an image by default
+IMAGE_TEXELS = 2048  # texels on each side of an image by default
 
 _EPILOG = """\b
 Examples:
@@ -116,7 +116,7 @@ def _one(
     from circparam.formats.io import read
     from circparam.maps.surface_map import load_map
 
-    path, size = Path(given["output"]), look.fixed_size or SIZE
+    path, size = Path(given["output"]), look.fixed_size or IMAGE_TEXELS
     kind = "vertex-colors" if given["kind"] == "colours" else given["kind"]
     uv_set, by, far = (given[name] for name in ("uv_set", "by", "source"))
     check_target(path, kind)

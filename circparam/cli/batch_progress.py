@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from circparam.batch.progress import Progress
 
 NAMED = 8  # of the files that run, the oldest
-BAR = 60  # characters of the bar
-ERRORS = 50  # lines about files that failed; more of them are only counted
+BAR_CHARACTERS = 60  # characters of the bar
+MOST_ERROR_LINES = 50  # lines about files that failed; more of them are only counted
 MINUTE = 60.0
 
 
@@ -58,10 +58,12 @@ class Screen:
 
                 self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
                 self._live.start()
-            filled = BAR * progress.done // max(progress.total - progress.skipped, 1)
+            filled = BAR_CHARACTERS * progress.done // max(progress.total - progress.skipped, 1)
             rows: list[Any] = [
                 Text(headline(progress) + (" · stopping" if self._stopping else "")),
-                Text.assemble(("━" * filled, "green"), ("━" * (BAR - filled), "bright_black")),
+                Text.assemble(
+                    ("━" * filled, "green"), ("━" * (BAR_CHARACTERS - filled), "bright_black")
+                ),
             ]
             for name, seconds in progress.running[:NAMED]:
                 rows.append(
@@ -83,11 +85,11 @@ class Screen:
         text = line.get("error")
         if text is not None and not self.quiet:
             self._errors += 1
-            if self._errors <= ERRORS:
+            if self._errors <= MOST_ERROR_LINES:
                 name = printable(line["name"])
                 said = printable(text)
                 self._say(f"error: {said}" if name in said else f"error: {name}: {said}")
-                if self._errors == ERRORS:
+                if self._errors == MOST_ERROR_LINES:
                     self._say("further errors are counted only; the report lists all of them")
         elif self.verbose and not self.silent:
             measures = line.get("measures") or {}

@@ -73,13 +73,13 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     from circparam.compare.compare import method_names
 
     names = method_names(given["methods"])
-    table1 = not meshes and {kim2019.METHOD, kim2019.PEER} <= set(names)
+    table1 = not meshes and {kim2019.TIMED_METHOD, kim2019.TIMED_PEER} <= set(names)
     if given["repeats"] is not None and not table1:
         raise OptionError(
             "--repeats has no effect here: it is for Table 1, which compares "
-            f"{kim2019.METHOD} and {kim2019.PEER} without MESH; leave it out"
+            f"{kim2019.TIMED_METHOD} and {kim2019.TIMED_PEER} without MESH; leave it out"
         )
-    repeats = given["repeats"] or kim2019.REPEATS
+    repeats = given["repeats"] or kim2019.RUNS
     # refused before hours of work, not after
     for option, *ending in (("csv_file",), ("report", ".html"), ("plot", ".png")):
         if given[option] is not None:
@@ -170,7 +170,7 @@ def _document(
     printed = None
     if sizes is not None:
         rows = [s.as_dict() for s in sizes]
-        printed = {"repeats": repeats, "range_of_source": kim2019.RANGE, "sizes": rows}
+        printed = {"repeats": repeats, "range_of_source": kim2019.PRINTED_RATIOS, "sizes": rows}
     meshes = [c.as_dict() for c in found]
     return {"schema": SCHEMA, "version": __version__, "meshes": meshes, "table1": printed}
 

@@ -69,7 +69,7 @@ def _figures(row: "Entry", chosen: Figures) -> list[str]:
 
 def print_table1(sizes: "list[Size]", repeats: int) -> None:
     """Table 1 of the source beside the measured values."""
-    from circparam.compare.kim2019 import RANGE
+    from circparam.compare.kim2019 import PRINTED_RATIOS
 
     click.echo(f"Table 1 of the source (Kim 2019), median of {repeats} repeats, ms [quartiles]")
     rows = {}
@@ -83,10 +83,13 @@ def print_table1(sizes: "list[Size]", repeats: int) -> None:
     heads = ("circle", "Floater", "ratio", "paper", "weights")
     console().print(columns("vertices", heads, rows))
     click.echo(
-        f"ratio = Floater / circle; the source has {RANGE[0]} to {RANGE[1]}, its text 20 to 30 %."
+        f"ratio = Floater / circle; the source has {PRINTED_RATIOS[0]} to {PRINTED_RATIOS[1]}, "
+        "its text 20 to 30 %."
     )
     click.echo("weights = the same ratio for the weight stage alone.")
-    outside = [str(s.vertices) for s in sizes if not RANGE[0] <= s.ratio <= RANGE[1]]
+    outside = [
+        str(s.vertices) for s in sizes if not PRINTED_RATIOS[0] <= s.ratio <= PRINTED_RATIOS[1]
+    ]
     if outside:
         click.echo(f"Outside that range here: {', '.join(outside)} vertices.")
 

@@ -30,14 +30,14 @@ GROUPS: tuple[dict[str, int], ...] = (
     {"write": 1},
 )
 SEARCH = "search"  # the stage of all searches but the first
-LEVEL = "level"  # stages of a mesh whose charts are found on a smaller surface
+LEVEL_STAGE = "level"  # stages of a mesh whose charts are found on a smaller surface
 # other kinds of runs, by a stage that identifies them; compare has no names for its methods
-OTHERS: dict[str, tuple[dict[str, int], ...]] = {
-    LEVEL: (
+OTHER_RUNS: dict[str, tuple[dict[str, int], ...]] = {
+    LEVEL_STAGE: (
         {"read": 1},
         {"repair": 4},
         {
-            **{"seams": 4, "visibility": 1, "charts": 4, LEVEL: 40, "carry": 14, "relax": 9},
+            **{"seams": 4, "visibility": 1, "charts": 4, LEVEL_STAGE: 40, "carry": 14, "relax": 9},
             **{"enforce": 9, "stretch": 2, "flatten": 1},
         },
         {"check": 2, "repair layout": 1, "pack": 4},
@@ -103,8 +103,8 @@ class Forward:
 
     def __call__(self, stage: str, fraction: float) -> float:
         """The share of the run, 0..1, that is done when a stage has come so far; unknown ones move nothing."""
-        if stage in OTHERS and self.groups is GROUPS:
-            self.groups = OTHERS[stage]
+        if stage in OTHER_RUNS and self.groups is GROUPS:
+            self.groups = OTHER_RUNS[stage]
         for number, group in enumerate(self.groups):
             if stage in group and number >= self._at:
                 self._come = self._come if number == self._at else {}

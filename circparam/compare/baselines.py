@@ -15,7 +15,10 @@ from circparam.errors import OptionError
 from circparam.mesh.mesh import UVMap
 
 BASELINES = {"xatlas": "xatlas", "xatlas-default": "xatlas", "uvunwrap": "uvunwrap"}  # → package
-PAGE, PADDING = 2048, 4  # texels of uvunwrap's page and between charts: the defaults of circparam
+PAGE_TEXELS, PADDING_TEXELS = (
+    2048,
+    4,
+)  # texels of uvunwrap's page and between charts: the defaults of circparam
 
 # uv (k, 2) over (width, height), their faces (m, 3), page of each uv
 _Made: TypeAlias = tuple[Any, Any, Any]
@@ -68,7 +71,9 @@ def _by_uvunwrap(points: Any, faces: Any, name: str) -> tuple[FloatArray, _Made]
     """uvunwrap (2025, MIT)."""
     import uvunwrap
 
-    work = uvunwrap.generate([uvunwrap.Mesh(points, faces)], page_size=PAGE, padding=PADDING)
+    work = uvunwrap.generate(
+        [uvunwrap.Mesh(points, faces)], page_size=PAGE_TEXELS, padding=PADDING_TEXELS
+    )
     made = work.meshes[0]
     size = np.array([work.width, work.height], np.float64)
     return size, (made.uv, made.indices, np.asarray(made.page, np.int64))

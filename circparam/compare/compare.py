@@ -14,7 +14,7 @@ import numpy as np
 
 from circparam.compare import process
 from circparam.compare.baselines import BASELINES, require
-from circparam.compare.rows import INPUT, Comparison, Entry
+from circparam.compare.rows import INPUT_ROW, Comparison, Entry
 from circparam.compare.task import FLATTEN
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.records import dataclass
@@ -37,7 +37,7 @@ from circparam.seams import SEAMS
 
 # texels a side: charts are packed for, and the packed share is read at, this resolution
 RASTER = 512
-CUTS = ("auto", *SEAMS.names())
+COMPARED_CUTS = ("auto", *SEAMS.names())
 
 
 def compare(
@@ -62,8 +62,8 @@ def compare(
     unknown name, InputError if the source cannot be read, TopologyError if the cut does not suit it.
     """
     names = method_names(methods)
-    if cut not in CUTS:
-        raise OptionError(unknown_name("cut", cut, list(CUTS)))
+    if cut not in COMPARED_CUTS:
+        raise OptionError(unknown_name("cut", cut, list(COMPARED_CUTS)))
     Options(timeout=timeout)  # raises where it is no time
     choices = _options(names, cut, keywords)
     first = next(iter(choices.values()))
@@ -84,7 +84,7 @@ def compare(
     own = job.document.uv() if job.document.uv_sets else None
     if own is not None and (own.uv_faces >= 0).any():
         status, figures = _figures(scene, own)
-        rows.append(Entry(INPUT, status, figures=figures, uvmap=own))
+        rows.append(Entry(INPUT_ROW, status, figures=figures, uvmap=own))
     for k, name in enumerate(names):
         monitor.update(k / len(names), name)
         try:

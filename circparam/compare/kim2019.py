@@ -22,14 +22,17 @@ from circparam.mesh.repair import repair
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 
-METHOD, PEER = "circle", "floater"
+TIMED_METHOD, TIMED_PEER = "circle", "floater"
 
 # vertices → (its method, Floater), as printed in the source
-PAPER = {
+PRINTED_TIMES = {
     60: (40, 50), 120: (120, 140), 180: (251, 321), 240: (511, 601), 300: (912, 1062), 600: (2323, 2664),
 }  # fmt: skip
-RANGE = (1.147, 1.279)  # smallest and largest ratio in the source; its text says 20 to 30 %
-REPEATS = 31
+PRINTED_RATIOS = (
+    1.147,
+    1.279,
+)  # smallest and largest ratio in the source; its text says 20 to 30 %
+RUNS = 31
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,9 @@ class Size:
 
 
 def timed_sizes(
-    sizes: tuple[int, ...] = tuple(PAPER), repeats: int = REPEATS, monitor: Monitor | None = None
+    sizes: tuple[int, ...] = tuple(PRINTED_TIMES),
+    repeats: int = RUNS,
+    monitor: Monitor | None = None,
 ) -> list[Size]:
     """Time circle and floater on a bumped disk of each size, in turns, so that a drift hits both alike.
 
@@ -96,15 +101,15 @@ def bumped_disk(n: int) -> CutMesh:
 
 
 def _row(n: int, cut_mesh: CutMesh, repeats: int, monitor: Monitor) -> Size:
-    times: dict[str, list[tuple[float, float]]] = {METHOD: [], PEER: []}
+    times: dict[str, list[tuple[float, float]]] = {TIMED_METHOD: [], TIMED_PEER: []}
     for turn in range(repeats + 1):
-        for name in (METHOD, PEER) if turn % 2 else (PEER, METHOD):
+        for name in (TIMED_METHOD, TIMED_PEER) if turn % 2 else (TIMED_PEER, TIMED_METHOD):
             monitor.check()
             seconds = _time(cut_mesh, name)
             times[name] += [seconds] * (turn > 0)
-    circle_w, circle = map(_spread, zip(*times[METHOD], strict=True))
-    floater_w, floater = map(_spread, zip(*times[PEER], strict=True))
-    paper = PAPER.get(n)
+    circle_w, circle = map(_spread, zip(*times[TIMED_METHOD], strict=True))
+    floater_w, floater = map(_spread, zip(*times[TIMED_PEER], strict=True))
+    paper = PRINTED_TIMES.get(n)
     return Size(
         n, len(cut_mesh.faces), circle, floater, circle_w, floater_w, floater.median / circle.median,
         floater_w.median / circle_w.median, None if paper is None else paper[1] / paper[0],

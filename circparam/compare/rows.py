@@ -8,10 +8,10 @@ from circparam.core.records import dataclass
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.summary import json_value
 
-INPUT = "input"  # the row of the uv that the file has
+INPUT_ROW = "input"  # the row of the uv that the file has
 
 # names of ``Verification.numbers`` in the order of a report
-FIGURES = (
+COMPARED_FIGURES = (
     "charts", "seam_length", "seam_visible", "flips", "mirrored", "overlap", "missing",
     "distortion", "distortion_max_chart", "stretch_l2", "stretch_linf", "angle", "area", "pack",
 )  # fmt: skip
@@ -43,7 +43,7 @@ class Entry:
         whole = dataclasses.asdict(replace(self, uvmap=None))
         figures = whole.pop("figures")
         del whole["uvmap"]
-        return {**whole, **{name: json_value(figures.get(name)) for name in FIGURES}}
+        return {**whole, **{name: json_value(figures.get(name)) for name in COMPARED_FIGURES}}
 
 
 @dataclass(frozen=True, eq=False)

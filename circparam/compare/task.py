@@ -10,7 +10,10 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 
 FLATTEN = "circparam.compare.task:flatten_task"
-REPEATS, ENOUGH = 7, 0.5  # runs of a method, and seconds after which there is no further one
+MOST_RUNS, ENOUGH_SECONDS = (
+    7,
+    0.5,
+)  # runs of a method, and seconds after which there is no further one
 
 
 def flatten_task(arrays: Arrays, settings: dict[str, Any]) -> tuple[Arrays, dict[str, Any]]:
@@ -20,7 +23,7 @@ def flatten_task(arrays: Arrays, settings: dict[str, Any]) -> tuple[Arrays, dict
     work is done several times, and the medians count: the first run also pays for cold caches.
     """
     runs: list[tuple[float, dict[str, float]]] = []
-    while len(runs) < REPEATS and sum(seconds for seconds, _ in runs) < ENOUGH:
+    while len(runs) < MOST_RUNS and sum(seconds for seconds, _ in runs) < ENOUGH_SECONDS:
         cut_mesh = CutMesh(**arrays)
         monitor = Monitor(timeout=settings["timeout"])
         start = time.perf_counter()

@@ -15,7 +15,7 @@ from circparam.formats.second_reader import read_apart
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
-EXTRA = "pip install 'circparam[formats]'"
+FORMATS_EXTRA = "pip install 'circparam[formats]'"
 # packages that trimesh needs for a format: module → its name for pip
 NEEDS = {
     "3mf": {"lxml": "lxml", "networkx": "networkx"},
@@ -46,7 +46,7 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
         if importlib.util.find_spec(module) is None
     ]
     if missing:
-        raise source.error(f"{kind.upper()} is read with {' and '.join(missing)}: {EXTRA}")
+        raise source.error(f"{kind.upper()} is read with {' and '.join(missing)}: {FORMATS_EXTRA}")
     lost = _lost_of_gltf(data, source) if kind in ("gltf", "glb") else LOST
     if kind in ENTRY:
         check_archive(data, source, kind)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from circparam.core.types import FloatArray
 from circparam.formats.document import Document
 
-AXES = ("y", "z")
+UP_AXES = ("y", "z")
 
 
 def y_up(rows: FloatArray, up: str) -> FloatArray:

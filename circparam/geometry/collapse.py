@@ -20,7 +20,7 @@ from circparam.core.workers import environment
 SingleArray: TypeAlias = npt.NDArray[np.float32]
 
 APART_FACES = 150_000  # a process takes 0.2 s to start
-SIZES = struct.Struct("<3q")  # points, faces, faces that are left
+SIZES_HEADER = struct.Struct("<3q")  # points, faces, faces that are left
 
 
 def collapsed(
@@ -41,7 +41,7 @@ def _apart(
     points: FloatArray, faces: npt.NDArray[np.int32], target: int
 ) -> tuple[SingleArray, IntArray]:
     """As ``collapsed``, by a process. Raises SubprocessError or OSError without an answer."""
-    message = SIZES.pack(len(points), len(faces), target)
+    message = SIZES_HEADER.pack(len(points), len(faces), target)
     message += np.ascontiguousarray(points).tobytes() + np.ascontiguousarray(faces).tobytes()
     command = [sys.executable, "-P", "-m", "circparam.geometry.collapse"]
     done = subprocess.run(
@@ -75,7 +75,7 @@ def _here(
 def main() -> None:
     """In the process: sizes, points and faces on stdin; then where each point went and the coarse points."""
     read = sys.stdin.buffer.read
-    n, m, target = SIZES.unpack(read(SIZES.size))
+    n, m, target = SIZES_HEADER.unpack(read(SIZES_HEADER.size))
     # the library wants arrays that it could write to
     points = np.frombuffer(bytearray(read(24 * n))).reshape(-1, 3)
     faces = np.frombuffer(bytearray(read(12 * m)), np.int32).reshape(-1, 3)

@@ -16,8 +16,8 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.intrinsic import jacobians, signed_areas, singular_values
 from circparam.mesh.cut_mesh import CutMesh
 
-# A face whose area is below this share of its longest edge squared has no shape that could be measured.
-DEGENERATE = 1e-12
+# area over the square of the longest edge below which a face has no shape
+LEAST_AREA_RATIO = 1e-12
 
 # Stands in for a singular value of zero, so that a collapsed face gives a huge number and not a NaN.
 LEAST_SIGMA = 1e-150
@@ -268,7 +268,7 @@ def _live(cut_mesh: CutMesh) -> BoolArray:
     """(m,) the face has a shape."""
     a, b, c = cut_mesh.edge_lengths.T
     longest = np.maximum(np.maximum(a, b), c)
-    return np.asarray(cut_mesh.areas > DEGENERATE * longest**2)
+    return np.asarray(cut_mesh.areas > LEAST_AREA_RATIO * longest**2)
 
 
 def _singular(
@@ -300,13 +300,3 @@ def energies_at_best_scale(square: FloatArray, inverse: FloatArray, area: FloatA
     """(m,) symmetric Dirichlet energy / 4 of faces from their ``dirichlet_terms``, at the best scale."""
     scale = np.sqrt((area * inverse).sum() / max(float((area * square).sum()), 1e-300))
     return (square * scale + inverse / scale) / 4
-
-
-def energy_terms(cut_mesh: CutMesh, uv: FloatArray, faces: IntArray) -> FloatArray:
-    """(f, 3) terms (P, N, A) of some faces (f,): their sums over a chart give its distortion √(P N) / (2 A)."""
-    with np.errstate(all="ignore"):
-        large, small = singular_values(jacobians(cut_mesh, uv, faces))
-    large, small = np.maximum(large, LEAST_SIGMA), np.maximum(np.abs(small), LEAST_SIGMA)
-    area = cut_mesh.areas[faces]
-    terms = [area * (large**2 + small**2), area * (large**-2.0 + small**-2.0), area]
-    return np.where(_live(cut_mesh)[faces], terms, 0.0).T

@@ -22,7 +22,7 @@ LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
 CHUNK_FRAGMENTS = 4_000_000  # fragments at once: bounds the memory at about 0.3 GB
 # rows of a page at once: arrays of 4096 texels a row stay in the cache, a third of the time
-BAND = 32
+BAND_ROWS = 32
 ROWS_AT_ONCE = 1_000_000  # rows of triangles at once: bounds the memory at about 0.2 GB
 # texels: a gap looked for up to here is found offset by offset, beyond by trees, in less time there
 NEAR_TEXELS = 16
@@ -270,7 +270,7 @@ def _ends(grid: LabelGrid) -> tuple[IntArray, LabelGrid]:
     """((k,) texels where a label ends, (k,) their labels): texels nearest to another label are such."""
     high, wide = grid.shape
     found = [np.zeros(0, np.int64)]
-    for k in slices(high, BAND):
+    for k in slices(high, BAND_ROWS):
         here = grid[k]
         # no texel of the border has four neighbours
         inner = np.zeros(here.shape, bool)

@@ -28,7 +28,7 @@ QUARTERING_LEVELS = 24  # at most so many times
 ENTRY_GROWTH = 6  # quartering may make so many times more entries
 CHUNK_PAIRS = 2_000_000  # pairs handed out at a time
 MOST_PAIRS = 200_000_000  # pairs altogether; beyond, each segment meets only its next few of a cell
-FEW = 32
+NEXT_IN_CELL = 32
 
 
 class _Grid(NamedTuple):
@@ -224,11 +224,11 @@ class Candidates:
     def _emit(self, segment: IntArray, later: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
         """Pairs of each entry with the ``later`` entries behind it, in chunks."""
         if self._spent + int(later.sum()) > MOST_PAIRS:
-            short = later > FEW
+            short = later > NEXT_IN_CELL
             self.crowded = sorted_distinct(
                 np.concatenate([self.crowded, self.group[segment[short]]])
             )
-            later = np.minimum(later, FEW)
+            later = np.minimum(later, NEXT_IN_CELL)
         self._spent += int(later.sum())
         total = np.cumsum(later)
         begin = 0

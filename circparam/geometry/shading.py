@@ -58,6 +58,10 @@ def corner_angles_of(corners: FloatArray) -> FloatArray:
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=2), (a * b).sum(2))
 
 
+# between a face and the mean of a vertex: sharper faces are shaded flat where a file has no normals
+SHARP_DEGREES = 40.0
+
+
 def corner_normals(corners: FloatArray, vertex: IntArray, sharp: float = 180.0) -> FloatArray:
     """(m, 3, 3) unit normals: the face normals round each vertex weighted by angle (Thürmer, Wüthrich 1998).
 

@@ -30,9 +30,9 @@ SPACING_PIXELS = 8.0  # pixels between the places at which a long edge is looked
 MOST_EDGE_PLACES = 8  # of them on one edge
 REPORTED_DIRECTIONS = 64  # directions that a reported share is measured from
 # side of the picture for it; up to so many faces the coarse one
-COARSE, FINE, FEW = 128, 256, 10_000
+COARSE_PIXELS, FINE_PIXELS, COARSE_FACES = 128, 256, 10_000
 # faces: derived arrays of a block stay in the cache, twice as fast on 100,000 faces and more
-AT_ONCE = 16_000
+FACES_AT_ONCE = 16_000
 ALL = slice(None)
 DIRECTION_PARTS = 2  # of the directions of a reported share, which two processes may look along
 
@@ -83,7 +83,7 @@ def seen_shares(
     centre = (flat.min(0) + flat.max(0)) / 2
     radius = float(np.sqrt(((flat - centre) ** 2).sum(1).max()))
     pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME_PIXELS)
-    scene = [_scene((triangles[k] - centre) / pixel) for k in slices(len(triangles), AT_ONCE)]
+    scene = [_scene((triangles[k] - centre) / pixel) for k in slices(len(triangles), FACES_AT_ONCE)]
     normal = unit(places.normal.sum(1))
     vectors = np.ascontiguousarray(
         np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
@@ -280,6 +280,6 @@ def visible_share(surface: Surface, cut: BoolArray) -> float | None:
 def visible_part(surface: Surface, cut: BoolArray, k: int) -> float:
     """The part of ``visible_share`` by the directions k, for edges with a length."""
     length = surface.edge_lengths[cut]
-    pixels = COARSE if len(surface.faces) <= FEW else FINE
+    pixels = COARSE_PIXELS if len(surface.faces) <= COARSE_FACES else FINE_PIXELS
     shares = edge_shares(surface, REPORTED_DIRECTIONS, pixels, cut, slice(k, None, DIRECTION_PARTS))
     return float((length * shares).sum() / length.sum())

@@ -22,7 +22,7 @@ PERMISSIONS = """
 [permissions]
 files = "Hands the mesh to the circparam program in a temporary folder"
 """
-FOLDER = "circparam_addon"  # as extensions and older add-ons have it
+ADDON_FOLDER = "circparam_addon"  # as extensions and older add-ons have it
 
 
 def addon_zip(wheels: Mapping[str, bytes] | None = None, platform: str | None = None) -> bytes:
@@ -40,7 +40,7 @@ def addon_zip(wheels: Mapping[str, bytes] | None = None, platform: str | None = 
         manifest += f'platforms = ["{platform}"]\nwheels = [{names}]\n'
         files |= {f"wheels/{name}": data for name, data in wheels.items()}
     files["blender_manifest.toml"] = (manifest + PERMISSIONS).encode()
-    folder = "" if wheels else f"{FOLDER}/"
+    folder = "" if wheels else f"{ADDON_FOLDER}/"
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in sorted(files.items()):

@@ -14,8 +14,8 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.geometries import Geometry, counter_clockwise, signs_of, weights_in
 
-STRAIGHT_STEPS = 60  # faces that a walk crosses by the edge that its goal lies farthest behind
-WALK_STEPS = 400  # faces that a walk crosses at most
+STRAIGHT_WALK_FACES = 60  # faces that a walk crosses by the edge that its goal lies farthest behind
+MOST_WALK_FACES = 400  # faces that a walk crosses at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,10 +204,10 @@ class Cover:
         out = np.empty((len(q), 3))
         turn = np.broadcast_to(np.eye(3), (len(q), 3, 3)).copy()
         open_ = np.arange(len(q))
-        for step in range(WALK_STEPS):
+        for step in range(MOST_WALK_FACES):
             w = weights_in(q[open_], self.cones[face[open_]])
             score = w.copy()
-            if step > STRAIGHT_STEPS:
+            if step > STRAIGHT_WALK_FACES:
                 score[:, step % 3] *= 1e3
             least = score.argmin(1)
             inside = w[np.arange(len(open_)), least] >= 0

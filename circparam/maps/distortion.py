@@ -4,10 +4,14 @@ import numpy as np
 
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.geometry.distortion import Tail, dirichlet_terms, energies_at_best_scale
+from circparam.geometry.distortion import (
+    LEAST_AREA_RATIO,
+    Tail,
+    dirichlet_terms,
+    energies_at_best_scale,
+)
 from circparam.mesh.cut_mesh import rest_triangles_of
 
-LEAST_AREA_RATIO = 1e-12  # area over the square of the longest edge below which a face has no shape
 MOST_ENERGY = 1e12  # of a face: one that becomes a line has none
 
 

@@ -26,7 +26,7 @@ RIDGE_TRACE_SHARE = 1e-8  # added to the diagonal of the Hessian, of its trace
 # growth of the energy of a face in one step beyond which its corners slow down
 WORST_ENERGY_RATIO = 1.5
 LOCAL_HALVINGS = 8  # times that the steps of such vertices are halved,
-HALVINGS = 12  # and times that the whole step is halved then
+WHOLE_HALVINGS = 12  # and times that the whole step is halved then
 DIRECTION_TRIALS = 3  # directions that are tried in one step, each with more vertices at rest
 PATIENCE_STEPS = 3  # steps without a gain after which the relaxation ends
 SHORT_STEP_SHARE = 0.1  # share of a step by which faces turn over whatever its length
@@ -304,7 +304,7 @@ class Relaxation:
         """The step d, of single vertices shortened where faces turn over or get much worse, then as a whole."""
         whole, d = d, d.copy()
         before, good = self.face_energy(at), self.unflipped(at)
-        for k in range(LOCAL_HALVINGS + HALVINGS):
+        for k in range(LOCAL_HALVINGS + WHOLE_HALVINGS):
             if k == LOCAL_HALVINGS:
                 d = whole
             there = self.target.moved(at, d)

@@ -14,7 +14,7 @@ from circparam.maps.layout import Layout
 from circparam.maps.tracing import Tracer
 
 SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-LEAST_SHARE = 0.05  # of an edge, that a split keeps from its ends
+LEAST_SPLIT_SHARE = 0.05  # of an edge, that a split keeps from its ends
 DIAGONAL_OFFSET = 1e-6  # of the square: vertices of regular meshes lie on the diagonal
 
 
@@ -73,7 +73,7 @@ def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str
     t = (side_a / np.where(cross, side_a - side_b, 1.0))[cross]
     h, following = h[cross], following[cross]
     along = ((1 - t)[:, None] * uv[h] + t[:, None] * uv[following]).sum(1)
-    new, middle = mesh.split(h, np.clip(t, LEAST_SHARE, 1 - LEAST_SHARE))
+    new, middle = mesh.split(h, np.clip(t, LEAST_SPLIT_SHARE, 1 - LEAST_SPLIT_SHARE))
     tracer.renew(new)
     split_by = np.full(len(uv), -1)
     split_by[h] = split_by[mesh.twin[h]] = middle

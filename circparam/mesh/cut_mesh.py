@@ -20,7 +20,7 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import boundary_half_edges
 
 # cached properties of a cut mesh that do not depend on lengths
-TOPOLOGICAL = (
+TOPOLOGICAL_PROPERTIES = (
     "n_vertices",
     "n_charts",
     "vertex_chart",
@@ -30,7 +30,7 @@ TOPOLOGICAL = (
     "_rim",
 )
 # cached properties that follow from the arrays alone, whatever was solved
-SHAPES = (
+SHAPE_PROPERTIES = (
     *("n_vertices", "n_charts", "areas", "gradients", "edge_lengths", "chart_areas"),
     *("vertex_chart", "boundary", "loops"),
 )
@@ -151,7 +151,9 @@ class CutMesh:
     def twin(self) -> "CutMesh":
         """The same cut mesh with its shapes, without what solves have left on it."""
         out = CutMesh(self.faces, self.rest_triangles, self.chart, self.edges)
-        out.__dict__.update({name: self.__dict__[name] for name in SHAPES if name in self.__dict__})
+        out.__dict__.update(
+            {name: self.__dict__[name] for name in SHAPE_PROPERTIES if name in self.__dict__}
+        )
         return out
 
     @property
@@ -172,7 +174,7 @@ class CutMesh:
         else:
             out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
             self.__dict__["_in_units"] = unit, out
-        for name in TOPOLOGICAL:
+        for name in TOPOLOGICAL_PROPERTIES:
             if name in self.__dict__:
                 out.__dict__[name] = self.__dict__[name]
             else:  # a cache of an earlier solve would change the last bits of the result

@@ -28,17 +28,19 @@ from circparam.methods.conformal import at_surface_area, conformal_spectral, sta
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices
 
-LIMIT = 20
-CONVERGED = 1e-9  # largest violation of a constraint, in radians (or logarithm)
-PATIENCE = 4  # steps without progress after which a chart is given up
-CG_LIMIT = 15  # conjugate gradient steps, each about a twentieth of a factorisation
-SMALLEST = 1e-8  # targets stay so far from 0 and π; angles above a twentieth of their target
+MOST_STEPS = 20
+CONVERGED_RADIANS = 1e-9  # largest violation of a constraint, in radians (or logarithm)
+PATIENCE_STEPS = 4  # steps without progress after which a chart is given up
+MOST_CG_STEPS = 15  # conjugate gradient steps, each about a twentieth of a factorisation
+LEAST_ANGLE_RADIANS = (
+    1e-8  # targets stay so far from 0 and π; angles above a twentieth of their target
+)
 
 
 def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """ABF++ on all charts; a chart on which Newton does not converge takes Linear ABF, which a note says."""
     require_boundary(cut_mesh)
-    limit = 1 if options.linear else options.max_iterations or LIMIT
+    limit = 1 if options.linear else options.max_iterations or MOST_STEPS
     with monitor.stage("solve"):
         angles, steps, converged = solve_angles(cut_mesh, limit, monitor)
         notes = []
@@ -182,7 +184,9 @@ def _system(cut_mesh: CutMesh) -> _AngleSystem:
     scale = np.ones(cut_mesh.n_vertices)
     sums = vertex_angle_sums(cut_mesh, angles)
     scale[inner] = 2 * np.pi / sums[inner]
-    target = np.clip(angles * scale[cut_mesh.faces], SMALLEST, np.pi - SMALLEST)
+    target = np.clip(
+        angles * scale[cut_mesh.faces], LEAST_ANGLE_RADIANS, np.pi - LEAST_ANGLE_RADIANS
+    )
     row = np.where(inner, np.cumsum(inner) - 1, -1)
     vertices, hole, size = hole_vertices(cut_mesh)
     row[vertices] = int(inner.sum()) + hole
@@ -218,7 +222,7 @@ def solve_angles(
             delta = _newton_step(system, alpha, solver)
         except NoResultError:
             break
-        new = np.clip(alpha + delta, lowest, np.pi - SMALLEST)
+        new = np.clip(alpha + delta, lowest, np.pi - LEAST_ANGLE_RADIANS)
         alpha = np.where(open_charts[chart][:, None], new, alpha)
         if iteration == 0:
             linear = new
@@ -231,10 +235,10 @@ def solve_angles(
         worst = np.maximum(worst, group_max(gap, np.tile(hole_chart, 2), n))
         size = group_max(np.abs(delta).max(1), chart, n)
         worst = np.where(np.isfinite(worst), worst, np.inf)
-        converged |= open_charts & (worst < CONVERGED) & (size < 1e-6)
+        converged |= open_charts & (worst < CONVERGED_RADIANS) & (size < 1e-6)
         better = worst < 0.9 * best
         best, best_at = np.where(better, worst, best), np.where(better, iteration, best_at)
-        open_charts &= ~converged & (iteration - best_at < PATIENCE)
+        open_charts &= ~converged & (iteration - best_at < PATIENCE_STEPS)
         monitor.update(iteration / limit, f"angle error {worst.max():.2g}")
         if not open_charts.any() or monitor.expired:
             break
@@ -254,7 +258,7 @@ class _StepSolver:
             target = 1e-13 * float(np.abs(b).max(initial=0.0))
             start = self.factor.solve(b)
             iterates = gradient_iterates(matrix, b, self.factor.solve, start)
-            for x, residual, weight in islice(iterates, CG_LIMIT):
+            for x, residual, weight in islice(iterates, MOST_CG_STEPS):
                 if float(np.abs(residual).max(initial=0.0)) <= target:
                     return x
                 if not weight > 0:

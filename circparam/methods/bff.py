@@ -31,8 +31,10 @@ from circparam.solvers.holes import hole_vertices, open_holes
 from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.tutte.outer import OuterBoundary, outer_boundary
 
-ROUNDS = 40  # of the fixed point iteration for the disk
-SHORTEST = 1e-3  # a boundary edge keeps at least this share of its target length when the boundary is closed
+DISK_ROUNDS = 40  # of the fixed point iteration for the disk
+LEAST_EDGE_SHARE = (
+    1e-3  # of its target length, that a boundary edge keeps when the boundary is closed
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +170,7 @@ class _Flattening:
         pinned = self._pinned()
         b = self.angles - 2 * np.pi
         lengths = boundary.length
-        for _ in range(ROUNDS):
+        for _ in range(DISK_ROUNDS):
             share = lengths / boundary.sums(lengths)[boundary.outer.index]
             curvature = share.copy()
             curvature[boundary.follower] += share
@@ -254,7 +256,7 @@ def _closed_curve(boundary: _Walk, lengths: FloatArray, turning: FloatArray) -> 
     turning = turning + ((2 * np.pi - boundary.sums(turning)) / outer.size)[index]
     direction = boundary.running(turning)
     T = np.stack([np.cos(direction), np.sin(direction)], 1)
-    floor = SHORTEST * lengths
+    floor = LEAST_EDGE_SHARE * lengths
     weight = np.where(lengths > 0, boundary.length, 0.0)
     for _ in range(20):
         gap = np.stack([boundary.sums(lengths * t) for t in T.T], 1)

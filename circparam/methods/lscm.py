@@ -25,7 +25,7 @@ from circparam.methods.pins import Pins, check_pins
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.tutte.outer import outer_boundary
 
-VARIANTS = ("spectral", "pinned")
+LSCM_FORMS = ("spectral", "pinned")
 
 
 def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
@@ -34,8 +34,8 @@ def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     Spectral without pins. With pins, or the option ``lscm``, the pinned form: a chart without pins of the user
     then holds two opposite points of its boundary. Raises OptionError for bad pins.
     """
-    if options.lscm not in VARIANTS:
-        raise OptionError(f"unknown form of lscm {options.lscm!r}: {' or '.join(VARIANTS)}")
+    if options.lscm not in LSCM_FORMS:
+        raise OptionError(f"unknown form of lscm {options.lscm!r}: {' or '.join(LSCM_FORMS)}")
     require_boundary(cut_mesh)
     with monitor.stage("solve"):
         if options.pins is not None or options.lscm == "pinned":

@@ -13,7 +13,9 @@ from circparam.pipeline.options import Options
 HALF_EMPTY_SHARE = 0.5
 GAIN_PAGE_SHARE = 0.05  # share of the page that they must cover more
 CUT_TRIALS = 10  # that are tried
-LEAST_FACES = 500  # faces: a smaller surface is unwrapped in less time than cuts take to try
+LEAST_ADVISED_FACES = (
+    500  # faces: a smaller surface is unwrapped in less time than cuts take to try
+)
 
 
 def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -22,7 +24,7 @@ def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor)
     The advice names the share that further cuts cover. The cuts were made and packed. There is no advice if the
     user has set the number.
     """
-    small = len(start.atlas.surface.faces) < LEAST_FACES
+    small = len(start.atlas.surface.faces) < LEAST_ADVISED_FACES
     if options.cuts_asked is not None or options.max_charts is not None or small or monitor.expired:
         return filled
     found = filled.packing or packing(filled, options, monitor)

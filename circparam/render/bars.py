@@ -9,10 +9,10 @@ from circparam.render import colours as col
 from circparam.render.side_by_side import MethodLayout, cell_text
 
 STAGE_COLOURS = (col.CHARTS[0], col.CHARTS[1], col.CHARTS[4], col.CHARTS[2])
-REST = col.NO_UV
+REST_COLOUR = col.NO_UV
 # width of a letter of the labels, in units of the drawing: a little more than most need
 LETTER_WIDTH = 8.0
-WIDTH, BAR, STEP = 640, 300, 30
+CHART_UNITS, BAR_UNITS, ROW_UNITS = 640, 300, 30
 LEAST_DRAWN_VALUE = 1e-4  # lower values are drawn as this one: nobody tells them apart
 MOST_INTERVALS = 6  # so many intervals at most: their labels stand apart
 LARGEST_DRAWN_VALUE = 1e12  # collapsed faces: no scale reaches so far
@@ -63,24 +63,24 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
     stages = _main_stages(rows) if key == "seconds" else []
     left = 16 + LETTER_WIDTH * max((len(row.name) for row in rows), default=0)
     top = 60 if scale.logarithmic else 36
-    bottom = top + len(rows) * STEP
+    bottom = top + len(rows) * ROW_UNITS
     # thin lines at the decades, with their values above them
     lines = []
     for mark, share in scale.ticks:
-        x = left + BAR * share
+        x = left + BAR_UNITS * share
         lines.append(f'<path class="tick" d="M{x:.1f},{top - 8}V{bottom}"/>')
         text = f"{base + mark:g}"
         lines.append(
             f'<text x="{x:.1f}" y="{top - 14}" text-anchor="middle" class="small">{text}</text>'
         )
     for k, (row, value) in enumerate(zip(rows, values, strict=True)):
-        y = top + k * STEP
+        y = top + k * ROW_UNITS
         name = html.escape(row.name)
         lines.append(f'<text x="{left - 12:g}" y="{y + 14}" text-anchor="end">{name}</text>')
         if value is None:
             lines.append(f'<text x="{left + 8:g}" y="{y + 14}" class="muted">no value</text>')
             continue
-        length = BAR * scale(value - base)
+        length = BAR_UNITS * scale(value - base)
         x = float(left)
         for share, colour in bar_parts(row, stages):
             part = length * share
@@ -92,7 +92,7 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
         lines.append(f'<text x="{x + 8:.1f}" y="{y + 14}" class="muted">{text}</text>')
     lines += _key(stages, bottom + 8)
     how = f"{title}, logarithmic" if scale.logarithmic else title
-    wide = max(left + BAR + 16 + LETTER_WIDTH * 12, WIDTH)
+    wide = max(left + BAR_UNITS + 16 + LETTER_WIDTH * 12, CHART_UNITS)
     return (
         f'<svg class="plot" viewBox="0 0 {wide:g} {bottom + 30}" role="img" aria-label="{html.escape(how)}">'
         f'<text x="0" y="16" class="title">{html.escape(how)}</text>{"".join(lines)}</svg>'
@@ -104,7 +104,7 @@ def _key(stages: Sequence[str], y: float) -> list[str]:
     out, x = [], 0.0
     for name, colour in [
         *zip(stages, STAGE_COLOURS, strict=False),
-        *([("other", REST)] * bool(stages)),
+        *([("other", REST_COLOUR)] * bool(stages)),
     ]:
         out.append(f'<rect x="{x:g}" y="{y:g}" width="12" height="12" fill="{colour}"/>')
         out.append(f'<text x="{x + 18:g}" y="{y + 11:g}" class="muted">{html.escape(name)}</text>')
@@ -127,8 +127,8 @@ def bar_parts(row: MethodLayout, stages: Sequence[str]) -> list[tuple[float, str
     known = sum(row.stages.values())
     whole = max(float(seconds), known)
     if not stages or whole <= 0 or known <= 0:
-        return [(1.0, STAGE_COLOURS[0] if not stages else REST)]
+        return [(1.0, STAGE_COLOURS[0] if not stages else REST_COLOUR)]
     parts = [
         (row.stages.get(n, 0.0) / whole, c) for n, c in zip(stages, STAGE_COLOURS, strict=False)
     ]
-    return [*parts, (max(1.0 - sum(share for share, _ in parts), 0.0), REST)]
+    return [*parts, (max(1.0 - sum(share for share, _ in parts), 0.0), REST_COLOUR)]

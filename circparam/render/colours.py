@@ -116,7 +116,7 @@ def line_weight(length: float) -> float:
 
     length: of all lines together, in sides of the picture.
     """
-    return float(np.clip(np.sqrt(FEW_LINES / max(length, 1e-9)), THINNEST, 1.0))
+    return float(np.clip(np.sqrt(FEW_LINES_SIDES / max(length, 1e-9)), LEAST_LINE_WEIGHT, 1.0))
 
 
-FEW_LINES, THINNEST = 25.0, 0.3
+FEW_LINES_SIDES, LEAST_LINE_WEIGHT = 25.0, 0.3

@@ -152,7 +152,7 @@ def drawable(layouts: Sequence[PageLayout]) -> list[PageLayout]:
     return [each.of_faces(most) for each in layouts]
 
 
-PANEL = {
+PANEL_LABELS = {
     "surface": "The surface: arrow keys turn it, plus and minus zoom, comma and full stop go through "
     "the charts, Home resets",
     "plane": "The uv layout: arrow keys move it, plus and minus zoom, comma and full stop go through "
@@ -173,7 +173,7 @@ def _panels(k: int, layout: PageLayout, count: int) -> str:
     panels = "".join(
         f'<div id="{kind}{number}" class="panel {kind}" tabindex="0" role="application" '
         f'aria-label="{words.replace(":", of + ":", 1)}"></div>'
-        for kind, words in PANEL.items()
+        for kind, words in PANEL_LABELS.items()
     )
     return f'<div class="layout" data-layout="{k}">{names}{panels}</div>'
 

@@ -21,15 +21,12 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.geometry.distortion import dirichlet_terms, energies_at_best_scale
-from circparam.geometry.shading import corner_normals
+from circparam.geometry.shading import SHARP_DEGREES, corner_normals
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.weld import first_duplicates
 from circparam.pipeline.verify import flipped_faces
-
-# between a face and the mean of a vertex, beyond which the face is shaded flat
-SHARP_DEGREES = 40.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,16 +36,16 @@ from circparam.render.scene import Scene, make_scene, with_instances
 from circparam.render.svg import figure_svg
 from circparam.render.texture import LARGEST_SIDE_TEXELS, unmoved
 
-KINDS = (".png", ".svg", ".html")
+PICTURE_SUFFIXES = (".png", ".svg", ".html")
 MOST_TARGETS = 8  # number of morph targets with a slider that fit above the pictures
 
 
 def check_kind(path: Path) -> None:
     """Raise OptionError if the ending of a picture's name tells no format."""
-    if path.suffix.lower() not in KINDS:
+    if path.suffix.lower() not in PICTURE_SUFFIXES:
         raise OptionError(
             f"{path}: {path.suffix or 'no ending'} is not a picture format: "
-            f"the name must end in {', '.join(KINDS)}"
+            f"the name must end in {', '.join(PICTURE_SUFFIXES)}"
         )
 
 

@@ -15,7 +15,7 @@ from circparam.render.camera import Camera
 from circparam.render.lines import draw_lines, shrink
 from circparam.render.scene import Scene
 
-LIGHT = np.array([-0.40, 0.55, 0.73])
+LIGHT_DIRECTION = np.array([-0.40, 0.55, 0.73])
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,9 @@ def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArr
     """A key light from the upper left, wrapped round the shape, over a soft sky."""
     n = np.stack([normal @ camera.right, normal @ camera.up, normal @ camera.back], 1)
     n[back] *= -1
-    key = np.clip(0.5 + 0.5 * (n @ (LIGHT / np.linalg.norm(LIGHT))), 0, 1) ** 1.6
+    key = (
+        np.clip(0.5 + 0.5 * (n @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))), 0, 1) ** 1.6
+    )
     sky = 0.5 + 0.5 * n[:, 1]
     return 0.42 + 0.56 * key + 0.10 * sky
 

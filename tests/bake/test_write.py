@@ -12,12 +12,13 @@ from PIL import Image
 
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.sampling import Closest
-from circparam.bake.write import GLOSS, embed, png, write_baked
+from circparam.bake.write import embed, png, write_baked
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.scene import mesh_matrices
+from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit

@@ -136,8 +136,8 @@ def test_an_upload_that_never_succeeds_is_told(
 
     manifest = Manifest(Folder("s3://bucket/out"))
     manifest.append({"name": "a"})
-    monkeypatch.setattr(store, "TRIES", 2)
-    monkeypatch.setattr(store, "PAUSE", 0.0)
+    monkeypatch.setattr(store, "CALL_TRIES", 2)
+    monkeypatch.setattr(store, "FIRST_PAUSE_SECONDS", 0.0)
     s3[1].every = 1
     with pytest.raises(
         OutputError, match=r"s3://bucket/out/manifest.jsonl: .* its lines are kept in"

@@ -467,7 +467,7 @@ def test_a_scheduler_that_runs_and_then_ends(
 
 def test_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source, out = write_set(tmp_path / "src", 1), tmp_path / "out"
-    monkeypatch.setattr("circparam.batch.cluster.ANSWER", 1.0)
+    monkeypatch.setattr("circparam.batch.cluster.ANSWER_SECONDS", 1.0)
     with pytest.raises(OptionError, match=r"--scheduler tcp://127.0.0.1:9: no answer within 1 s"):
         batch(source, out, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: cannot be read"):

@@ -126,7 +126,7 @@ def test_what_is_told_follows_the_work() -> None:
     assert told[-1] > 0.9
 
 
-@pytest.mark.parametrize("groups", [progress.GROUPS, progress.OTHERS["level"]])
+@pytest.mark.parametrize("groups", [progress.GROUPS, progress.OTHER_RUNS["level"]])
 def test_the_time_left_is_right_where_stages_take_what_they_should(
     groups: tuple[dict[str, int], ...], clock: Clock
 ) -> None:

@@ -14,7 +14,7 @@ from circparam import errors, samples
 from circparam.compare import process
 from circparam.compare.baselines import BASELINES, atlas
 from circparam.compare.compare import compare, method_names
-from circparam.compare.rows import FIGURES, INPUT, Comparison, Entry
+from circparam.compare.rows import COMPARED_FIGURES, INPUT_ROW, Comparison, Entry
 from circparam.methods import METHODS
 from tests.support import shapes
 from tests.support.command_line import obj
@@ -70,7 +70,7 @@ def test_a_mesh_with_holes_stays_whole_and_a_closed_one_is_cut_as_asked() -> Non
 
 def test_the_uv_of_the_file_is_the_first_row() -> None:
     c = quick(samples.path("vase"), "circle", cut="disk")
-    assert [r.method for r in c.rows] == [INPUT, "circle"]
+    assert [r.method for r in c.rows] == [INPUT_ROW, "circle"]
     own = c.rows[0]
     assert own.seconds is None
     assert own.figures["charts"] == 2
@@ -82,7 +82,7 @@ def test_the_uv_of_the_file_is_the_first_row() -> None:
 def test_input_row_of_a_layout_that_is_perfect(tmp_path: Path) -> None:
     p, f = shapes.delaunay_square(50)
     c = quick(obj(tmp_path / "flat.obj", (p, f), p[:, :2]), "uniform")
-    own = row(c, INPUT)
+    own = row(c, INPUT_ROW)
     assert own["status"] == "ok"
     assert own["distortion"] == pytest.approx(1, abs=1e-9)
     assert own["seam_length"] == 0
@@ -190,7 +190,7 @@ def test_rows_are_plain_values(disk: Comparison) -> None:
     json.dumps(whole, allow_nan=False)
     assert whole["cut_seconds"] >= 0
     for entry in whole["rows"]:
-        assert set(FIGURES) <= set(entry)
+        assert set(COMPARED_FIGURES) <= set(entry)
         assert not {"uvmap", "figures"} & set(entry)
     plain = whole["rows"][-1]
     assert (plain["charts"], plain["area"]) == (2, 1.5)

@@ -178,7 +178,7 @@ def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
     import circparam.geometry.segment_grid as nearby
 
     monkeypatch.setattr(nearby, "MOST_PAIRS", 10)
-    monkeypatch.setattr(nearby, "FEW", 0)
+    monkeypatch.setattr(nearby, "NEXT_IN_CELL", 0)
     cut_mesh, uv = patches_of(*strip(np.stack([np.linspace(0, 1, 50), np.zeros(50)], 1)))
     assert self_overlapping(cut_mesh, uv)[0]
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from circparam._version import __version__
-from circparam.integrations.blender import FOLDER, addon_zip
+from circparam.integrations.blender import ADDON_FOLDER, addon_zip
 from tests.support.command_line import one_line_error, run
 
 ROOT = Path(__file__).parents[2]
@@ -31,9 +31,9 @@ def test_the_zip_is_what_blender_installs() -> None:
     assert data == addon_zip()
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         files = {Path(name).name: archive.read(name).decode() for name in archive.namelist()}
-        assert all(name.startswith(f"{FOLDER}/") for name in archive.namelist())
+        assert all(name.startswith(f"{ADDON_FOLDER}/") for name in archive.namelist())
     manifest = tomllib.loads(files.pop("blender_manifest.toml"))
-    assert (manifest["id"], manifest["version"]) == (FOLDER, __version__)
+    assert (manifest["id"], manifest["version"]) == (ADDON_FOLDER, __version__)
     assert "__init__.py" in files
     for name, code in files.items():
         modules = {

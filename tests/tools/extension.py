@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from circparam._version import __version__
-from circparam.integrations.blender import FOLDER, addon_zip
+from circparam.integrations.blender import ADDON_FOLDER, addon_zip
 
 PYTHON = "3.11"  # of Blender 4.2 to 5.0
 # as Blender calls them → as wheels do, the newest last
@@ -36,7 +36,7 @@ def build(folder: Path, platform: str) -> Path:
             for p in Path(place).glob("*.whl")
             if not p.name.startswith(BLENDER_HAS)
         }
-    path = folder / f"{FOLDER}-{__version__}-{platform}.zip"
+    path = folder / f"{ADDON_FOLDER}-{__version__}-{platform}.zip"
     path.write_bytes(addon_zip(wheels, platform))
     return path
 

@@ -23,7 +23,7 @@ from circparam.render.picture import to_image
 from circparam.render.scene import Scene, make_scene
 from circparam.render.text import write
 from circparam.render.texture import bilinear
-from circparam.render.views import LIGHT, View, paint, see
+from circparam.render.views import LIGHT_DIRECTION, View, paint, see
 
 WIDE, HIGH, TOP = 380, 360, 40
 CLAY = np.array([0.78, 0.76, 0.72])
@@ -48,7 +48,10 @@ def lit(scene: Scene, direction: FloatArray, up: str, normal: Colour) -> Image.I
     camera, view = seen(scene, direction, up)
     n = normal(view.face, view.bary)
     turned = np.stack([n @ camera.right, n @ camera.up, n @ camera.back], 1)
-    key = np.clip(0.35 + 0.65 * (turned @ (LIGHT / np.linalg.norm(LIGHT))), 0, 1) ** 1.4
+    key = (
+        np.clip(0.35 + 0.65 * (turned @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))), 0, 1)
+        ** 1.4
+    )
     view = replace(view, light=0.35 + 0.75 * key)
     return to_image(paint(view, np.broadcast_to(CLAY, n.shape), col.rgb(col.INK)))
 

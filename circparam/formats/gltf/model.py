@@ -10,7 +10,7 @@ from circparam.core.types import IntArray
 Json: TypeAlias = dict[str, Any]
 # accessor.componentType as NumPy code, and accessor.type as a number of components (glTF 2.0, 3.6.2.2)
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+TYPE_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 COMPONENT_OF = {np.dtype(code): number for number, code in COMPONENTS.items()}
 TRIANGLES, STRIP, FAN = 4, 5, 6  # primitive.mode
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963  # bufferView.target

@@ -16,7 +16,7 @@ import numpy as np
 
 from circparam.core.arrays import doubles
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.gltf.model import COMPONENTS, WIDTH, Json
+from circparam.formats.gltf.model import COMPONENTS, TYPE_WIDTHS, Json
 from circparam.formats.source import Source, bytes_beside, safe_path
 from circparam.formats.tokens import ByteArray, as_bytes
 
@@ -248,7 +248,7 @@ def component(entry: Json) -> np.dtype[Any]:
 def element_size(accessor: Json) -> int:
     """Bytes of one element."""
     width = component(accessor).itemsize
-    return _PADDED.get((accessor["type"], width), WIDTH[accessor["type"]] * width)
+    return _PADDED.get((accessor["type"], width), TYPE_WIDTHS[accessor["type"]] * width)
 
 
 def _whole(value: Any) -> int:

@@ -15,13 +15,13 @@ from circparam.formats.document import (
     not_carried,
 )
 from circparam.formats.obj.reading import Scan
-from circparam.formats.page_names import START, page_lines
+from circparam.formats.page_names import NOTE_START, page_lines
 from circparam.formats.tokens import SLASH, as_bytes, digits, interleave, splice
 from circparam.mesh.mesh import UVMap
 
 # comments on lines of their own: the owner of an atlas, and a page of a layout
 GROUPING = rb"# circparam group_by (primitive|mesh)[ \t]*"
-PAGE = f"# {START}".encode() + rb"\d+[^\r\n]*"
+PAGE_COMMENT = f"# {NOTE_START}".encode() + rb"\d+[^\r\n]*"
 
 
 def comments(scan: Scan, kinds: bytes) -> list[re.Match[bytes]]:
@@ -52,7 +52,7 @@ def with_uv(
     # what goes: old vt lines, comments on the old layout, and vt of elements
     old = scan.of(b"vt")
     ends = np.append(t.line_start, len(scan.raw))
-    spans = [found.span() for found in comments(scan, GROUPING + b"|" + PAGE)]
+    spans = [found.span() for found in comments(scan, GROUPING + b"|" + PAGE_COMMENT)]
     gone = np.concatenate(
         [
             np.stack([ends[old], ends[old + 1]], 1),

@@ -18,7 +18,7 @@ from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, r
 from circparam.formats.usd.writing import Layer
 from circparam.mesh.mesh import Mesh, UVMap
 
-KINDS = (TEXT, CRATE, PACKAGE)
+USD_KINDS = (TEXT, CRATE, PACKAGE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class UsdDocument(Document):
     layers: without these it cannot be read. assets: textures and the like. outside: files in other folders.
     """
 
-    own_formats = KINDS
+    own_formats = USD_KINDS
     data: bytes = field(kw_only=True, repr=False)
     arrays: Arrays = field(kw_only=True)
     layers: tuple[str, ...] = ()
@@ -61,7 +61,7 @@ class UsdDocument(Document):
 
     def needs(self, format: str) -> list[str]:
         """The layers that the output refers to, this one too."""
-        if format not in KINDS or format == PACKAGE or self.path is None:
+        if format not in USD_KINDS or format == PACKAGE or self.path is None:
             return []
         return [self.path.name, *self.layers]
 

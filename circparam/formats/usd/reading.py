@@ -10,8 +10,8 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.formats.polygons import Polygons, list_start, triangulate
 from circparam.formats.source import Source
 
-FIRST = "st"  # the primvar that is uv set 0
-OTHERS = ("uv", "UVMap", "map1")  # float2 arrays of these names are uv, whatever their role
+FIRST_PRIMVAR = "st"  # the primvar that is uv set 0
+OTHER_PRIMVARS = ("uv", "UVMap", "map1")  # float2 arrays of these names are uv, whatever their role
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ def read_stage(stage: Any, source: Source) -> Arrays:
     flip: BoolArray = np.array([p.turned for p in parts])[mesh]
     triangles = np.where(flip[:, None], polys.triangles[:, [0, 2, 1]], polys.triangles)
     label = np.concatenate([p.label + k for p, k in zip(parts, first_name, strict=False)])
-    sets = [FIRST, *sorted({name for p in parts for name in p.uv} - {FIRST})]
+    sets = [FIRST_PRIMVAR, *sorted({name for p in parts for name in p.uv} - {FIRST_PRIMVAR})]
     uv = {
         name: np.concatenate([p.uv.get(name, np.full((len(p.corners), 2), np.nan)) for p in parts])
         for name in sets
@@ -198,7 +198,7 @@ def _uv(prim: Any, corners: IntArray) -> dict[str, FloatArray]:
     out: dict[str, FloatArray] = {}
     for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         kind, name = primvar.GetTypeName(), primvar.GetPrimvarName()
-        plain = str(kind) == "float2[]" and name in (FIRST, *OTHERS)
+        plain = str(kind) == "float2[]" and name in (FIRST_PRIMVAR, *OTHER_PRIMVARS)
         if not plain and not (
             kind.role == "TextureCoordinate" and str(kind).startswith("texCoord2")
         ):

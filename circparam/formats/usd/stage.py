@@ -184,7 +184,7 @@ def _tiles(place: str) -> list[str]:
 
 # 2026-01-01 in local time, as packages store it: the same files make the same package
 DATE = (2026, 1, 1, 0, 0, 0, 0, 1, -1)
-EXTRA = "pip install 'circparam[usd]'"
+USD_EXTRA = "pip install 'circparam[usd]'"
 TEXT, CRATE, PACKAGE = "usda", "usdc", "usdz"
 
 
@@ -219,7 +219,7 @@ def have_usd() -> bool:
 def require_usd() -> None:
     """Raise OptionError if usd-core, which writes USD, is not installed."""
     if not have_usd():
-        raise OptionError(f"USD is written with usd-core, which is not installed: {EXTRA}")
+        raise OptionError(f"USD is written with usd-core, which is not installed: {USD_EXTRA}")
 
 
 @contextlib.contextmanager
@@ -243,7 +243,7 @@ def opened(data: bytes, source: Source) -> Iterator[Any]:
     it, whatever the file has become.
     """
     if not have_usd():
-        raise source.error(f"USD is read with usd-core: {EXTRA}")
+        raise source.error(f"USD is read with usd-core: {USD_EXTRA}")
     from pxr import Tf, Usd
 
     with tempfile.TemporaryDirectory(prefix="circparam-usd-") as folder:
