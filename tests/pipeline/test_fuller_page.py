@@ -133,6 +133,22 @@ def test_flats_are_cut_only_where_the_page_pays_five_times_the_seam() -> None:
     assert cost(after) + COST.flat * seam < cost(Cascade(long, CascadeRules(bound=1.05)))
 
 
+@pytest.mark.parametrize("seed", [1, 4, 10])
+def test_charts_that_no_sketch_of_a_page_holds_are_packed_as_they_are(seed: int) -> None:
+    """A short tube seen from above, on a coarse lattice: slivers with wide gaps for their size."""
+    turn, random = 2 * np.pi * np.arange(8) / 8, np.random.default_rng(seed)
+    ring = 1.1 * np.stack([np.cos(turn), np.sin(turn)], 1)
+    flat = np.round(8 * (ring + random.uniform(-0.1, 0.1, (4, 8, 2)))).reshape(-1, 2) / 8
+    low = (8 * np.arange(3)[:, None] + np.arange(8)).ravel()
+    beside = low - low % 8 + (low + 1) % 8
+    faces = np.vstack(
+        [np.stack([low, beside + 8, low + 8], 1), np.stack([low, beside, beside + 8], 1)]
+    )
+    result = circparam.unwrap((np.pad(flat, ((0, 0), (0, 1))), faces), jobs=1)
+    assert result.verification.overlap == 0
+    assert not result.verification.flipped.any()
+
+
 def test_what_may_not_be_a_seam_is_none() -> None:
     before = roll()
     locked = replace(before.surface, locked=np.ones(len(before.surface.edges), bool))
