@@ -13,8 +13,8 @@ class Search:
     """Which search for charts is made, and how much it does.
 
     draft: the short one: one start on a smaller proxy, merged in a few rounds, and nothing that only moves
-    seams afterwards. draw: 0 is the usual search; every other number is another one, which grows its charts
-    round other seeds and tries near ties in another order.
+    seams afterwards. draw: 0 is the usual search; every other number is another one, which tries near ties
+    in another order.
     """
 
     draft: bool = False

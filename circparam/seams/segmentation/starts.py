@@ -38,8 +38,6 @@ def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:
     """(size of the proxy, regions) of each start of a search; size 1 is that of a draft."""
     if search.draft:
         return [DRAFT_START]
-    if search.draw:
-        return [STARTS[search.draw % len(STARTS)]]
     return [*STARTS, DRAFT_START] if len(surface.faces) <= DIRECT_FACES else list(STARTS)
 
 
