@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from circparam.core.compiled import compressed_rows
 from circparam.core.types import BoolArray as BoolArray
 from circparam.core.types import ComplexArray as ComplexArray
 from circparam.core.types import FloatArray as FloatArray
@@ -56,22 +57,20 @@ def doubles(values: np.ndarray) -> FloatArray:
 def stable_order(keys: IntArray) -> IntArray:
     """The order that sorts keys (n,), equal ones as they stood: ``np.argsort(keys, kind="stable")``.
 
-    Key and position are packed into one number if both fit, because ``sort`` is 5 to 13 times as fast as
-    ``argsort``. Larger keys are sorted by their low bits, then by the others.
+    Counting sorts by digits, the lowest first. A digit has at most eight times as many values as there are
+    keys. This takes a third to an eighth of ``argsort``, which is faster for more than four digits.
     """
-    n = len(keys)
-    shift = n.bit_length()
-    if n == 0 or keys.min() < 0:
+    n, longest = len(keys), int(keys.max(initial=1)).bit_length()
+    digits = -(-longest // (n.bit_length() + 2))
+    if digits > 4 or keys.min(initial=0) < 0:
         return np.argsort(keys, kind="stable")
-    bits = 62 - shift
-    if int(keys.max()) >> bits:
-        low = stable_order(keys & ((1 << bits) - 1))
-        return low[stable_order((keys >> bits)[low])]
-    packed = keys.astype(np.int64) << shift
-    packed |= np.arange(n)
-    packed.sort()
-    packed &= (1 << shift) - 1
-    return packed
+    bits = -(-longest // digits)
+    order = np.arange(n, dtype=np.int32)
+    for digit in range(digits):
+        rest = keys if digit == 0 else keys[order] >> (digit * bits)
+        value = rest if digit == digits - 1 else rest & ((1 << bits) - 1)
+        order = compressed_rows(1 << bits, value, order)[1]
+    return order.astype(np.int64)
 
 
 def sorted_distinct(values: IntArray) -> IntArray:

@@ -19,37 +19,20 @@ from circparam.core.arrays import (
     stable_order,
 )
 from circparam.core.clock import tick
-from circparam.core.compiled import connected_components, dijkstra, minimum_spanning_tree
+from circparam.core.compiled import component_labels, dijkstra, minimum_spanning_tree
 from circparam.core.types import FloatArray, IntArray
-
-SMALL_GRAPH_EDGES = 30_000  # edges up to which graphs are assembled without SciPy's conversion
 
 
 def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     """Connected components of n nodes joined by i–j: (number, (n,) label in order of the lowest node)."""
     tick()
-    if len(i) > SMALL_GRAPH_EDGES:
-        graph = sps.coo_matrix((np.ones(len(i), bool), (i, j)), shape=(n, n)).tocsr()
-    else:  # SciPy's conversion would take longer than the search
-        start = np.zeros(n + 1, np.int32)
-        np.cumsum(np.bincount(i, minlength=n), out=start[1:])
-        column = j[stable_order(i)].astype(np.int32)
-        graph = sps.csr_matrix((np.ones(len(i)), column, start), shape=(n, n))
-    count, labels = connected_components(graph, directed=False)
-    return int(count), labels.astype(np.int64)
+    return component_labels(n, i, j)
 
 
 def follower_components(follower: IntArray) -> tuple[int, IntArray]:
     """As ``components``, of nodes (n,) that are joined to one other each, or to none (−1)."""
-    tick()
-    n = len(follower)
-    joined = follower >= 0
-    start = np.zeros(n + 1, np.int32)
-    np.cumsum(joined, out=start[1:])
-    column = follower[joined].astype(np.int32)
-    graph = sps.csr_matrix((np.ones(len(column)), column, start), shape=(n, n))
-    count, labels = connected_components(graph, directed=False)
-    return int(count), labels.astype(np.int64)
+    joined = np.flatnonzero(follower >= 0)
+    return components(len(follower), joined, follower[joined])
 
 
 def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
