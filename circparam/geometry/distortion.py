@@ -27,10 +27,13 @@ LEAST_SIGMA = 1e-150
 class Stretch:
     """Singular values of every face with a shape: large, small (f,) positive, area (f,) on the surface, group
     (f,) of n groups, each with its own value. The layout is at a scale at which areas agree in total.
+    squares, inverses: (f,) σ1² + σ2² and σ1⁻² + σ2⁻².
     """
 
     large: FloatArray
     small: FloatArray
+    squares: FloatArray
+    inverses: FloatArray
     area: FloatArray
     group: IntArray
     n: int
@@ -53,13 +56,12 @@ def symmetric_dirichlet(s: Stretch) -> FloatArray:
     charts is part of the value.
     """
     k = s.dirichlet_scale
-    square = (s.large**2 + s.small**2) * k**2
-    return s.mean(square + (s.large**-2.0 + s.small**-2.0) / k**2) / 4
+    return s.mean(s.squares * k**2 + s.inverses / k**2) / 4
 
 
 def stretch_l2(s: Stretch) -> FloatArray:
     """√ of the mean of (σ1⁻² + σ2⁻²)/2 at equal total areas; no unit, 1 is perfect (Sander et al. 2001)."""
-    return np.sqrt(s.mean((s.large**-2.0 + s.small**-2.0) / 2))
+    return np.sqrt(s.mean(s.inverses / 2))
 
 
 def stretch_linf(s: Stretch) -> FloatArray:
@@ -176,11 +178,12 @@ def measure(cut_mesh: CutMesh, uv: FloatArray, signs: IntArray | None = None) ->
     layout = float((surface * large * small).sum())
     equal = np.sqrt(float(surface.sum()) / max(layout, 1e-300)) if live.any() else 1.0
     large, small = np.maximum(large * equal, LEAST_SIGMA), np.maximum(small * equal, LEAST_SIGMA)
-    square = float((surface * (large**2 + small**2)).sum())
-    inverse = float((surface * (large**-2.0 + small**-2.0)).sum())
+    squares, inverses = _squares(large, small)
+    square, inverse = float((surface * squares).sum()), float((surface * inverses).sum())
     k = (inverse / square) ** 0.25 if square > 0 else 1.0
-    whole = Stretch(large, small, surface, np.zeros_like(group), 1, k)
-    charts = Stretch(large, small, surface, group, cut_mesh.n_charts, k)
+    values = large, small, squares, inverses, surface
+    whole = Stretch(*values, np.zeros_like(group), 1, k)
+    charts = Stretch(*values, group, cut_mesh.n_charts, k)
     return Measures(
         {row.name: float(row.function(whole)[0]) for row in METRICS},
         {row.name: row.function(charts) for row in METRICS},
@@ -257,11 +260,16 @@ def _sums(
     cut_mesh: CutMesh, live: BoolArray, large: FloatArray, small: FloatArray, surface: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """As ``_scale_terms``, from the singular values and areas of the faces that have a shape."""
-    large, small = np.maximum(large, LEAST_SIGMA), np.maximum(small, LEAST_SIGMA)
     group, n = cut_mesh.chart[live], cut_mesh.n_charts
-    square = group_sum(surface * (large**2 + small**2), group, n)
-    inverse = group_sum(surface * (large**-2.0 + small**-2.0), group, n)
+    squares, inverses = _squares(np.maximum(large, LEAST_SIGMA), np.maximum(small, LEAST_SIGMA))
+    square, inverse = (group_sum(surface * x, group, n) for x in (squares, inverses))
     return square, inverse, group_sum(surface, group, n)
+
+
+def _squares(large: FloatArray, small: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(σ1² + σ2², σ1⁻² + σ2⁻²): ``x**-2.0`` takes NumPy ten times as long as a quotient."""
+    large, small = large * large, small * small
+    return large + small, 1 / large + 1 / small
 
 
 def _live(cut_mesh: CutMesh) -> BoolArray:
