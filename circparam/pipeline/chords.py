@@ -36,7 +36,7 @@ class Outline:
         """(k,) signed areas between the origin and each edge of the outer loop."""
         return cross2(self.p, np.roll(self.p, -1, axis=0)) / 2
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Area inside, holes left out."""
         start, end = self.edges
