@@ -167,9 +167,8 @@ def _wound_twice(
     below_next = y[:, [1, 2, 0]] < y
     below_previous = y[:, [2, 0, 1]] < y
     sign = signs(uv, faces)[:, None]
-    passes = np.where(sign > 0, below_next & ~below_previous, 0) - np.where(
-        sign < 0, ~below_next & below_previous, 0
-    )
+    up, down = below_next > below_previous, below_previous > below_next
+    passes = (up & (sign > 0)).view(np.int8) - (down & (sign < 0)).view(np.int8)
     turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
     bad = (np.abs(turns) > 1) & ~on_boundary
     out = np.zeros(n, bool)

@@ -30,15 +30,18 @@ def orientation(a: FloatArray, b: FloatArray, c: FloatArray) -> SignArray:
         right = (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
         det = left - right
         size = np.abs(left) + np.abs(right)
-        sure = (np.abs(det) > ROUNDING_BOUND * size) & (size > TINY_PRODUCT) & np.isfinite(size)
-    out = np.where(sure, np.sign(np.where(sure, det, 0.0)), 0.0).astype(np.int8)
+        sure = (np.abs(det) > ROUNDING_BOUND * size) & (size > TINY_PRODUCT) & (size < np.inf)
+    if sure.all():
+        return np.sign(det).astype(np.int8)
+    out = np.sign(np.where(sure, det, 0.0)).astype(np.int8)
+    unsure = np.flatnonzero(~sure)
+    a, b, c = a[unsure], b[unsure], c[unsure]
     # two equal points, or all on one axis-parallel line: exactly zero
     same_x, same_y = a[:, 0] == b[:, 0], a[:, 1] == b[:, 1]
     third_x, third_y = a[:, 0] == c[:, 0], a[:, 1] == c[:, 1]
-    zero = (same_x | third_y) & (same_y | third_x)
-    open_ = np.flatnonzero(~sure & ~zero)
-    if len(open_):
-        out[open_] = _exact(a[open_], b[open_], c[open_])
+    rest = ~((same_x | third_y) & (same_y | third_x))
+    if rest.any():
+        out[unsure[rest]] = _exact(a[rest], b[rest], c[rest])
     return out
 
 

@@ -203,12 +203,19 @@ class CutMesh:
             new_vertex[self.faces[fid]],
             self.rest_triangles[fid],
             new_chart[self.chart[fid]],
-            3 * new_face[edges // 3] + edges % 3,
+            renumbered(edges, new_face),
         )
         if self.elimination is not None:
             order = new_vertex[self.elimination]
             part.eliminated_in(order[order >= 0])
         return part, vid, fid
+
+
+def renumbered(edges: IntArray, new_face: IntArray) -> IntArray:
+    """Half-edges (e, 2) after a change of the numbers of the faces: new_face (m,)."""
+    face = edges // 3
+    result: IntArray = edges + 3 * (new_face[face] - face)
+    return result
 
 
 def rest_triangles_of(corners: FloatArray) -> FloatArray:

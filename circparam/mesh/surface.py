@@ -9,7 +9,7 @@ from circparam.core.arrays import mask_of, next_half_edge, norms3, positions_in,
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.mesh.cut_mesh import CutMesh, laid_flat
+from circparam.mesh.cut_mesh import CutMesh, laid_flat, renumbered
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
@@ -225,7 +225,7 @@ class Surface:
         local = positions_in(len(self.faces), fid)
         e = self.edges[~cut]
         e = e[faces[e[:, 0] // 3] & faces[e[:, 1] // 3]]
-        e = 3 * local[e // 3] + e % 3
+        e = renumbered(e, local)
         _, corners = corner_classes(len(fid), e)
         return CutMesh(corners, self.rest_triangles[fid], chart[fid], e), fid
 
@@ -260,7 +260,7 @@ class Surface:
             self.faces[fid],
             self.source[fid],
             self.reversed_faces[fid],
-            3 * local[e // 3] + e % 3,
+            renumbered(e, local),
             self.locked[inside],
             price=None if self.price is None else self.price[inside],
             first=None if self.first is None else self.first[fid],

@@ -24,6 +24,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_sum,
     next_half_edge,
+    numbered,
 )
 from circparam.core.graph import components
 from circparam.core.monitor import Monitor
@@ -82,7 +83,7 @@ class Moves:
         same = (before[f] == before[g]) & ~stays[f]
         _, part = components(len(stays), f[same], g[same])
         part[stays] = -1
-        part = np.unique(part, return_inverse=True)[1].reshape(-1) - 1
+        part = numbered(part + 1)[1] - 1
         cosine, sine = _turns(cut_mesh, corners, part).T[:, part]
         x, y = corners.transpose(2, 1, 0)
         turned = np.stack([cosine * x - sine * y, sine * x + cosine * y]).transpose(2, 1, 0)
@@ -271,8 +272,7 @@ def _turns(cut_mesh: CutMesh, corners: FloatArray, part: IntArray) -> FloatArray
 def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArray:
     """(m,) bool: the face was in that earlier chart from which its chart has most of its area."""
     width = int(before.max()) + 1
-    pairs, inverse = np.unique(chart * width + before, return_inverse=True)
-    inverse = inverse.reshape(-1)
+    pairs, inverse = numbered(chart * width + before)
     area = group_sum(areas, inverse, len(pairs))
     now = pairs // width
     order = np.lexsort((-area, now))

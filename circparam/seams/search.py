@@ -17,7 +17,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, numbered
 from circparam.core.graph import components, matching
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -205,7 +205,7 @@ def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolAr
     count, new = components(len(faces), *(cut_mesh.edges.T // 3))
     if count > len(number):
         key = cut_mesh.chart * count + new
-        charts, new = np.unique(key, return_inverse=True)
-        cut_mesh = replace(cut_mesh, chart=new.reshape(-1))
+        charts, new = numbered(key)
+        cut_mesh = replace(cut_mesh, chart=new)
         return _Batch(cut_mesh, faces, number[charts // count], part)
     return _Batch(cut_mesh, faces, number, part)
