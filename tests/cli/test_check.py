@@ -68,14 +68,6 @@ def test_uv_of_a_file(tmp_path: Path) -> None:
     one_line_error(run("check", flipped, "--uv", "--fail-if", "flips>0", "-q"), 6, "flips>0")
 
 
-def test_uv_that_leave_the_unit_square(tmp_path: Path) -> None:
-    p, f = shapes.grid(4, 4)
-    mesh = obj(tmp_path / "m.obj", (p, f), p[:, :2] * 3 - 1)
-    got = report("check", mesh, "--uv")["uv"]
-    assert (got["outside"], got["flips"]) == (1, 0)
-    one_line_error(run("check", mesh, "--uv", "--fail-if", "outside>0", "-q"), 6, "outside>0")
-
-
 def test_padding_may_grow_with_the_page(tmp_path: Path) -> None:
     p, f = shapes.join(shapes.triangle(), shapes.triangle())
     p[3:, 0] += 3

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from circparam.core import files
-from circparam.errors import OptionError
+from circparam.errors import OptionError, OutputError
 
 
 def test_signals_do_not_import_what_writes_files() -> None:
@@ -54,3 +54,18 @@ def test_two_names_of_one_file_are_refused_before_the_first_byte(tmp_path: Path)
         with pytest.raises(OptionError, match="are one file"):
             files.write_files({real / "a": b"1", other: b"2", real / "b": b"3"})
         assert list(real.iterdir()) == []
+
+
+def test_what_is_there_stays_unless_it_may_be_replaced(tmp_path: Path) -> None:
+    old, new, folder = tmp_path / "old", tmp_path / "new", tmp_path / "folder"
+    old.write_text("mine")
+    folder.mkdir()
+    for path, overwrite, error, says in (
+        (old, False, OptionError, "--overwrite"),
+        (folder, True, OutputError, "is a directory"),
+    ):
+        with pytest.raises(error, match=says):
+            files.write_files({new: b"x", path: b"y"}, overwrite)
+        assert sorted(tmp_path.iterdir()) == [folder, old]
+    files.write_files({new: b"x", old: b"y"}, True)
+    assert (new.read_bytes(), old.read_bytes()) == (b"x", b"y")

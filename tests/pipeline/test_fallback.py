@@ -23,14 +23,6 @@ def faulty(cascade: Cascade) -> list[bool]:
     return (fallback.faults(*cascade.open())[0] > 0).tolist()
 
 
-def test_a_sound_layout_stays_as_it_is() -> None:
-    s = surface_of(*shapes.grid())
-    cascade = start(s, flat(s))
-    cascade = fallback.settle(cascade, Monitor())
-    np.testing.assert_array_equal(cascade.atlas.corners, flat(s))
-    assert cascade.repairs == ()
-
-
 def test_a_flipped_chart_is_mapped_again_and_others_are_left_alone() -> None:
     p, f = shapes.row_of(shapes.grid(5, 5), 3)
     s = surface_of(p, f)

@@ -190,11 +190,6 @@ def test_defaults_and_given() -> None:
     }
 
 
-def test_unknown_keyword() -> None:
-    with pytest.raises(OptionError, match="did you mean method"):
-        from_keywords({"mehtod": "circle"})
-
-
 def test_older_names_keep_working() -> None:
     old = from_keywords({"method": "circle", "cut": "disk", "border": "square"})
     assert old.given() == Options(method="circle", cut="disk", boundary="square").given()

@@ -16,15 +16,6 @@ from tests.support.charts import patches_of
 QUICK = {"effort": 0.01}
 
 
-def test_texel_density_is_one() -> None:
-    """Charts of one shape at two sizes get one density, so lengths in uv are as on the surface."""
-    p, f = shapes.grid(5, 5)
-    result = circparam.unwrap(shapes.join((p, f), (p * 3 + [5, 0, 0], f)), **QUICK)
-    q = result.uv[result.uv_faces]
-    side = np.linalg.norm(q[:, 1] - q[:, 0], axis=1)
-    assert side[len(f) :].mean() / side[: len(f)].mean() == pytest.approx(3, rel=1e-6)
-
-
 def test_no_normalize_keeps_the_solver_coordinates() -> None:
     p, f = shapes.grid(6, 6)
     result = circparam.unwrap((p * 7, f), cut="none", method="isometric", normalize=False)

@@ -32,17 +32,6 @@ def test_stored_numbers_are_what_the_file_holds(tmp_path: Path) -> None:
         np.testing.assert_array_equal(memory.uv[memory.uv_faces], result.uv[result.uv_faces])
 
 
-def test_index_maps(tmp_path: Path) -> None:
-    p, f = shapes.cube(2)
-    result = circparam.unwrap((p, f), tmp_path / "o.glb", **QUICK)
-    again = circparam.read(tmp_path / "o.glb")
-    assert result.vertex_map is not None
-    assert result.face_map is not None
-    np.testing.assert_allclose(again.mesh.points, p[result.vertex_map], atol=1e-6)
-    np.testing.assert_array_equal(result.vertex_map[again.mesh.faces], f[result.face_map])
-    np.testing.assert_array_equal(result.vertex_map[: len(p)], np.arange(len(p)))
-
-
 def test_seams_are_the_cut_edges_as_pairs_of_vertices_of_the_input(tmp_path: Path) -> None:
     """Some faces wound the other way: turned for the solve, their corners are still those of the file."""
     p, f = shapes.cube(2)

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.formats.memory import from_arrays
-from circparam.pipeline.inspect import inspect
-from circparam.pipeline.summary import json_value, summarise_check
+from circparam.pipeline.summary import json_value
 from tests.support import shapes
 
 FLAT = {"cut": "none", "method": "mean-value", "effort": 0.01}
@@ -45,14 +43,6 @@ def test_an_unwrap_and_a_repack_say_what_they_are(tmp_path: Path) -> None:
 def test_what_json_cannot_hold_is_null(value: float) -> None:
     assert json_value(value) is None
     assert (json_value(1.5), json_value(0), json_value("x")) == (1.5, 0, "x")
-
-
-def test_a_check_without_uv() -> None:
-    report = summarise_check(inspect(from_arrays(*shapes.torus(6, 5))))
-    assert report["schema"] == "circparam/check/1"
-    assert report["uv"] is None
-    assert (report["genus"], report["uv_sets"]) == (1, [])
-    json.dumps(report, allow_nan=False)
 
 
 def test_a_half_empty_page_gets_advice_that_keeps_its_word() -> None:

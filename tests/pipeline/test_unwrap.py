@@ -75,17 +75,6 @@ def test_repack_keeps_charts() -> None:
             circparam.repack(document, **kept)
 
 
-def test_progress_reaches_the_listener() -> None:
-    heard: list[tuple[str, float]] = []
-    circparam.unwrap(
-        shapes.bumped_disk(40),
-        listener=lambda stage, share, note: heard.append((stage, share)),
-        **FLAT,
-    )
-    assert {"read", "repair", "pack", "verify"} <= {stage for stage, _ in heard}
-    assert all(0 <= share <= 1 for _, share in heard)
-
-
 @settings(max_examples=6)  # the fuzzer makes thousands of them
 @given(strategies.hostile())
 def test_whatever_comes_in_a_valid_layout_or_a_documented_error(

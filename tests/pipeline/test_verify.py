@@ -14,7 +14,7 @@ from circparam.pipeline.gates import LAYOUT
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Result, promise, verify_layout, with_status
 from circparam.pipeline.save import seam_pairs
-from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
+from circparam.pipeline.verify import Promise, reasons, verify
 from tests.support import shapes
 from tests.support.atlases import surface_of
 from tests.support.unwrapped import QUICK, unwrapped
@@ -54,12 +54,6 @@ def test_one_turned_face_is_one_flip() -> None:
     assert any("flipped" in line and "chart 0" in line for line in reasons(v, Promise()))
 
 
-def test_a_face_without_area_is_a_flip() -> None:
-    surface, uv, f = two_squares()
-    uv[f[3, 0]] = uv[f[3, 1]]
-    assert verify(surface, UVMap(uv, f)).flips > 0
-
-
 def test_a_mirrored_chart_is_no_flip_but_named() -> None:
     surface, uv, f = two_squares()
     uv[25:, 0] = 1.5 - uv[25:, 0]
@@ -67,15 +61,6 @@ def test_a_mirrored_chart_is_no_flip_but_named() -> None:
     assert v.flips == 0
     assert v.mirrored.tolist() == [1]
     assert reasons(v, Promise()) == ["chart 1 mirrored"]
-
-
-def test_charts_that_overlap_each_other() -> None:
-    surface, uv, f = two_squares()
-    uv[25:] -= [0.3, 0]
-    v = verify(surface, UVMap(uv, f), resolution=64)
-    assert v.overlapping_pairs.tolist() == [[0, 1]]
-    assert v.overlap == 1
-    assert not v.valid
 
 
 def test_charts_that_share_a_point_of_the_plane_count_as_two() -> None:
@@ -143,15 +128,6 @@ def test_the_stretch_that_was_asked_for_holds_but_for_a_thousandth() -> None:
     assert reasons(v, Promise()) == []
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_numbers_that_are_none(value: float) -> None:
-    surface, uv, f = two_squares()
-    uv[7] = value
-    v = verify(surface, UVMap(uv, f))
-    assert v.missing == (f == 7).any(1).sum()
-    assert any("without finite uv" in line for line in reasons(v, Promise()))
-
-
 def test_faces_without_uv() -> None:
     surface, uv, f = two_squares()
     g = f.copy()
@@ -161,30 +137,6 @@ def test_faces_without_uv() -> None:
     assert v.flips == 0
     with pytest.raises(InputError, match="no face has finite uv"):
         verify(surface, UVMap(np.zeros((0, 2)), np.full_like(f, -1)))
-
-
-def test_seams_are_where_numbers_differ() -> None:
-    """uv vertices that are split but agree are no seam; a moved corner is one."""
-    p, f = shapes.grid(4, 4)
-    surface, _ = repair(Mesh(p, f), RepairOptions())
-    split = p[f.ravel(), :2].copy()
-    faces = np.arange(f.size).reshape(-1, 3)
-    assert not uv_seams(surface, UVMap(split, faces)).any()
-    split[faces[0]] += 5
-    e = surface.edges // 3
-    np.testing.assert_array_equal(uv_seams(surface, UVMap(split, faces)), (e == 0).any(1))
-
-
-def test_winding_of_the_file_does_not_matter() -> None:
-    """A face that the file winds the other way is turned for the solve, and so are its uv."""
-    p, f = shapes.grid(4, 4)
-    g = f.copy()
-    g[5] = g[5, ::-1]
-    surface, _ = repair(Mesh(p, g), RepairOptions())
-    corners, ok = corners_of(surface, UVMap(p[:, :2], g))
-    assert ok.all()
-    np.testing.assert_array_equal(corners, p[surface.faces][:, :, :2])
-    assert verify(surface, UVMap(p[:, :2], g)).flips == 0
 
 
 def test_the_visible_share_is_that_of_the_seams_of_the_uv() -> None:

@@ -1,5 +1,6 @@
 """A comparison as a page and as an image."""
 
+import itertools
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
@@ -103,6 +104,10 @@ def test_nothing_of_a_bar_chart_is_cut_off(key: str):
         if text.get("class") != "title":
             assert start >= -1, text.text
             assert start + size <= wide + 1, text.text
+    legend = [text for text in root.iter("text") if text.get("class") == "muted"]
+    for name, after in itertools.pairwise(legend):
+        if name.get("y") == after.get("y"):
+            assert float(name.get("x")) + 6.0 * len(name.text) <= float(after.get("x"))
 
 
 def test_captions_have_no_missing_glyphs():

@@ -46,6 +46,9 @@ def test_three_squares_and_every_face_in_each():
     groups = {g.get("id"): g for g in root.iter(f"{name}g") if g.get("id")}
     assert list(groups) == ["layout", "checker", "distortion"]
     whole = float(np.abs(scene.uv_areas).sum()) * 1e6
+    wide, high = (float(x) for x in root.get("viewBox").split()[2:])
+    assert wide >= 3 * 1000
+    assert high >= 1000
     layout = [p.get("d") for p in groups["layout"].iter(f"{name}path") if p.get("id")]
     assert sum(map(area_of, layout)) == pytest.approx(whole, rel=1e-4)
     (cells,) = [
