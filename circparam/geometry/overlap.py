@@ -157,7 +157,21 @@ def _on_itself(
 def _wound_twice(
     faces: IntArray, uv: FloatArray, chart: IntArray, h: IntArray, n: int
 ) -> BoolArray:
-    """(n,) charts with an inner vertex that its faces wind round more than once. h: boundary half-edges.
+    """(n,) charts with an inner vertex that its faces wind round more than once. h: boundary half-edges."""
+    bad = _twice(faces, uv, h)
+    out = np.zeros(n, bool)
+    if bad.any():
+        out[chart[bad[faces].any(1)]] = True
+    return out
+
+
+def wound_twice(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
+    """(n_vertices,) bool: inner vertices that their faces wind round more than once."""
+    return _twice(cut_mesh.faces, uv, cut_mesh.boundary)
+
+
+def _twice(faces: IntArray, uv: FloatArray, h: IntArray) -> BoolArray:
+    """(k,) bool, as ``wound_twice``; h: boundary half-edges.
 
     Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
     """
@@ -170,11 +184,8 @@ def _wound_twice(
     up, down = below_next > below_previous, below_previous > below_next
     passes = (up & (sign > 0)).view(np.int8) - (down & (sign < 0)).view(np.int8)
     turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
-    bad = (np.abs(turns) > 1) & ~on_boundary
-    out = np.zeros(n, bool)
-    if bad.any():
-        out[chart[bad[faces].any(1)]] = True
-    return out
+    result: BoolArray = (np.abs(turns) > 1) & ~on_boundary
+    return result
 
 
 def _inner_points(faces: IntArray, uv: FloatArray, chart: IntArray) -> tuple[IntArray, FloatArray]:

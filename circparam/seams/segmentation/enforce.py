@@ -26,6 +26,7 @@ from circparam.seams.segmentation.layout import (
 )
 from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
 from circparam.seams.segmentation.slits import slit_charts
+from circparam.seams.segmentation.trim import trim_overlaps
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
@@ -113,10 +114,12 @@ def _cut_open(
     slit = bad & ~layouts.overlapping & (group_count(chart[before], len(bad)) == 0)
     if slit.any():
         slit = slit_charts(atlas, layouts, slit)
-    split = bad & ~slit
-    cut = np.zeros(len(bad), bool)
+    cut = bad & layouts.overlapping & np.isfinite(layouts.energy) & ~found.pushed
+    if cut.any():
+        cut = trim_overlaps(atlas, found.graph, layouts, cut)
+    split = bad & ~slit & ~cut
     if split.any():
-        cut = _split(atlas, found, split, monitor)
+        cut |= _split(atlas, found, split, monitor)
     make_disks(atlas, found.graph)
     return cut, before | slit[chart]
 

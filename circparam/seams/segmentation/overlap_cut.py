@@ -12,7 +12,6 @@ from circparam.core.arrays import (
     first_of_runs,
     group_max,
     group_sum,
-    ranges,
 )
 from circparam.core.compiled import breadth_first_order, maximum_flow
 from circparam.core.graph import components, distances, matching, nearest, undirected
@@ -24,7 +23,6 @@ from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.layout import ChartLayouts
 
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
-PAIRS = 4  # of doubled parts that are cut apart in a round, in each chart
 NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
 WALL = 2.0**26  # capacity of an edge that must not be cut
 CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
@@ -129,7 +127,7 @@ def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolAr
 def _sides(
     graph: DualGraph, inner: BoolArray, layouts: ChartLayouts, faces: IntArray, point: FloatArray
 ) -> list[tuple[IntArray, IntArray]]:
-    """Cells of doubled parts of charts, and cells of what lies on them: a few disjoint pairs a chart.
+    """Cells of doubled parts of charts, and cells of what lies on them: disjoint pairs.
 
     inner: (e,) bool edges inside charts. faces, point: doubled faces and a doubled point of each. Where both
     are one part (a sheet that comes back on itself), those near either end of it.
@@ -157,8 +155,6 @@ def _sides(
     probe, cover = probe[distinct], cover[distinct]
     order = np.lexsort((-area[sheet[probe]], p.chart[faces[probe]]))
     probe, cover = probe[order], cover[order]
-    few = ranges(np.bincount(p.chart[faces[probe]])) < PAIRS
-    probe, cover = probe[few], cover[few]
     if len(probe) == 0:
         return []
     first, second = graph.cell[faces[probe]], graph.cell[faces[cover]]
