@@ -95,6 +95,13 @@ def numbered(values: IntArray) -> tuple[IntArray, IntArray]:
     return ordered[head], number
 
 
+def first_of_each(groups: IntArray, n: int) -> IntArray:
+    """(n,) the first member of each of ``n`` groups, none of which is empty."""
+    out = np.empty(n, np.int64)
+    out[groups[::-1]] = np.arange(len(groups))[::-1]  # of several the last one stays
+    return out
+
+
 def group_sum(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
     """Sum of the values of each of ``n`` groups, added in index order (so it is reproducible)."""
     return np.bincount(groups, values, n).astype(np.float64, copy=False)

@@ -6,6 +6,7 @@ import numpy as np
 
 from circparam.core.arrays import (
     cross2,
+    first_of_each,
     first_of_runs,
     group_sum,
     mask_of,
@@ -129,7 +130,7 @@ def turned_loops(boundary: BoundarySegments) -> BoolArray:
     """
     loop, _, total = boundary.along
     count = int(loop.max(initial=-1)) + 1
-    first = np.unique(loop, return_index=True)[1]
+    first = first_of_each(loop, count)
     origin = boundary.start[first][loop]
     area = group_sum(cross2(boundary.start - origin, boundary.end - origin), loop, count)
     outward = area > 1e-13 * total[first] ** 2  # a slit in the plane has no area but for rounding

@@ -138,8 +138,8 @@ def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArra
         first, second = nearby(boundary, margin * boundary.size, np.ones(cut_mesh.n_charts, bool))
         i, j = np.r_[i, first], np.r_[j, second]
     a, b = boundary.half_edge[i], boundary.half_edge[j]
-    pairs = np.stack([np.minimum(a, b), np.maximum(a, b)], 1)
-    return np.unique(pairs, axis=0) if len(pairs) else pairs
+    n = 3 * len(cut_mesh.faces)
+    return np.stack(np.divmod(sorted_distinct(edge_keys(a, b, n)), n), 1)
 
 
 def _on_itself(
@@ -147,11 +147,25 @@ def _on_itself(
 ) -> tuple[BoolArray, IntArray]:
     """((n,) charts that overlap themselves, (p, 2) half-edges of one chart's boundary that meet)."""
     i, j, undecided = meeting(boundary, between=False)
-    found = turned_out(boundary, len(boundary.size))
-    found |= _wound_twice(faces, uv, chart, boundary.half_edge, len(found))
+    found = _wound_wrongly(boundary, faces, uv, chart)
     found[boundary.chart[i]] = True
     found[undecided] = True
     return found, np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1)
+
+
+def wound_wrongly(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
+    """(n_charts,) bool, charts whose boundary does not meet itself that overlap themselves all the same."""
+    boundary = boundary_in(cut_mesh, uv)
+    return _wound_wrongly(boundary, cut_mesh.faces, uv, cut_mesh.chart)
+
+
+def _wound_wrongly(
+    boundary: BoundarySegments, faces: IntArray, uv: FloatArray, chart: IntArray
+) -> BoolArray:
+    """(n,) charts with a loop folded out, or with an inner vertex that is wound twice."""
+    found = turned_out(boundary, len(boundary.size))
+    found |= _wound_twice(faces, uv, chart, boundary.half_edge, len(found))
+    return found
 
 
 def _wound_twice(

@@ -70,7 +70,7 @@ def shared_edges(faces: IntArray) -> IntArray:
     """
     pairs = sort_by_edge(faces, int(faces.max(initial=-1)) + 1).pairs
     pairs = pairs[run_opposite(faces, pairs)]
-    return pairs[np.argsort(pairs[:, 0], kind="stable")]
+    return pairs[stable_order(pairs[:, 0])]
 
 
 def pair_half_edges(

@@ -73,7 +73,6 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
             turn = options.packed and options.turns != "none" and job.kept is None
             stored = stored_layout(job, cut_mesh, placed.uv, sign < 0, turn)
         uvmap = job.completed(cut_mesh, stored.uv, stored.double)
-        size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, placed.uv, keep))
         cascade = cascade.noted(*placed.notes, *stored.notes)
         fitted = Fitted(cascade, uvmap, stored.double)
         if not (stored.fault > 0).any():
@@ -84,6 +83,8 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         cascade = replace(after, packing=None)
         settled = options.packed and cascade.rules.may_split and not monitor.hurried
         if settled:
+            at_size = sized(cut_mesh, placed.uv, keep)
+            size = _length(cut_mesh, placed.uv) / _length(cut_mesh, at_size)
             cascade = _settle_stored(job, cascade, size, monitor)
     if not np.isfinite(fitted.uvmap.uv).all():
         raise NoResultError("no finite layout was found: try another --method, or --cut charts")

@@ -7,7 +7,7 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_of_runs,
+    first_of_each,
     group_sum,
     next_half_edge,
     slices,
@@ -36,8 +36,7 @@ def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
 
 def first_vertices(cut_mesh: CutMesh) -> IntArray:
     """(n_charts,) one vertex of every chart, to pin its translation."""
-    order = np.argsort(cut_mesh.vertex_chart, kind="stable")
-    return order[first_of_runs(cut_mesh.vertex_chart[order])]
+    return first_of_each(cut_mesh.vertex_chart, cut_mesh.n_charts)
 
 
 def from_jacobians(

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, numbered
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.geometry.intrinsic import signed_areas
-from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.cut_mesh import CutMesh, renumbered
 from circparam.mesh.halfedge import corner_classes
 
 WHOLE = 10**9  # rings: the whole chart
@@ -81,12 +81,12 @@ def cut_out(
     fid = np.flatnonzero(region)
     label = _moving_groups(cut_mesh.faces[fid], fixed, cut_mesh.n_vertices)
     chart = label[cut_mesh.faces[fid]].max(1)  # fixed vertices have label −1
-    _, chart = np.unique(chart, return_inverse=True)
+    _, chart = numbered(chart + 1)
     local = np.full(len(cut_mesh.faces), -1)
     local[fid] = np.arange(len(fid))
     i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
     both = region[i // 3] & region[j // 3]
-    edges = 3 * local[cut_mesh.edges[both] // 3] + cut_mesh.edges[both] % 3
+    edges = renumbered(cut_mesh.edges[both], local)
     edges = edges[chart[edges[:, 0] // 3] == chart[edges[:, 1] // 3]]
     n, faces = corner_classes(len(fid), edges)
     source = np.empty(n, np.int64)

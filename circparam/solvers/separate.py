@@ -19,6 +19,7 @@ from circparam.core.arrays import (
     group_count,
     group_sum,
     next_half_edge,
+    numbered,
 )
 from circparam.core.compiled import kd_tree
 from circparam.core.linalg import SparseMatrix
@@ -27,7 +28,7 @@ from circparam.core.records import dataclass
 from circparam.geometry.boundary import BoundarySegments, boundary_in
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
 from circparam.geometry.nearby import centres, within
-from circparam.geometry.overlap import self_overlapping
+from circparam.geometry.overlap import wound_wrongly
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.newton import Iterate, newton_step
 from circparam.solvers.objective import Objective, in_units_of_faces
@@ -162,12 +163,12 @@ def push_apart(
         energy, _ = Objective(work, None, 0.0).energies(u)
         todo &= energy <= limit
         boundary = boundary_in(work, u)
-        i, _, _ = meeting(boundary, between=False)
+        i, _, crowded = meeting(boundary, between=False)
         near = nearby(boundary, PULL * margin * boundary.size, todo, chamfers)
         close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))
         tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)
-        free[boundary.chart[i]] = free[boundary.chart[tight]] = False
+        free[boundary.chart[i]] = free[boundary.chart[tight]] = free[crowded] = False
         fine[charts[free]] = True
         todo &= ~free
         conflicts.append(group_count(boundary.chart[np.r_[i, tight]], len(todo)))
@@ -187,7 +188,7 @@ def push_apart(
         weight[todo] *= STIFFER
     if fine.any():  # parts folded out of a hole, or wound twice, have no boundaries that meet
         part, kept, _ = cut_mesh.subset(fine)
-        fine[fine] = ~self_overlapping(part, out[kept])
+        fine[fine] = ~wound_wrongly(part, out[kept])
     return out * scale, fine
 
 
@@ -327,7 +328,7 @@ def _outward(boundary: BoundarySegments, vertex: IntArray) -> tuple[FloatArray, 
 
     vertex: (k,) the boundary segments that begin there.
     """
-    v, inverse = np.unique(vertex, return_inverse=True)
+    v, inverse = numbered(vertex)
     place = boundary.start[v]
     leaves, back = boundary.end[v] - place, boundary.start[boundary.before[v]] - place
     # the middle of the wedge outside, counter-clockwise from the way back to the way on: right at slits too
@@ -339,5 +340,4 @@ def _outward(boundary: BoundarySegments, vertex: IntArray) -> tuple[FloatArray, 
     k, _, turns = windings(boundary, point, boundary.chart[v], own=True)
     covered = np.zeros(len(v), bool)
     covered[k[turns != 0]] = True
-    inverse = inverse.reshape(-1)
     return outward[inverse], covered[inverse]

@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, dot2, first_of_runs, norms2, ranges
+from circparam.core.arrays import (
+    FloatArray,
+    IntArray,
+    dot2,
+    first_of_runs,
+    norms2,
+    ranges,
+    stable_order,
+)
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.geometry.intersect import properly_cross
@@ -41,7 +49,7 @@ def sample_outlines(shapes: Shapes, step: float) -> Outlines:
     x, y = (np.floor(axis / (THINNED_SHARE * step)).astype(np.int64) for axis in points.T)
     x, y = x - x.min(initial=0), y - y.min(initial=0)
     key = (chart * (int(y.max(initial=0)) + 1) + y) * (int(x.max(initial=0)) + 1) + x
-    order = np.argsort(key, kind="stable")
+    order = stable_order(key)
     first = np.sort(order[first_of_runs(key[order])])
     return Outlines(points[first], start[edge[first]], end[edge[first]], chart[first], step)
 

@@ -8,9 +8,11 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     edge_keys,
+    first_of_each,
     group_count,
     group_sum,
     next_half_edge,
+    stable_order,
 )
 from circparam.core.graph import Graph, nearest, spanning_forest, undirected
 from circparam.core.linalg import Factor
@@ -41,7 +43,7 @@ def _turned(cut_mesh: CutMesh) -> FloatArray:
     m = len(cut_mesh.faces)
     length = cut_mesh.edge_lengths.ravel()[i]
     tree = spanning_forest(m, i // 3, j // 3, -length)
-    _, first = np.unique(cut_mesh.chart, return_index=True)
+    first = first_of_each(cut_mesh.chart, cut_mesh.n_charts)
     return _passed_on(cut_mesh, tree, first, np.zeros(len(first)))
 
 
@@ -85,7 +87,7 @@ def transported(cut_mesh: CutMesh, jacobian: FloatArray, moves: BoolArray) -> Fl
     _, before, source = nearest(links, fringe)
     reached = moves & (source >= 0) & (before >= 0)
     key = edge_keys(i[use], j[use], m)
-    order = np.argsort(key, kind="stable")
+    order = stable_order(key)
     child = np.flatnonzero(reached)
     step = edge_keys(child, before[child], m)
     tree = use[order[np.searchsorted(key[order], step)]]

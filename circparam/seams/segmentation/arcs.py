@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_sum,
-)
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, stable_order
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
@@ -45,7 +40,7 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
     vertex, entry = np.concatenate([a, b]), np.concatenate([k, k])
     keep = through[vertex]
     vertex, entry = vertex[keep], entry[keep]
-    entry = entry[np.argsort(vertex, kind="stable")]
+    entry = entry[stable_order(vertex)]
     count, arc = components(len(c), entry[::2], entry[1::2])
     h = atlas.surface.edges[c]
     p, q = chart[h[:, 0] // 3], chart[h[:, 1] // 3]

@@ -14,6 +14,7 @@ from circparam.core.arrays import (
     group_max,
     group_sum,
     norms3,
+    numbered,
     slices,
     sorted_distinct,
 )
@@ -115,8 +116,7 @@ def grow(
     middle = _far_seeds(graph, component, count)
     for turn in range(rounds + 1):
         _, _, source = nearest(graph, middle)
-        _, region = np.unique(source, return_inverse=True)
-        region = region.reshape(-1).astype(np.int64)
+        region = numbered(source)[1]
         if turn == rounds:
             break
         between = region[tail] != region[head]

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, stable_order
 from circparam.core.graph import components, distances, nearest, undirected
 from circparam.core.records import dataclass
 
@@ -56,7 +56,7 @@ def _chain_once(
     used = np.zeros(total, bool)
     used[node_a] = used[node_b] = True
     nodes = np.flatnonzero(used)
-    order = nodes[np.argsort(label[nodes], kind="stable")]
+    order = nodes[stable_order(label[nodes])]
     runs = first_of_runs(label[order])
     low, high = order[runs], order[np.r_[runs[1:], len(order)] - 1]
     opened = high >= n  # a closed chain has no junction node
