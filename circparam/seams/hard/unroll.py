@@ -44,23 +44,20 @@ def _turned(cut_mesh: CutMesh) -> FloatArray:
     length = cut_mesh.edge_lengths.ravel()[i]
     tree = spanning_forest(m, i // 3, j // 3, -length)
     first = first_of_each(cut_mesh.chart, cut_mesh.n_charts)
-    return _passed_on(cut_mesh, tree, first, np.zeros(len(first)))
+    return _passed_on(cut_mesh, tree, first)
 
 
-def _passed_on(cut_mesh: CutMesh, tree: IntArray, roots: IntArray, known: FloatArray) -> FloatArray:
+def _passed_on(cut_mesh: CutMesh, tree: IntArray, roots: IntArray) -> FloatArray:
     """(m,) rotations of rest triangles, passed on from the roots over a forest with one root a tree.
 
-    tree: rows of ``cut_mesh.edges``. known: (roots,) their rotations.
+    tree: rows of ``cut_mesh.edges``. The rotation of a root is 0.
     """
     m = len(cut_mesh.faces)
-    along = cut_mesh.rest_triangles[:, [1, 2, 0]] - cut_mesh.rest_triangles
-    angle = np.arctan2(along[..., 1], along[..., 0]).ravel()
-    a, b = cut_mesh.edges[tree, 0], cut_mesh.edges[tree, 1]
-    turn = np.mod(angle[a] - angle[b], 2 * np.pi) - np.pi  # of face b against face a
+    a, b = cut_mesh.edges[tree].T
+    turn = _turns_across(cut_mesh, a, b)
     # the Laplacian of the forest, held at its roots
     ends = np.stack([a // 3, b // 3], 1)
     right = group_sum(np.stack([-turn, turn], 1).ravel(), ends.ravel(), m)
-    right[roots] += known
     diagonal = group_count(ends.ravel(), m).astype(np.float64)
     diagonal[roots] += 1.0
     every = np.arange(m)
@@ -68,6 +65,13 @@ def _passed_on(cut_mesh: CutMesh, tree: IntArray, roots: IntArray, known: FloatA
     columns = np.concatenate([ends[:, 1], ends[:, 0], every])
     data = np.concatenate([np.full(2 * len(ends), -1.0), diagonal])
     return Factor(sps.csc_matrix((data, (rows, columns)), shape=(m, m))).solve(right)
+
+
+def _turns_across(cut_mesh: CutMesh, a: IntArray, b: IntArray) -> FloatArray:
+    """(k,) angles, −π to π, by which the faces of half-edges b are turned against those of a, beside them."""
+    corner = cut_mesh.rest_triangles.reshape(-1, 2)
+    (ax, ay), (bx, by) = ((corner[next_half_edge(h)] - corner[h]).T for h in (a, b))
+    return np.mod(np.arctan2(ay, ax) - np.arctan2(by, bx), 2 * np.pi) - np.pi
 
 
 def transported(cut_mesh: CutMesh, jacobian: FloatArray, moves: BoolArray) -> FloatArray:
@@ -90,10 +94,16 @@ def transported(cut_mesh: CutMesh, jacobian: FloatArray, moves: BoolArray) -> Fl
     order = stable_order(key)
     child = np.flatnonzero(reached)
     step = edge_keys(child, before[child], m)
-    tree = use[order[np.searchsorted(key[order], step)]]
+    p, q = cut_mesh.edges[use[order[np.searchsorted(key[order], step)]]].T
     own = np.arctan2(jacobian[1, 0] - jacobian[0, 1], jacobian[0, 0] + jacobian[1, 1])
-    rest = np.flatnonzero(~reached)
-    turn = _passed_on(cut_mesh, tree, rest, own[rest])
+    # turns are added up along the paths, over twice as many steps each time
+    turn, back = np.zeros(m), np.arange(m)
+    turn[child] = np.where(q // 3 == child, 1.0, -1.0) * _turns_across(cut_mesh, p, q)
+    back[child] = before[child]
+    while (further := back[back] != back).any():
+        turn[further] += turn[back[further]]
+        back = back[back]
+    turn += own[back]
     c, s = np.cos(turn), np.sin(turn)
     bent = np.stack([np.stack([c, -s]), np.stack([s, c])])
     return np.where(reached, bent, jacobian)
