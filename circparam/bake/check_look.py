@@ -18,12 +18,12 @@ from circparam.core.types import FloatArray, IntArray
 from circparam.formats.looks import Group, Material, Slot
 from circparam.formats.materials import srgb
 from circparam.geometry.raster import rasterise
+from circparam.geometry.visibility import GOLDEN
 
 PICTURE_PIXELS = 512  # side of a picture
 GROUND_VALUE = 0.5  # value of pixels without a surface
 EQUAL_PSNR_DB = 99.0  # dB of pictures that are the same to the last bit
 # the corners of an icosahedron: 12 directions spread evenly
-GOLDEN = (1 + 5**0.5) / 2
 VIEWS = [
     (*row,)
     for a in (-1.0, 1.0)

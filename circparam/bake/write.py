@@ -21,6 +21,7 @@ from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode, read
+from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned, y_up
@@ -111,7 +112,7 @@ def _images(path: Path, baked: Baked) -> dict[Path, bytes]:
         return {path: png(next(iter(baked.tiles.values())))}
     tiles = sorted(baked.tiles.items(), key=lambda item: item[0][::-1])
     return {
-        path.with_name(f"{path.stem}.{1001 + u + 10 * v}{path.suffix}"): png(image)
+        path.with_name(f"{path.stem}.{FIRST_UDIM + u + 10 * v}{path.suffix}"): png(image)
         for (u, v), image in tiles
     }
 

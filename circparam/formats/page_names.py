@@ -3,14 +3,14 @@
 import re
 from collections.abc import Sequence
 
-FIRST_PAGE = 1001  # UDIM number of the first page
+FIRST_UDIM = 1001  # UDIM number of the first page
 NOTE_START = "circparam page "
 
 
 def page_lines(names: Sequence[str]) -> list[str]:
     """A line for each page, without the sign of a comment; white space in a name becomes single blanks."""
     return [
-        f"{NOTE_START}{FIRST_PAGE + k} {' '.join(name.split())}" for k, name in enumerate(names)
+        f"{NOTE_START}{FIRST_UDIM + k} {' '.join(name.split())}" for k, name in enumerate(names)
     ]
 
 

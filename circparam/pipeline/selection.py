@@ -18,13 +18,13 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Named
+from circparam.formats.page_names import FIRST_UDIM
 from circparam.geometry.coverage import pages_of
 from circparam.pipeline.verify import Verification
 
 KINDS = ("material", "group", "node")
 NAMES_SHOWN = 6  # names of a file in one line
 UDIM_ROW_TILES = 10  # UDIM tiles of a row: 1001 to 1010; later pages go on in the same row
-FIRST_UDIM = 1001
 NAMELESS = "(no name)"
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.sampling import Closest
 from circparam.bake.write import embed, png, write_baked
-from circparam.errors import InputError, OptionError
+from circparam.errors import OptionError
 from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.morphing import with_frames
@@ -159,14 +159,6 @@ def test_a_source_in_other_axes_is_turned(tmp_path: Path):
     )
     normals = bake_document(turned, "normals", source=scan, size=16)
     assert normals.report["missed"] == 0
-
-
-def test_the_ending_says_what_is_written(files: Path):
-    baked = Baked({(0, 0): np.zeros((2, 2, 3), np.uint8)}, 1.0)
-    with pytest.raises(OptionError, match="bake into an image"):
-        write_baked(files / "a.jpg", baked, read(files / "new.obj"), 0, "texture")
-    with pytest.raises(InputError, match="no uv set 4"):
-        write_baked(files / "a.glb", baked, read(files / "new.obj"), 4, "texture")
 
 
 def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path):

@@ -18,24 +18,6 @@ def stacked(path: Path) -> Path:
     return obj(path, (p, f), p[:, :2] - np.repeat([[4.0, 0], [8, 0], [12, 0]], 9, 0))
 
 
-def test_charts_keep_shape_and_relative_size(tmp_path: Path) -> None:
-    mesh, out = stacked(tmp_path / "m.obj"), tmp_path / "o.obj"
-    got = report("pack", mesh, "-o", out, "--resolution", "256", *QUICK)
-    assert got["schema"] == "circparam/pack/1"
-    assert (got["charts"], got["overlap"], got["mirrored"], got["flips"]) == (3, 0, 0, 0)
-    assert got["gap_texels"] is None or got["gap_texels"] >= 5
-    assert got["border_texels"] >= 4
-    before, after = read(mesh), read(out)
-    a, b = before.uv(0), after.uv(0)
-    length = [
-        np.linalg.norm(u.uv[u.uv_faces][:, [1, 2, 0]] - u.uv[u.uv_faces], axis=2) for u in (a, b)
-    ]
-    scale = length[1] / length[0]
-    np.testing.assert_allclose(scale, scale[0, 0], rtol=1e-9)
-    assert 0 <= b.uv.min() < b.uv.max() <= 1
-    np.testing.assert_array_equal(before.mesh.points, after.mesh.points)
-
-
 def test_both_sides_of_a_sheet_keep_their_charts(tmp_path: Path) -> None:
     """One without uv is refused: tests/cli/test_refusals.py."""
     (p, f), mesh, out = shapes.grid(5, 5), tmp_path / "m.obj", tmp_path / "o.obj"

@@ -9,6 +9,7 @@ from typing import Any
 
 from circparam.formats.document import GROUPINGS
 from circparam.formats.gltf.model import Json
+from circparam.formats.page_names import FIRST_UDIM
 
 
 def stored_grouping(tree: Json, uv_set: int) -> str | None:
@@ -26,7 +27,9 @@ def store_grouping(tree: Json, uv_set: int, kind: str | None) -> None:
 
 def store_pages(tree: Json, uv_set: int, names: Sequence[str]) -> None:
     """Store the names of the pages of a uv set in a tree, in place, as {"1001": "steel", "1002": "paint"}."""
-    _store(tree, "pages", uv_set, {str(1001 + k): name for k, name in enumerate(names)} or None)
+    _store(
+        tree, "pages", uv_set, {str(FIRST_UDIM + k): name for k, name in enumerate(names)} or None
+    )
 
 
 def _store(tree: Json, key: str, uv_set: int, value: Any) -> None:

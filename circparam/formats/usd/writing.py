@@ -10,7 +10,7 @@ import numpy as np
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
-from circparam.formats.page_names import FIRST_PAGE
+from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import MeshPrim
 from circparam.formats.usd.stage import (
@@ -110,7 +110,7 @@ def name_pages(layer: Any, names: Sequence[str]) -> None:
         return
     own.pop("pages", None)
     if names:
-        own["pages"] = {str(FIRST_PAGE + k): name for k, name in enumerate(names)}
+        own["pages"] = {str(FIRST_UDIM + k): name for k, name in enumerate(names)}
     layer.customLayerData = {**data, **({"circparam": own} if own else {})}
 
 
