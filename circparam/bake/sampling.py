@@ -27,9 +27,8 @@ CANDIDATE_SAMPLES = 6
 FACING_SAMPLES = 24
 WALK_STEPS = 8
 
-# Samples of a surface: some for every face, enough for a fine sampling of small meshes, within the memory.
-SAMPLES_PER_FACE = 4
-FEWEST_SAMPLES, MOST_SAMPLES = 200_000, 2_000_000
+# samples of a surface: enough for a fine sampling of small meshes, within the memory
+SAMPLE_BOUNDS = (200_000, 2_000_000)
 
 DISTANCE_SAMPLES = 300  # faces whose middle is used to measure the distance of the source
 BLOCK_PLACES = 200_000  # places looked up at once: some hundred bytes each
@@ -99,8 +98,7 @@ class Closest:
         # sides meet by position
         self.beside = faces_across(len(faces), shared_edges(row_labels(points)[faces]))
         self.longest = float(np.sqrt(max((s * s).sum(1).max() for s in (a, b, b - a))))
-        samples = int(np.clip(SAMPLES_PER_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
-        self.face, r = samples_of(np.linalg.norm(normal, axis=1), samples)
+        self.face, r = samples_of(np.linalg.norm(normal, axis=1), SAMPLE_BOUNDS)
         self.tree = cKDTree(
             self.corners[self.face, 0] + r[:, 1:2] * a[self.face] + r[:, 2:] * b[self.face]
         )

@@ -9,6 +9,8 @@ from circparam.core.types import FloatArray, IntArray
 
 Nearest: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 
+SAMPLES_PER_FACE = 4  # mean, more where faces are large
+
 
 def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Closest point of triangles (…, 3, 3) to places (…, 3): ((…, 3) barycentric, (…) squared distance)."""
@@ -41,9 +43,10 @@ def _gap(p: FloatArray, corners: FloatArray, bary: FloatArray) -> FloatArray:
     return (d * d).sum(-1)
 
 
-def samples_of(areas: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """(face (s,), barycentric (s, 3)): the middle of every face, and ``count`` more places by area."""
+def samples_of(areas: FloatArray, bounds: tuple[int, int]) -> tuple[IntArray, FloatArray]:
+    """(face (s,), barycentric (s, 3)): the middle of every face, and more places by area, within bounds."""
     m, whole = len(areas), np.cumsum(areas)
+    count = int(np.clip(SAMPLES_PER_FACE * m, *bounds))
     spread = np.searchsorted(whole, (np.arange(count) + 0.5) / count * whole[-1])
     face = np.concatenate([np.arange(m), np.minimum(spread, m - 1)])
     r = np.random.default_rng(3).random((count, 2))

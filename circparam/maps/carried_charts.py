@@ -34,8 +34,7 @@ from circparam.packing.room import by_page, find_room
 
 CANDIDATE_SAMPLES = 12  # nearest samples whose faces are tried for the closest point
 WALK_STEPS = 64  # to neighbours, for as long as one is nearer
-SAMPLES_PER_FACE = 4  # mean, more where faces are large
-FEWEST_SAMPLES, MOST_SAMPLES = 50_000, 1_000_000
+SAMPLE_BOUNDS = (50_000, 1_000_000)  # samples of a surface
 UV_WEIGHT = 0.3  # of a distance in uv against one in space, in the choice of a side of a seam
 PLACES_AT_ONCE = 20_000  # places sought at once: some kilobytes each
 LAYER_DIAGONALS = 10.0  # diagonals by which charts lie apart
@@ -103,7 +102,7 @@ class SourceCharts:
         areas = atlas.surface.areas
         ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
         self.scale = float(np.sqrt(max(Tail.of(ratio, areas).percentile(50), 1e-300)))
-        self.sample, bary = spread_samples(surface.areas)
+        self.sample, bary = samples_of(surface.areas, SAMPLE_BOUNDS)
         self.places = np.einsum("pk,pkc->pc", bary, self.corners[self.sample])
         uv = np.einsum("pk,pkc->pc", bary, atlas.corners[self.sample])
         self.free = cKDTree(self.places)
@@ -180,12 +179,6 @@ class SourceCharts:
 
 def _nearest(tree: cKDTree, places: FloatArray) -> IntArray:
     return tree.query(places, k=min(CANDIDATE_SAMPLES, tree.n))[1].reshape(len(places), -1)
-
-
-def spread_samples(areas: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Samples of a surface, as ``samples_of``: some for each face, within bounds."""
-    count = np.clip(SAMPLES_PER_FACE * len(areas), FEWEST_SAMPLES, MOST_SAMPLES)
-    return samples_of(areas, int(count))
 
 
 @dataclass(frozen=True, eq=False)
