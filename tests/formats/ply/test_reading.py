@@ -97,6 +97,26 @@ def test_a_download_that_stopped_ends_in_zeros(kept: int) -> None:
         read_data(data[:end] + bytes(len(data) - end), format="ply")
 
 
+def test_an_end_of_zeros_is_a_stopped_download_in_rows_with_lists_alone(tmp_path: Path) -> None:
+    """Whatever stands between; vertices at the origin end a large file as well."""
+
+    def file(*order: str) -> bytes:
+        elements: dict[str, tuple[list[str], list[list[object]]]] = {
+            "vertex": (["float x", "float y", "float z"], [[1, 0, 0], [0, 1, 0], [0, 0, 0]]),
+            "face": (["list uchar int vertex_indices"], [[[0, 1, 2]]] * 400),
+            "other": (["char c"], [[7]]),
+        }
+        return build("binary_little_endian", {name: elements[name] for name in order})
+
+    stopped = file("vertex", "other", "face")[:-5000] + bytes(5000)
+    with pytest.raises(InputError, match="not filled to its end"):
+        read_data(stopped, format="ply")
+    path = tmp_path / "origin.ply"
+    large = file("face", "other", "vertex").replace(b"vertex 3\n", b"vertex 1400003\n")
+    path.write_bytes(large + bytes(12 * 1_400_000))
+    assert len(read(path).mesh.faces) == 400
+
+
 @pytest.mark.parametrize("sides", [(4, 4, 3), (4, 3), (4, 4, 4, 3, 3, 3), (5, 3, 3, 3)])
 def test_rows_shorter_than_the_first_are_all_read(sides: tuple[int, ...]) -> None:
     """The file ends before so many rows like the first would: it is whole for all that."""
