@@ -10,7 +10,7 @@ from circparam.formats.io import read
 from circparam.render.compare_page import png_url
 from circparam.render.side_by_side import MethodLayout, SideBySide, draw_layouts
 
-PICTURE_PIXELS = 170  # pixels of a picture
+THUMBNAIL_PIXELS = 170  # pixels of a picture
 LARGEST_RESULT_BYTES = 64_000_000  # bytes of a result that is read for a picture
 
 
@@ -24,7 +24,7 @@ def thumbnails(folder: Folder, name: str) -> list[str]:
         if uvmap is None:
             return []
         shown = SideBySide("", document.mesh, [MethodLayout("", uvmap)])
-        (drawn,) = draw_layouts(shown, PICTURE_PIXELS)
+        (drawn,) = draw_layouts(shown, THUMBNAIL_PIXELS)
         if drawn.images is not None:
             layout, checker, _ = drawn.images
             return [png_url(checker), png_url(layout)]

@@ -30,7 +30,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.solvers.tutte.weights import WEIGHTS
 
 POOR_DISTORTION = 1.5  # mean above which more landmarks are advised
-POSITIVE = "positive"  # tag that a row of WEIGHTS needs for maps that are one to one
+POSITIVE_TAG = "positive"  # tag that a row of WEIGHTS needs for maps that are one to one
 
 Surface: TypeAlias = (
     "Mesh | Document | str | os.PathLike[str] | tuple[npt.ArrayLike, npt.ArrayLike]"
@@ -115,7 +115,7 @@ def map_surfaces(
     relax = keywords.get("relax", True)
     pairs, routes = _pairs(landmarks, paths)
     layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
-    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
+    good = [name for name in WEIGHTS.names() if POSITIVE_TAG in WEIGHTS[name].tags]
     if method not in good:
         raise OptionError(
             f"a map needs weights that are positive on every mesh, not {method!r}: "

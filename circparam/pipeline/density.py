@@ -18,7 +18,7 @@ from circparam.geometry.page_figures import chart_densities
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.pipeline.named_numbers import EVEN, SOURCE, named_numbers
-from circparam.pipeline.selection import KINDS, faces_called, names_in, nearest_names
+from circparam.pipeline.selection import GROUP_KINDS, faces_called, names_in, nearest_names
 from circparam.pipeline.verify import Verification
 
 REST = "the rest"
@@ -84,7 +84,7 @@ def _called(document: Document, name: str) -> BoolArray:
         if not painted.any():
             raise OptionError(f"--density: no face is painted {name} at all its corners")
         return painted
-    kinds = [found for kind in KINDS if (found := document.named(kind)) is not None]
+    kinds = [found for kind in GROUP_KINDS if (found := document.named(kind)) is not None]
     for found in kinds:
         faces = faces_called(found, [name])
         if faces.any():

@@ -24,7 +24,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.pieces import LARGEST, project_charts, take_to_pieces
+from circparam.pipeline.pieces import MOST_SINGLES, project_charts, take_to_pieces
 
 SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
 HALVINGS = 12  # times that a chart may be halved before it is taken to pieces
@@ -118,7 +118,7 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
     # an isometric map may do where the method failed
     again = bad & (tries == 0) & (fault == FLIPPED) & (rules.remap and not late)
     split = bad & ~again if rules.may_split else np.zeros(n, bool)
-    split &= group_count(chart[cascade.singles >= LARGEST], n) == 0
+    split &= group_count(chart[cascade.singles >= MOST_SINGLES], n) == 0
     if not (again | split).any():
         return None
     with monitor.stage("repair layout"):

@@ -18,7 +18,7 @@ from circparam.mesh.topology_report import TopologyReport
 from circparam.pipeline.stored_groups import verify_set
 from circparam.pipeline.verify import Promise, Verification, reasons
 
-LARGEST = float(np.finfo(np.float32).max)  # larger uv mean nothing to a renderer
+LARGEST_FLOAT32 = float(np.finfo(np.float32).max)  # larger uv mean nothing to a renderer
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,11 @@ def inspect(
     if uv_set is None:
         return Inspection(document, topology, document.uv_sets, notes=notes)
     uvmap = document.require_uv(uv_set)
-    beyond = np.isfinite(uvmap.uv) & (np.abs(uvmap.uv) > LARGEST)
+    beyond = np.isfinite(uvmap.uv) & (np.abs(uvmap.uv) > LARGEST_FLOAT32)
     if beyond.any():
-        notes.append(f"uv beyond ±{LARGEST:.2g}, which do not fit float32, count as missing")
+        notes.append(
+            f"uv beyond ±{LARGEST_FLOAT32:.2g}, which do not fit float32, count as missing"
+        )
         uvmap = UVMap(np.where(beyond, np.nan, uvmap.uv), uvmap.uv_faces)
     surface, repairs = repair(document.mesh, RepairOptions(weld), uvmap)
     try:

@@ -11,7 +11,7 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
 
 STAND_IN = 1e-3  # least side of a triangle that stands in: of √(surface area) or the longest edge
-LARGEST = 8  # Cascade.singles at which no polygon that stands in grows any more
+MOST_SINGLES = 8  # Cascade.singles at which no polygon that stands in grows any more
 GROW = 16.0  # by which such a side grows where even that is not held
 # least share of its area with which a face may be seen along the axis of its neighbours
 STEEP = 0.35

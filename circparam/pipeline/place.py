@@ -17,7 +17,7 @@ from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import Options
 from circparam.pipeline.verify import reversed_charts
 
-LEVEL = 1e-9  # by which densities of pages may differ
+DENSITY_TOLERANCE = 1e-9  # by which densities of pages may differ
 
 
 def chart_signs(surface: Surface, cut_mesh: CutMesh, options: Options) -> FloatArray:
@@ -94,9 +94,9 @@ def pack_sorted(
     numbers = np.unique(label)
     scale = packed_alone(asked, numbers)
     least = float(scale.min())
-    if asked.fixed_scale is None and (scale > least * (1 + LEVEL)).any():
+    if asked.fixed_scale is None and (scale > least * (1 + DENSITY_TOLERANCE)).any():
         level = replace(asked, texel_density=least * asked.resolution)
-        packed_alone(level, numbers[scale > least * (1 + LEVEL)])
+        packed_alone(level, numbers[scale > least * (1 + DENSITY_TOLERANCE)])
     return Placed(uv, [])
 
 

@@ -22,7 +22,7 @@ from circparam.formats.page_names import FIRST_UDIM
 from circparam.geometry.coverage import pages_of
 from circparam.pipeline.verify import Verification
 
-KINDS = ("material", "group", "node")
+GROUP_KINDS = ("material", "group", "node")
 NAMES_SHOWN = 6  # names of a file in one line
 UDIM_ROW_TILES = 10  # UDIM tiles of a row: 1001 to 1010; later pages go on in the same row
 NAMELESS = "(no name)"
@@ -60,7 +60,7 @@ def named_by(document: Document, kind: str, missing: str, cure: str) -> Named:
     else ``cure``."""
     found = document.named(kind)
     if found is None:
-        there = [f"{k}s" for k in KINDS if document.named(k) is not None]
+        there = [f"{k}s" for k in GROUP_KINDS if document.named(k) is not None]
         cure = f"it names {' and '.join(there)}" if there else cure
         raise OptionError(f"{missing}: {document.source.name} names no {kind}s; {cure}")
     return found
@@ -77,8 +77,10 @@ def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
     if isinstance(given, str):
         # the triangles of the names of a selection
         kind, _, names = (part.strip() for part in given.partition("="))
-        if kind not in KINDS or not names:
-            near = difflib.get_close_matches(kind, KINDS, n=1, cutoff=0.5) or list(KINDS)
+        if kind not in GROUP_KINDS or not names:
+            near = difflib.get_close_matches(kind, GROUP_KINDS, n=1, cutoff=0.5) or list(
+                GROUP_KINDS
+            )
             raise OptionError(f"{flag} {given!r}: write {' or '.join(f'{k}=NAME' for k in near)}")
         found = named_by(document, kind, f"{flag} {given!r}", "give a file of face numbers")
         known = names_in(found)

@@ -26,8 +26,8 @@ from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 
 BOUND_SLACK = 1e-4  # relative: increase of the distortion by storing uv in float32
-TAIL = 1e-3  # share of the surface on which the stretch may be larger than promised
-EVEN = 1e-9  # share of a chart's area by which one side must outweigh the other
+STRETCHED_AREA_SHARE = 1e-3  # share of the surface on which the stretch may be larger than promised
+EVEN_AREA_SHARE = 1e-9  # share of a chart's area by which one side must outweigh the other
 OFFSET_SLACK = 1e-9  # of a page: rounding of u + 1 to decimals, far below any texel
 EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may lie
 
@@ -313,7 +313,7 @@ def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     balance = group_sum(
         np.where(surface.reversed_faces, -surface.areas, surface.areas), cut_mesh.chart, n
     )
-    even = np.abs(balance) <= EVEN * group_sum(surface.areas, cut_mesh.chart, n)
+    even = np.abs(balance) <= EVEN_AREA_SHARE * group_sum(surface.areas, cut_mesh.chart, n)
     charts, first = np.unique(cut_mesh.chart, return_index=True)
     front = np.zeros(n, bool)
     front[charts] = surface.reversed_faces[first]
@@ -345,7 +345,7 @@ def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
 @dataclass(frozen=True)
 class Promise:
     """The promises of the options. bound: None if the cut promises none. padding: texels. stretch: limit for
-    all but ``TAIL`` of the surface, None without one.
+    all but ``STRETCHED_AREA_SHARE`` of the surface, None without one.
     """
 
     bound: float | None = None
@@ -388,10 +388,10 @@ def reasons(v: Verification, promise: Promise, made: BoolArray | None = None) ->
             out.append(f"{_named(high)} above the bound {promise.bound:g}: up to {worst:.4g}")
     if promise.stretch is not None:
         share = v.measures.tail.share_over(promise.stretch * (1 + BOUND_SLACK))
-        if share > TAIL:
+        if share > STRETCHED_AREA_SHARE:
             out.append(
                 f"{percent(share)} of the surface are stretched or shrunk more than "
-                f"{promise.stretch:g} times: the limit is {100 * TAIL:g} %"
+                f"{promise.stretch:g} times: the limit is {100 * STRETCHED_AREA_SHARE:g} %"
             )
     if promise.padding is not None and v.coverage is not None:
         c = v.coverage

@@ -14,7 +14,7 @@ from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade
-from circparam.pipeline.pieces import LARGEST, STEEP, project_charts, take_to_pieces
+from circparam.pipeline.pieces import MOST_SINGLES, STEEP, project_charts, take_to_pieces
 from tests.support import shapes, strategies
 from tests.support.cascades import flat, sound, start, surface_of
 
@@ -159,7 +159,7 @@ def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() ->
         cascade = after
         seen.append((np.ptp(cascade.open()[1], axis=0).max(), int(cascade.singles[0])))
     assert len(seen) < 40, "it ends"
-    assert cascade.singles.max() == LARGEST
+    assert cascade.singles.max() == MOST_SINGLES
     assert "got a regular polygon instead" in cascade.repairs[-1]
     cut_mesh, uv = cascade.open()
     assert cascade.kept_sizes(cut_mesh).all()
