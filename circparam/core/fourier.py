@@ -7,6 +7,7 @@ from circparam.core.imports import alone
 try:
     with alone("scipy.fft"):
         from scipy.fft._pocketfft import (  # type: ignore[import-not-found]
+            fft,
             ifft,
             irfft,
             irfftn,
@@ -15,7 +16,7 @@ try:
         )
         from scipy.fft._pocketfft.helper import good_size  # type: ignore[import-not-found]
 except ImportError:  # modules that are private to SciPy, in a version that has them elsewhere
-    from scipy.fft import ifft, irfft, irfftn, next_fast_len, rfft, rfftn
+    from scipy.fft import fft, ifft, irfft, irfftn, next_fast_len, rfft, rfftn
 
     def good_size(target: int, real: bool) -> int:
         """A size from ``target`` on whose transform is fast."""
@@ -32,4 +33,4 @@ def irfft2(a: Any, s: tuple[int, int]) -> Any:
     return irfftn(a, s, axes=(-2, -1))
 
 
-__all__ = ["good_size", "ifft", "irfft", "irfft2", "rfft", "rfft2"]
+__all__ = ["fft", "good_size", "ifft", "irfft", "irfft2", "rfft", "rfft2"]

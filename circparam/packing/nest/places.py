@@ -67,10 +67,9 @@ def best_place(
 
 def spectra_of(masks: Masks, size: int) -> Spectrum:
     """(k, size, size // 2 + 1) conjugate spectra of the masks of a chart on a grid of ``size`` cells a side."""
-    block = np.zeros((len(masks.cells), size, size), np.float32)
-    h, w = (min(n, size) for n in masks.cells.shape[1:])
-    block[:, :h, :w] = masks.cells[:, :h, :w]
-    spectra: Spectrum = np.conj(sf.rfft2(block))
+    # the rows below a mask are empty, and so are their transforms
+    rows = sf.rfft(masks.cells[:, :size, :size].astype(np.float32), n=size, axis=2)
+    spectra: Spectrum = np.conj(sf.fft(rows, n=size, axis=1))
     return spectra
 
 
