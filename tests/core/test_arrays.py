@@ -8,12 +8,14 @@ from circparam.core.arrays import (
     cross2,
     dot,
     edge_keys,
+    first_of_each,
     first_of_runs,
     group_count,
     group_max,
     group_min,
     group_sum,
     next_half_edge,
+    numbered,
     ranges,
     relabel,
     slices,
@@ -93,3 +95,18 @@ def test_equal_keys_stay_in_their_order(pairs: list[tuple[int, int]], shift: int
     values = [(high << shift) + low + (far if shift == 0 else 0) for high, low in pairs]
     order = stable_order(np.array(values, np.int64)).tolist()
     assert order == sorted(range(len(values)), key=lambda k: values[k])
+
+
+@given(st.lists(st.integers(0, 9) | st.integers(-3, 2**50), max_size=60))
+def test_values_are_numbered_in_ascending_order(values: list[int]) -> None:
+    distinct, number = numbered(np.array(values, np.int64))
+    assert distinct.tolist() == sorted_distinct(np.array(values, np.int64)).tolist()
+    assert distinct.tolist() == sorted(set(values))
+    assert distinct[number].tolist() == values
+
+
+@given(st.lists(st.integers(0, 4), max_size=20))
+def test_the_first_of_each_group_has_the_lowest_index(more: list[int]) -> None:
+    groups = [3, 1, 0, 2, 4, *more]
+    first = first_of_each(np.array(groups, np.int64), 5)
+    assert first.tolist() == [groups.index(k) for k in range(5)]
