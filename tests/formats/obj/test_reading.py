@@ -79,3 +79,20 @@ def test_a_byte_order_mark_hides_no_line() -> None:
     np.testing.assert_array_equal(document.mesh.points, read_data(text, format="obj").mesh.points)
     layout = UVMap(np.eye(3)[:, :2], document.mesh.faces)
     assert encode(document, layout, "obj").data.startswith(mark + text[:-8])
+
+
+def test_normals_are_unit_vectors_of_corners_and_of_faces_where_they_have_no_direction() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 2\nvn 0 3 4\nvn 0 0 0\nf 1//1 2//2 3//3\nf 1//2 3//2 2//2\n"
+    normals = read_data(data).normals()
+    up, lean = [0, 0, 1], [0, 0.6, 0.8]
+    np.testing.assert_allclose(normals, [[up, lean, up], [lean] * 3], atol=1e-15)
+    assert read_data(data.replace(b"f 1//1 2//2", b"f 1 2//2")).normals() is None
+
+
+def test_a_vt_has_one_number_or_more() -> None:
+    """The second is 0 where it is missing."""
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nvt 0.25 0.75 9\nf 1/1 2/2 3/1\n"
+    uvmap = read_data(data).uv()
+    assert uvmap.uv[uvmap.uv_faces].tolist() == [[[0.5, 0], [0.25, 0.75], [0.5, 0]]]
+    with pytest.raises(InputError, match="line 4"):
+        read_data(data.replace(b"vt 0.5", b"vt")).uv()
