@@ -21,7 +21,6 @@ from circparam.seams.moves.glue import MergeOptions
 from circparam.seams.moves.reroute import move_seams
 from circparam.seams.multires.decimate import Proxy, decimate, priced, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
-from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
 from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
@@ -45,10 +44,6 @@ LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many t
 DRAFT_LEVEL_FACES = 50_000
 # the same for the mesh after a level: splitting large charts gives less back
 LEVEL_SLACK_EXCESS = 0.08
-# of the bound's excess that is given up to roughness: beyond it charts are split
-ROUGH_MOST_EXCESS = 0.7
-# times the mean roughness: half of the charts have more, and pieces of those more yet
-ROUGH_TIMES_MEAN = 1.3
 LEVEL_STEPS = dataclasses.replace(FINAL, max_iterations=3, local=LOCAL)  # from a level on
 
 
@@ -212,11 +207,8 @@ def _from_level(
     draft = options.search.draft
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
-        # what a draft saves by not looking is more than what the cuts on a rough mesh take
-        rough = 0.0 if draft else ROUGH_TIMES_MEAN * roughness(surface, level.surface, near)
-    lost = min(rough, ROUGH_MOST_EXCESS * (bound - 1))
     middle = with_visibility(level.surface, options, monitor)
-    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK_EXCESS) - lost
+    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK_EXCESS)
     with _before_transfer(monitor):
         best = stretch_held(_level_atlas(middle, inner, options, monitor), inner, options, monitor)
     with monitor.stage("carry"):
