@@ -42,8 +42,6 @@ LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many t
 # the same as LEVEL_FACES in drafts, whose levels may be as small as the ratio makes them: of 65,000 to 124,000
 # faces they take 0.8 of the time without a level (docs/experiments/draft-profile.md)
 DRAFT_LEVEL_FACES = 50_000
-# the same for the mesh after a level: splitting large charts gives less back
-LEVEL_SLACK_EXCESS = 0.08
 LEVEL_STEPS = dataclasses.replace(FINAL, max_iterations=3, local=LOCAL)  # from a level on
 
 
@@ -208,14 +206,13 @@ def _from_level(
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
     middle = with_visibility(level.surface, options, monitor)
-    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK_EXCESS)
     with _before_transfer(monitor):
-        best = stretch_held(_level_atlas(middle, inner, options, monitor), inner, options, monitor)
+        best = stretch_held(_level_atlas(middle, bound, options, monitor), bound, options, monitor)
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
         blind, graph = surface.unpriced(), dual_graph(surface)
         atlas = from_level(blind, graph, best, level, near)
-    return Decided(atlas, graph, _relaxing(inner, options), merged=draft)
+    return Decided(atlas, graph, _relaxing(bound, options), merged=draft)
 
 
 def _level_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
