@@ -25,8 +25,8 @@ def trim_overlaps(
 ) -> BoolArray:
     """Cut off the faces that lie on others of their chart, of both sheets the smaller one.
 
-    which: (n,) bool, charts. Returns (n,) bool: charts without overlaps now. A chart that would lose more than
-    one part stays as it is, because a cut in two does not leave more charts.
+    which: (n,) bool, charts. Returns (n,) bool: charts without overlaps now. A chart that would fall into more
+    than two pieces stays as it is, because a cut in two does not leave more charts.
     """
     p, surface = layouts.cut_mesh, atlas.surface
     seeds = _seeds(layouts, which)
@@ -38,11 +38,11 @@ def trim_overlaps(
     inner = ~atlas.cut
     off = mask_of(graph.n, graph.cell[_losers(p.areas, pairs, left[inner], right[inner])])
     off = off[graph.cell]
-    inner &= off[left] & off[right]
-    n, spot = components(len(off), left[inner], right[inner])
-    owner = np.full(n, -1)
-    owner[spot[off]] = p.chart[off]
-    clear &= group_count(owner[owner >= 0], len(which)) <= 1
+    inner &= off[left] == off[right]
+    n, piece = components(len(off), left[inner], right[inner])
+    owner = np.empty(n, np.int64)
+    owner[piece] = p.chart
+    clear &= group_count(owner, len(which)) <= 2
     off &= clear[p.chart]
     atlas.cut |= off[left] != off[right]
     return clear
