@@ -8,7 +8,7 @@ from circparam.geometry.straight import directions, straight_edges
 from circparam.packing.outlines import Shapes
 
 # share of an outline that runs along two perpendicular directions where a chart counts
-STRAIGHT_SHARE = 0.4
+STRAIGHT_SHARE = 0.5
 EXACT_RADIANS = 1e-9  # radians within which a chart lies along the axes
 _QUARTER = np.pi / 2
 

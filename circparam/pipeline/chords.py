@@ -10,7 +10,7 @@ from circparam.geometry.intersect import properly_cross
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.outlines import ANGLE_STEPS
 
-ANCHORS = 72  # points of an outline between which chords are tried
+ANCHORS = 2 * ANGLE_STEPS  # points of an outline between which chords are tried
 
 
 @dataclass(frozen=True, eq=False)

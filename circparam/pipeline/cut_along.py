@@ -16,7 +16,7 @@ from circparam.seams.segmentation.layout import judge
 from circparam.solvers.newton import relax
 
 BAND = 0.2  # of a chord's length, and two edges: largest distance of the path along edges from the chord
-ALIKE = 1.6  # ratio of the areas that the chord and the way cut off, at most: with 2 long charts fit on no page
+ALIKE = 2.0  # ratio of the areas that the chord and the way cut off, at most
 
 
 @dataclass(frozen=True, eq=False)

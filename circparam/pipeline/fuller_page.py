@@ -27,12 +27,12 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.page_cuts import Cutter, joined
 from circparam.pipeline.page_search import CELLS, Plan, Search
 from circparam.pipeline.place import chart_signs, sized
+from circparam.seams.search import WORK
 from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import TAIL, share_over
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.stretch import STRETCH, stretch_asked
 
-WORK = 12.0  # work of a search: charts are cut that have so many faces together, in faces of the surface
 PACKED = 2  # plans that are packed after the page without cuts; a draft packs one
 
 

@@ -11,6 +11,7 @@ from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
+from circparam.packing.outlines import ANGLE_STEPS
 from circparam.pipeline.chords import (
     Chords,
     Outline,
@@ -24,7 +25,7 @@ from circparam.seams.cost import COST
 from circparam.seams.hard.regions import hard_components
 from circparam.seams.prices import edge_prices
 
-CORNERS = 100  # of an outline along the side of the square that all charts cover
+CORNERS = ANGLE_STEPS  # of an outline along the side of the square that all charts cover
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,6 @@ from circparam.seams.cost import COST
 CELLS = 32  # squared: cells that all charts cover together on a sketch
 TRIES = 2  # orders of charts without a smaller page after which a sketch is done
 COARSE = 2  # cells by which a page with one cut more may seem larger
-SKETCHED = 30  # charts on a sketch at most, the largest: small ones lie between them
 CHORDS = 8  # that are sketched for each cut
 AHEAD = 2  # cuts without gain that are made before the search ends
 
@@ -144,8 +143,7 @@ class Search:
     def _sketched_share(self, outlines: list[Outline], below: int) -> float:
         """Logarithm of the covered share of the smallest page that is found for some outlines; −∞ if it has not
         fewer cells a side than ``below``."""
-        largest = sorted(outlines, key=lambda o: -o.area)[:SKETCHED]
-        sketches = [self._grid.sketch(*o.edges) for o in largest]
+        sketches = [self._grid.sketch(*o.edges) for o in outlines]
         budget = Budget(np.inf, lambda: self.monitor.expired)
         page = least_page(sketches, below, TRIES, budget)
         return -np.inf if page is None else 2 * float(np.log(CELLS / page.side))

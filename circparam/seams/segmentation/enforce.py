@@ -32,7 +32,6 @@ from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
 
 ROUNDS = 40
-UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 
 
@@ -56,9 +55,8 @@ def enforce(
     slit = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that were slit
     whole, faces = atlas, np.ones(len(slit), bool)
     clear, last = np.zeros(len(slit), bool), atlas.corners
-    for turn in range(ROUNDS):
-        small = np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES
-        pushed = (small | (turn == 0)) & (options.bound is None)
+    for _ in range(ROUNDS):
+        pushed = np.full(layouts.cut_mesh.n_charts, options.bound is None)
         layouts = unstick(atlas, layouts, bound, monitor, pushed)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:

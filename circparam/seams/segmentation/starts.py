@@ -23,13 +23,13 @@ from circparam.seams.segmentation.grow import (
 )
 from circparam.seams.segmentation.layout import lay_out_fresh
 
+# regions of a draft: from 12 most charts were halved eight times before they were below the bound
+REGIONS = 30
+DRAFT_START = (1.0, REGIONS)
 # (size of the proxy, regions that charts are grown from) of each start of a search. Which leads to the fewest
 # charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
-# faces). The draft beside a search is the fourth.
-# of a draft: from 12 most charts were halved eight times before they were below the bound
-REGIONS = 30
+# faces). The draft beside a search is the fourth. Surfaces without a proxy get the first two.
 STARTS = ((1.0, 2 * REGIONS), (0.7, REGIONS), (0.5, 100))
-DRAFT_START = (1.0, REGIONS)
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
 DIRECT_FACES = 1_500
 
@@ -38,7 +38,7 @@ def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:
     """(size of the proxy, regions) of each start of a search; size 1 is that of a draft."""
     if search.draft:
         return [DRAFT_START]
-    return [*STARTS, DRAFT_START] if len(surface.faces) <= DIRECT_FACES else list(STARTS)
+    return list(STARTS[:2] if len(surface.faces) <= DIRECT_FACES else STARTS)
 
 
 def searched(
