@@ -217,7 +217,8 @@ class Search:
             halves = split(part.outline, int(part.chords.i[trial.k]), int(part.chords.j[trial.k]))
             rest = [p.outline for n, p in enumerate(plan.parts) if n != trial.n]
             wanted = max((trial.seam + COST.chart - least) / COST.page, plan.log_share)
-            below = int(CELLS * np.exp(-wanted / 2)) + COARSE
+            # a plan whose sketch found no page has no share
+            below = int(CELLS * min(np.exp(-wanted / 2), 2.0)) + COARSE
             share = self._sketched_share([*rest, *halves], below)
             if share > -np.inf:
                 found.append(replace(trial, log_share=share))
