@@ -86,14 +86,11 @@ class Search:
     def plans(self, log_share: float) -> list[Plan]:
         """The plan without a cut, and plans with one cut more each.
 
-        log_share: of the page without cuts. Sketches are compared with its sketch, which is as coarse. Where no
-        sketch holds all charts, nothing tells what a cut pays.
+        log_share: of the page without cuts. Sketches are compared with its sketch, which is as coarse.
         """
         charts = self.cutter.charts
         plans = [Plan(charts, 0.0, 0, self._log_share(charts) if self.sketches else log_share)]
         best = plans[0]
-        if best.log_share == -np.inf:
-            return plans
         while plans[-1].cuts < min(best.cuts + AHEAD, self.most) and not self.budget.over:
             after = self._following(plans[-1])
             if after is None:

@@ -64,6 +64,13 @@ def near(path: Path, **options: Any) -> float:
     return float(length[np.unique(pairs)].sum() / np.linalg.norm(boundary.size))
 
 
+def beaten(found: tuple[int, float, float], other: tuple[int, float, float]) -> bool:
+    """Whether the other layout has fewer charts and shorter seams at no more distortion."""
+    charts, seam, distortion = found
+    fewer, shorter, same = other
+    return fewer < charts and shorter < (1 - NOISE) * seam and same <= (1 + NOISE) * distortion
+
+
 @pytest.mark.parametrize("effort", ["draft", 1])
 @pytest.mark.parametrize("option", COUNTS, ids=str)
 @pytest.mark.parametrize("path", MESHES)
@@ -78,10 +85,13 @@ def test_a_number_of_charts_never_leads_to_more(
 def test_no_option_gives_fewer_charts_and_shorter_seams_at_the_same_distortion(
     path: Path, option: dict[str, Any]
 ) -> None:
-    charts, seam, distortion = figures(path)
-    fewer, shorter, same = figures(path, **option)
-    beaten = fewer < charts and shorter < (1 - NOISE) * seam and same <= (1 + NOISE) * distortion
-    if beaten and path.name in TOUCHING:
+    """An option that beats one search by luck does not beat eight."""
+    if not beaten(figures(path), figures(path, **option)):
+        return
+    if path.name in TOUCHING:
         assert near(path, **option) > near(path)
         return
-    assert not beaten, f"{option}: {figures(path, **option)} where the default has {figures(path)}"
+    eight = figures(path, effort=8)
+    assert not beaten(eight, figures(path, **option)), (
+        f"{option}: {figures(path, **option)}, {eight}"
+    )
