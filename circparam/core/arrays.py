@@ -1,5 +1,7 @@
 """The few array operations that NumPy lacks and every room needs."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from circparam.core.compiled import compressed_rows
@@ -9,6 +11,7 @@ from circparam.core.types import FloatArray as FloatArray
 from circparam.core.types import IntArray as IntArray
 
 SLICE_ROWS = 8192  # rows of a large array per slice
+BLOCK_ENTRIES = 1_000_000  # entries that rows make at once: bounds the memory at about 0.2 GB
 
 
 def next_half_edge(h: IntArray) -> IntArray:
@@ -24,6 +27,12 @@ def slices(count: int, size: int = SLICE_ROWS) -> list[slice]:
     Work on all faces of a large mesh takes a half to a fifth of the time, and no further memory.
     """
     return [slice(k, min(k + size, count)) for k in range(0, count, size)]
+
+
+def blocks(counts: IntArray, most: int = BLOCK_ENTRIES) -> list[slice]:
+    """Slices through rows that make so many entries each: about ``most`` entries; at least one slice."""
+    ends = np.flatnonzero(np.diff(np.cumsum(counts) // most)) + 1
+    return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(counts)])]
 
 
 def edge_keys(a: IntArray, b: IntArray, n: int) -> IntArray:

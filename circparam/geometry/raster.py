@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import cross_areas, ranges, slices, sorted_distinct
+from circparam.core.arrays import blocks, cross_areas, ranges, slices, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -23,7 +23,6 @@ LabelGrid: TypeAlias = npt.NDArray[np.int32]
 CHUNK_FRAGMENTS = 4_000_000  # fragments at once: bounds the memory at about 0.3 GB
 # rows of a page at once: arrays of 4096 texels a row stay in the cache, a third of the time
 BAND_ROWS = 32
-ROWS_AT_ONCE = 1_000_000  # rows of triangles at once: bounds the memory at about 0.2 GB
 # texels: a gap looked for up to here is found offset by offset, beyond by trees, in less time there
 NEAR_TEXELS = 16
 # texels: a centre this close to an edge counts as covered; far above the rounding of the check (1e-12), far
@@ -169,11 +168,9 @@ def covered_runs(corners: FloatArray, height: int) -> Iterator[tuple[IntArray, .
     low = np.maximum(np.ceil(p[:, :, 1].min(1) - EDGE), 0).astype(np.int64)
     high = np.minimum(np.floor(p[:, :, 1].max(1) + EDGE), height - 1).astype(np.int64)
     count = np.maximum(high - low + 1, 0)
-    block = np.cumsum(count) // ROWS_AT_ONCE
-    edges = np.r_[0, np.flatnonzero(np.diff(block)) + 1, len(p)] if len(p) else np.zeros(1, int)
-    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        triangle = a + np.repeat(np.arange(b - a), count[a:b])
-        row = low[triangle] + ranges(count[a:b])
+    for k in blocks(count):
+        triangle = k.start + np.repeat(np.arange(k.stop - k.start), count[k])
+        row = low[triangle] + ranges(count[k])
         first, length = _run(p, triangle, row)
         keep = length > 0
         yield triangle[keep], row[keep], first[keep], length[keep]

@@ -7,7 +7,7 @@ and only the remaining pairs are tested ray by ray.
 
 import numpy as np
 
-from circparam.core.arrays import first_of_runs, ranges, relabel, unit
+from circparam.core.arrays import blocks, first_of_runs, ranges, relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
@@ -153,10 +153,9 @@ def _first(tree: BoxTree, lines: _Lines, nearest: bool) -> tuple[IntArray, Float
     by_packet = np.argsort(packet, kind="stable")
     size = np.bincount(packet, minlength=len(start))
     begin, count = (np.cumsum(size) - size)[segment], size[segment]
-    block = np.cumsum(count) // BLOCK_PAIRS
     columns = np.concatenate([lines.origin.T, lines.direction.T, lines.reach[None]])
     found = []
-    for part in np.split(np.arange(len(count)), np.flatnonzero(np.diff(block)) + 1):
+    for part in blocks(count, BLOCK_PAIRS):
         c = count[part]
         ray = by_packet[np.repeat(begin[part], c) + ranges(c)]
         found.append(_met(tree, columns, ray, np.repeat(candidate[part], c)))

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circparam.core.arrays import (
+    blocks,
     cross2,
     dot,
     edge_keys,
@@ -110,3 +111,13 @@ def test_the_first_of_each_group_has_the_lowest_index(more: list[int]) -> None:
     groups = [3, 1, 0, 2, 4, *more]
     first = first_of_each(np.array(groups, np.int64), 5)
     assert first.tolist() == [groups.index(k) for k in range(5)]
+
+
+def test_blocks_hold_every_row_once_and_no_more_entries_than_asked_for() -> None:
+    counts = np.random.default_rng(3).integers(0, 9, 200)
+    found = blocks(counts, 50)
+    assert [k for part in found for k in range(part.start, part.stop)] == list(range(200))
+    assert max(counts[part].sum() for part in found) < 50 + 9
+    assert len(found) <= counts.sum() // 50 + 1
+    assert blocks(counts[:0], 50) == [slice(0, 0)]
+    assert blocks(np.array([70, 80, 5]), 50) == [slice(0, 1), slice(1, 3)]

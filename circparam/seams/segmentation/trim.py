@@ -1,11 +1,14 @@
 """Cut off the few faces with which charts lie on themselves, and leave all other faces where they lie."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    blocks,
     edge_keys,
     group_count,
     group_sum,
@@ -29,8 +32,8 @@ def trim_overlaps(
     than two pieces stays as it is, because a cut in two does not leave more charts.
     """
     p, surface = layouts.cut_mesh, atlas.surface
-    seeds = _seeds(layouts, which)
-    pairs = _lying_pairs(layouts, np.ascontiguousarray(p.edges.T) // 3, seeds)
+    sides = np.ascontiguousarray(p.edges.T) // 3
+    pairs = _lying_pairs(layouts, sides, _seeds(layouts, which), np.flatnonzero(which[p.chart]))
     clear = which & (group_count(p.chart[pairs[:, 0]], len(which)) > 0)
     if len(pairs) == 0:
         return clear
@@ -57,14 +60,17 @@ def _seeds(layouts: ChartLayouts, which: BoolArray) -> IntArray:
     return seeds[which[p.chart[seeds]]]
 
 
-def _lying_pairs(layouts: ChartLayouts, sides: IntArray, seeds: IntArray) -> IntArray:
+def _lying_pairs(
+    layouts: ChartLayouts, sides: IntArray, seeds: IntArray, faces: IntArray
+) -> IntArray:
     """(k, 2) pairs of faces of one chart that overlap.
 
-    sides: (2, e) faces beside edges. The search spreads from the seeds to the neighbours of faces that overlap.
+    sides: (2, e) faces beside edges. faces: of the charts of the seeds. The search spreads from the seeds to
+    the neighbours of faces that overlap.
     """
     p = layouts.cut_mesh
     m, chart = len(p.faces), p.chart
-    boxes = _Boxes.of(layouts)
+    boxes = Boxes.of(layouts, faces)
     tested, found = np.zeros(m, bool), [np.zeros((0, 2), np.int64)]
     front = seeds
     while len(front):
@@ -84,32 +90,45 @@ def _lying_pairs(layouts: ChartLayouts, sides: IntArray, seeds: IntArray) -> Int
     return np.stack([key // m, key % m], 1)
 
 
-class _Boxes:
-    """The bounding boxes of the faces of a layout, in the order of their left ends."""
+class Boxes:
+    """The bounding boxes of some faces of a layout, in orders of their left ends.
 
-    def __init__(self, low: FloatArray, high: FloatArray) -> None:
+    Each order has boxes of about the same width, so that a wide box does not make all of them candidates.
+    """
+
+    def __init__(self, low: FloatArray, high: FloatArray, faces: IntArray) -> None:
         self.low, self.high = low, high
-        self.order = np.argsort(low[0], kind="stable")
-        self.start = low[0][self.order]
-        self.widest = float((high[0] - low[0]).max(initial=0.0))
+        faces = faces[np.argsort(low[0, faces], kind="stable")]
+        octave = np.frexp(high[0, faces] - low[0, faces])[1]
+        self.orders = [faces[octave == k] for k in sorted_distinct(octave).tolist()]
 
     @staticmethod
-    def of(layouts: ChartLayouts) -> "_Boxes":
+    def of(layouts: ChartLayouts, faces: IntArray) -> "Boxes":
+        """Of the triangles of a layout."""
         corner = layouts.uv.T[:, layouts.cut_mesh.faces.T]
         a, b, c = corner[:, 0], corner[:, 1], corner[:, 2]
         low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-        return _Boxes(low, high)
+        return Boxes(low, high, faces)
 
     def near(self, faces: IntArray) -> tuple[IntArray, IntArray]:
         """All pairs (some face, any face) whose boxes meet."""
-        first = np.searchsorted(self.start, self.low[0, faces] - self.widest)
-        count = np.searchsorted(self.start, self.high[0, faces], side="right") - first
-        f = np.repeat(faces, count)
-        g = self.order[np.repeat(first, count) + ranges(count)]
-        meet = np.ones(len(f), bool)
-        for d in (0, 1):
-            meet &= (self.low[d, f] < self.high[d, g]) & (self.low[d, g] < self.high[d, f])
-        return f[meet], g[meet]
+        found = [pairs for order in self.orders for pairs in self._near(faces, order)]
+        f, g = np.concatenate(found, axis=1)
+        return f, g
+
+    def _near(self, faces: IntArray, order: IntArray) -> Iterator[IntArray]:
+        """(2, k) pairs with boxes of one width, from a bounded number of candidates at a time."""
+        start = self.low[0, order]
+        widest = float((self.high[0, order] - start).max())
+        first = np.searchsorted(start, self.low[0, faces] - widest)
+        count = np.searchsorted(start, self.high[0, faces], side="right") - first
+        for k in blocks(count):
+            f = np.repeat(faces[k], count[k])
+            g = order[np.repeat(first[k], count[k]) + ranges(count[k])]
+            for d in (0, 1):
+                meet = (self.low[d, f] < self.high[d, g]) & (self.low[d, g] < self.high[d, f])
+                f, g = f[meet], g[meet]
+            yield np.stack([f, g])
 
 
 def _overlap(one: FloatArray, other: FloatArray) -> BoolArray:

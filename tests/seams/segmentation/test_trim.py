@@ -6,7 +6,7 @@ import pytest
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.trim import trim_overlaps
+from circparam.seams.segmentation.trim import Boxes, trim_overlaps
 from tests.support.atlases import as_it_lies, surface_of
 
 
@@ -68,3 +68,19 @@ def test_charts_that_are_not_asked_for_stay() -> None:
     laid = judge(cut_mesh, uv)
     assert not trim_overlaps(atlas, dual_graph(atlas.surface), laid, np.zeros(1, bool)).any()
     assert not atlas.cut.any()
+
+
+def test_boxes_that_meet_are_found_whatever_their_widths() -> None:
+    """Widths over six orders of magnitude, against the comparison of all pairs."""
+    random = np.random.default_rng(5)
+    low = random.uniform(0, 1, (2, 300))
+    high = low + 10.0 ** random.uniform(-6, 0, (2, 300))
+    faces = np.flatnonzero(random.uniform(size=300) < 0.8)
+    some = faces[::3]
+    f, g = Boxes(low, high, faces).near(some)
+    meet = (
+        (low[:, some, None] < high[:, None, faces]) & (low[:, None, faces] < high[:, some, None])
+    ).all(0)
+    expected = {(int(some[i]), int(faces[j])) for i, j in np.argwhere(meet)}
+    assert len(f) == len(expected)
+    assert set(zip(f.tolist(), g.tolist(), strict=True)) == expected
