@@ -126,8 +126,7 @@ class Search:
     def _log_share(self, parts: list[Part]) -> float:
         """Logarithm of the covered share of a page of some parts."""
         if self.sketches:
-            widest = max(self._grid.sketch(*p.outline.edges).least for p in parts)
-            return self._sketched_share([p.outline for p in parts], max(2 * CELLS, widest + 2))
+            return self._sketched_share([p.outline for p in parts], np.inf)
         box = sum(p.box for p in parts)
         return float(self._estimate(parts, box, max(p.square for p in parts)))
 
@@ -137,12 +136,14 @@ class Search:
         gap = self.options.gap / 2 * CELLS / self.options.resolution
         return SketchGrid(self.cutter.root / CELLS, gap)
 
-    def _sketched_share(self, outlines: list[Outline], below: int) -> float:
+    def _sketched_share(self, outlines: list[Outline], below: float) -> float:
         """Logarithm of the covered share of the smallest page that is found for some outlines; −∞ if it has not
-        fewer cells a side than ``below``."""
+        fewer cells a side than ``below``, or than the widest outline and a quarter of the page covered need."""
         sketches = [self._grid.sketch(*o.edges) for o in outlines]
+        if below == np.inf:
+            below = max(2 * CELLS, max(s.least for s in sketches) + 2)
         budget = Budget(np.inf, lambda: self.monitor.expired)
-        page = least_page(sketches, below, TRIES, budget)
+        page = least_page(sketches, int(below), TRIES, budget)
         return -np.inf if page is None else 2 * float(np.log(CELLS / page.side))
 
     def _estimate(
@@ -214,8 +215,7 @@ class Search:
             halves = split(part.outline, int(part.chords.i[trial.k]), int(part.chords.j[trial.k]))
             rest = [p.outline for n, p in enumerate(plan.parts) if n != trial.n]
             wanted = max((trial.seam + COST.chart - least) / COST.page, plan.log_share)
-            # a plan whose sketch found no page has no share
-            below = int(CELLS * min(np.exp(-wanted / 2), 2.0)) + COARSE
+            below = CELLS * np.exp(-wanted / 2) + COARSE
             share = self._sketched_share([*rest, *halves], below)
             if share > -np.inf:
                 found.append(replace(trial, log_share=share))
