@@ -6,6 +6,7 @@ import scipy.sparse as sps
 
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.segmentation.decide import ANY_BOUND
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.separate import push_apart
 from tests.support import shapes
@@ -43,6 +44,14 @@ def test_no_margin_asks_for_no_overlap_and_no_more() -> None:
     assert fine.all()
     assert not self_overlapping(cut_mesh, pushed).any()
     assert chart_energies(cut_mesh, pushed).max() <= 1.05
+
+
+def test_without_a_bound_nothing_overflows() -> None:
+    """What ``--max-charts`` asks of a chart: a warning of an overflow reached the user."""
+    cut_mesh, uv = ring_of(2 * np.pi + 0.004)
+    pushed, fine = push_apart(cut_mesh, uv, MARGIN, ANY_BOUND)
+    assert fine.all()
+    assert not self_overlapping(cut_mesh, pushed).any()
 
 
 def test_ends_that_are_nearer_than_the_margin_are_separated_too() -> None:

@@ -19,7 +19,7 @@ from circparam.seams.segmentation.starts import searched
 from circparam.solvers.newton import relax
 
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts of a finished atlas merge
-ANY_BOUND = np.finfo(float).max  # that every chart keeps to which has no flips
+ANY_BOUND = float(np.sqrt(np.finfo(float).max))  # that every chart keeps to which has no flips
 
 
 def decide(
