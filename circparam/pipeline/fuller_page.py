@@ -1,9 +1,9 @@
 """A fuller page for a little seam (``--pack-splits auto``).
 
 A chart is cut if and only if the cut lowers the cost of the atlas (``AtlasCost``): its seam and one more chart
-are paid by the fuller page. The page without cuts is packed first. ``page_search`` proposes cuts by
-estimates and sketches of the page. The best layouts are packed as they will be, and the cheapest is kept. A
-mesh that needs no seam gets none.
+are paid by the fuller page. ``page_search`` proposes cuts by estimates and sketches of the page. The best
+layouts are packed as they will be, each only as far as it may cost less than those before it, and the cheapest
+is kept. A mesh that needs no seam gets none.
 """
 
 import contextlib
@@ -13,7 +13,6 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted
-from circparam.core.workers import Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -33,7 +32,7 @@ from circparam.seams.segmentation.weigh import TAIL, share_over
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.stretch import STRETCH, stretch_asked
 
-PACKED = 2  # plans that are packed after the page without cuts; a draft packs one
+PACKED = 3  # plans with cuts that are packed: all of them cost 0.1 % less; a draft packs one
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -51,9 +50,8 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     no_seam = one and cascade.atlas.seam_length <= 0
     if most < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
-    whole = replace(cascade, packing=packing(cascade, options, monitor))
-    plans = searched(whole, options, int(most), monitor)
-    return cheapest(whole, plans, options, monitor)
+    plans = searched(cascade, options, int(most), monitor)
+    return cheapest(cascade, plans, options, monitor)
 
 
 def page_cutter(cascade: Cascade, options: Options) -> Cutter:
@@ -62,51 +60,61 @@ def page_cutter(cascade: Cascade, options: Options) -> Cutter:
     return Cutter(Opened.of(cascade.atlas), limits, options.cuts_asked is not None)
 
 
-def searched(whole: Cascade, options: Options, most: int, monitor: Monitor) -> list[Plan]:
-    """The plan without a cut, then the plans that cost less, the cheapest first."""
-    cutter = page_cutter(whole, options)
+def searched(
+    cascade: Cascade, options: Options, most: int, monitor: Monitor
+) -> list[tuple[Plan, KnownPacking | None]]:
+    """The plans that cost less than the one without a cut, the cheapest first, then this one; with the packing
+    of each where it is known already.
+
+    Boxes are compared with the packed page, sketches with the sketch of the page.
+    """
+    cutter = page_cutter(cascade, options)
     budget = Budget(WORK * len(cutter.whole.cut_mesh.faces), lambda: monitor.expired)
     widest = max((np.ptp(part.outline.p, axis=0).max() for part in cutter.charts), default=np.inf)
     one = options.pages in (None, 1)
     sketches = one and not options.draft and 2 * widest <= CELLS * cutter.root
-    share = -np.inf if whole.packing is None else _log_share(whole.packing)
+    found = None if sketches else packing(cascade, options, monitor)
+    share = -np.inf if found is None else _log_share(found)
     if not np.isfinite(widest):
-        return [Plan(cutter.charts, 0.0, 0, share)]
+        return [(Plan(cutter.charts, 0.0, 0, share), found)]
     page = pack_options(options)
     search = Search(cutter, most, page, sketches, options.draft, budget, monitor)
     first, *others = search.plans(share)
-    return [first, *sorted((p for p in others if p.cost < first.cost), key=lambda plan: plan.cost)]
+    cheaper = sorted((p for p in others if p.cost < first.cost), key=lambda plan: plan.cost)
+    return [*((plan, None) for plan in cheaper), (first, found)]
 
 
-def cheapest(whole: Cascade, plans: list[Plan], options: Options, monitor: Monitor) -> Cascade:
-    """The cheapest layout of the one without cuts and those of the first plans, packed as they will be."""
+def cheapest(
+    whole: Cascade,
+    plans: list[tuple[Plan, KnownPacking | None]],
+    options: Options,
+    monitor: Monitor,
+) -> Cascade:
+    """The cheapest layout of the first plans and of the last, the one without cuts, packed as they will be."""
     pages = options.pages or 1
     purpose = "for a fuller page" if pages == 1 else f"to fill {pages} pages"
-    packed, made = [whole], plans[:1]
-    for plan in plans[1:]:
-        if len(made) > (1 if options.draft else PACKED):
+    layouts: list[tuple[Plan, Cascade]] = []
+    for plan, _ in plans[:-1]:
+        if len(layouts) == (1 if options.draft else PACKED):
             break
         atlas = joined(whole.atlas, plan.parts)
         if stretch_kept(atlas, whole.atlas, options, whole.rules.bound, monitor):
             after = replace(whole, atlas=atlas, packing=None)
-            packed.append(after.noted(longer(counted(plan.cuts, "cut"), purpose, whole, after)))
-            made.append(plan)
-    tasks = [
-        (c, options, 0.0 if whole.packing is None else plan.least(whole.packing.packed.scale))
-        for plan, c in zip(made[1:], packed[1:], strict=True)
-    ]
-    packings = [whole.packing, *Worker(monitor.jobs).map(cheaper_packing, tasks, monitor)]
-    costs = [priced(plan, found) for plan, found in zip(made, packings, strict=True)]
-    k = int(np.argmin(costs))
-    best = replace(packed[k], packing=packings[k])
-    if options.cuts_asked is not None and k == 0:
-        return best.noted("--pack-splits: no cut is worth its seam")
-    return best
-
-
-def priced(plan: Plan, found: KnownPacking | None) -> float:
-    """The cost of a plan on the page where it was packed; infinite if it could not be packed."""
-    return np.inf if found is None else replace(plan, log_share=_log_share(found)).cost
+            after = after.noted(longer(counted(plan.cuts, "cut"), purpose, whole, after))
+            layouts.append((plan, after))
+    first, known = plans[-1]
+    # one that is packed sets the scale that others need
+    layouts.insert(len(layouts) if known is None else 0, (first, replace(whole, packing=known)))
+    best, kept, cost = first, whole, np.inf
+    for plan, layout in layouts:
+        least = 0.0 if kept.packing is None else plan.least(best, kept.packing.packed.scale)
+        found = layout.packing or packing(layout, options, monitor, least)
+        if found is not None and plan.packed_cost(_log_share(found)) < cost:
+            best, kept = plan, replace(layout, packing=found)
+            cost = plan.packed_cost(_log_share(found))
+    if options.cuts_asked is not None and best is first:
+        return kept.noted("--pack-splits: no cut is worth its seam")
+    return kept
 
 
 def longer(cuts: str, purpose: str, before: Cascade, after: Cascade) -> str:
@@ -153,13 +161,6 @@ def packing(
         page = pack_options(options)
         return KnownPacking(uv, pack(cut_mesh.faces, uv, cut_mesh.chart, page, monitor, least))
     return None
-
-
-def cheaper_packing(
-    cascade: Cascade, options: Options, least: float, monitor: Monitor
-) -> KnownPacking | None:
-    """``packing`` for a process of a worker."""
-    return packing(cascade, options, monitor, least)
 
 
 def _log_share(found: KnownPacking) -> float:

@@ -43,16 +43,20 @@ class Plan:
     @property
     def cost(self) -> float:
         """What the cuts and the page cost together."""
-        return self.price - COST.page * self.log_share
+        return self.packed_cost(self.log_share)
 
     @property
     def price(self) -> float:
         """What the cuts cost."""
         return self.seam + COST.chart * self.cuts
 
-    def least(self, scale: float) -> float:
-        """The scale of charts at which the cuts pay, where charts without cuts reach ``scale``."""
-        return scale * float(np.exp(self.price / (2 * COST.page)))
+    def packed_cost(self, log_share: float) -> float:
+        """What the cuts cost together with the page on which the charts were packed."""
+        return self.price - COST.page * log_share
+
+    def least(self, other: "Plan", scale: float) -> float:
+        """The scale of charts at which this plan costs as much as another whose charts reach ``scale``."""
+        return scale * float(np.exp((self.price - other.price) / (2 * COST.page)))
 
 
 @dataclass(frozen=True, eq=False)
