@@ -213,13 +213,18 @@ def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> Ch
     return judge(cut_mesh, uv)
 
 
-def below(atlas: Atlas, layouts: ChartLayouts, bound: float, monitor: Monitor) -> ChartLayouts:
-    """Relax the charts above the bound on, to below it: what was relaxed for a few steps may get there."""
+def below(
+    atlas: Atlas, layouts: ChartLayouts, bound: float, aim: float, monitor: Monitor
+) -> ChartLayouts:
+    """Relax the charts above the bound on: what was relaxed for a few steps may get below it.
+
+    aim: distortion, at most the bound, at which a chart stops.
+    """
     over = (layouts.energy > bound) & np.isfinite(layouts.energy)
     if not over.any():
         return layouts
     sub, vid, fid = layouts.cut_mesh.subset(over)
     uv = layouts.uv.copy()
-    uv[vid] = relax(sub, uv[vid], replace(FINAL, bound=bound, give_up=bound), monitor).uv
+    uv[vid] = relax(sub, uv[vid], replace(FINAL, bound=aim, give_up=bound), monitor).uv
     atlas.corners[fid] = uv[vid][sub.faces]
     return judge(layouts.cut_mesh, uv)
