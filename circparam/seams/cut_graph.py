@@ -22,8 +22,9 @@ from circparam.seams.options import SeamOptions, Seams
 
 SLIT = 1e-9  # a boundary whose vector area is below this share of its length² encloses nothing
 SLIT_EDGES = 6  # and only if it has at most so many edges: the opening of a pocket is flat as well
-SHORTEST_CUT = 3  # edges of the path that opens a closed surface
-WORK = 1_500_000  # faces looked at while loops are shortened
+# faces looked at while loops are shortened, all of the surface in a round: in 16 rounds loops of four handles
+# stay 1.15 times as long
+SHORTENED_FACES = 1_500_000
 
 
 def none(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
@@ -205,7 +206,7 @@ def _shorten(part: _Part, seam: BoolArray, monitor: Monitor) -> BoolArray:
     a, b = (node[end] for end in part.ends)
     chart = cut_mesh.chart[cut_mesh.edges[:, 0] // 3]
     tried = np.zeros(len(seam), bool)
-    for _ in range(1 + WORK // len(cut_mesh.faces)):
+    for _ in range(1 + SHORTENED_FACES // len(cut_mesh.faces)):
         arc = _longest_arcs(seam, tried, a, b, chart, part.weight, cut_mesh.n_vertices)
         if not arc.any() or monitor.expired:
             break
@@ -304,8 +305,7 @@ def _open(surface: Surface, cut: BoolArray, cut_mesh: CutMesh, charts: BoolArray
     seam = np.zeros(len(a), bool)
     seam[graph.trace(parent, tip)] = True
     owner = cut_mesh.chart[cut_mesh.edges[:, 0] // 3]
-    for _ in range(SHORTEST_CUT - 1):
-        seam, tip = _lengthen(seam, tip, a, b, owner, part, n)
+    seam = _lengthen(seam, tip, a, b, owner, part, n)
     out = np.zeros(len(surface.edges), bool)
     out[part.edge[seam]] = True
     return out
@@ -319,20 +319,19 @@ def _lengthen(
     owner: IntArray,
     part: _Part,
     n: int,
-) -> tuple[BoolArray, IntArray]:
-    """Add an edge at the tip of every path with fewer than 3 edges: a path of one edge opens nothing."""
+) -> BoolArray:
+    """Add an edge at the tip of every path of one edge, which opens nothing."""
     taken = np.zeros(n, bool)
     taken[a[seam]] = True
     taken[b[seam]] = True
     taken[tip] = True
-    short = group_count(owner[seam], len(tip)) < SHORTEST_CUT
+    short = group_count(owner[seam], len(tip)) < 2
     e = np.flatnonzero(short[owner])
     ta, tb = a[e] == tip[owner[e]], b[e] == tip[owner[e]]
     ok = (ta & ~taken[b[e]]) | (tb & ~taken[a[e]])
-    e, ta = e[ok], ta[ok]
+    e = e[ok]
     order = np.lexsort((e, part.weight[e], owner[e]))
     best = order[first_of_runs(owner[e[order]])]
-    seam, tip = seam.copy(), tip.copy()
+    seam = seam.copy()
     seam[e[best]] = True
-    tip[owner[e[best]]] = np.where(ta[best], b[e[best]], a[e[best]])
-    return seam, tip
+    return seam

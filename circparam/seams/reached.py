@@ -15,7 +15,9 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
 
-UNSOUND = 1e9  # cost that a layout has besides, which may have charts that flip or overlap
+# cost that a layout has besides, which may have charts that flip or overlap: above all others, and half of the
+# digits are left to compare two such layouts
+UNSOUND = float(1 / np.sqrt(np.finfo(float).eps))
 
 
 def in_time(

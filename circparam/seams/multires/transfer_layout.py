@@ -28,8 +28,6 @@ from circparam.seams.multires.decimate import Proxy
 from circparam.seams.segmentation.arcs import arcs_of
 from circparam.seams.segmentation.grow import DualGraph
 
-NEAREST_AT_ONCE = 1 << 16  # faces: each turn is a call for a few of them
-
 
 def separate(
     fine: Atlas, graph: DualGraph, coarse: Atlas, coarse_chart: IntArray, near: IntArray
@@ -77,7 +75,7 @@ def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
     place = np.c_[coarse.points[coarse.faces].mean(1), coarse.normals]
     size = float(np.sqrt(coarse.areas.mean()))
     out = np.full(len(fine.faces), -1)
-    for k in slices(len(out), NEAREST_AT_ONCE):
+    for k in slices(len(out)):
         cell = proxy.cell[fine.corner_vertex[k, 0]]
         a, b, c = fine.faces[k].T
         here = np.c_[(fine.points[a] + fine.points[b] + fine.points[c]) / 3, fine.normals[k]]

@@ -24,8 +24,9 @@ from circparam.seams.segmentation.layout import ChartLayouts
 
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
 NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
-WALL = 2.0**26  # capacity of an edge that must not be cut
-CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
+# capacity of an edge that must not be cut: residuals, at most twice that, are whole numbers of 32 bits
+WALL = float(np.iinfo(np.int32).max // 2)
+CAPACITY = float(np.sqrt(WALL))  # of an edge of mean cost: shares are as fine as sums are large
 
 
 def split_layers(
@@ -225,15 +226,16 @@ def minimum_cut(
     count = int(near.sum())
     number = np.full(graph.n, count)  # all sinks are one
     number[near] = np.arange(count)
-    use = use & (near[graph.tail] | near[graph.head])
+    use = use & (near[graph.tail] | near[graph.head]) & (graph.tail != graph.head)
     known = use & np.isfinite(cost)
     mean = float(cost[known].mean()) if known.any() else 1.0
     whole = np.where(known, np.maximum(cost / max(mean, 1e-300) * CAPACITY, 1), WALL)
-    a, b, w = number[graph.tail[use]], number[graph.head[use]], np.minimum(whole[use], WALL)
+    a, b, w = number[graph.tail[use]], number[graph.head[use]], whole[use]
     rows = np.concatenate([a, b, np.full(len(source), count + 1)])
     columns = np.concatenate([b, a, number[source]])
-    w = np.concatenate([w, w, np.full(len(source), 16 * WALL)]).astype(np.int32)
+    w = np.concatenate([w, w, np.full(len(source), WALL)])
     capacity = sps.csr_array(sps.coo_array((w, (rows, columns)), shape=(count + 2, count + 2)))
+    capacity.data = np.minimum(capacity.data, WALL).astype(np.int32)
     flow = maximum_flow(capacity, count + 1, count).flow
     residual = sps.csr_array(capacity - flow)
     residual.data = np.maximum(residual.data, 0)
