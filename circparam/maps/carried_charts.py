@@ -34,7 +34,7 @@ from circparam.packing.room import by_page, find_room
 
 CANDIDATE_SAMPLES = 12  # nearest samples whose faces are tried for the closest point
 WALK_STEPS = 64  # to neighbours, for as long as one is nearer
-SAMPLE_BOUNDS = (50_000, 1_000_000)  # samples of a surface
+CHART_SAMPLE_BOUNDS = (50_000, 1_000_000)  # samples of a surface
 UV_WEIGHT = 0.3  # of a distance in uv against one in space, in the choice of a side of a seam
 PLACES_AT_ONCE = 20_000  # places sought at once: some kilobytes each
 LAYER_DIAGONALS = 10.0  # diagonals by which charts lie apart
@@ -102,7 +102,7 @@ class SourceCharts:
         areas = atlas.surface.areas
         ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
         self.scale = float(np.sqrt(max(Tail.of(ratio, areas).percentile(50), 1e-300)))
-        self.sample, bary = samples_of(surface.areas, SAMPLE_BOUNDS)
+        self.sample, bary = samples_of(surface.areas, CHART_SAMPLE_BOUNDS)
         self.places = np.einsum("pk,pkc->pc", bary, self.corners[self.sample])
         uv = np.einsum("pk,pkc->pc", bary, atlas.corners[self.sample])
         self.free = cKDTree(self.places)

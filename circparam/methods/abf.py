@@ -28,7 +28,7 @@ from circparam.methods.conformal import at_surface_area, conformal_spectral, sta
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices
 
-MOST_STEPS = 20
+ABF_STEPS = 20
 CONVERGED_RADIANS = 1e-9  # largest violation of a constraint, in radians (or logarithm)
 PATIENCE_STEPS = 4  # steps without progress after which a chart is given up
 MOST_CG_STEPS = 15  # conjugate gradient steps, each about a twentieth of a factorisation
@@ -40,7 +40,7 @@ LEAST_ANGLE_RADIANS = (
 def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """ABF++ on all charts; a chart on which Newton does not converge takes Linear ABF, which a note says."""
     require_boundary(cut_mesh)
-    limit = 1 if options.linear else options.max_iterations or MOST_STEPS
+    limit = 1 if options.linear else options.max_iterations or ABF_STEPS
     with monitor.stage("solve"):
         angles, steps, converged = solve_angles(cut_mesh, limit, monitor)
         notes = []

@@ -21,7 +21,7 @@ from circparam.methods.untangled import untangle_layout
 from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.tutte.graded import embed_start
 
-MOST_STEPS = 1000
+ARAP_STEPS = 1000
 TOLERANCE = 1e-9
 
 
@@ -54,7 +54,7 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
             precondition,
             DescentOptions(
                 TOLERANCE if options.tolerance is None else options.tolerance,
-                MOST_STEPS if options.max_iterations is None else options.max_iterations,
+                ARAP_STEPS if options.max_iterations is None else options.max_iterations,
             ),
             monitor,
         )

@@ -26,9 +26,9 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.page_cuts import Cutter, joined
 from circparam.pipeline.page_search import CELLS, Plan, Search
 from circparam.pipeline.place import chart_signs, sized
-from circparam.seams.search import WORK
+from circparam.seams.search import WORK_PER_FACE
 from circparam.seams.segmentation.tail import limit_stretch
-from circparam.seams.segmentation.weigh import TAIL, share_over
+from circparam.seams.segmentation.weigh import TAIL_SHARE, share_over
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.stretch import STRETCH, stretch_asked
 
@@ -69,7 +69,7 @@ def searched(
     Boxes are compared with the packed page, sketches with the sketch of the page.
     """
     cutter = page_cutter(cascade, options)
-    budget = Budget(WORK * len(cutter.whole.cut_mesh.faces), lambda: monitor.expired)
+    budget = Budget(WORK_PER_FACE * len(cutter.whole.cut_mesh.faces), lambda: monitor.expired)
     widest = max((np.ptp(part.outline.p, axis=0).max() for part in cutter.charts), default=np.inf)
     one = options.pages in (None, 1)
     sketches = one and not options.draft and 2 * widest <= CELLS * cutter.root
@@ -136,9 +136,9 @@ def stretch_kept(
         return True
     limits = StretchLimits(bound, options.max_stretch or STRETCH)
     after = _stretched(atlas, limits.most)
-    if after <= TAIL:
+    if after <= TAIL_SHARE:
         return True
-    allowed = max(_stretched(before, limits.most), TAIL)
+    allowed = max(_stretched(before, limits.most), TAIL_SHARE)
     if after > allowed:
         limit_stretch(atlas, limits, monitor, slits=False)
         after = _stretched(atlas, limits.most)

@@ -29,8 +29,8 @@ from circparam.seams.cost import COST
 from circparam.seams.evaluate import Demands, Moves, jacobians, try_moves
 from circparam.solvers.pattern import eliminate_as, elimination_ranks
 
-SHARE = 0.5  # of the search for charts that merging is
-WORK = 16.0  # faces of all trials, in faces of the surface, where nothing else ends them
+MERGING_SHARE = 0.5  # of the search for charts that merging is
+WORK_PER_FACE = 16.0  # faces of all trials, in faces of the surface, where nothing else ends them
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def search(
         family.learn(candidates, outcome)
         monitor.keep(atlas)
         work, turn = work - len(outcome.faces), turn + 1
-        monitor.update(SHARE * turn / (turn + 8))
+        monitor.update(MERGING_SHARE * turn / (turn + 8))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,10 +14,10 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.poisson import clamp_stretch, divergence, laplacian
 
-NEAR = 1e-3  # residual at which the iteration ends, in the norm of the preconditioner
+RESIDUAL = 1e-3  # residual at which the iteration ends, in the norm of the preconditioner
 LIMIT = 80  # iterations at most; from the layout of a level it takes 20 to 60
 RIDGE = 1e-9  # of the diagonal of the cells, since no system sees a chart move as a whole
-ROUNDS = 3  # of clamping: of the flips of a rough mesh they leave a twentieth
+CLAMPING_ROUNDS = 3  # of clamping: of the flips of a rough mesh they leave a twentieth
 CLAMPED = 10  # iterations after each
 LOW = 0.6  # the least singular value that a target keeps
 
@@ -56,7 +56,7 @@ class CellPoisson:
             for k, at in enumerate(iterates):
                 first = at.weight if k == 0 else first
                 out[:, d] = at.x
-                if k == limit or not at.weight > NEAR**2 * first:
+                if k == limit or not at.weight > RESIDUAL**2 * first:
                     break
         return out
 
@@ -65,7 +65,7 @@ class CellPoisson:
 
         Parts stretched by at most 1 / ``LOW`` keep their shape (local and global steps: Liu and others 2008).
         """
-        for _ in range(ROUNDS):
+        for _ in range(CLAMPING_ROUNDS):
             targets, flipped = self._clamped(uv)
             if not flipped:
                 break

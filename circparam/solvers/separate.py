@@ -34,20 +34,23 @@ from circparam.solvers.newton import Iterate, newton_step
 from circparam.solvers.objective import Objective, in_units_of_faces
 from circparam.solvers.region import cut_out
 
-ROUNDS = 6
-STEPS = 2  # Newton steps between two looks at the boundaries
-LOCAL = 0.05  # share of the root of a chart's area that moves round a spring at first; twice that each round
+PUSHES = 6
+PUSH_STEPS = 2  # Newton steps between two looks at the boundaries
+# share of the root of a chart's area that moves round a spring at first; twice that each round
+MOVED_REACH = 0.05
 # Faces of a chart that may move. Pushes of 40,000 to 270,000 faces never succeed and take most of the time
 # (docs/experiments/merging.md).
 WIDE = 30_000
-REACH = 0.02  # share of the root of a chart's area: parts deeper in each other are not pushed apart
+# share of the root of a chart's area: parts deeper in each other are not pushed apart
+DEEPEST = 0.02
 FACING = -0.2  # cosine between outward normals below which two segments face each other
 WEIGHT = 1e-5  # of a spring at first; the energy of a chart is about 1
 STIFFER = 8.0  # times a round
 ASIDE = 1e-6  # share of the root of a chart's area: distance of the test point outside a boundary
 AFFORDED = 1.5  # times the bound's excess over 1: charts above it are not pushed
 ALL_BOUNDARY = 0.5  # charts whose boundary is over this over the margin, in roots of area, are left
-PATIENCE = 3  # rounds in which the conflicts of a chart must fall by this factor, else it is left
+# rounds in which the conflicts of a chart must fall by the factor HEADWAY, else it is left
+PUSH_PATIENCE = 3
 HEADWAY = 0.9
 # Share of the boundary in conflict above which a chart is not pushed: of 113 charts that separate the worst
 # has 0.114 (docs/experiments/merging.md).
@@ -152,7 +155,7 @@ def push_apart(
     fine, out = np.zeros(len(todo), bool), u.copy()
     weight = np.full(len(todo), WEIGHT)
     conflicts: list[IntArray] = []
-    for turn in range(ROUNDS + 1):
+    for turn in range(PUSHES + 1):
         if not todo.any():
             break
         if not todo.all():
@@ -174,15 +177,15 @@ def push_apart(
         conflicts.append(group_count(boundary.chart[np.r_[i, tight]], len(todo)))
         if turn == 0:
             todo &= conflicts[0] < HOPELESS * group_count(boundary.chart, len(todo))
-        if turn >= PATIENCE:
-            todo &= conflicts[-1] < HEADWAY * conflicts[turn - PATIENCE]
-        if turn == ROUNDS or not todo.any() or (monitor is not None and monitor.expired):
+        if turn >= PUSH_PATIENCE:
+            todo &= conflicts[-1] < HEADWAY * conflicts[turn - PUSH_PATIENCE]
+        if turn == PUSHES or not todo.any() or (monitor is not None and monitor.expired):
             break
         springs, lost = _find(boundary, work.faces.ravel(), near, margin, weight, todo)
         todo &= ~lost
         if not todo.any():
             break
-        u, wide = _moved(work, u, springs, LOCAL * 2.0**turn * boundary.size)
+        u, wide = _moved(work, u, springs, MOVED_REACH * 2.0**turn * boundary.size)
         out[vertices] = u
         todo &= ~wide
         weight[todo] *= STIFFER
@@ -212,7 +215,7 @@ def _moved(
     objective = _SpringObjective(part, fixed if fixed.any() else None, local)
     at = Iterate(uv[source], *objective.energies(uv[source]))
     active = np.ones(part.n_charts, bool)
-    for _ in range(STEPS):
+    for _ in range(PUSH_STEPS):
         at = newton_step(objective, at, active, proxy=False).to
     out = uv.copy()
     out[source] = at.uv  # fixed vertices have not moved
@@ -278,7 +281,7 @@ def _find(
     size = boundary.size[boundary.chart[b]]
     target = (PULL * margin or LEAST_PULL) * size
     keep = (normal[b] * out[a]).sum(1) < FACING
-    keep &= np.where(over[a], (side < 0) & (distance < REACH * size), side >= 0)
+    keep &= np.where(over[a], (side < 0) & (distance < DEEPEST * size), side >= 0)
     order = np.flatnonzero(keep)
     order = order[np.lexsort((b[order], distance[order], a[order]))]
     k = order[first_of_runs(a[order])]
@@ -315,7 +318,7 @@ def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArra
     segment = np.flatnonzero(charts[boundary.chart])
     middle = (boundary.start[segment] + boundary.end[segment]) / 2
     half = np.linalg.norm(boundary.end[segment] - boundary.start[segment], axis=1) / 2
-    radius = REACH * boundary.size[boundary.chart[vertex]] + np.median(half)
+    radius = DEEPEST * boundary.size[boundary.chart[vertex]] + np.median(half)
     found = kd_tree(middle).query_ball_point(boundary.start[vertex], radius, return_sorted=True)
     count = np.fromiter(map(len, found), np.int64, len(found))
     a, b = np.repeat(vertex, count), segment[np.concatenate(found).astype(np.int64)]

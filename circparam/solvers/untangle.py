@@ -16,9 +16,9 @@ from circparam.solvers.region import WHOLE, grow, moving_region
 
 # Widths of the region round a flipped face, tried in turn. A wide one leaves room for shape; a map whose scale
 # varies much, as conformal ones do, is kept best by a narrow one.
-RINGS = (8, 3, 20, WHOLE)
-NARROW_RINGS = (2, 5, 12, 30, WHOLE)
-NEAR_RINGS = (3, 8, 20, WHOLE)  # if only a few faces are wrong
+USUAL_RINGS = (8, 3, 20, WHOLE)
+CONFORMAL_RINGS = (2, 5, 12, 30, WHOLE)
+FEW_FLIPS_RINGS = (3, 8, 20, WHOLE)  # if only a few faces are wrong
 HARDLY = 1.05  # times the faces of the region tried before, up to which a region is the same one
 POLISH = 10  # Newton steps on untangled charts, for their shape
 
@@ -61,7 +61,7 @@ def untangle(
     widest, tried, last = 0, 0, np.zeros_like(first)
     uv = uv.copy()
     touched = np.zeros(len(cut_mesh.faces), bool)
-    for rings in NARROW_RINGS if conformal else NEAR_RINGS if near else RINGS:
+    for rings in CONFORMAL_RINGS if conformal else FEW_FLIPS_RINGS if near else USUAL_RINGS:
         if not bad.any() or (monitor is not None and monitor.expired):
             break
         widest = rings

@@ -17,7 +17,7 @@ from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import edge_prices
-from circparam.seams.search import WORK
+from circparam.seams.search import WORK_PER_FACE
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
@@ -26,7 +26,7 @@ from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
 SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
-DRAFT_WORK = 3.0  # faces of all trials of a draft, in faces of the surface
+DRAFT_WORK_PER_FACE = 3.0  # faces of all trials of a draft, in faces of the surface
 MARGIN = 0.001  # of the root of the area of a chart: its parts keep so far apart
 
 
@@ -77,7 +77,9 @@ def _decided(
     graph = dual_graph(atlas.surface, atlas.flat)
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
-        work = (DRAFT_WORK if options.search.draft else WORK) * len(atlas.surface.faces)
+        work = (DRAFT_WORK_PER_FACE if options.search.draft else WORK_PER_FACE) * len(
+            atlas.surface.faces
+        )
         merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
         merge(atlas, merging, monitor, worker=worker)
     with monitor.stage("enforce"):

@@ -9,11 +9,11 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands
 from circparam.seams.prices import edge_costs
-from circparam.seams.search import WORK, Candidates, Effort, Outcome, search
+from circparam.seams.search import WORK_PER_FACE, Candidates, Effort, Outcome, search
 from circparam.seams.segmentation.paths import Bands, bands, chains_of, route
 
-RINGS, PIECE_EDGES = 3, 20  # of the band round a piece that moves, and how long a piece is
-STEPS = 3  # each with other ends of the pieces
+BAND_RINGS, PIECE_EDGES = 3, 20  # of the band round a piece that moves, and how long a piece is
+PIECE_SHIFTS = 3  # each with other ends of the pieces
 
 
 def move_seams(
@@ -23,11 +23,13 @@ def move_seams(
 
     The number of charts stays, and no piece moves whose charts would not meet the demands.
     """
-    for step in range(STEPS):
+    for step in range(PIECE_SHIFTS):
         if monitor.expired:
             return
-        proposal = propose(atlas, RINGS, pieces=(PIECE_EDGES, step * PIECE_EDGES // STEPS))
-        effort = Effort(work=WORK * len(atlas.surface.faces) / STEPS)
+        proposal = propose(
+            atlas, BAND_RINGS, pieces=(PIECE_EDGES, step * PIECE_EDGES // PIECE_SHIFTS)
+        )
+        effort = Effort(work=WORK_PER_FACE * len(atlas.surface.faces) / PIECE_SHIFTS)
         search(atlas, Reroute(atlas, proposal), demands, effort, monitor, worker)
 
 

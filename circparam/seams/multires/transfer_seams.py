@@ -19,12 +19,14 @@ from circparam.seams.multires.decimate import Proxy
 from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.paths import Bands, Chains, bands, chains_of, route
 
-RINGS = (0, 2)  # cells beside a seam's own that its path may use, attempt by attempt
+STRAY_CELLS = (0, 2)  # cells beside a seam's own that its path may use, attempt by attempt
 # from a surface with hardly fewer faces, along whose edges paths would zigzag
-NEAR_RINGS = 1, 0, 2
+STRAY_CELLS_OF_LEVEL = 1, 0, 2
 
 
-def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas, rings: tuple[int, ...] = RINGS) -> int:
+def transfer_seams(
+    coarse: Atlas, proxy: Proxy, fine: Atlas, rings: tuple[int, ...] = STRAY_CELLS
+) -> int:
     """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found.
 
     rings: cells beside a seam's own that its path may use, attempt by attempt.
@@ -69,12 +71,12 @@ class _Router:
         self.fine, self.proxy, self.coarse_ends, self.boundary = fine, proxy, coarse_ends, boundary
         self.cost = edge_costs(fine)
         # no path of a chain leaves its cells and those beside them, so other edges need not be looked at
-        close = _close_to(coarse_ends, len(boundary), chains, max(RINGS) + 1)
+        close = _close_to(coarse_ends, len(boundary), chains, max(STRAY_CELLS) + 1)
         member = np.append(close, False)[proxy.cell]
         close = member[fine.ends[0]] & member[fine.ends[1]]
         self.usable = np.flatnonzero(close & np.isfinite(self.cost))
         self.ends = fine.ends[0][self.usable], fine.ends[1][self.usable]
-        owner, _ = self._bands(chains, RINGS[0])
+        owner, _ = self._bands(chains, STRAY_CELLS[0])
         # (coarse points,) fine vertex that stands for each of those near chains
         self.stand = _representatives(fine, proxy, boundary, chains, owner, member, close)
         self.junctions = np.r_[chains.start, chains.end]

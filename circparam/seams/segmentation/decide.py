@@ -13,7 +13,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH
 from circparam.seams.moves.glue import MergeOptions, merge
-from circparam.seams.search import WORK
+from circparam.seams.search import WORK_PER_FACE
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.starts import searched
 from circparam.solvers.newton import relax
@@ -66,7 +66,7 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
     pieces, _ = atlas.surface.components
     if n <= pieces or monitor.expired:
         return
-    work = WORK * len(atlas.surface.faces)
+    work = WORK_PER_FACE * len(atlas.surface.faces)
     options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, work=work)
     merge(atlas, options, monitor, worker=Worker(monitor.jobs))
 

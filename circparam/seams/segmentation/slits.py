@@ -18,7 +18,8 @@ from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.layout import ChartLayouts
 from circparam.solvers import dirichlet
 
-RINGS = 2  # over which the distortion of areas is smoothed, so that single faces are no peaks
+# over which the distortion of areas is smoothed, so that single faces are no peaks
+SMOOTHING_RINGS = 2
 
 
 def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolArray:
@@ -97,7 +98,7 @@ def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> IntArray:
 
 
 def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over RINGS."""
+    """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over SMOOTHING_RINGS."""
     n = cut_mesh.n_vertices
     jacobian = dirichlet.jacobians(
         np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0)),
@@ -108,7 +109,7 @@ def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     flat = cut_mesh.faces.ravel()
     total = np.maximum(group_sum(np.repeat(weight, 3), flat, n), 1e-300)
     field = group_sum(np.repeat(weight * value, 3), flat, n) / total
-    for _ in range(RINGS):
+    for _ in range(SMOOTHING_RINGS):
         face = field[cut_mesh.faces].mean(1)
         field = group_sum(np.repeat(weight * face, 3), flat, n) / total
     return field

@@ -21,7 +21,7 @@ from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
 from circparam.seams.segmentation.slits import (
-    RINGS,
+    SMOOTHING_RINGS,
     boundary_vertices,
     slit_to,
     smoothed_area_distortion,
@@ -29,7 +29,7 @@ from circparam.seams.segmentation.slits import (
 from circparam.seams.segmentation.weigh import ROUNDS, Limits, relax_weighted, share_over
 from circparam.solvers.newton import relax
 
-REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
+FIRST_REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
 def limit_stretch(
@@ -93,7 +93,7 @@ def _peaks(cut_mesh: CutMesh, uv: FloatArray, over: BoolArray, allowed: float) -
     a, b = flat, cut_mesh.faces[:, [1, 2, 0]].ravel()
     field[boundary_vertices(cut_mesh)] = 0.0
     highest = field
-    for _ in range(RINGS):
+    for _ in range(SMOOTHING_RINGS):
         highest = np.maximum(highest, group_max(highest[b], a, n))
         highest = np.maximum(highest, group_max(highest[a], b, n))
     top = (field >= highest) & (field > 0) & inside[cut_mesh.vertex_chart]
@@ -129,7 +129,7 @@ def _slit(
     which = np.zeros(cut_mesh.n_charts, bool)
     which[cut_mesh.vertex_chart[peaks]] = True
     again = group_max(failed.astype(float), cut_mesh.chart, cut_mesh.n_charts) > 0
-    reach = np.where(again[cut_mesh.vertex_chart[peaks]], 1.0, REACH)
+    reach = np.where(again[cut_mesh.vertex_chart[peaks]], 1.0, FIRST_REACH)
     slit = slit_to(atlas, cut_mesh, peaks, reach)
     faces = slit[cut_mesh.chart]
     if not slit.any():  # no way leads there

@@ -17,14 +17,14 @@ from circparam.seams.segmentation.layout import GAP, chart_parts, pushed_apart
 from circparam.solvers.newton import relax
 from circparam.solvers.region import cut_out
 
-TAIL = 1e-3  # share of the surface on which the stretch may be larger
+TAIL_SHARE = 1e-3  # share of the surface on which the stretch may be larger
 # of that share: what is aimed for, since a file stores rounded numbers; and of the excess of the largest
 # stretch over 1: from there on a face weighs more
 AIMED = 0.8
 ROUNDS = 8  # of weighing, most charts need three; and of slits and splits
 PATIENCE = 3  # rounds without headway after which a chart is left
 STEP = replace(FINAL, max_iterations=2)
-NEAR = 0.5  # share of the root of a chart's area that moves round such faces at first
+MOVED_REACH = 0.5  # share of the root of a chart's area that moves round such faces at first
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Limits:
 
     bound: float
     most: float
-    allowed: float = AIMED * TAIL
-    near: float = NEAR
+    allowed: float = AIMED * TAIL_SHARE
+    near: float = MOVED_REACH
     local: int | None = None
     cuts_off: bool = False
 
