@@ -16,7 +16,7 @@ from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.geometry.closest import samples_of
 from circparam.geometry.distortion import Tail
-from circparam.maps.carried_charts import SAMPLE_BOUNDS, CarriedLayout, SourceCharts, carry_charts
+from circparam.maps.carried_charts import CHART_SAMPLE_BOUNDS, CarriedLayout, SourceCharts, carry_charts
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
@@ -138,7 +138,7 @@ def transfer(
 def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:
     """The largest distance of both surfaces, in diagonals of the first. Raises NoResultError if large."""
     there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
-    face, bary = samples_of(target.areas, SAMPLE_BOUNDS)
+    face, bary = samples_of(target.areas, CHART_SAMPLE_BOUNDS)
     places = np.einsum("pk,pkc->pc", bary, target.points[target.faces[face]])
     back = np.asarray(cKDTree(places).query(there)[0])
     some = places[:: max(1, len(places) // SHAPE_SAMPLES)]
