@@ -16,7 +16,12 @@ from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.geometry.closest import samples_of
 from circparam.geometry.distortion import Tail
-from circparam.maps.carried_charts import CHART_SAMPLE_BOUNDS, CarriedLayout, SourceCharts, carry_charts
+from circparam.maps.carried_charts import (
+    CHART_SAMPLE_BOUNDS,
+    CarriedLayout,
+    SourceCharts,
+    carry_charts,
+)
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade

@@ -11,4 +11,8 @@ ROUGH = replace(TRIAL, bound=1.01)
 # charts that are kept: the bound has four digits
 FINAL = RelaxOptions(tolerance=1e-4)
 LOCAL = 8  # iterations of a step where only what is near a few faces moves
+# of an excess that is allowed, of the distortion, the stretch or the share of what is stretched: what is aimed
+# for, since what is aimed at is missed by a little. Trials end there: fewer steps, and shorter seams, 0.978
+# [0.953, 0.998] of the cost on 41 meshes
+AIMED = 0.8
 UNROLLED = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled

@@ -13,9 +13,9 @@ from circparam.core.workers import Worker
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams.accuracy import FINAL, LOCAL
+from circparam.seams.accuracy import AIMED, FINAL, LOCAL
 from circparam.seams.cost import COST
-from circparam.seams.evaluate import ENOUGH, MARGIN
+from circparam.seams.evaluate import MARGIN
 from circparam.seams.finish import LEVEL_FACES, Decided, finish
 from circparam.seams.moves.glue import MergeOptions
 from circparam.seams.moves.reroute import move_seams
@@ -36,7 +36,6 @@ from circparam.solvers.newton import RelaxOptions
 LOOPS = 300  # handles and holes above which small holes are closed while charts are decided
 # of the faces: a proxy or a level that keeps more (many small components) is no use
 PROXY_MOST_SHARE = 0.5
-PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 DECIDING_SHARE = 0.5  # of the time that is left, at least, for charts on the proxy
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 # the same as LEVEL_FACES in drafts, whose levels may be as small as the ratio makes them: of 65,000 to 124,000
@@ -119,7 +118,7 @@ def _on_proxies(
     surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> tuple[Proxy, Atlas] | None:
     """The cheapest atlas of several starts, each on a proxy, with that; None where the surface is as small."""
-    merging = MergeOptions(bound, margin=PROXY_MARGIN, search=options.search)
+    merging = MergeOptions(bound, search=options.search)
     if len(surface.faces) <= DIRECT_FACES:
         return None
     starts = starts_of(options.search, surface)
@@ -186,7 +185,7 @@ def _moved(
 
 def _relaxing(bound: float, options: SeamOptions) -> RelaxOptions:
     """How far charts from a smaller surface are relaxed; those of a draft no further than the bound needs."""
-    enough = 1 + ENOUGH * (bound - 1)
+    enough = 1 + AIMED * (bound - 1)
     return dataclasses.replace(LEVEL_STEPS, bound=enough) if options.search.draft else LEVEL_STEPS
 
 

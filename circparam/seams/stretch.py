@@ -7,11 +7,11 @@ import numpy as np
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
-from circparam.seams.accuracy import LOCAL
+from circparam.seams.accuracy import AIMED, LOCAL
 from circparam.seams.finish import LEVEL_FACES
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import limit_stretch
-from circparam.seams.segmentation.weigh import AIMED, Limits, share_over
+from circparam.seams.segmentation.weigh import Limits, share_over
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = SeamOptions.max_distortion  # bound up to which seams are added for that

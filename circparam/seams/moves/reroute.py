@@ -12,7 +12,7 @@ from circparam.seams.prices import edge_costs
 from circparam.seams.search import WORK_PER_FACE, Candidates, Effort, Outcome, search
 from circparam.seams.segmentation.paths import Bands, bands, chains_of, route
 
-BAND_RINGS, PIECE_EDGES = 3, 20  # of the band round a piece that moves, and how long a piece is
+PIECE_EDGES = 20  # of a piece that moves
 PIECE_SHIFTS = 3  # each with other ends of the pieces
 
 
@@ -26,9 +26,7 @@ def move_seams(
     for step in range(PIECE_SHIFTS):
         if monitor.expired:
             return
-        proposal = propose(
-            atlas, BAND_RINGS, pieces=(PIECE_EDGES, step * PIECE_EDGES // PIECE_SHIFTS)
-        )
+        proposal = propose(atlas, pieces=(PIECE_EDGES, step * PIECE_EDGES // PIECE_SHIFTS))
         effort = Effort(work=WORK_PER_FACE * len(atlas.surface.faces) / PIECE_SHIFTS)
         search(atlas, Reroute(atlas, proposal), demands, effort, monitor, worker)
 

@@ -7,9 +7,6 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     group_count,
-    group_max,
-    group_min,
-    group_sum,
 )
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -141,11 +138,12 @@ def lay_out_part(
     bad = ~np.isfinite(chart_energies(cut_mesh, uv))
     # to untangle a small chart takes longer than to relax it from a circle
     small = group_count(cut_mesh.vertex_chart, cut_mesh.n_charts) <= SMALL_CHART
-    wild = bad & (small | _wild(cut_mesh, uv))
-    bad &= ~wild
-    if wild.any():
+    lost = group_count(cut_mesh.vertex_chart[~np.isfinite(uv).all(1)], cut_mesh.n_charts) > 0
+    fresh = bad & (small | lost)
+    bad &= ~fresh
+    if fresh.any():
         uv = uv.copy()
-        sub, vid, _ = cut_mesh.subset(wild)
+        sub, vid, _ = cut_mesh.subset(fresh)
         uv[vid] = tutte_embedding(sub, "mean-value")[0]
     if bad.any():
         uv = uv.copy()
@@ -158,15 +156,3 @@ def lay_out_part(
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
     return relax(cut_mesh, uv, options, monitor).uv
-
-
-def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
-    """(n,) bool: the layout of the chart is far too large for it, or no numbers at all."""
-    n = cut_mesh.n_charts
-    low = np.stack([group_min(uv[:, d], cut_mesh.vertex_chart, n) for d in range(2)], 1)
-    high = np.stack([group_max(uv[:, d], cut_mesh.vertex_chart, n) for d in range(2)], 1)
-    with np.errstate(invalid="ignore"):
-        size = (high - low).max(1)
-    rim = group_sum(cut_mesh.edge_lengths.sum(1), cut_mesh.chart, n)
-    result: BoolArray = ~(size <= 10 * rim)
-    return result

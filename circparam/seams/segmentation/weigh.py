@@ -12,15 +12,12 @@ from circparam.geometry.distortion import face_stretch, stretch_and_distortion
 from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.accuracy import FINAL
+from circparam.seams.accuracy import AIMED, FINAL
 from circparam.seams.segmentation.layout import GAP, chart_parts, pushed_apart
 from circparam.solvers.newton import relax
 from circparam.solvers.region import cut_out
 
 TAIL_SHARE = 1e-3  # share of the surface on which the stretch may be larger
-# of that share: what is aimed for, since a file stores rounded numbers; and of the excess of the largest
-# stretch over 1: from there on a face weighs more
-AIMED = 0.8
 ROUNDS = 8  # of weighing, most charts need three; and of slits and splits
 PATIENCE = 3  # rounds without headway after which a chart is left
 STEP = replace(FINAL, max_iterations=2)
