@@ -110,7 +110,7 @@ def tiles_of(layout: UVMap) -> IntArray:
     """(m, 2) unit tile of each face, −1 for a face without uv; raises the errors of ``bake``."""
     mapped = (layout.uv_faces >= 0).all(1)
     if not mapped.any():
-        raise InputError("no face has uv to bake into: make them first with 'circparam unwrap'")
+        raise InputError("no face has uv to bake into: make uv first with 'circparam unwrap'")
     corners = layout.uv[np.maximum(layout.uv_faces, 0)]
     if not np.isfinite(corners[mapped]).all():
         raise InputError("the layout holds NaN or infinite uv: unwrap the mesh again")
@@ -124,7 +124,7 @@ def tiles_of(layout: UVMap) -> IntArray:
         high = group_max(value, of, n)[chart[mapped]]
         if (low < 0).any() or (high > low + 1 + 1e-6).any():
             raise InputError(
-                "charts leave their unit tile, where a texture repeats: bring them in with 'circparam pack'"
+                "charts leave their unit tile, where a texture repeats: pack them again with 'circparam pack'"
             )
         out[mapped, axis] = low.astype(np.int64)
     return out

@@ -128,10 +128,10 @@ def atlas_table(report: dict[str, Any]) -> Table:
     return columns("mesh", ("faces", "charts", "packed"), rows)
 
 
-def _short(path: str, width: int = 26) -> str:
-    """The name of a file without its folder; a long name loses its middle."""
+def _short(path: str) -> str:
+    """The name of a file without its folder, at most 26 characters; a long name loses its middle."""
     name = os.path.basename(path) or path
-    return name if len(name) <= width else f"{name[: width - 13]}…{name[-12:]}"
+    return name if len(name) <= 26 else f"{name[:13]}…{name[-12:]}"
 
 
 LISTED_COMPONENTS = 12  # components that a table shows

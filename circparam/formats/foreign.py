@@ -91,6 +91,6 @@ def check_archive(data: bytes, source: Source, kind: str) -> None:
     size = sum(entry.file_size for entry in entries)
     if size > max(UNPACKED_BYTES, UNPACKED_PER_BYTE * len(data)):
         raise source.error(
-            f"its {len(data) / 1e6:.3g} MB unpack to {size / 1e6:.3g} MB: no mesh packs that well: "
-            "unpack it, and look what is in it"
+            f"its {len(data) / 1e6:.3g} MB unpack to {size / 1e6:.3g} MB: no mesh compresses that "
+            "well: unpack the archive and check its contents"
         )

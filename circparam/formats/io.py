@@ -84,7 +84,7 @@ def output_format(path: str | os.PathLike[str]) -> str:
     if row is not None and row.function.export is not None:
         return row.name
     *most, last = [FORMATS[name].function.suffixes[0] for name in writable()]
-    what = f"{suffix[1:].upper()} holds no uv here" if suffix else "no suffix tells the format"
+    what = f"{suffix[1:].upper()} holds no uv here" if suffix else "the name has no suffix"
     raise OptionError(
         f"{os.fspath(path)}: {what}; the name must end in {', '.join(most)} or {last}"
     )
@@ -98,7 +98,7 @@ def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
     if row := format_by_suffix(suffix):
         return row.name
     known = ", ".join(row.function.suffixes[0] for row in FORMATS)
-    what = f"the suffix {suffix!r} is not a mesh format" if suffix else "no suffix tells the format"
+    what = f"the suffix {suffix!r} is not a mesh format" if suffix else "the name has no suffix"
     raise OptionError(f"{os.fspath(path)}: {what}; end it in {known} or give --format")
 
 
@@ -191,7 +191,7 @@ def _format_of_content(data: bytes, source: Source) -> str:
         return name
     if row is None:
         if source.path is None:
-            raise source.error("the content tells no mesh format; give --format")
+            raise source.error("the content matches no mesh format; give --format")
         if suffix in _FOREIGN:
             raise InputError(f"{source.name}: {_FOREIGN[suffix]}")
         try:

@@ -8,14 +8,13 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 
 
-def space_gradients(atlas: Atlas, faces: IntArray | slice = slice(None)) -> FloatArray:
-    """(m, 2, 3): gradients of u and v of the current layout as vectors in space. faces: some of them."""
+def space_gradients(atlas: Atlas) -> FloatArray:
+    """(m, 2, 3): gradients of u and v of the current layout as vectors in space."""
     surface = atlas.surface
-    p = surface.points[surface.faces[faces]]
-    normal = surface.normals[faces]
+    p = surface.points[surface.faces]
     opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
-    hat = np.cross(normal[:, None], opposite) / (2 * surface.areas[faces])[:, None, None]
-    d = atlas.corners[faces] - atlas.corners[faces, :1]
+    hat = np.cross(surface.normals[:, None], opposite) / (2 * surface.areas)[:, None, None]
+    d = atlas.corners - atlas.corners[:, :1]
     return np.einsum("fkd,fkx->fdx", d, hat)
 
 

@@ -77,7 +77,7 @@ def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: MapInput, b: M
     if len(found) > 1:
         raise InputError(
             f"the charts correspond in {len(found)} ways: give --landmarks with one or two beside a seam until "
-            "only one is left"
+            "only one way is left"
         )
     _add(marks, first, second, found[0])
 
@@ -105,7 +105,7 @@ def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGra
         if euler[label] != 1:
             face = int(surface.source[np.flatnonzero(of_face == label)[0]])
             loops = max(2 - int(euler[label]), 0)
-            what = "a ring" if loops == 2 else f"no disk (Euler characteristic {euler[label]})"
+            what = "a ring" if loops == 2 else f"not a disk (Euler characteristic {euler[label]})"
             raise TopologyError(
                 f"{side.name}: the chart of face {face} is {what}, and --charts needs disks: cut it open"
             )

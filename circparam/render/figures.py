@@ -66,17 +66,13 @@ def counts(scene: Scene, options: PictureOptions) -> str:
     return f"{note} · {words}" if note else words
 
 
-def measured(mesh: Mesh, uvmap: UVMap, padding: int = 4) -> list[tuple[str, str]]:
-    """The key figures of a layout as (label, text), by the measures of every report of the command line."""
-    surface, _ = repair(mesh, RepairOptions(), uvmap)
-    return as_figures(verify(surface, uvmap, resolution=RASTER_TEXELS, padding=padding).numbers())
-
-
 def scene_figures(scene: Scene) -> list[tuple[str, str]]:
     """The key figures of a scene, for pictures made without a report at hand; few where no face has an area."""
     once = scene.once
+    mesh, uvmap = Mesh(once.points, once.faces), UVMap(once.uv, once.uv_faces)
     try:
-        return measured(Mesh(once.points, once.faces), UVMap(once.uv, once.uv_faces))
+        surface, _ = repair(mesh, RepairOptions(), uvmap)
+        return as_figures(verify(surface, uvmap, resolution=RASTER_TEXELS, padding=4).numbers())
     except InputError:
         return [("charts", f"{once.n_charts:,}"), ("flips", f"{int(once.flipped.sum()):,}")]
 

@@ -31,11 +31,11 @@ from circparam.render.views import (
 MARGIN_PIXELS = 40
 
 
-def to_image(array: FloatArray, paper: str = col.PAPER) -> Image.Image:
+def to_image(array: FloatArray) -> Image.Image:
     """An (h, w, 3 or 4) array of 0..1 as an image on paper."""
     if array.shape[2] == 4:
         alpha = array[..., 3:]
-        array = array[..., :3] * alpha + col.rgb(paper) * (1 - alpha)
+        array = array[..., :3] * alpha + col.rgb(col.PAPER) * (1 - alpha)
     return Image.fromarray(np.round(np.clip(array, 0, 1) * 255).astype(np.uint8), "RGB")
 
 

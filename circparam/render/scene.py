@@ -274,7 +274,7 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
         )
     mapped: BoolArray = np.asarray((uv_faces >= 0).all(1))
     if not mapped.any() or uv.size == 0:
-        raise InputError("no face has uv: make them first with 'circparam unwrap'")
+        raise InputError("no face has uv: make uv first with 'circparam unwrap'")
     if int(uv_faces.max()) >= len(uv):
         raise InputError(f"uv_faces name uv {int(uv_faces.max())}, there are only {len(uv)}")
     finite: BoolArray = np.asarray(np.isfinite(uv).all(1))

@@ -243,7 +243,7 @@ def test_an_archive_is_judged_by_what_it_declares(entry: str) -> None:
         data = hostile.archive({entry: bytes(60_000_000)})
     at = data.rfind(entry.encode(), 0, data.find(b"PK\x01\x02"))
     data = data[: at + len(entry)] + b"\xff" * 16 + data[at + len(entry) + 16 :]
-    with pytest.raises(InputError, match="unpack to 60 MB: no mesh packs that well"):
+    with pytest.raises(InputError, match="unpack to 60 MB: no mesh compresses that well"):
         read_data(data, format="3mf")
 
 

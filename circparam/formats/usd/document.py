@@ -98,7 +98,7 @@ class UsdDocument(Document):
         warnings = []
         if self.outside:
             warnings.append(
-                f"it refers to files of other folders ({', '.join(self.outside[:3])}): "
+                f"it refers to files in other folders ({', '.join(self.outside[:3])}): "
                 "they are found from the folder of the input only"
             )
         opened_up = {path for prim in self.arrays.prims for path in prim.instances}

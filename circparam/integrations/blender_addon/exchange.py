@@ -248,7 +248,7 @@ def read_uv(path, parts, polygons=None):
             len(vertex[start:end]) != end - start
             or (vertex[start:end] - first != part.vertex[own]).any()
         ):
-            raise Failure("what came back has other corners than the object")
+            raise Failure("the returned mesh has other corners than the object")
         uv = part.uv.copy()
         uv[part.corners] = got[start:end][part.corners[own]]
         out.append(uv)
