@@ -157,7 +157,7 @@ def hard_components(surface: Surface) -> BoolArray:
     angle, _ = turns(surface)
     flat, _ = flats(surface)
     total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
-    in_flats = surface.areas * (np.bincount(flat) > FLAT_FACES)[flat]
+    in_flats = surface.areas * _creased_flats(surface)[flat]
     flat_share = group_sum(in_flats, component, n) / total
     count, region, developable = developable_regions(surface)
     region_share = group_sum(surface.areas * developable[region], component, n) / total
@@ -170,9 +170,24 @@ def hard_components(surface: Surface) -> BoolArray:
     _, smooth, tube = developable_regions(surface, BLUNT)
     round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.sides[0, on]]]
     blunt = group_sum(length * round_shape, of, n)
-    developed = (creases > 0) & (region_share >= MOST_REGIONS) & large
+    developed = (region_share >= MOST_REGIONS) & large
     hard = ((flat_share >= MOST_FLAT) | developed) & (blunt <= MOST_BLUNT * creases)
     result: BoolArray = hard[component]
+    return result
+
+
+def _creased_flats(surface: Surface) -> BoolArray:
+    """(flats,) bool: several faces, and most of the rim is creases. The facets of a tube have no such rim."""
+    flat, _ = flats(surface)
+    n = int(flat.max(initial=-1)) + 1
+    left, right = flat[surface.sides]
+    length = np.where(left == right, 0.0, surface.edge_lengths)
+    length = np.where(turns(surface)[0] >= CREASE, length, -length)
+    balance = group_sum(length, left, n) + group_sum(length, right, n)
+    rim = surface.boundary
+    ends = surface.points[surface.faces.ravel()[np.stack([rim, next_half_edge(rim)])]]
+    balance += group_sum(np.linalg.norm(ends[1] - ends[0], axis=1), flat[rim // 3], n)
+    result: BoolArray = (balance >= 0) & (np.bincount(flat, minlength=n) > FLAT_FACES)
     return result
 
 

@@ -9,6 +9,7 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     first_of_runs,
+    group_count,
     group_sum,
     next_half_edge,
     sorted_distinct,
@@ -27,6 +28,10 @@ PROXY_ROOT = 8.0  # and at least so many times the root of the faces: charts of 
 LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
 SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
 FRAGMENT = 16  # faces; smaller torn-off parts of a component are left out of the proxy
+# noise of points before the collapse, in mean edges at each. A collapse inside a flat or along a tube has no
+# error, so half the proxy were slivers. From 0.02 to 0.1 alike: drafts of nine surfaces from marching cubes
+# with such places cost 0.40 as much in 0.23 of the time, 14 other meshes 1.00 in 0.89
+NOISE_EDGES = 0.05
 LEAST_AREA = 1e-10  # coarse faces below this share of their longest edge squared are left out
 
 
@@ -94,7 +99,8 @@ def decimate(surface: Surface, target: int) -> Proxy:
         pieces = len(sorted_distinct(component[large]))
         share = min(max(int(target * large.mean()), 4 * pieces), int(large.sum()))
         simple = local[faces[large]].astype(np.int32)
-        moved, into = collapsed((points[used] - centre) / size, simple, share)
+        noisy = _with_noise((points[used] - centre) / size, simple)
+        moved, into = collapsed(noisy, simple, share)
         # each coarse vertex is named by the first fine vertex that went into it
         order = stable_order(into)
         heads = order[first_of_runs(into[order])]
@@ -122,6 +128,20 @@ def decimate(surface: Surface, target: int) -> Proxy:
     proxy = replace(proxy, whole_area=surface.whole_area)
     cell = _settle(surface, number[root])
     return Proxy(priced(proxy, surface, cell), cell, apart)
+
+
+def _with_noise(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Points (n, 3), each moved at random by up to NOISE_EDGES of the mean of its edges along every axis.
+
+    On noisy flats the error of a collapse grows with the edge, so that coarse faces come out of one size.
+    """
+    corner = points[faces]
+    edge = np.sqrt(((corner[:, [1, 2, 0]] - corner) ** 2).sum(2))
+    at_corner = (edge + edge[:, [2, 0, 1]]) / 2
+    at = faces.ravel().astype(np.int64)
+    mean = group_sum(at_corner.ravel(), at, len(points)) / group_count(at, len(points))
+    noise = np.random.default_rng(0).uniform(-NOISE_EDGES, NOISE_EDGES, points.shape)
+    return points + noise * mean[:, None]
 
 
 def priced(proxy: Surface, surface: Surface, cell: IntArray) -> Surface:
