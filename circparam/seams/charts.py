@@ -13,6 +13,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
+from circparam.seams.cost import COST
 from circparam.seams.evaluate import MARGIN
 from circparam.seams.finish import LEVEL_FACES, REGROUP_FACES, Decided, finish
 from circparam.seams.grown import grown_atlas
@@ -212,7 +213,39 @@ def _first_atlas(
             with monitor.holding(np.inf, least=float(share)):
                 atlas.put(faces, in_time(part, search, monitor))
             monitor.keep(atlas.part(faces))
+    doubtful = hard & ~hard_components(surface, creased=True)
+    if doubtful.any() and not monitor.expired:
+        hard &= ~grown_where_cheaper(atlas, doubtful, bound, options, monitor, notes)
+        atlas.prices = edge_prices(surface, hard)
     return atlas
+
+
+def grown_where_cheaper(
+    atlas: Atlas,
+    faces: BoolArray,
+    bound: float,
+    options: SeamOptions,
+    monitor: Monitor,
+    notes: list[str],
+) -> BoolArray:
+    """Grow charts of components with those faces ((m,) bool) too, and put them where they cost less.
+
+    No crease bounds the flats of these. A designer's flat between fillets and a facet of a tube look the same.
+    Returns (m,) bool, faces of the components that have grown charts now.
+    """
+    out = np.zeros(len(faces), bool)
+    part = atlas.part(faces)
+    search = partial(grown_atlas, part.surface, bound, options, monitor, notes)
+    try:
+        grown = in_time(part.surface, search, monitor)
+    except OutOfTimeError:
+        monitor.late = True
+        return out
+    cheaper = COST.of_components(grown, part.flat) < COST.of_components(part, part.flat)
+    better = cheaper[part.surface.components[1]]
+    out[np.flatnonzero(faces)[better]] = True
+    atlas.put(out, grown.part(better))
+    return out
 
 
 def with_creases(atlas: Atlas) -> BoolArray:

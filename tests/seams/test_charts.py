@@ -13,7 +13,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
-from circparam.seams.options import SeamOptions
+from circparam.seams.options import SeamOptions, Search
+from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import assert_promises, relaxed, surface_of
 from tests.support.formats_tools import corpus_files
@@ -62,6 +63,31 @@ def test_a_lower_bound_gives_more_seam_and_less_distortion() -> None:
     shape = shapes.icosphere(2)
     lengths = [atlas_of(shape, max_distortion=d)[1].seam_length for d in (1.01, 1.2)]
     assert lengths[0] > lengths[1]
+
+
+@pytest.mark.parametrize("draft", [True, False])
+def test_a_rod_costs_no_more_than_its_wall_and_two_caps(draft: bool) -> None:
+    """The wall needs a seam along it and one round each end, each cap none."""
+    length = 6.0
+    surface, atlas = atlas_of(shapes.rod(length=length), search=Search(draft=draft))
+    wall_and_caps = (length + 2 * 2 * np.pi) / surface.unit + 3 / 4
+    cost = surface.edge_lengths[atlas.cut].sum() / surface.unit + atlas.charts()[0] / 4
+    assert cost <= 1.1 * wall_and_caps
+
+
+@pytest.mark.parametrize("dear", [True, False])
+def test_grown_charts_take_the_place_of_dearer_ones(dear: bool) -> None:
+    """Every facet as a chart costs more than charts that are grown, a single chart less."""
+    surface = surface_of(*shapes.rod())
+    prices = edge_prices(surface)
+    atlas = Atlas(surface, ~prices.flat if dear else np.zeros_like(prices.flat), prices=prices)
+    before, every = atlas.cut.copy(), np.ones(len(surface.faces), bool)
+    grown_there = module.grown_where_cheaper(atlas, every, 1.05, SeamOptions(), Monitor(), [])
+    assert (grown_there == dear).all()
+    if dear:
+        assert_promises(atlas, 1.05)
+    else:
+        assert np.array_equal(atlas.cut, before)
 
 
 def test_max_charts_is_kept_where_the_bound_is_not() -> None:
@@ -142,7 +168,7 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one() -> None:
     """The seams of a fine torus, decided on a proxy, are about those of a coarse one, decided on itself."""
     (small, direct), (large, proxy) = (atlas_of(shapes.torus(n, n // 2)) for n in (36, 90))
     assert len(small.faces) < grown.DIRECT_FACES < len(large.faces)
-    assert proxy.seam_length == pytest.approx(direct.seam_length, rel=0.15, abs=0.05)
+    assert proxy.seam_length <= 1.15 * direct.seam_length + 0.05
     assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1
 
 

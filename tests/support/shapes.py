@@ -212,6 +212,32 @@ def cylinder(around: int = 24, along: int = 12, caps: bool = False, height: floa
     return p, f
 
 
+def rod(cells: float = 6.4, along: int = 80, caps: int = 8, length: float = 6.0) -> Shape:
+    """A closed tube with round ends, its points in rows along the axis: each facet is a flat of many faces.
+
+    The rows are where the lines of a lattice meet the circle, of whose radius ``cells`` is the length in cells.
+    """
+    k = np.arange(-int(cells), int(cells) + 1) / cells
+    u = np.unique(
+        np.r_[np.arccos(k), -np.arccos(k), np.arcsin(k), np.pi - np.arcsin(k)] % (2 * np.pi)
+    )
+    u = u[np.diff(u, append=u[0] + 2 * np.pi) > 1e-6]
+    around = len(u)
+    v = np.linspace(0, np.pi / 2, caps + 1)[1:]
+    r = np.r_[np.sin(v), np.ones(along - 1), np.sin(v[::-1])]
+    z = np.r_[-np.cos(v), np.linspace(0, length, along + 1)[1:-1], length + np.cos(v[::-1])]
+    sides = np.stack([r[:, None] * np.cos(u), r[:, None] * np.sin(u), z[:, None] + 0 * u], 2)
+    n = len(z)
+    i, j = np.divmod(np.arange((n - 1) * around), around)
+    a, b = i * around + j, i * around + (j + 1) % around
+    first, last = np.arange(around), (n - 1) * around + np.arange(around)
+    faces = [np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)]
+    faces.append(np.stack([np.full(around, n * around), np.roll(first, -1), first], 1))
+    faces.append(np.stack([np.full(around, n * around + 1), last, np.roll(last, -1)], 1))
+    points = np.r_[sides.reshape(-1, 3), [[0, 0, -1.0]], [[0, 0, length + 1.0]]]
+    return points, np.concatenate(faces)
+
+
 def holed_sheet(holes: int = 25, per_hole: int = 4) -> Shape:
     """A flat square with ``holes`` square holes (rounded up to a square number) in a regular grid."""
     k = int(np.ceil(np.sqrt(holes)))

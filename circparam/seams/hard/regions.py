@@ -146,18 +146,22 @@ def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
     return np.where(rim, np.pi, 2 * np.pi) - total, rim
 
 
-def hard_components(surface: Surface) -> BoolArray:
+def hard_components(surface: Surface, creased: bool = False) -> BoolArray:
     """(m,) bool: the component of the face is a hard surface, by measurement.
 
     Much of its area lies in flats of several faces, or in developable regions between creases, and its creases
     are sharp: blunt ones may come from few faces on a round shape, but not the lines of a tube, which is
-    developable across them. Scans and organic shapes have neither.
+    developable across them. Scans and organic shapes have neither. creased: only flats count that creases
+    bound, not those between fillets or round a tube.
     """
     n, component = surface.components
     angle, _ = turns(surface)
     flat, _ = flats(surface)
     total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
-    in_flats = surface.areas * _creased_flats(surface)[flat]
+    large_flats = np.bincount(flat) > FLAT_FACES
+    if creased:
+        large_flats &= _creased_flats(surface)
+    in_flats = surface.areas * large_flats[flat]
     flat_share = group_sum(in_flats, component, n) / total
     count, region, developable = developable_regions(surface)
     region_share = group_sum(surface.areas * developable[region], component, n) / total
@@ -177,7 +181,7 @@ def hard_components(surface: Surface) -> BoolArray:
 
 
 def _creased_flats(surface: Surface) -> BoolArray:
-    """(flats,) bool: several faces, and most of the rim is creases. The facets of a tube have no such rim."""
+    """(flats,) bool: at least half of the rim is creases or boundary."""
     flat, _ = flats(surface)
     n = int(flat.max(initial=-1)) + 1
     left, right = flat[surface.sides]
@@ -185,9 +189,9 @@ def _creased_flats(surface: Surface) -> BoolArray:
     length = np.where(turns(surface)[0] >= CREASE, length, -length)
     balance = group_sum(length, left, n) + group_sum(length, right, n)
     rim = surface.boundary
-    ends = surface.points[surface.faces.ravel()[np.stack([rim, next_half_edge(rim)])]]
-    balance += group_sum(np.linalg.norm(ends[1] - ends[0], axis=1), flat[rim // 3], n)
-    result: BoolArray = (balance >= 0) & (np.bincount(flat, minlength=n) > FLAT_FACES)
+    start, end = surface.points[surface.faces.ravel()[np.stack([rim, next_half_edge(rim)])]]
+    balance += group_sum(np.linalg.norm(end - start, axis=1), flat[rim // 3], n)
+    result: BoolArray = balance >= 0
     return result
 
 

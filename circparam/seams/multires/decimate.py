@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from circparam.core.arrays import (
     BoolArray,
@@ -32,7 +33,8 @@ FRAGMENT = 16  # faces; smaller torn-off parts of a component are left out of th
 # error, so half the proxy were slivers. From 0.02 to 0.1 alike: drafts of nine surfaces from marching cubes
 # with such places cost 0.40 as much in 0.23 of the time, 14 other meshes 1.00 in 0.89
 NOISE_EDGES = 0.05
-LEAST_AREA = 1e-10  # coarse faces below this share of their longest edge squared are left out
+# coarse points are single precision: faces below this share of their longest edge squared are left out
+LEAST_AREA = float(np.finfo(np.float32).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +132,7 @@ def decimate(surface: Surface, target: int) -> Proxy:
     return Proxy(priced(proxy, surface, cell), cell, apart)
 
 
-def _with_noise(points: FloatArray, faces: IntArray) -> FloatArray:
+def _with_noise(points: FloatArray, faces: npt.NDArray[np.int32]) -> FloatArray:
     """Points (n, 3), each moved at random by up to NOISE_EDGES of the mean of its edges along every axis.
 
     On noisy flats the error of a collapse grows with the edge, so that coarse faces come out of one size.

@@ -49,6 +49,19 @@ def test_a_round_shape_of_few_faces_is_not_taken_for_a_hard_one() -> None:
     assert not hard_components(surface_of(*shapes.icosphere(1))).any()
 
 
+def test_facets_of_a_tube_are_flats_that_no_crease_bounds() -> None:
+    surface = surface_of(*shapes.rod())
+    label, _ = flats(surface)
+    assert surface.areas[(np.bincount(label) > 50)[label]].sum() > surface.areas.sum() / 2
+    assert hard_components(surface).all()
+    assert not hard_components(surface, creased=True).any()
+
+
+@pytest.mark.parametrize("shape", [shapes.cube(6), shapes.grid(20, 20)])
+def test_creases_and_boundaries_bound_flats(shape) -> None:
+    assert hard_components(surface_of(*shape), creased=True).all()
+
+
 def test_seams_are_dear_in_flats_and_cheap_on_sharp_edges() -> None:
     """And on concave ones cheaper still: the floor of a pocket against the rim of the plate."""
     part = extrude(rectangle(4.0, 2.0), (), 1.0, [(circle(48, 0.5), 0.5)])

@@ -44,6 +44,17 @@ def test_cells_are_connected_and_their_vertices_lie_near() -> None:
     assert proxy.surface.areas.sum() == pytest.approx(area, rel=0.05)
 
 
+@pytest.mark.parametrize("shape", [shapes.rod(), shapes.grid(60, 60)])
+def test_proxies_of_tubes_and_flats_are_no_slivers(shape: shapes.Shape) -> None:
+    """A collapse along a line or inside a plane has no quadric error, however long the edges become."""
+    proxy = decimate(surface_of(*shape), 1_000).surface
+    corner = proxy.points[proxy.faces]
+    edges = np.linalg.norm(corner - np.roll(corner, 1, 1), axis=2)
+    height = 2 * proxy.areas / edges.max(1)
+    assert np.quantile(height / edges.max(1), 0.25) > 0.1
+    assert edges.max() < 20 * np.sqrt(proxy.areas.mean())
+
+
 def test_components_of_few_faces_are_taken_over_as_they_are() -> None:
     """300 faces are few, 320 are not; a mesh of small ones only stays whole."""
     small, large = shapes.grid(11, 16), shapes.icosphere(2)
