@@ -46,7 +46,7 @@ def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
     """The prices that the shape of a surface gives its edges.
 
     hard: (m,) bool, faces of hard components (None: all). Only their flats and creases are named: no step cuts
-    those flats. On other components flats are dear if a designer made them.
+    those flats.
     """
     angle, concave = turns(surface)
     of_hard = np.ones(len(angle), bool) if hard is None else hard[surface.sides[0]]

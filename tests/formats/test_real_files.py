@@ -35,6 +35,8 @@ def test_triangles_are_those_of_trimesh(path: Path) -> None:
 
 @pytest.mark.parametrize("path", some_corpus_files("CesiumMilkTruck.glb"))
 def test_the_second_reader_finds_the_same_triangles(path: Path) -> None:
+    if "tristrips" in read(path).features:
+        pytest.skip("trimesh reads no strips")
     mesh = read(path, reader="trimesh").mesh
     ours, other = spread(mesh.points, mesh.faces), theirs(path)
     np.testing.assert_allclose(ours, other, atol=1e-5 * np.abs(ours).max())
