@@ -1,4 +1,4 @@
-"""Hold every chart to the bound: split or map anew those that exceed it, flip or overlap themselves."""
+"""Hold every chart to the bound: open, split or map anew those that exceed it, flip or overlap themselves."""
 
 from dataclasses import replace
 
@@ -25,6 +25,7 @@ from circparam.seams.segmentation.layout import (
     pushed_apart,
 )
 from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
+from circparam.seams.segmentation.slits import slit_charts
 from circparam.seams.segmentation.trim import trim_overlaps
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
@@ -43,15 +44,19 @@ def enforce(
 ) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
-    layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart above the bound is split in
-    two. Parts that lie on each other are pushed apart, but cut apart at once where options stop at a bound.
-    Single cells cannot be split, so the work ends; what is left then is for the caller to judge. Where good
-    charts hold most of the faces, the work goes on with the others alone.
+    layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart above the bound is slit
+    once from its boundary to where it is distorted most, then split in two. Parts that lie on
+    each other are pushed apart, but cut apart at once where options stop at a bound. Single cells cannot
+    be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
+    the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
-    whole, faces = atlas, np.ones(len(atlas.surface.faces), bool)
-    clear, last = np.zeros(len(faces), bool), atlas.corners
-    while True:
+    slit = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that were slit
+    whole, faces = atlas, np.ones(len(slit), bool)
+    clear, last = np.zeros(len(slit), bool), atlas.corners
+    # halves of halves are single cells after so many rounds as their number has digits; a slit and a push come
+    # before each
+    for _ in range(3 * int(graph.n).bit_length()):
         pushed = np.full(layouts.cut_mesh.n_charts, options.bound is None)
         layouts = unstick(atlas, layouts, bound, monitor, pushed)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
@@ -61,7 +66,7 @@ def enforce(
         if inside.mean() < NARROW:
             whole.put(faces, atlas)
             faces[faces] = inside
-            atlas = whole.part(faces)
+            atlas, slit = whole.part(faces), slit[inside]
             clear, last = clear[inside], last[inside]
             graph = dual_graph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
@@ -72,7 +77,7 @@ def enforce(
         clear &= moved[layouts.cut_mesh.chart] == 0
         last = atlas.corners.copy()
         found = _Bad(graph, layouts, bad, pushed, bound, clear)
-        cut = _cut_open(atlas, found, monitor)
+        cut, slit = _cut_open(atlas, found, slit, monitor)
         if np.array_equal(before, atlas.cut) and not cut.any():
             break
         layouts = _map_again(atlas, layouts, bad, cut, bound, options, monitor)
@@ -96,17 +101,26 @@ class _Bad:
     clear: BoolArray
 
 
-def _cut_open(atlas: Atlas, found: _Bad, monitor: Monitor) -> BoolArray:
-    """Trim bad charts, or split them; (n,) bool: charts whose pieces may keep their layout."""
+def _cut_open(
+    atlas: Atlas, found: _Bad, before: BoolArray, monitor: Monitor
+) -> tuple[BoolArray, BoolArray]:
+    """Slit bad charts, or split them. before: (m,) bool, the chart of the face was slit.
+
+    Returns (n,) bool: charts whose pieces may keep their layout; (m,) bool as ``before``.
+    """
     layouts, bad = found.layouts, found.bad
+    chart = layouts.cut_mesh.chart
+    slit = bad & ~layouts.overlapping & (group_count(chart[before], len(bad)) == 0)
+    if slit.any():
+        slit = slit_charts(atlas, layouts, slit)
     cut = bad & layouts.overlapping & np.isfinite(layouts.energy) & ~found.pushed
     if cut.any():
         cut = trim_overlaps(atlas, found.graph, layouts, cut)
-    split = bad & ~cut
+    split = bad & ~slit & ~cut
     if split.any():
         cut |= _split(atlas, found, split, monitor)
     make_disks(atlas, found.graph)
-    return cut
+    return cut, before | slit[chart]
 
 
 def unstick(

@@ -1,4 +1,4 @@
-"""Slits from the boundary of a chart towards vertices inside."""
+"""Slits from a chart's boundary to its worst vertex."""
 
 import numpy as np
 
@@ -15,10 +15,22 @@ from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.prices import edge_costs
+from circparam.seams.segmentation.layout import ChartLayouts
 from circparam.solvers import dirichlet
 
 # over which the distortion of areas is smoothed, so that single faces are no peaks
 SMOOTHING_RINGS = 2
+
+
+def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolArray:
+    """Cut charts open along a shortest path from where they are distorted most to their boundary.
+
+    Returns the charts that were cut: a chart whose worst vertex is on the boundary, or one with no way there,
+    is not.
+    """
+    cut_mesh = layouts.cut_mesh
+    peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy))
+    return slit_to(atlas, cut_mesh, peak)
 
 
 def slit_to(
@@ -74,6 +86,15 @@ def boundary_vertices(cut_mesh: CutMesh) -> BoolArray:
     out = np.zeros(cut_mesh.n_vertices, bool)
     out[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
     return out
+
+
+def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> IntArray:
+    """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
+    field = smoothed_area_distortion(cut_mesh, uv)
+    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~boundary_vertices(cut_mesh))
+    order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
+    first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
+    return vertices[order[first]]
 
 
 def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Slits from the boundary of a chart towards a vertex."""
+"""Slits from a chart's boundary to where it is distorted most."""
 
 import dataclasses
 
@@ -6,25 +6,26 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation.slits import slit_to
+from circparam.seams.segmentation.layout import ChartLayouts, judge
+from circparam.seams.segmentation.slits import slit_charts
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_where, uncut
 
 HERE = np.array([0.25, 0.5])
 
 
-def vertex_at(atlas: Atlas, place: np.ndarray) -> np.ndarray:
-    """(1,) the vertex of the cut mesh at a place of a flat atlas."""
+def swollen(atlas: Atlas, *centres: np.ndarray) -> ChartLayouts:
+    """A flat atlas laid out as it lies, but swollen round some points."""
     as_it_lies(atlas)
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
-    return np.array([((uv - place) ** 2).sum(1).argmin()])
-
-
-def slit(atlas: Atlas, place: np.ndarray) -> np.ndarray:
-    """(1,) bool: the one chart of a flat atlas was cut open towards a place."""
-    peak = vertex_at(atlas, place)
-    return slit_to(atlas, atlas.cut_mesh(), peak)
+    out = uv.copy()
+    for centre in centres:
+        away = uv - centre
+        out += 0.4 * away * np.exp(-(away**2).sum(1) / 0.01)[:, None]
+    laid = judge(cut_mesh, out)
+    assert np.isfinite(laid.energy).all()
+    return laid
 
 
 def points_of(atlas: Atlas, edges: np.ndarray) -> np.ndarray:
@@ -34,9 +35,9 @@ def points_of(atlas: Atlas, edges: np.ndarray) -> np.ndarray:
     return np.stack([points[a], points[b]], 1)
 
 
-def test_a_slit_goes_straight_from_the_nearest_boundary_to_a_vertex() -> None:
+def test_a_slit_goes_straight_from_the_nearest_boundary_to_the_worst_vertex() -> None:
     atlas = uncut(*shapes.grid(17, 17))
-    done = slit(atlas, HERE)
+    done = slit_charts(atlas, swollen(atlas, HERE), np.ones(1, bool))
     assert done.tolist() == [True]
     ends = points_of(atlas, atlas.cut)
     assert atlas.seam_length == pytest.approx(0.25)
@@ -50,12 +51,10 @@ def test_no_slit_runs_along_locked_edges() -> None:
     x, y = surface.points[:, 0], surface.points[:, 1]
     locked = cut_where(surface, (y == 0.5) & (x <= 0.25))
     atlas = Atlas(dataclasses.replace(surface, locked=locked), atlas.cut)
-    assert slit(atlas, HERE).all()
+    assert slit_charts(atlas, swollen(atlas, HERE), np.ones(1, bool)).all()
     assert not (atlas.cut & locked).any()
     assert 0.25 < atlas.seam_length < 0.4
     assert np.abs(points_of(atlas, atlas.cut) - HERE).sum(2).min() == 0
-    closed = Atlas(
-        dataclasses.replace(surface, locked=np.ones(len(locked), bool)), np.zeros(len(locked), bool)
-    )
-    assert not slit(closed, HERE).any()
+    closed = Atlas(dataclasses.replace(surface, locked=np.ones(len(locked), bool)), 0 * locked)
+    assert not slit_charts(closed, swollen(closed, HERE), np.ones(1, bool)).any()
     assert not closed.cut.any()
