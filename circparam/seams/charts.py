@@ -235,7 +235,8 @@ def grown_where_cheaper(
     """
     out = np.zeros(len(faces), bool)
     part = atlas.part(faces)
-    search = partial(grown_atlas, part.surface, bound, options, monitor, notes)
+    own: list[str] = []
+    search = partial(grown_atlas, part.surface, bound, options, monitor, own)
     try:
         grown = in_time(part.surface, search, monitor)
     except OutOfTimeError:
@@ -245,6 +246,8 @@ def grown_where_cheaper(
     better = cheaper[part.surface.components[1]]
     out[np.flatnonzero(faces)[better]] = True
     atlas.put(out, grown.part(better))
+    if better.any():  # notes tell of charts that are there
+        notes += own
     return out
 
 
