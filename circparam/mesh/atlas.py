@@ -72,13 +72,6 @@ class Atlas:
         return out
 
     @cached_property
-    def boundary_lengths(self) -> FloatArray:
-        """Length of every boundary half-edge of the surface."""
-        h = self.surface.boundary
-        f = self.surface.rest_triangles.reshape(-1, 2)
-        return np.linalg.norm(f[next_half_edge(h)] - f[h], axis=1)
-
-    @cached_property
     def angle_defects(self) -> FloatArray:
         """(vertices,) curvature of every vertex: 2π minus the angles of its faces."""
         corner = self.surface.rest_triangles

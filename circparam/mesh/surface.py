@@ -173,6 +173,13 @@ class Surface:
         return boundary_half_edges(len(self.faces), self.edges)
 
     @cached_property
+    def boundary_lengths(self) -> FloatArray:
+        """Length of every half-edge of ``boundary``."""
+        h, corner = self.boundary, self.rest_triangles.reshape(-1, 2)
+        lengths: FloatArray = np.linalg.norm(corner[next_half_edge(h)] - corner[h], axis=1)
+        return lengths
+
+    @cached_property
     def components(self) -> tuple[int, IntArray]:
         """Number of components, and (m,) int64 the component of each face."""
         return self.charts(np.zeros(len(self.edges), bool))

@@ -188,9 +188,7 @@ def _creased_flats(surface: Surface) -> BoolArray:
     length = np.where(left == right, 0.0, surface.edge_lengths)
     length = np.where(turns(surface)[0] >= CREASE, length, -length)
     balance = group_sum(length, left, n) + group_sum(length, right, n)
-    rim = surface.boundary
-    start, end = surface.points[surface.faces.ravel()[np.stack([rim, next_half_edge(rim)])]]
-    balance += group_sum(np.linalg.norm(end - start, axis=1), flat[rim // 3], n)
+    balance += group_sum(surface.boundary_lengths, flat[surface.boundary // 3], n)
     result: BoolArray = balance >= 0
     return result
 

@@ -124,7 +124,7 @@ class Glue:
             size = np.bincount(chart)
             may &= size[glues.left] + np.where(one, 0, size[glues.right]) <= options.faces
         rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
-        rim += group_sum(atlas.boundary_lengths, chart[atlas.surface.boundary // 3], n)
+        rim += group_sum(atlas.surface.boundary_lengths, chart[atlas.surface.boundary // 3], n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
         score = glues.length / np.minimum(rim[glues.left], rim[glues.right])
         score = score * _luck(glues.key, options.search.draw) - one
