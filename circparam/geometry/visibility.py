@@ -22,7 +22,8 @@ from circparam.mesh.surface import Surface
 
 GOLDEN = (1 + 5**0.5) / 2
 SMALL_FACE_PIXELS = 0.7  # pixels: faces whose longest edge is below that leave their centre only
-WIDE_FACE_PIXELS = 3  # pixels: others reach no further than that from a corner
+ROUNDING_PIXELS = 1e-6  # pixels: far above the rounding of coordinates, far below a pixel
+FAR_PIXELS = 6  # pixels from the one of its centre: faces that reach further are never left out
 # places a pixel, below which faces that hide none of them are left out
 SPARSE_PLACES_PER_PIXEL = 0.25
 FRAME_PIXELS = 2  # empty pixels round the picture
@@ -36,8 +37,8 @@ FACES_AT_ONCE = 16_000
 ALL = slice(None)
 DIRECTION_PARTS = 2  # of the directions of a reported share, which two processes may look along
 
-# corners (3, 3, k) of wide faces, corners (3, 3, l) of others, centres (3, s) of small ones
-Scene: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+# corners (3, 3, l) of faces, centres (3, s) of small ones
+Scene: TypeAlias = tuple[FloatArray, FloatArray]
 # (pixels²,) largest and smallest height in every pixel
 Buffers: TypeAlias = tuple[FloatArray, FloatArray]
 
@@ -77,13 +78,15 @@ def seen_shares(
     from others nothing is seen.
     """
     seen = np.zeros(len(places.point), np.int64)
-    flat = triangles.reshape(-1, 3)
-    if len(flat) == 0 or len(seen) == 0:
+    if len(triangles) == 0 or len(seen) == 0:
         return np.zeros(len(seen))
-    centre = (flat.min(0) + flat.max(0)) / 2
-    radius = float(np.sqrt(((flat - centre) ** 2).sum(1).max()))
+    centre = np.array([(x.min() + x.max()) / 2 for x in (triangles[..., d] for d in range(3))])
+    x, y, z = (triangles[..., d] - centre[d] for d in range(3))
+    radius = float(np.sqrt((x * x + y * y + z * z).max()))
     pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME_PIXELS)
-    scene = [_scene((triangles[k] - centre) / pixel) for k in slices(len(triangles), FACES_AT_ONCE)]
+    blocks = [
+        _Block.of((triangles[k] - centre) / pixel) for k in slices(len(triangles), FACES_AT_ONCE)
+    ]
     normal = unit(places.normal.sum(1))
     vectors = np.ascontiguousarray(
         np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
@@ -107,27 +110,39 @@ def seen_shares(
             step *= np.where(places.two_sided[front] & (sign * step[2] < 0), -1.0, 1.0)
             p = at[:, front] + step
             looks.append(_Look(sign, front, _pixel(p, pixels), p[2]))
-        parts = scene
+        scene = [(block.corners, block.small) for block in blocks]
         if sparse:
-            near = _near([look.pixel for look in looks], pixels)
-            parts = [_beside(scene, near, frame, pixels)]
+            away = _pixels_away([look.pixel for look in looks], pixels)
+            scene = [_beside(blocks, away, frame, pixels)]
         buffers = np.full(pixels * pixels, -np.inf), np.full(pixels * pixels, np.inf)
-        for part in parts:
+        for part in scene:
             _fill(buffers, part, frame, pixels)
         for look, buffer in zip(looks, buffers, strict=True):
             seen[look.place] += look.sign * look.height >= look.sign * buffer[look.pixel]
     return seen / (2 * (count // 2))
 
 
-def _scene(triangles: FloatArray) -> Scene:
-    """((3, 3, k), (3, 3, l) corner coordinates of the faces that cover pixels, with an edge longer than
-    WIDE_FACE_PIXELS and without; (3, s) centres of the smaller faces), in pixels."""
-    corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
-    edge = corners - corners[:, [1, 2, 0]]
-    x, y, z = edge * edge
-    longest = (x + y + z).max(0)
-    small, wide = longest < SMALL_FACE_PIXELS**2, longest > WIDE_FACE_PIXELS**2
-    return corners[:, :, wide], corners[:, :, ~small & ~wide], corners[:, :, small].mean(1)
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Some faces, in pixels. corners: (3, 3, l) of those that cover pixels; centre: (3, l) of them, and reach:
+    (l,) how many pixels from that of the centre they may cover. small: (3, s) centres of the others."""
+
+    corners: FloatArray
+    centre: FloatArray
+    reach: FloatArray
+    small: FloatArray
+
+    @staticmethod
+    def of(triangles: FloatArray) -> "_Block":
+        """The block of triangles (m, 3, 3)."""
+        corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
+        x, y, z = (corners - corners[:, [1, 2, 0]]) ** 2
+        small = (x + y + z).max(0) < SMALL_FACE_PIXELS**2
+        centre, corners = corners.mean(1), corners[:, :, ~small]
+        x, y, z = (corners - centre[:, None, ~small]) ** 2
+        # a pixel is covered if its own centre is, which lies within half a pixel of where the pixel ends
+        reach = np.floor(np.sqrt((x + y + z).max(0)) + 0.5 + ROUNDING_PIXELS)
+        return _Block(corners, centre[:, ~small], reach, centre[:, small])
 
 
 def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
@@ -142,25 +157,25 @@ def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
     return out
 
 
-def _beside(scene: list[Scene], near: BoolArray, frame: FloatArray, pixels: int) -> Scene:
+def _beside(blocks: list[_Block], away: IntArray, frame: FloatArray, pixels: int) -> Scene:
     """The faces that may cover a pixel that anybody looks at.
 
-    near: (pixels²,) bool, pixels up to WIDE_FACE_PIXELS from those. frame: of the look.
+    away: (pixels²,) as ``_pixels_away`` has it. frame: of the look.
     """
-    faces = [
-        f[:, :, np.flatnonzero(near[_pixel(_turned(f[:, 0], frame[:2]), pixels)])]
-        for _, f, _ in scene
-    ]
-    wide, centres = [w for w, _, _ in scene], [c for _, _, c in scene]
-    return np.concatenate(wide, 2), np.concatenate(faces, 2), np.concatenate(centres, 1)
+    faces, centres = [], []
+    for block in blocks:
+        distance = away[_pixel(_turned(block.centre, frame[:2]), pixels)]
+        faces.append(block.corners[:, :, np.flatnonzero(distance <= block.reach)])
+        distance = away[_pixel(_turned(block.small, frame[:2]), pixels)]
+        centres.append(block.small[:, np.flatnonzero(distance == 0)])
+    return np.concatenate(faces, 2), np.concatenate(centres, 1)
 
 
 def _fill(buffers: Buffers, scene: Scene, frame: FloatArray, pixels: int) -> None:
     """Raise the largest and lower the smallest height of every pixel that these faces cover."""
-    wide, faces, centres = scene
-    for part in (wide, faces):
-        if part.size:
-            _fill_faces(buffers, _turned(part, frame), pixels)
+    faces, centres = scene
+    if faces.size:
+        _fill_faces(buffers, _turned(faces, frame), pixels)
     if centres.size:
         p = _turned(centres, frame)
         at = _pixel(p, pixels)
@@ -168,18 +183,20 @@ def _fill(buffers: Buffers, scene: Scene, frame: FloatArray, pixels: int) -> Non
         np.minimum.at(buffers[1], at, p[2])
 
 
-def _near(looked_at: list[IntArray], pixels: int) -> BoolArray:
-    """(pixels²,) bool: pixels no more than WIDE_FACE_PIXELS columns and rows from some."""
+def _pixels_away(looked_at: list[IntArray], pixels: int) -> IntArray:
+    """(pixels²,) columns or rows, the larger number, to the nearest of some pixels; at most FAR_PIXELS."""
     near = np.zeros((pixels, pixels), bool)
     for some in looked_at:
         near.ravel()[some] = True
-    for _ in range(2):
-        grown = near.copy()
-        for step in range(1, WIDE_FACE_PIXELS + 1):
-            grown[step:] |= near[:-step]
-            grown[:-step] |= near[step:]
-        near = np.ascontiguousarray(grown.T)
-    return near.ravel()
+    away = np.where(near, 0, FAR_PIXELS)
+    for distance in range(1, FAR_PIXELS):
+        for _ in range(2):
+            grown = near.copy()
+            grown[1:] |= near[:-1]
+            grown[:-1] |= near[1:]
+            near = np.ascontiguousarray(grown.T)
+        away[near & (away == FAR_PIXELS)] = distance
+    return away.ravel()
 
 
 def _fill_faces(buffers: Buffers, p: FloatArray, pixels: int) -> None:
@@ -253,9 +270,14 @@ def edge_shares(
     at = ((ranges(number) + 0.5) / number[edge])[:, None]
     n, component = surface.components
     two_sided = mask_of(n, component[surface.boundary // 3])
-    p = surface.points[surface.faces]
-    p = p - p.reshape(-1, 3).mean(0)
-    volume = group_sum((np.cross(p[:, 0], p[:, 1]) * p[:, 2]).sum(1), component, n)
+    a, b, c = (surface.points - surface.points.mean(0))[surface.faces].transpose(1, 2, 0)
+    volume = group_sum(
+        (a[1] * b[2] - a[2] * b[1]) * c[0]
+        + (a[2] * b[0] - a[0] * b[2]) * c[1]
+        + (a[0] * b[1] - a[1] * b[0]) * c[2],
+        component,
+        n,
+    )
     inside_out = (volume < 0) & ~two_sided
     outward, two_sided = np.where(inside_out, -1.0, 1.0)[component], two_sided[component]
     normal = (surface.normals * outward[:, None])[h // 3]
