@@ -85,23 +85,17 @@ def rebake_documents(
     shared = save_together(joined, parts, result, outputs, monitor)
     carried_look = as_written(carried_look, joined, [part.output for part in shared.parts])
     if look.check_look:
-        carried_look = replace(carried_look, checked=_checked(documents, shared, monitor))
+        # the figures of --check-look for each textured file; the whole has those of the worst
+        found = {}
+        with monitor.stage("look"):
+            for document, part in zip(documents, shared.parts, strict=True):
+                looks = document.looks()
+                if looks is not None and looks.textured:
+                    written = Source.of(read(part.output))
+                    found[part.input] = check_look(Source.of(document), written, part.face_map)
+        worst = {name: min(one[name] for one in found.values()) for name in ("psnr", "ssim")}
+        carried_look = replace(carried_look, checked=worst | {"parts": found})
     whole = shared.result
     warnings = [*whole.warnings, *carried_look.notes]
     whole = replace(whole, warnings=warnings, seconds=dict(monitor.seconds))
     return replace(shared, result=whole), carried_look
-
-
-def _checked(
-    documents: Sequence[Document], shared: SharedAtlas, monitor: Monitor
-) -> dict[str, Any]:
-    """The figures of --check-look for each textured file; the figures of the whole are those of the worst."""
-    found = {}
-    with monitor.stage("look"):
-        for document, part in zip(documents, shared.parts, strict=True):
-            looks = document.looks()
-            if looks is not None and looks.textured:
-                result = Source.of(read(part.output))
-                found[part.input] = check_look(Source.of(document), result, part.face_map)
-    worst = {name: min(one[name] for one in found.values()) for name in ("psnr", "ssim")}
-    return worst | {"parts": found}

@@ -123,7 +123,27 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
         finally:
             _clean(folder)
             manifest.close()
-        return _summary(index, meter, finished, report, time.monotonic() - start)
+        # the state of all files of the sources, as their last lines have it
+        query = "SELECT d.status, d.exit, count(*) FROM file f JOIN done d ON d.name = f.target GROUP BY 1, 2"
+        counts: dict[str, int] = {}
+        codes: dict[str, int] = {}
+        missed = 0
+        for status, code, n in index.data.execute(query):
+            counts[status] = counts.get(status, 0) + n
+            codes[str(code)] = codes.get(str(code), 0) + n
+            missed += n if status != "failed" and code else 0
+        done = sum(meter.counts.values())
+        return Summary(
+            meter.total,
+            counts,
+            missed,
+            done,
+            meter.skipped,
+            finished,
+            time.monotonic() - start,
+            codes,
+            report,
+        )
 
 
 def _existing(folder: Folder) -> Callable[[str, int], bool]:
@@ -214,24 +234,6 @@ def _clean(folder: Folder) -> None:
     for left in glob.glob(os.path.join(tempfile.gettempdir(), "circparam-batch-*-*")):
         if os.path.isdir(left) and time.time() - os.path.getmtime(left) > 86400:
             shutil.rmtree(left, ignore_errors=True)
-
-
-def _summary(
-    index: Index, meter: Meter, finished: bool, report: str | None, seconds: float
-) -> Summary:
-    """The state of all files of the sources, as their last lines have it."""
-    query = "SELECT d.status, d.exit, count(*) FROM file f JOIN done d ON d.name = f.target GROUP BY 1, 2"
-    counts: dict[str, int] = {}
-    codes: dict[str, int] = {}
-    missed = 0
-    for status, code, n in index.data.execute(query):
-        counts[status] = counts.get(status, 0) + n
-        codes[str(code)] = codes.get(str(code), 0) + n
-        missed += n if status != "failed" and code else 0
-    done = sum(meter.counts.values())
-    return Summary(
-        meter.total, counts, missed, done, meter.skipped, finished, seconds, codes, report
-    )
 
 
 def status(out: str) -> dict[str, Any]:

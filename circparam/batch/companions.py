@@ -5,7 +5,6 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any
 
 from circparam.batch.settings import Settings
 from circparam.batch.store import again, archive_of, digest, open_store
@@ -61,7 +60,14 @@ def _companions(path: str, all_of_them: bool) -> list[str]:
     if suffix == ".gltf":
         with contextlib.suppress(ValueError, OSError):
             tree = json.loads(Path(path).read_bytes())
-            return _uris(tree, ("buffers", "images") if all_of_them else ("buffers",))
+            found = []
+            for kind in ("buffers", "images") if all_of_them else ("buffers",):
+                rows = tree.get(kind) if isinstance(tree, dict) else None
+                for row in rows if isinstance(rows, list) else []:
+                    uri = row.get("uri") if isinstance(row, dict) else None
+                    if isinstance(uri, str) and not uri.startswith("data:"):
+                        found.append(uri)
+            return found
     if suffix == ".obj" and all_of_them:
         return [_readable(name) for name in _LIBRARY.findall(Path(path).read_bytes())]
     return []
@@ -76,14 +82,3 @@ def _images(library: Path) -> list[str]:
 def _readable(data: bytes) -> str:
     """Text with the slashes that readers everywhere take the backslashes of Windows exporters for."""
     return data.decode("utf-8", "surrogateescape").replace("\\", "/")
-
-
-def _uris(tree: Any, kinds: tuple[str, ...]) -> list[str]:
-    found = []
-    for kind in kinds:
-        rows = tree.get(kind) if isinstance(tree, dict) else None
-        for row in rows if isinstance(rows, list) else []:
-            uri = row.get("uri") if isinstance(row, dict) else None
-            if isinstance(uri, str) and not uri.startswith("data:"):
-                found.append(uri)
-    return found

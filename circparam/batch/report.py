@@ -45,7 +45,13 @@ _DRAWABLE = "output_bytes IS NOT NULL AND status != 'failed'"
 
 def save_report(folder: Folder, index: Index) -> str:
     """Write report.html and report.csv; returns the address of the page. Raises OutputError."""
-    table = _csv(index).encode("utf-8", "backslashreplace")
+    names = ["name", "source", "status", "exit", "cause", "output_bytes", *STORED_FIGURES]
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(names)
+    for row in index.data.execute(f"SELECT {', '.join(names)} FROM done ORDER BY name"):
+        writer.writerow([readable(v) if isinstance(v, bytes) else v for v in row])
+    table = text.getvalue().encode("utf-8", "backslashreplace")
     page = report_page(folder, index).encode("utf-8", "backslashreplace")
     try:
         folder.put_bytes(TABLE_NAME, table)
@@ -58,23 +64,14 @@ def save_report(folder: Folder, index: Index) -> str:
     return folder.of(PAGE_NAME)
 
 
-def _csv(index: Index) -> str:
-    names = ["name", "source", "status", "exit", "cause", "output_bytes", *STORED_FIGURES]
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(names)
-    for row in index.data.execute(f"SELECT {', '.join(names)} FROM done ORDER BY name"):
-        writer.writerow([readable(v) if isinstance(v, bytes) else v for v in row])
-    return text.getvalue()
-
-
 def report_page(folder: Folder, index: Index) -> str:
     """The page as text."""
     counts = dict(index.data.execute("SELECT status, count(*) FROM done GROUP BY 1"))
+    plots = "".join(_histogram(index, name) for name in TITLES)
     sections = [
         _counts(counts, index),
         _causes(index),
-        _distributions(index),
+        _section("Distributions", plots and f'<div class="histograms">{plots}</div>'),
         _cards(folder, index),
     ]
     rows, cut = _rows(index)
@@ -145,11 +142,6 @@ def _causes(index: Index) -> str:
         f"<th>for example</th></tr></thead><tbody>{rows}</tbody></table></div>{more}"
     )
     return _section("What went wrong", table)
-
-
-def _distributions(index: Index) -> str:
-    plots = "".join(_histogram(index, name) for name in TITLES)
-    return _section("Distributions", plots and f'<div class="histograms">{plots}</div>')
 
 
 def _histogram(index: Index, name: str) -> str:

@@ -87,7 +87,17 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
     results. Needs circparam[batch].
     """
     if given["status_of"] is not None:
-        return _status(sources, given)
+        if sources or given["out"] is not None:
+            raise OptionError("--status DIR takes no other argument: it only reports")
+        from circparam.batch.batch import status
+        from circparam.cli.batch_progress import print_status
+
+        try:
+            found = status(given["status_of"])
+        except OSError as error:
+            raise InputError(f"{given['status_of']}: {error.strerror or error}") from None
+        _print(found) if given["as_json"] else print_status(found)
+        return exits.OK
     plan = _plan(sources, given)
     from circparam.batch.batch import Hooks, run_batch
     from circparam.cli.batch_progress import Screen
@@ -157,20 +167,6 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "BatchPlan":
         sources, settings, frozenset(given["retry"]),
         given["workers"], given["scheduler"], given["scheduler_file"],
     )  # fmt: skip
-
-
-def _status(sources: tuple[str, ...], given: dict[str, Any]) -> int:
-    if sources or given["out"] is not None:
-        raise OptionError("--status DIR takes no other argument: it only reports")
-    from circparam.batch.batch import status
-    from circparam.cli.batch_progress import print_status
-
-    try:
-        found = status(given["status_of"])
-    except OSError as error:
-        raise InputError(f"{given['status_of']}: {error.strerror or error}") from None
-    _print(found) if given["as_json"] else print_status(found)
-    return exits.OK
 
 
 def _print(document: dict[str, Any]) -> None:

@@ -49,7 +49,14 @@ def write_files(
                 else:
                     os.replace(temporary, real)
             if durable:
-                _sync_folders(staged)
+                # make the renames themselves durable, where the system can
+                for folder in dict.fromkeys(real.parent for real, _ in staged):
+                    with contextlib.suppress(OSError):
+                        handle = os.open(folder, os.O_RDONLY)
+                        try:
+                            os.fsync(handle)
+                        finally:
+                            os.close(handle)
     except OSError as error:
         where = next(reversed(list(contents)), "output")
         raise OutputError(f"{where}: cannot be written ({error.strerror or error})") from None
@@ -144,14 +151,3 @@ def _runs(pid: int) -> bool:
     except OSError:
         pass
     return True
-
-
-def _sync_folders(staged: list[tuple[Path, Path]]) -> None:
-    """Make the renames themselves durable, where the system can."""
-    for folder in dict.fromkeys(real.parent for real, _ in staged):
-        with contextlib.suppress(OSError):
-            handle = os.open(folder, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)

@@ -48,7 +48,13 @@ def from_arrays(
     uv: (k, 2), with uv_faces (m, 3) into it, or one row for each vertex where uv_faces is left out.
     Raises InputError if shapes or indices do not fit.
     """
-    mesh = Mesh(_numbers(points), whole_numbers(faces, "faces"), polygons, groups)
+    try:
+        given = np.asarray(points)
+    except ValueError as error:  # rows of several lengths
+        raise InputError(f"points are not an array of numbers ({error})") from None
+    if given.dtype.kind not in "biuf":
+        raise InputError(f"points are of type {given.dtype}: real numbers are needed")
+    mesh = Mesh(np.array(given, np.float64), whole_numbers(faces, "faces"), polygons, groups)
     layout = None
     if uv is not None:
         table = np.array(uv, np.float64)
@@ -63,17 +69,6 @@ def from_arrays(
     return PlainDocument(
         Source(name), "arrays", mesh, (0,) if layout is not None else (), layout=layout
     )
-
-
-def _numbers(points: npt.ArrayLike) -> FloatArray:
-    """Points as float64. Raises InputError for values that are no real numbers."""
-    try:
-        given = np.asarray(points)
-    except ValueError as error:  # rows of several lengths
-        raise InputError(f"points are not an array of numbers ({error})") from None
-    if given.dtype.kind not in "biuf":
-        raise InputError(f"points are of type {given.dtype}: real numbers are needed")
-    return np.array(given, np.float64)
 
 
 def whole_numbers(indices: npt.ArrayLike, what: str) -> IntArray:

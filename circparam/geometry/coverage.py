@@ -109,11 +109,8 @@ def label_grid(
     # of each chart, a row is inside from its first crossing to its second, and so on
     begin = np.clip(np.ceil(x[0::2]), 0, resolution).astype(np.int64) + row[0::2] * resolution
     end = np.clip(np.floor(x[1::2]) + 1, 0, resolution).astype(np.int64) + row[1::2] * resolution
-    return _spans(begin, end, chart[0::2], resolution)
-
-
-def _spans(begin: IntArray, end: IntArray, label: IntArray, resolution: int) -> LabelGrid:
-    """The grid out of runs of texels, counted row after row: one repeat of labels and gaps in turn."""
+    # the grid out of runs of texels, counted row after row
+    label = chart[0::2]
     order = np.lexsort((end, begin))
     begin, end, label = begin[order], end[order], label[order]
     reached = np.maximum.accumulate(np.r_[0, end])

@@ -77,7 +77,19 @@ def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
     if mirrored:
-        surface = _mirrored(surface)
+        # every face is wound the other way: corners 1 and 2 change places
+        turn = np.array([2, 1, 0])
+        edges = surface.edges // 3 * 3 + turn[surface.edges % 3]
+        edges = np.sort(edges, 1)
+        order = np.argsort(edges[:, 0], kind="stable")
+        surface = Surface(
+            surface.points,
+            surface.faces[:, [0, 2, 1]],
+            surface.source,
+            ~surface.reversed_faces,
+            edges[order],
+            surface.locked[order],
+        )
     number, _ = surface.components
     if number != 1:
         raise TopologyError(
@@ -111,22 +123,6 @@ def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
         surface.file_corners,
         list(report.messages),
         genus,
-    )
-
-
-def _mirrored(surface: Surface) -> Surface:
-    """The surface with every face wound the other way; corners 1 and 2 change places."""
-    turn = np.array([2, 1, 0])
-    edges = surface.edges // 3 * 3 + turn[surface.edges % 3]
-    edges = np.sort(edges, 1)
-    order = np.argsort(edges[:, 0], kind="stable")
-    return Surface(
-        surface.points,
-        surface.faces[:, [0, 2, 1]],
-        surface.source,
-        ~surface.reversed_faces,
-        edges[order],
-        surface.locked[order],
     )
 
 

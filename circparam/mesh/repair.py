@@ -109,7 +109,16 @@ def repair(
     near = int((weld != mesh.weld).sum()) if options.weld_eps > 0 else 0
     welded = weld[mesh.faces]
     uv = _corner_uv(uvmap)
-    aside = _set_aside(points, welded, mesh.polygons, uv)
+    # which of the welded faces (m, 3) are solved on
+    bad = degenerate_faces(points, welded)
+    first = first_duplicates(welded, len(points))
+    if uv is not None:
+        first = first_in_place(welded, first, uv)
+    duplicate = (first != np.arange(len(welded))) & ~bad
+    if mesh.polygons is not None:
+        duplicate &= ~_part_of_another_polygon(mesh.polygons, first, duplicate, bad)
+    again = np.flatnonzero(duplicate)
+    aside = _Aside(np.flatnonzero(~bad & ~duplicate), np.flatnonzero(bad), again, first[again])
     if len(aside.kept) == 0:
         raise InputError(
             f"its {counted(len(welded), 'face')} {plural(len(welded), 'is')} degenerate (no area): "
@@ -161,21 +170,6 @@ class _Aside(NamedTuple):
     duplicate_of: IntArray
 
 
-def _set_aside(
-    points: FloatArray, welded: IntArray, polygons: IntArray | None, uv: FloatArray | None
-) -> _Aside:
-    """Which of the welded faces (m, 3) are solved on; uv: (m, 3, 2) of a layout that there is."""
-    bad = degenerate_faces(points, welded)
-    first = first_duplicates(welded, len(points))
-    if uv is not None:
-        first = first_in_place(welded, first, uv)
-    duplicate = (first != np.arange(len(welded))) & ~bad
-    if polygons is not None:
-        duplicate &= ~_part_of_another_polygon(polygons, first, duplicate, bad)
-    again = np.flatnonzero(duplicate)
-    return _Aside(np.flatnonzero(~bad & ~duplicate), np.flatnonzero(bad), again, first[again])
-
-
 def _joined(
     mesh: Mesh,
     points: FloatArray,
@@ -184,10 +178,8 @@ def _joined(
     uv: FloatArray | None,
     by_position: bool,
 ) -> tuple[Surface, Pairs, Orientation]:
-    """The surface of the faces ``kept``, their half-edges in pairs, and how they are wound.
-
-    points: (n, 3) as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is.
-    """
+    """The surface of the faces ``kept``, their half-edges in pairs, and how they are wound. points: (n, 3)
+    as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is."""
     # by the ranks of their positions, points have the same order however the file numbers them
     ranked = np.empty((int(mesh.rank.max()) + 1, 3))
     ranked[mesh.rank] = points
@@ -248,9 +240,8 @@ def _part_of_another_polygon(
     polygons: IntArray, first: IntArray, duplicate: BoolArray, bad: BoolArray
 ) -> BoolArray:
     """(m,) bool: the polygon of the face also has a face of its own, where that of its duplicate has none.
-
-    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its duplicate lies.
-    """
+    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its duplicate
+    lies."""
     own = np.zeros(int(polygons.max()) + 1, bool)
     own[polygons[~duplicate & ~bad]] = True
     return own[polygons] & (polygons != polygons[first])

@@ -104,7 +104,11 @@ def _component_list(
 
     point_component = np.full(len(points), -1)
     point_component[faces.ravel()] = corner
-    pinched = group_count(point_component[_fans_at(faces, fan, edges, len(points)) > 1], n)
+    # (n_points,) number of fans at each point
+    solid = np.repeat(edges.solid, 3)
+    at = np.full(int(fan.max()) + 1, -1)
+    at[fan[solid]] = faces.ravel()[solid]
+    pinched = group_count(point_component[group_count(at[at >= 0], len(points)) > 1], n)
     # an edge of more than two faces splits into one edge for each face
     loose = np.repeat(edges.solid, 3)
     loose[edges.pairs[:, 1]] = False
@@ -135,14 +139,6 @@ def _component_list(
     ]
 
 
-def _fans_at(faces: IntArray, fan: IntArray, edges: _Edges, n_points: int) -> IntArray:
-    """(n_points,) number of fans at each point."""
-    solid = np.repeat(edges.solid, 3)
-    at = np.full(int(fan.max()) + 1, -1)
-    at[fan[solid]] = faces.ravel()[solid]
-    return group_count(at[at >= 0], n_points)
-
-
 def _pieces(component: IntArray, edges: _Edges, n: int) -> tuple[IntArray, IntArray]:
     """((n,) parts of each component that hang together across edges of two faces, (n,) those with one side)."""
     m = len(component)
@@ -166,10 +162,8 @@ def _boundaries(
     single: IntArray,
     unit: float,
 ) -> tuple[IntArray, list[list[float]]]:
-    """Boundary loops of each component: (number (n,), lengths, longest first).
-
-    A loop is a chain of edges of one face; it does not jump from fan to fan at a vertex of several fans.
-    """
+    """Boundary loops of each component: (number (n,), lengths, longest first). A loop is a chain of edges
+    of one face; it does not jump from fan to fan at a vertex of several fans."""
     n = int(component.max()) + 1
     flat = faces.ravel()
     if len(single) == 0:

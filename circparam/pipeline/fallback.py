@@ -83,11 +83,9 @@ def settle_faulty(
 
 
 def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
-    """(n_charts,) as ``faults``; also DISTORTED where seams may be added.
-
-    new: (m,) bool, faces of the charts to look at; others are known to be sound. Single faces are always sound.
-    Where time is up, only charts that are far beyond any bound are too distorted: those begun too late.
-    """
+    """(n_charts,) as ``faults``; also DISTORTED where seams may be added. new: (m,) bool, faces of the
+    charts to look at; others are known to be sound. Single faces are always sound. Where time is up, only
+    charts that are far beyond any bound are too distorted: those begun too late."""
     whole, uv = cascade.open()
     out, looked = np.full(whole.n_charts, SOUND), np.zeros(whole.n_charts, bool)
     looked[whole.chart[new]] = True

@@ -34,7 +34,11 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
     free = job.options.cut == "charts"
     try:
         with clock.bounded(monitor.last if free else None):
-            _worth_beginning(monitor)
+            # time is up, and the reserve is too small for any charts
+            left = clock.left()
+            least = CHARTS_COST * monitor.seconds.get("repair", 0.0)
+            if left is not None and left < least and monitor.expired:
+                raise OutOfTimeError("out of time before the first step: give a longer --timeout")
             return seams_in_frame(job.surface, asked, job.options.cut, monitor)
     except (*NUMERICAL, OutOfTimeError) as error:
         if not free:
@@ -62,14 +66,6 @@ def seams_in_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Moni
         return SEAMS[cut].function(surface, asked, monitor)
     seams = SEAMS[cut].function(own, asked, monitor)
     return seams if seams.uv is None else replace(seams, uv=seams.uv * frame.unit)
-
-
-def _worth_beginning(monitor: Monitor) -> None:
-    """Raise OutOfTimeError if time is up and the reserve is too small for any charts."""
-    left = clock.left()
-    least = CHARTS_COST * monitor.seconds.get("repair", 0.0)
-    if left is not None and left < least and monitor.expired:
-        raise OutOfTimeError("out of time before the first step: give a longer --timeout")
 
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:

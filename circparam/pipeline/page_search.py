@@ -154,10 +154,9 @@ class Search:
         self, parts: list[Part], box: FloatArray | float, square: FloatArray | float
     ) -> FloatArray:
         """Logarithm of the share of a page by the sum of all least boxes and the widest least square.
-
-        Between two pages: the larger one of the square and of charts that interlock half, and the square with
-        all boxes beside it. Pages of 2 to 70 charts lie at a quarter of the way, on a scale of logarithms.
-        """
+        Between two pages: the larger one of the square and of charts that interlock half, and the square
+        with all boxes beside it. Pages of 2 to 70 charts lie at a quarter of the way, on a scale of
+        logarithms."""
         area, pages = sum(p.outline.area for p in parts), self.options.pages
         low = np.maximum(np.square(square), (np.asarray(box) + area) / (2 * pages))
         high = np.square(square) + np.asarray(box) / pages

@@ -105,10 +105,8 @@ def project_charts(cascade: Cascade, faces: BoolArray) -> Cascade:
 
 
 def _axes(surface: Surface) -> IntArray:
-    """(m,) the axis that each face is seen along: x, y, z, then the other way; alike in a polygon.
-
-    The axis nearest to the normal comes first. Neighbours then vote among axes that are nearly as good.
-    """
+    """(m,) the axis that each face is seen along: x, y, z, then the other way; alike in a polygon. The axis
+    nearest to the normal comes first. Neighbours then vote among axes that are nearly as good."""
     p = surface.points[surface.faces]
     pairs = surface.edges // 3
     glue = pairs[surface.locked]

@@ -73,10 +73,8 @@ def _sides(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _loads(before: FloatArray, after: FloatArray) -> FloatArray:
-    """(...) twice the area of triangles (..., 3, 2) times their energy above an isometry.
-
-    Infinite if one of them is not counter-clockwise.
-    """
+    """(...) twice the area of triangles (..., 3, 2) times their energy above an isometry. Infinite if one
+    of them is not counter-clockwise."""
     a, b = _sides(before)
     c, d = _sides(after)
     was, now = cross2(a, b), cross2(c, d)

@@ -208,7 +208,10 @@ def searched(
     surface: Surface, asked: SeamOptions, options: Options, number: int, monitor: Monitor
 ) -> _SearchResult | None:
     """One more search, to its page; None if the search fails or ends early."""
-    monitor.update(_share_of_searches(options, number - 1, monitor))
+    # the share of the further searches that is done, or of the time for them
+    left, timeout = monitor.left, monitor.timeout
+    gone = 0.0 if left is None or not timeout else 1 - left / timeout
+    monitor.update(max((number - 1) / (options.searches - 1), gone))
     seams = _seams(surface, asked, options.cut, Search(draw=number), monitor)
     if seams is None:
         return None
@@ -223,13 +226,6 @@ def searched(
     return _SearchResult(
         atlas.cut, atlas.corners, cascade.notes, cascade.packing, cost_of(cascade, options)
     )
-
-
-def _share_of_searches(options: Options, done: int, monitor: Monitor) -> float:
-    """The share of the further searches that is done, or of the time for them."""
-    left, timeout = monitor.left, monitor.timeout
-    gone = 0.0 if left is None or not timeout else 1 - left / timeout
-    return max(done / (options.searches - 1), gone)
 
 
 def _seams(

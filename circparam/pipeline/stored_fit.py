@@ -166,11 +166,9 @@ def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
 
 
 def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
-    """Send charts on that stored numbers would spoil somewhere on a page, at a given size.
-
-    Each lies turned, as packing may turn it, because needles along an axis would be stored too well; and at the
-    far corner of the page, where stored numbers are coarsest.
-    """
+    """Send charts on that stored numbers would spoil somewhere on a page, at a given size. Each lies
+    turned, as packing may turn it, because needles along an axis would be stored too well; and at the far
+    corner of the page, where stored numbers are coarsest."""
     cascade = fallback.settle(cascade, monitor)
     cut_mesh, uv = cascade.open()
     with monitor.stage("check"):

@@ -102,9 +102,7 @@ def _meeting(cut_mesh: CutMesh, uv: FloatArray) -> tuple[BoolArray, IntArray]:
 
 def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: int) -> FloatArray:
     """uv with the ends of boundary half-edges drawn towards the inside of their charts, by so many numbers.
-
-    A vertex takes the best place of its window that leaves all its faces upright.
-    """
+    A vertex takes the best place of its window that leaves all its faces upright."""
     flat = cut_mesh.faces.ravel()
     a, b = flat[h], flat[next_half_edge(h)]
     # the inside is where the third corner of the half-edge's face lies

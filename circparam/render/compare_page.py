@@ -39,7 +39,16 @@ from circparam.render.text import fitted, width, write
 def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str:
     """The page as text: the viewer, then one section a mesh, then Table 1 if it was measured."""
     title = ", ".join(m.title for m in meshes) or "Table 1"
-    layouts, numbers = _layouts(meshes)
+    layouts: list[PageLayout] = []
+    numbers: list[list[int | None]] = []
+    for k, shown in enumerate(meshes):
+        mine: list[int | None] = []
+        for row, scene in zip(shown.rows, scenes_of(shown), strict=True):
+            mine.append(None if scene is None else len(layouts))
+            if scene is not None:
+                look = PictureOptions(title=shown.title, up=shown.up)
+                layouts.append(PageLayout(row.name, scene, look, _figures(row), k))
+        numbers.append(mine)
     sections = [_section(m, numbers[k]) for k, m in enumerate(meshes)]
     if sizes:
         sections.append(_table1(sizes))
@@ -53,21 +62,6 @@ def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str
         "SCRIPT": viewer_file("sort.js") + (viewer_script() if layouts else ""),
     }
     return fill_in(viewer_file("compare.html"), fields)
-
-
-def _layouts(meshes: Sequence[SideBySide]) -> tuple[list[PageLayout], list[list[int | None]]]:
-    """The layouts of the viewer, and for each row of each mesh the number of its layout, None without one."""
-    out: list[PageLayout] = []
-    numbers: list[list[int | None]] = []
-    for k, shown in enumerate(meshes):
-        mine: list[int | None] = []
-        for row, scene in zip(shown.rows, scenes_of(shown), strict=True):
-            mine.append(None if scene is None else len(out))
-            if scene is not None:
-                look = PictureOptions(title=shown.title, up=shown.up)
-                out.append(PageLayout(row.name, scene, look, _figures(row), k))
-        numbers.append(mine)
-    return out, numbers
 
 
 def _figures(row: MethodLayout) -> list[tuple[str, str]]:

@@ -131,7 +131,12 @@ def viewer(
         "FIGURES": _table(layouts),
         "CHARTS_OF": ' · <span id="charts-of"></span>' if len(layouts) > 1 else "",
         "REPAIRS": _list(repairs),
-        "MORPHS": _sliders(layouts[-1].scene),
+        "MORPHS": "".join(
+            f'<label class="tool morph"><span title="{escaped(name)}">{escaped(name)}</span> '
+            f'<input type="range" id="morph-{k}" min="0" max="1" step="0.01" value="0"> '
+            f'<output id="morph-value-{k}"></output></label>'
+            for k, (name, _) in enumerate(layouts[-1].scene.targets)
+        ),
         "META": json.dumps(meta, separators=(",", ":")).replace("<", "\\u003c"),
         "MESHES": "\n".join(
             f'<script type="text/plain" id="mesh-{k}">{base64.b64encode(p.data).decode()}</script>'
@@ -260,16 +265,6 @@ def _list(lines: Sequence[str]) -> str:
     if not lines:
         return "<p>None.</p>"
     return "<ul>" + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"
-
-
-def _sliders(scene: Scene) -> str:
-    """A slider for each morph target."""
-    return "".join(
-        f'<label class="tool morph"><span title="{escaped(name)}">{escaped(name)}</span> '
-        f'<input type="range" id="morph-{k}" min="0" max="1" step="0.01" value="0"> '
-        f'<output id="morph-value-{k}"></output></label>'
-        for k, (name, _) in enumerate(scene.targets)
-    )
 
 
 def _meta(layout: PageLayout) -> dict[str, Any]:

@@ -182,15 +182,16 @@ def page_images(document: Document, uv_set: int) -> tuple[PageImages | None, str
             files.append(_page_image(data, name, move))
         except InputError as error:
             notes.append(str(error))
-            files.append((_grey(), "image/png"))
+            # a grey texel stands for it
+            out = io.BytesIO()
+            Image.new("RGB", (1, 1), (200, 204, 210)).save(out, "PNG")
+            files.append((out.getvalue(), "image/png"))
     return PageImages(files, found.face), "", notes
 
 
 def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes, str]:
     """An image as it is where browsers know it and it is small enough, else scaled down and as JPEG or PNG.
-
-    move: (2, 3) where uv lie in the image; None if they are places in it.
-    """
+    move: (2, 3) where uv lie in the image; None if they are places in it."""
     image = decode(data, name)
     kind = media_type(data)
     if move is not None and not np.array_equal(move, np.eye(2, 3)):
@@ -205,13 +206,6 @@ def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes,
         return out.getvalue(), "image/png"
     image.save(out, "JPEG", quality=85)
     return out.getvalue(), "image/jpeg"
-
-
-def _grey() -> bytes:
-    """A grey texel: stands for an image that cannot be read."""
-    out = io.BytesIO()
-    Image.new("RGB", (1, 1), (200, 204, 210)).save(out, "PNG")
-    return out.getvalue()
 
 
 def view(

@@ -65,7 +65,11 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
     head, foot = 3.4 * text, 2.4 * text
     whole = 3 * width + 4 * pad
     view = f"{-pad:g} {-head:g} {whole:g} {height + head + foot:g}"
-    charts = _charts(scene)
+    colours = col.chart_colours(np.arange(max(scene.n_charts, 1)))
+    charts = [
+        f'<path id="chart-{chart}" fill="{col.hex_code(col.mix(colours[chart], np.ones(3), 0.5))}" d="{d}"/>'
+        for chart, d in _paths(scene).items()
+    ]
     pieces = {"layout": "", "checker": _checker(scene), "distortion": _distortion(scene, options)}
     names = {"layout": "Layout", "checker": "Checker", "distortion": "Distortion"}
     lines = [
@@ -110,14 +114,6 @@ def _paths(scene: Scene, label: IntArray | None = None) -> dict[int, str]:
         points = " ".join(f"{x:.2f},{y:.2f}" for x, y in xy.tolist())
         parts.setdefault(piece, []).append(f"M{points}Z")
     return {piece: "".join(loops) for piece, loops in parts.items()}
-
-
-def _charts(scene: Scene) -> list[str]:
-    colours = col.chart_colours(np.arange(max(scene.n_charts, 1)))
-    return [
-        f'<path id="chart-{chart}" fill="{col.hex_code(col.mix(colours[chart], np.ones(3), 0.5))}" d="{d}"/>'
-        for chart, d in _paths(scene).items()
-    ]
 
 
 def _unfilled(path: str) -> str:

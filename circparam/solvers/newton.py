@@ -150,7 +150,12 @@ class _Relaxation:
         self.uv[self.vertices] = step.to.uv
         self.energy[self.charts] = step.to.energy
         self.iterations[self.charts] += inside
-        self._raise_floor(energy, step, inside)
+        # the floor of each chart, from its last full step; damped steps give no estimate
+        after = step.to.energy
+        gain = np.where(inside, energy, 0.0) - np.where(inside, after, 0.0)
+        expected = np.where(step.length > 0.5, after - HOPE * gain, 1.0)
+        floor = self.floor[self.charts]
+        self.floor[self.charts] = np.where(inside, np.maximum(floor, expected), floor)
         self._stop(step, inside, proxy, first=number == 0)
 
     def _narrow(self) -> None:
@@ -165,14 +170,6 @@ class _Relaxation:
         fixed = None if self.options.fixed is None else self.options.fixed[self.vertices]
         self.objective = self._objective(part, fixed)
         self.energy[self.charts], self.jacobian = self.objective.energies(self.uv[self.vertices])
-
-    def _raise_floor(self, before: FloatArray, step: NewtonStep, inside: BoolArray) -> None:
-        """Update the floor of each chart from its last full step; damped steps give no estimate."""
-        after = step.to.energy
-        gain = np.where(inside, before, 0.0) - np.where(inside, after, 0.0)
-        expected = np.where(step.length > 0.5, after - HOPE * gain, 1.0)
-        floor = self.floor[self.charts]
-        self.floor[self.charts] = np.where(inside, np.maximum(floor, expected), floor)
 
     def _stop(self, step: NewtonStep, inside: BoolArray, proxy: bool, first: bool) -> None:
         """Stop the charts that have converged, are stuck, are hopeless or have reached the bound; note why."""
@@ -229,11 +226,9 @@ def newton_step(
 def _stride(
     objective: Objective, before: Iterate, d: FloatArray, step: NewtonStep, reach: FloatArray
 ) -> NewtonStep:
-    """Longer steps for charts whose full step gains more than the model predicts.
-
-    A nearly collapsed face of width x has the energy 1/x². A Newton step reduces the energy by 7/16, where the
-    model predicts 1/3, and widens the face by a third only. Such a start would need dozens of full steps.
-    """
+    """Longer steps for charts whose full step gains more than the model predicts. A nearly collapsed face
+    of width x has the energy 1/x². A Newton step reduces the energy by 7/16, where the model predicts 1/3,
+    and widens the face by a third only. Such a start would need dozens of full steps."""
     part = objective.cut_mesh
     uv, energy, jacobian, t = step.to.uv, step.to.energy, step.to.jacobian, step.length
     with np.errstate(invalid="ignore"):

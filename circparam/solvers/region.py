@@ -79,7 +79,11 @@ def cut_out(
     a, b, c = fixed[cut_mesh.faces.T]
     region = region & ~(a & b & c)
     fid = np.flatnonzero(region)
-    label = _moving_groups(cut_mesh.faces[fid], fixed, cut_mesh.n_vertices)
+    # (n,) label of every vertex that may move (−1 for the others); those joined by faces move together
+    faces = cut_mesh.faces[fid]
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    pairs = pairs[~fixed[pairs].any(1)]
+    label = np.where(fixed, -1, components(cut_mesh.n_vertices, pairs[:, 0], pairs[:, 1])[1])
     chart = label[cut_mesh.faces[fid]].max(1)  # fixed vertices have label −1
     _, chart = numbered(chart + 1)
     local = np.full(len(cut_mesh.faces), -1)
@@ -108,26 +112,14 @@ def moving_region(cut_mesh: CutMesh, faces: BoolArray, hold: BoolArray, uv: Floa
     return Region(scaled, source, fixed)
 
 
-def _moving_groups(faces: IntArray, fixed: BoolArray, n: int) -> IntArray:
-    """(n,) label of every vertex that may move (−1 for the others): those joined by faces move together."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    pairs = pairs[~fixed[pairs].any(1)]
-    return np.where(fixed, -1, components(n, pairs[:, 0], pairs[:, 1])[1])
-
-
-def _areas(rest_triangles: FloatArray) -> FloatArray:
-    """(m,) areas of triangles in the plane."""
-    d, e = rest_triangles[:, 1] - rest_triangles[:, 0], rest_triangles[:, 2] - rest_triangles[:, 0]
-    return (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / 2
-
-
 def _thickened(rest_triangles: FloatArray) -> FloatArray:
     """Triangles with needles and caps raised to a least height: only their sign matters here, and their
     gradients would swamp all others."""
     sides = rest_triangles[:, [1, 2, 0]] - rest_triangles
     length = np.sqrt((sides**2).sum(2))
     longest = length.max(1)
-    height = 2 * _areas(rest_triangles) / longest
+    d, e = rest_triangles[:, 1] - rest_triangles[:, 0], rest_triangles[:, 2] - rest_triangles[:, 0]
+    height = 2 * ((d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / 2) / longest
     thin = height < THINNEST * longest
     out = rest_triangles.copy()
     if thin.any():

@@ -113,7 +113,15 @@ class Packing:
         extra: dict[str, bytes] = {}
         body = self.tree.bin
         self.json.setdefault("buffers", [])
-        self._store_images(format, stem, extra)
+        # put new images into the file, as glTF with a name beside it
+        for number, data in self.images.items():
+            image = self.json["images"][number]
+            if format == "glb" or not stem:
+                image["bufferView"] = self.view(data)
+            else:
+                name = self.image_files.get(image["name"], f"{stem}_{image['name']}.png")
+                image["uri"] = quote(name)
+                extra[name] = data
         if format == "glb" and not self.tree.is_glb:
             body, unused = self._pack(unused)
             self._embed_images()
@@ -141,17 +149,6 @@ class Packing:
         data = _utf8(text) + (b"\n" if self.tree.indent is not None else b"")
         # a new buffer may have the name of one that nothing uses any more
         return data, extra, [name for name in self._assets() if name not in extra]
-
-    def _store_images(self, format: str, stem: str, extra: dict[str, bytes]) -> None:
-        """Put new images into the file, as glTF with a name beside it."""
-        for number, data in self.images.items():
-            image = self.json["images"][number]
-            if format == "glb" or not stem:
-                image["bufferView"] = self.view(data)
-            else:
-                name = self.image_files.get(image["name"], f"{stem}_{image['name']}.png")
-                image["uri"] = quote(name)
-                extra[name] = data
 
     def _embed_images(self) -> None:
         """Take image files into the tree; missing and unknown ones, and those elsewhere, keep their names."""

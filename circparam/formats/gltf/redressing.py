@@ -64,7 +64,15 @@ def redressed(
         final = close_gaps(entries, set(range(len(entries))) - used, slots)
         if not entries:
             out.pop(kind)
-    _drop_extensions(out)
+    # extensions of textures that nothing uses any more leave the lists
+    text = json.dumps({k: out.get(k) for k in ("materials", "textures")})
+    for key in ("extensionsUsed", "extensionsRequired"):
+        kinds = ("KHR_texture", "EXT_texture", "MSFT_texture")
+        left = [n for n in out.get(key, []) if not n.startswith(kinds) or f'"{n}"' in text]
+        if key in out:
+            out[key] = left
+            if not left:
+                out.pop(key)
     images = {final[k]: page for k, page in images.items()}
     return out, images
 
@@ -123,15 +131,3 @@ _USERS: dict[str, Callable[[Json], Slots]] = {
     "samplers": lambda tree: [(t, "sampler") for t in tree.get("textures", []) if "sampler" in t],
     "images": _image_users,
 }
-
-
-def _drop_extensions(tree: Json) -> None:
-    """Take extensions of textures that nothing uses any more off the lists, in place."""
-    text = json.dumps({k: tree.get(k) for k in ("materials", "textures")})
-    for key in ("extensionsUsed", "extensionsRequired"):
-        kinds = ("KHR_texture", "EXT_texture", "MSFT_texture")
-        left = [n for n in tree.get(key, []) if not n.startswith(kinds) or f'"{n}"' in text]
-        if key in tree:
-            tree[key] = left
-            if not left:
-                tree.pop(key)

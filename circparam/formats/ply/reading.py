@@ -244,10 +244,8 @@ class Layout:
         return len(end) == UNFILLED_BYTES and not end.any()
 
     def _cut_short(self, e: Element, at: int, stride: int) -> bool:
-        """Whether all rows of the file are alike, and the bytes behind them are too few for the others.
-
-        Row after row would tell the same of gigabytes in minutes. stride: bytes of the first row.
-        """
+        """Whether all rows of the file are alike, and the bytes behind them are too few for the others. Row
+        after row would tell the same of gigabytes in minutes. stride: bytes of the first row."""
         whole, left = divmod(self._size - at, stride)
         least = self._least(e)
         if (e.count - whole) * least <= left:
@@ -277,19 +275,16 @@ class Layout:
                 break
             if p.count_type:
                 if p.name not in e.counts or len(e.counts[p.name]) != e.count or stop == "":
-                    e.counts[p.name] = self._counts(at, p)
+                    if (at + self._width(p.count_type) > self._size).any():
+                        raise IndexError
+                    counts = self.read(at, p.count_type).astype(np.int64)
+                    if (counts < 0).any() or (counts > self._size).any():
+                        raise ValueError
+                    e.counts[p.name] = counts
                 at += self._width(p.count_type) + self._width(p.type) * e.counts[p.name]
             else:
                 at += self._width(p.type)
         return at
-
-    def _counts(self, at: IntArray, p: Property) -> IntArray:
-        if (at + self._width(p.count_type) > self._size).any():
-            raise IndexError
-        counts = self.read(at, p.count_type).astype(np.int64)
-        if (counts < 0).any() or (counts > self._size).any():
-            raise ValueError
-        return counts
 
     def _chase(self, e: Element, at: int, n: int) -> IntArray:
         """Row after row: the place of a row depends on the counts of all before it."""

@@ -3,7 +3,6 @@
 import os
 from dataclasses import field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -123,7 +122,18 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
     kind = kind_of(data)
     with opened(data, source) as stage:
         if kind != PACKAGE and source.path is None:
-            _check_alone(stage, source)
+            with silent():
+                found = referred(Path(stage.GetRootLayer().realPath), source)
+            layers = [
+                Path(name).name
+                for name in found.missing
+                if Path(name).suffix.lower() in (".usd", ".usda", ".usdc", ".usdz")
+            ]
+            if layers:
+                raise source.error(
+                    f"it refers to other layers ({', '.join(layers[:3])}), which are not found from here: "
+                    "give its path"
+                )
         arrays = read_stage(stage, source)
         del stage
     layers, assets, outside, missing = _files(source) if kind != PACKAGE else ([], [], [], [])
@@ -157,21 +167,6 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
         assets=tuple(assets),
         outside=tuple(outside),
     )
-
-
-def _check_alone(stage: Any, source: Source) -> None:
-    """Raise InputError for bytes without a folder that refer to other layers, which cannot be found."""
-    with silent():
-        found = referred(Path(stage.GetRootLayer().realPath), source)
-    layers = [
-        Path(name).name
-        for name in found.missing
-        if Path(name).suffix.lower() in (".usd", ".usda", ".usdc", ".usdz")
-    ]
-    if layers:
-        raise source.error(
-            f"it refers to other layers ({', '.join(layers[:3])}), which are not found from here: give its path"
-        )
 
 
 def _files(source: Source) -> tuple[list[str], list[str], list[str], list[str]]:

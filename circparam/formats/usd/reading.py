@@ -151,6 +151,14 @@ def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
         names.append(subset.GetPrim().GetName())
     used = np.unique(label)
     label, names = np.searchsorted(used, label), [names[k] for k in used]
+    # paths of the instances that a prim lies in, the outermost first
+    out: list[str] = []
+    if prim.IsInstanceProxy():
+        above = prim.GetParent()
+        while above and not above.IsPseudoRoot():
+            if above.IsInstance():
+                out.insert(0, str(above.GetPath()))
+            above = above.GetParent()
     return [
         _Part(
             path=str(prim.GetPath()),
@@ -161,22 +169,10 @@ def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
             names=names,
             uv=_uv(prim, corners),
             turned=bool(left) != bool(np.linalg.det(matrix[:3, :3]) < 0),
-            instances=_instances(prim),
+            instances=out,
             moving=bool(mesh.GetPointsAttr().ValueMightBeTimeVarying()),
         )
     ]
-
-
-def _instances(prim: Any) -> list[str]:
-    """Paths of the instances that a prim lies in, the outermost first."""
-    out: list[str] = []
-    if prim.IsInstanceProxy():
-        above = prim.GetParent()
-        while above and not above.IsPseudoRoot():
-            if above.IsInstance():
-                out.insert(0, str(above.GetPath()))
-            above = above.GetParent()
-    return out
 
 
 def _selections(prim: Any) -> list[str]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from circparam.core.arrays import group_max, group_min, normals_of, relabel
 from circparam.core.monitor import Listener
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray, IntArray
+from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
@@ -132,11 +132,9 @@ def _in_units(result: Result, scale: FloatArray | float = 1.0) -> Document:
 
 
 def _on_pages(result: Result, density: float, packing: dict[str, Any]) -> Result:
-    """The charts at a density in texels a unit, on the fewest pages of the resolution of the result.
-
-    Charts longer than a page are scaled down to it, as xatlas does, with a warning. Raises OptionError where
-    100 pages do not hold the charts.
-    """
+    """The charts at a density in texels a unit, on the fewest pages of the resolution of the result. Charts
+    longer than a page are scaled down to it, as xatlas does, with a warning. Raises OptionError where 100
+    pages do not hold the charts."""
     side, found = result.options.resolution or DEFAULT_RESOLUTION, result.verification
     asked = PackOptions(resolution=side, padding=result.options.padding_texels)
     room = side - 2 * asked.border
@@ -171,7 +169,13 @@ def _on_pages(result: Result, density: float, packing: dict[str, Any]) -> Result
 def _split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
     """The layout of each mesh out of that of all."""
     vmapping, indices, uvs = result.vmapping, result.indices.astype(np.int64), result.uvs
-    chart, chart_pages = _charts(result)
+    # (m,) chart of each face, −1 where it was set aside, counted in the order of the faces
+    chart = result.charts.copy()
+    laid = chart >= 0
+    count, chart[laid] = relabel(chart[laid])
+    found = result.verification
+    chart_pages = np.zeros(count, np.int64)
+    chart_pages[chart[laid]] = pages_of(found.cut_mesh, found.uv)[result.charts[laid]]
     vertex_chart = np.full(len(vmapping), -1)
     np.maximum.at(vertex_chart, indices.ravel(), np.repeat(chart, 3))
     # corners of degenerate faces alone
@@ -203,15 +207,3 @@ def _split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
             )
         )
     return out
-
-
-def _charts(result: Result) -> tuple[IntArray, IntArray]:
-    """(m,) chart of each face, −1 where it was set aside, counted in the order of the faces; (n,) their
-    pages."""
-    chart = result.charts.copy()
-    laid = chart >= 0
-    count, chart[laid] = relabel(chart[laid])
-    found = result.verification
-    pages = np.zeros(count, np.int64)
-    pages[chart[laid]] = pages_of(found.cut_mesh, found.uv)[result.charts[laid]]
-    return chart, pages

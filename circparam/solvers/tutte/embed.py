@@ -77,10 +77,20 @@ def tutte_embedding(
         fixed = place(closed, options)
         w = half_edge_weights(fixed.cut_mesh, scheme)
         if grade is not None:
-            w = _graded(fixed.cut_mesh, w, grade)
+            # w_ij · exp(grade_i − grade_j); vertices that close holes lie as deep as the deepest round
+            # them, and those outside the boundary at 0
+            i, j = fixed.cut_mesh.faces.ravel(), fixed.cut_mesh.faces[:, [1, 2, 0]].ravel()
+            full = np.zeros(fixed.cut_mesh.n_vertices)
+            full[: len(grade)] = grade
+            new = i >= len(grade)
+            np.maximum.at(full, i[new], full[j[new]])
+            w = w * np.exp(full[i] - full[j])
         free = np.ones(fixed.cut_mesh.n_vertices, bool)
         free[fixed.vertices] = False
-        negative = _count_negative(fixed.cut_mesh, w, free)
+        bad = (w < 0) & free[fixed.cut_mesh.faces.ravel()]
+        negative = np.bincount(
+            fixed.cut_mesh.chart[np.flatnonzero(bad) // 3], minlength=fixed.cut_mesh.n_charts
+        )
         if options.clamp and negative.any():
             w = clamp_negative(fixed.cut_mesh, w)
         fixed_uv = np.zeros((fixed.cut_mesh.n_vertices, 2))
@@ -91,23 +101,6 @@ def tutte_embedding(
         system = TutteSystem(fixed.cut_mesh, free, matrix, to_fixed, fixed_uv[~free], factor)
         uv = system.solve(system.fixed_uv)
     return uv[: cut_mesh.n_vertices], TutteReport(negative, options.clamp, system)
-
-
-def _count_negative(cut_mesh: CutMesh, w: FloatArray, free: BoolArray) -> IntArray:
-    """(n_charts,) half-edges that leave a free vertex with a negative weight."""
-    bad = (w < 0) & free[cut_mesh.faces.ravel()]
-    return np.bincount(cut_mesh.chart[np.flatnonzero(bad) // 3], minlength=cut_mesh.n_charts)
-
-
-def _graded(cut_mesh: CutMesh, w: FloatArray, grade: FloatArray) -> FloatArray:
-    """w_ij · exp(grade_i − grade_j); the vertices that close holes lie as deep as the deepest round them, and
-    those outside the boundary at 0."""
-    i, j = cut_mesh.faces.ravel(), cut_mesh.faces[:, [1, 2, 0]].ravel()
-    full = np.zeros(cut_mesh.n_vertices)
-    full[: len(grade)] = grade
-    new = i >= len(grade)
-    np.maximum.at(full, i[new], full[j[new]])
-    return w * np.exp(full[i] - full[j])
 
 
 def assemble(
