@@ -133,16 +133,9 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
             codes[str(code)] = codes.get(str(code), 0) + n
             missed += n if status != "failed" and code else 0
         done = sum(meter.counts.values())
+        seconds = time.monotonic() - start
         return Summary(
-            meter.total,
-            counts,
-            missed,
-            done,
-            meter.skipped,
-            finished,
-            time.monotonic() - start,
-            codes,
-            report,
+            meter.total, counts, missed, done, meter.skipped, finished, seconds, codes, report
         )
 
 
