@@ -5,6 +5,9 @@ give the place in the old uv of each texture. The image is looked up there as a 
 mode, filter. No ray is cast, for faces correspond. Colours are averaged in linear light; normals and directions
 go from the old tangent frame to the surface and from there into the new one. Texels that no face covers take
 the nearest colour.
+
+Materials that become one share the factors that they have in common, and a texel holds the rest. For a single
+material the texel is unchanged.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.bake.look_source import Source
-from circparam.bake.merging import FILL, fitted, groups_of, with_cutoff
 from circparam.bake.source_image import Floats, coded
 from circparam.bake.texels import Texels, corners_in_texels, density, find_texels, places_in
 from circparam.bake.write import png
@@ -23,7 +25,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.core.workers import cores
-from circparam.formats.looks import Carried, Group, Material, Slot, Use
+from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use
 from circparam.geometry.shading import Frames
 from circparam.mesh.mesh import UVMap
 
@@ -32,6 +34,10 @@ MAGNIFIED_DENSITY = 0.5  # texels of an old image along a new one, below which s
 FINE_DENSITY = 2.0
 PNG_LEVEL = 4  # of compression: 5 % more bytes than 7 in two fifths of its time
 PART_TEXELS = 250_000  # texels, a few hundred bytes each in every thread
+FILL = {
+    "normal": (0.5, 0.5, 1.0),
+    "direction": (1.0, 0.5, 1.0),
+}  # texels where a material has no image
 
 
 @dataclass(frozen=True)
@@ -264,3 +270,74 @@ def rotated(vector: FloatArray, angle: float) -> FloatArray:
     c, s = np.cos(angle), np.sin(angle)
     x, y = vector[:, 0], vector[:, 1]
     return np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
+
+
+def groups_of(looks: Looks, merge: bool, kept: frozenset[int] = frozenset()) -> tuple[Group, ...]:
+    """The materials of the faces, each alone or grouped with materials that differ in textures and factors
+    only.
+
+    Materials that merging gives nothing, since none of them shows an image, stay as they are.
+    """
+    used = np.unique(looks.face).tolist()
+    sets: dict[object, list[int]] = {}
+    for k in used:
+        material = looks.materials[k]
+        if k in kept:
+            continue
+        sets.setdefault((material.alpha, material.alike) if merge else k, []).append(k)
+    out = []
+    for members in sets.values():
+        if merge and len(members) > 1 and looks.textured:
+            out.append(_group(members, [looks.materials[k] for k in members]))
+        else:
+            out += [_group([k], [looks.materials[k]]) for k in members]
+    return (*out, *(Group((k,), {}, ()) for k in used if k in kept))
+
+
+def _group(numbers: list[int], members: list[Material]) -> Group:
+    factors, shown = {}, []
+    for slot in members[0].factors:
+        values = [material.factors[slot] for material in members]
+        images = any(slot in material.uses for material in members)
+        differ = any((value != values[0]).any() for value in values)
+        # the old uv give an anisotropic surface its direction where no texture does
+        turned = slot.kind == "direction" and any(value[0] > 0 for value in values)
+        if images or turned or (differ and slot.kind != "normal"):
+            shown.append(slot)
+            factors[slot] = common_factor(slot, values)
+    return Group(tuple(numbers), factors, tuple(shown), members[0].cutoff)
+
+
+def common_factor(slot: Slot, values: Sequence[FloatArray]) -> FloatArray:
+    """The factor of a group, beside which the texels of every member stay within 0..1."""
+    if slot.kind == "normal":
+        return np.ones(1)
+    if slot.kind == "direction":
+        return np.array([max(value[0] for value in values), 0.0])
+    if slot.kind == "range":
+        return np.array([min(value[0] for value in values), max(value[1] for value in values)])
+    return np.max(values, axis=0)
+
+
+def fitted(slot: Slot, texel: FloatArray, own: FloatArray, common: FloatArray) -> FloatArray:
+    """Texels (p, c) beside a common factor that stand for the same values as beside their own.
+
+    Only for values that are no directions: products, occlusion, ranges.
+    """
+    if (own == common).all():
+        return texel
+    if slot.kind == "range":
+        out: FloatArray = own[0] - common[0] + (own[1] - own[0]) * texel
+        out /= max(common[1] - common[0], 1e-300)
+        return out
+    ratio = np.divide(own, common, out=np.ones_like(own), where=common != 0)
+    out = 1 + (texel - 1) * ratio if slot.kind == "occlusion" else texel * ratio
+    return out
+
+
+def with_cutoff(alpha: FloatArray, own: float, common: float) -> FloatArray:
+    """Alpha (p,) in which the edge at ``own`` lies at ``common``; 0 and 1 stay."""
+    if own == common or not 0 < own < 1 or not 0 < common < 1:
+        return alpha
+    above = common + (alpha - own) * ((1 - common) / (1 - own))
+    return np.where(alpha < own, alpha * (common / own), above)

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from circparam.bake.carry import groups_of
 from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
-from circparam.bake.merging import groups_of
 from circparam.bake.rebake import (
     Look,
     as_written,

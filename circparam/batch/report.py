@@ -1,24 +1,29 @@
 """The report of a folder of results: a page that needs nothing else, and all figures as CSV beside it."""
 
+import contextlib
 import csv
 import functools
 import html
 import io
 import json
-from collections.abc import Callable
+import os
+import tempfile
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from circparam._version import __version__
 from circparam.batch.index import STORED_FIGURES, Index
-from circparam.batch.pictures import thumbnails
 from circparam.batch.progress import LINE_STATUSES, printable
-from circparam.batch.store import Folder
+from circparam.batch.store import Folder, again, root_store
 from circparam.core.types import FloatArray
 from circparam.errors import OutputError
+from circparam.formats.io import read
 from circparam.render import colours as col
+from circparam.render.compare_page import png_url
 from circparam.render.html import fill_in, page_style, viewer_file
+from circparam.render.side_by_side import MethodLayout, SideBySide, draw_layouts
 
 PAGE_NAME, TABLE_NAME = "report.html", "report.csv"
 MOST_TABLE_ROWS = 10_000  # of the table in the page; report.csv has all
@@ -41,6 +46,8 @@ _WORST = (
     "seam_length DESC"
 )
 _DRAWABLE = "output_bytes IS NOT NULL AND status != 'failed'"
+THUMBNAIL_PIXELS = 170  # pixels of a picture
+LARGEST_RESULT_BYTES = 64_000_000  # bytes of a result that is read for a picture
 
 
 def save_report(folder: Folder, index: Index) -> str:
@@ -266,3 +273,33 @@ def _rows(index: Index) -> tuple[list[list[Any]], bool]:
 def readable(key: bytes) -> str:
     """A name as text for people: invalid UTF-8 and control characters become escapes."""
     return printable(key.decode("utf-8", "backslashreplace"))
+
+
+def thumbnails(folder: Folder, name: str) -> list[str]:
+    """Surface and layout of a result as data addresses; none if it cannot be drawn."""
+    with contextlib.suppress(Exception), _local(folder, name) as path:
+        if os.path.getsize(path) > LARGEST_RESULT_BYTES:
+            return []
+        document = read(path)
+        uvmap = document.uv(document.uv_sets[-1]) if document.uv_sets else None
+        if uvmap is None:
+            return []
+        shown = SideBySide("", document.mesh, [MethodLayout("", uvmap)])
+        (drawn,) = draw_layouts(shown, THUMBNAIL_PIXELS)
+        if drawn.images is not None:
+            layout, checker, _ = drawn.images
+            return [png_url(checker), png_url(layout)]
+    return []
+
+
+@contextlib.contextmanager
+def _local(folder: Folder, name: str) -> Iterator[str]:
+    """The path of a result on this machine."""
+    if not folder.remote:
+        yield folder.of(name)
+        return
+    store, root = root_store(folder.address)
+    with tempfile.TemporaryDirectory(prefix="circparam-batch-picture-") as scratch:
+        path = os.path.join(scratch, os.path.basename(name))
+        again(store.get_file, f"{root}/{name}", path)
+        yield path

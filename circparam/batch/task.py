@@ -1,4 +1,5 @@
-"""The work on one file: fetch it, have it unwrapped, put the results in place, report.
+"""The work on one file: fetch it with the files beside it that it needs, have it unwrapped, put the results in
+place, report.
 
 Nothing is raised: every outcome is a line of the manifest. The line has ``again`` if another attempt may end
 otherwise (a store that refuses, a full disk, a process that was ended).
@@ -7,23 +8,27 @@ otherwise (a store that refuses, a full disk, a process that was ended).
 import contextlib
 import errno
 import functools
+import json
 import os
 import pickle
+import re
 import shutil
 import signal
 import socket
 import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 from circparam._version import __version__
-from circparam.batch.companions import fetch
 from circparam.batch.index import Item, size_of
 from circparam.batch.manifest import SCHEMA
 from circparam.batch.process import GoneError, warm_server
 from circparam.batch.settings import Settings, unpickled
-from circparam.batch.store import Folder, digest, is_remote
-from circparam.errors import InputError, OutputError
+from circparam.batch.store import Folder, again, archive_of, digest, is_remote, open_store
+from circparam.errors import CircparamError, InputError, OutputError
+from circparam.formats.obj.mtl import image_names
+from circparam.formats.source import safe_path
 
 WORK_FOLDER = ".circparam-batch"  # folder under --out that exists while a batch runs
 _FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -36,6 +41,7 @@ _ELSEWHERE = {
 }
 _KEPT = ("status", "reasons", "warnings", "repairs", "notes", "stages")
 _LEFT: set[str] = set()  # runs that begin nothing more in this process
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.M)
 
 
 def leave(run: str) -> None:
@@ -235,3 +241,72 @@ def _renamed(values: Any, names: dict[str, str]) -> Any:
     if isinstance(values, list):
         return [_renamed(v, names) for v in values]
     return values
+
+
+def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | None]:
+    """Download a file into a folder: (its local path, hash of its bytes).
+
+    Its companions come along: buffers of a glTF, with --copy-assets images and materials too. Raises
+    InputError, with the cause kept where it was the store.
+    """
+    os.makedirs(folder)
+    inner = address.removesuffix(archive_of(address))
+    path = os.path.join(folder, inner.rpartition("/")[2] or "source")
+    try:
+        store, remote = open_store(address)
+        again(store.get_file, remote, path)
+        everything = bool(settings.options.copy_assets)
+
+        def fetched(name: str) -> Path | None:
+            """The local copy of a file beside the source; reading the mesh reports a missing one."""
+            beside = f"{remote.rpartition('/')[0]}/{name}"
+            local = safe_path(Path(folder), name)
+            if local is None:
+                return None
+            local.parent.mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(FileNotFoundError):
+                again(store.get_file, beside.lstrip("/" if archive_of(address) else ""), str(local))
+            return local if local.is_file() else None
+
+        beside = [fetched(name) for name in _companions(path, everything)]
+        for library in [p for p in beside if p is not None and p.suffix.lower() == ".mtl"]:
+            for name in _images(library):
+                fetched(name)
+    except CircparamError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{address}: no such file") from None
+    except Exception as error:
+        text = f"{type(error).__name__}: {error}"
+        raise InputError(f"{address}: cannot be fetched ({' '.join(text.split())})") from error
+    return path, digest(path)
+
+
+def _companions(path: str, all_of_them: bool) -> list[str]:
+    """Relative names of the files that a file refers to."""
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix == ".gltf":
+        with contextlib.suppress(ValueError, OSError):
+            tree = json.loads(Path(path).read_bytes())
+            found = []
+            for kind in ("buffers", "images") if all_of_them else ("buffers",):
+                rows = tree.get(kind) if isinstance(tree, dict) else None
+                for row in rows if isinstance(rows, list) else []:
+                    uri = row.get("uri") if isinstance(row, dict) else None
+                    if isinstance(uri, str) and not uri.startswith("data:"):
+                        found.append(uri)
+            return found
+    if suffix == ".obj" and all_of_them:
+        return [_readable(name) for name in _LIBRARY.findall(Path(path).read_bytes())]
+    return []
+
+
+def _images(library: Path) -> list[str]:
+    """Relative names of the images of a material library, the last word of each too: it may follow others."""
+    names = image_names(_readable(library.read_bytes()))
+    return list(dict.fromkeys(n for name in names for n in (name, name.split()[-1])))
+
+
+def _readable(data: bytes) -> str:
+    """Text with the slashes that readers everywhere take the backslashes of Windows exporters for."""
+    return data.decode("utf-8", "surrogateescape").replace("\\", "/")

@@ -110,8 +110,7 @@ def _one(
 ) -> tuple[dict[str, Any], list[str], list[str]]:
     """Bake one thing into one image: (report, warnings, notes)."""
     from circparam.bake.bake import Across, bake_document, check_across
-    from circparam.bake.left_behind import check_left_behind
-    from circparam.bake.write import check_target, check_up, write_baked
+    from circparam.bake.write import check_left_behind, check_target, check_up, write_baked
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read
     from circparam.maps.surface_map import load_map

@@ -1,8 +1,11 @@
 """Polygons of a file, and one rule that turns them into triangles, for every format.
 
 The fan from the first corner whose triangles all agree with the polygon's normal (Newell's). Otherwise ears are
-clipped in the coordinate plane in which the polygon is largest.
+clipped in the coordinate plane in which the polygon is largest: near-linear, by boxes round corners that lie
+together.
 """
+
+import heapq
 
 import numpy as np
 
@@ -10,12 +13,22 @@ from circparam.core.arrays import mask_of
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
-from circparam.formats.ears import Ears
 from circparam.mesh.mesh import UVMap
 
 # Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes 0.1 ms for each corner.
 MAX_CONCAVE_CORNERS = 100_000
 MAX_CORNERS = 1_000_000  # of any polygon: its triangles would be needles round one corner
+LEAF_CORNERS = 8  # corners in the smallest boxes
+CURVE_CELLS = 1 << 16  # cells along a side of the polygon, along which corners are put in order
+# Corners from which the ear with the shortest diagonal goes first. Small triangles hold only near corners;
+# triangles along a side of many corners meet the boxes of all these.
+SHORTEST_FIRST_CORNERS = 1000
+# area over the square of the length below which such an ear waits for a better one
+SLIVER_AREA_SHARE = 1e-9
+MAX_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
+# Looks at a corner, for each corner of a polygon and in addition, before the rest is cut in order. Three
+# looks each are enough for polygons that do not cross themselves.
+LOOKS_PER_CORNER, LEAST_LOOKS = 4, 100_000
 
 
 @dataclass(frozen=True)
@@ -189,3 +202,170 @@ def strips(corners: IntArray, start: IntArray) -> IntArray:
 def list_start(counts: IntArray) -> IntArray:
     """Offsets of groups of the given sizes, with the total behind them."""
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+class Ears:
+    """A polygon whose ears are clipped: the first of its corners that is an ear, or of many the smallest.
+
+    An ear is a corner that turns left and whose triangle holds no other corner. Corners at the same point as a
+    corner of the triangle do not count. Otherwise a polygon with a hole, which comes back along its bridge, and
+    a polygon that goes round twice would have no ear. In a polygon that does not cross itself, clipping an ear
+    makes ears of its neighbours at most, so only these are looked at again. A triangle that holds a corner
+    holds one that turns right, so large polygons search only those corners.
+    """
+
+    def __init__(self, q: FloatArray) -> None:
+        """q: (n, 2) corners."""
+        n = len(q)
+        self.large = n > SHORTEST_FIRST_CORNERS
+        self.x: list[float] = q[:, 0].tolist()
+        self.y: list[float] = q[:, 1].tolist()
+        self.before = [n - 1, *range(n - 1)]
+        self.after = [*range(1, n), 0]
+        self.there = [True] * n
+        self.blocks = [not self.large or self._area(k) <= 0 for k in range(n)]
+        self.looked = 0
+        self._make_boxes(q)
+
+    def _make_boxes(self, q: FloatArray) -> None:
+        """A heap of boxes: boxes 2 k and 2 k + 1 lie in box k. Leaves hold runs of corners that can be in
+        the way. Runs follow a curve through the plane and not the outline: boxes round spikes would be as
+        long as these."""
+        blocks = np.flatnonzero(self.blocks)
+        blocks = blocks[_along_a_curve(q[blocks])]
+        n = len(blocks)
+        self.leaves = 1 << max((n - 1) // LEAF_CORNERS, 0).bit_length()
+        self.run: list[list[int]] = [
+            blocks[k : k + LEAF_CORNERS].tolist() for k in range(0, n, LEAF_CORNERS)
+        ]
+        leaf = np.full(len(q), -1)
+        leaf[blocks] = self.leaves + np.arange(n) // LEAF_CORNERS
+        self.leaf: list[int] = leaf.tolist()
+        shape = (self.leaves, LEAF_CORNERS, 2)
+        low, high = (
+            np.full((self.leaves * LEAF_CORNERS, 2), np.inf),
+            np.full((self.leaves * LEAF_CORNERS, 2), -np.inf),
+        )
+        low[:n] = high[:n] = q[blocks]
+        lows, highs = [low.reshape(shape).min(1)], [high.reshape(shape).max(1)]
+        counts = [(np.arange(self.leaves * LEAF_CORNERS) < n).reshape(-1, LEAF_CORNERS).sum(1)]
+        while len(counts[0]) > 1:
+            lows.insert(0, np.minimum(lows[0][::2], lows[0][1::2]))
+            highs.insert(0, np.maximum(highs[0][::2], highs[0][1::2]))
+            counts.insert(0, counts[0][::2] + counts[0][1::2])
+        boxes = np.concatenate([np.concatenate(lows), np.concatenate(highs)], axis=1)
+        self.boxes: list[list[float]] = [[], *boxes.tolist()]
+        self.count: list[int] = [0, *np.concatenate(counts).tolist()]
+
+    def clip(self) -> list[tuple[int, int, int]]:
+        """The n − 2 triangles. Where nothing is an ear, the second corner that is left is clipped.
+
+        Raises InputError for a polygon that takes more than ``MAX_BOXES``.
+        """
+        out: list[tuple[int, int, int]] = []
+        left, first, looks = len(self.x), 0, 0
+        most = LEAST_LOOKS + LOOKS_PER_CORNER * left
+        waiting, every = sorted(map(self._turn, range(left))), True
+        while left > 3:
+            while not self.there[first]:
+                first += 1
+            if waiting:
+                _, k = heapq.heappop(waiting)
+                looks += 1
+                if self.looked > MAX_BOXES:
+                    raise InputError("its outline is too intricate: triangulate it first")
+                if not self.there[k] or not self._is_ear(k):
+                    continue
+            elif not every and looks < most:
+                live = (k for k in range(first, len(self.x)) if self.there[k])
+                waiting, every = sorted(map(self._turn, live)), True
+                continue
+            else:
+                k = self.after[first]
+            out.append((self.before[k], k, self.after[k]))
+            # take a corner out; neighbours that turn left now are no obstacles
+            a, b = self.before[k], self.after[k]
+            self.after[a], self.before[b] = b, a
+            self.there[k] = False
+            for other in (k, a, b) if self.large else (k,):
+                if self.blocks[other] and (other == k or self._area(other) > 0):
+                    self.blocks[other] = False
+                    box = self.leaf[other]
+                    while box:
+                        self.count[box] -= 1
+                        box >>= 1
+            left, every = left - 1, False
+            for other in out[-1][::2]:
+                heapq.heappush(waiting, self._turn(other))
+        while not self.there[first]:
+            first += 1
+        out.append((first, self.after[first], self.before[first]))
+        return out
+
+    def _turn(self, k: int) -> tuple[float, int]:
+        """When a corner is looked at: by the length of its diagonal in a large polygon, then by its number."""
+        if not self.large:
+            return 0.0, k
+        i, m = self.before[k], self.after[k]
+        length = abs(self.x[m] - self.x[i]) + abs(self.y[m] - self.y[i])
+        return (np.inf if self._area(k) <= SLIVER_AREA_SHARE * length**2 else length), k
+
+    def _area(self, k: int) -> float:
+        """Twice the area of the triangle of a corner and its neighbours, above 0 if it turns left."""
+        i, m, x, y = self.before[k], self.after[k], self.x, self.y
+        return (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
+
+    def _is_ear(self, k: int) -> bool:
+        """Whether corner k turns left and its triangle holds no other corner that is left."""
+        if not self._area(k) > 0:
+            return False
+        x, y = self.x, self.y
+        i, m = self.before[k], self.after[k]
+        ax, ay, bx, by, cx, cy = x[i], y[i], x[k], y[k], x[m], y[m]
+        low_x, high_x = min(ax, bx, cx), max(ax, bx, cx)
+        low_y, high_y = min(ay, by, cy), max(ay, by, cy)
+        sides = ((ax, ay, bx - ax, by - ay), (bx, by, cx - bx, cy - by), (cx, cy, ax - cx, ay - cy))
+        boxes, count, leaves = self.boxes, self.count, self.leaves
+        stack = [1]
+        while stack:
+            box = stack.pop()
+            self.looked += 1
+            if not count[box]:
+                continue
+            x0, y0, x1, y1 = boxes[box]
+            if x0 > high_x or x1 < low_x or y0 > high_y or y1 < low_y:
+                continue
+            for sx, sy, dx, dy in sides:
+                if dx * ((y1 if dx >= 0 else y0) - sy) < dy * ((x0 if dy >= 0 else x1) - sx):
+                    break
+            else:
+                if box >= leaves:
+                    if self._holds(box, sides, (i, k, m)):
+                        return False
+                    continue
+                stack += (2 * box, 2 * box + 1)
+        return True
+
+    def _holds(
+        self, leaf: int, sides: tuple[tuple[float, ...], ...], own: tuple[int, int, int]
+    ) -> bool:
+        """Whether a triangle holds a corner of a run that can be in its way."""
+        for v in self.run[leaf - self.leaves]:
+            if not self.blocks[v] or v in own:
+                continue
+            px, py = self.x[v], self.y[v]
+            if all(dx * (py - sy) - dy * (px - sx) >= 0 for sx, sy, dx, dy in sides) and not any(
+                px == sx and py == sy for sx, sy, _, _ in sides
+            ):
+                return True
+        return False
+
+
+def _along_a_curve(q: FloatArray) -> IntArray:
+    """(k,) an order of points (k, 2) in which near ones follow each other: that of Morton, by mixed bits."""
+    low = q.min(0, initial=np.inf)
+    width = max(float((q.max(0, initial=-np.inf) - low).max()), 1e-300)
+    bits = ((q - low) / width * (CURVE_CELLS - 1)).astype(np.int64)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        bits = (bits | bits << shift) & mask
+    return np.argsort(bits[:, 0] | bits[:, 1] << 1, kind="stable")

@@ -1,26 +1,43 @@
-"""The common domain of a map: both surfaces over one triangulation by arcs, patch on patch, no face flipped."""
+"""The common domain of a map: both surfaces over one triangulation by arcs, patch on patch, no face flipped.
+
+Patches are laid by convex combination maps: every free vertex is a weighted mean of its neighbours (Tutte,
+Floater). A shortest path along edges zigzags, and a patch whose boundary zigzags is sheared where it is laid
+straight. So two patches at a time are mapped onto a square first, and its diagonal becomes the arc between
+them: it runs over the surface as smoothly as the map is. Single faces that lie turned over are turned back by
+untangling their surroundings.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from circparam.core.arrays import group_count, group_sum, mask_of, next_half_edge, positions_in
+from circparam.core.graph import components
+from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
-from circparam.maps.convex import laid_in_polygons
+from circparam.geometry.intrinsic import signed_areas
 from circparam.maps.cover import Cover, CoverPoints, Development, own_development, whole_development
-from circparam.maps.geometries import Base, base_of, signs_of
+from circparam.maps.geometries import Base, Geometry, base_of, signs_of
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.layout import laid_out
+from circparam.maps.layout import Layout, laid_out
 from circparam.maps.map_input import MapInput
-from circparam.maps.mend import mended
 from circparam.maps.places import along_boundaries
-from circparam.maps.straighten import straighten
 from circparam.maps.tracing import Tracer
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.tutte.embed import assemble
+from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
+from circparam.solvers.untangle import untangle
 
 PATCH_DISTANCE = 10.0  # distance between patches in the search for faces near a place
+SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+LEAST_SPLIT_SHARE = 0.05  # of an edge, that a split keeps from its ends
+DIAGONAL_OFFSET = 1e-6  # of the square: vertices of regular meshes lie on the diagonal
+# rings round turned faces in a patch that is untangled, tried in turn: small patches keep the most
+UNTANGLED_RINGS = (1, 2, 4, 8, 16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,3 +125,188 @@ def composed(
     near = tree.query(np.column_stack([PATCH_DISTANCE * patch, place]))[1]
     found = two.cover.find(one.cover.vectors, np.asarray(near, np.int64))
     return found.put(*along_boundaries(a, b, marks, two.cover.mesh))
+
+
+def straighten(layout: Layout, weights: str, first: int) -> None:
+    """Replace the arcs from number ``first`` on by diagonals, on both meshes, in place."""
+    for arcs in _rounds(layout, first):
+        for tracer in layout.tracers:
+            _lay_diagonals(tracer, layout, arcs, weights)
+            tracer.split_chords()
+
+
+def _rounds(layout: Layout, first: int) -> list[list[int]]:
+    """Arcs to replace together: of each region one at most, and only between regions that make a
+    quadrilateral."""
+    region_of = {arc: n for n, r in enumerate(layout.regions()) for arc in r}
+    corners = {
+        arc: {layout.ends[side][0] for side in _sides(layout, arc)}
+        for arc in range(first, len(layout.ends), 2)
+    }
+    left = [arc for arc, own in corners.items() if len(own) == 4]
+    out = []
+    while left:
+        taken: set[int] = set()
+        now = []
+        for arc in left:
+            pair = {region_of[arc], region_of[arc ^ 1]}
+            if not pair & taken:
+                taken |= pair
+                now.append(arc)
+        out.append(now)
+        left = [arc for arc in left if arc not in now]
+    return out
+
+
+def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str) -> None:
+    """Replace some arcs of one mesh, whose pairs of patches do not touch each other."""
+    mesh = tracer.mesh
+    regions = layout.regions()
+    region_of = {arc: k for k, r in enumerate(regions) for arc in r}
+    name = np.full(len(regions), -1)
+    for number, arc in enumerate(arcs):
+        name[[region_of[arc], region_of[arc ^ 1]]] = number
+    of_face = name[tracer.regions(regions)]
+    sides = [_sides(layout, arc) for arc in arcs]
+    uv = laid_in_polygons(tracer, of_face, sides, SQUARE, weights).reshape(-1, 2)
+    h = np.flatnonzero((of_face >= 0).repeat(3))
+    h = h[(h < mesh.twin[h]) & (of_face[mesh.twin[h] // 3] == of_face[h // 3])]
+    following = next_half_edge(h)
+    a, b = mesh.faces.ravel()[h], mesh.faces.ravel()[following]
+    side_a, side_b = (uv[k, 0] - uv[k, 1] - DIAGONAL_OFFSET for k in (h, following))
+    ends = tracer.marks[np.array([layout.ends[arc] for arc in arcs])][of_face[h // 3]]
+    cross = (
+        ((side_a > 0) != (side_b > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)
+    )
+    t = (side_a / np.where(cross, side_a - side_b, 1.0))[cross]
+    h, following = h[cross], following[cross]
+    along = ((1 - t)[:, None] * uv[h] + t[:, None] * uv[following]).sum(1)
+    new, middle = mesh.split(h, np.clip(t, LEAST_SPLIT_SHARE, 1 - LEAST_SPLIT_SHARE))
+    tracer.renew(new)
+    split_by = np.full(len(uv), -1)
+    split_by[h] = split_by[mesh.twin[h]] = middle
+    order = np.lexsort((along, of_face[h // 3]))
+    for number, arc in enumerate(arcs):
+        own = order[of_face[h[order] // 3] == number]
+        i, j = tracer.marks[list(layout.ends[arc])]
+        path = np.concatenate([[i], middle[own], [j]])
+        # the old path, with the vertices that split it
+        if (new.half_edges(path[:-1], path[1:]) < 0).any():
+            old = tracer.arcs[arc]
+            between = split_by[mesh.half_edges(old[:-1], old[1:])]
+            path = np.stack([old, np.r_[between, -1]], 1).ravel()
+            path = path[path >= 0]
+        tracer.lay(arc, path)
+
+
+def _sides(layout: Layout, arc: int) -> list[int]:
+    """The arcs round the two regions of an arc, counter-clockwise from its start, the right one first."""
+    right, left = layout.after(arc ^ 1), layout.after(arc)
+    return [right, layout.after(right), left, layout.after(left)]
+
+
+def laid_in_polygons(
+    tracer: Tracer, polygon: IntArray, arcs: list[list[int]], corners: FloatArray, weights: str
+) -> FloatArray:
+    """(m, 3, d) places of the corners of faces in flat convex polygons with corners (c, d).
+
+    polygon (m,): that of each face, −1 if it lies in none and has no places. arcs: those round each polygon,
+    laid along its sides by arc length; no polygon has a landmark twice. Inner vertices are one linear system.
+    weights: row of WEIGHTS.
+    """
+    mesh, own = tracer.mesh, np.flatnonzero(polygon >= 0)
+    # a vertex between two polygons has a place in each
+    labels = polygon[own][:, None] * mesh.n + mesh.faces[own]
+    key, faces = np.unique(labels, return_inverse=True)
+    part = CutMesh(
+        faces.reshape(-1, 3),
+        mesh.cut_mesh.rest_triangles[own],
+        polygon[own],
+        np.zeros((0, 2), np.int64),
+    )
+    w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function).reshape(-1, 3)[own]
+    side, along = _on_sides(tracer, arcs, corners)
+    places = np.zeros((len(key), corners.shape[1]))
+    free = np.ones(len(key), bool)
+    at = np.searchsorted(key, side)
+    places[at], free[at] = along, False
+    matrix, to_fixed = assemble(part, w.ravel(), free)
+    places[free] = Factor(matrix).solve(to_fixed @ places[~free])
+    out = np.zeros((len(mesh.faces), 3, corners.shape[1]))
+    out[own] = places[part.faces]
+    return out
+
+
+def _on_sides(
+    tracer: Tracer, polygons: list[list[int]], corners: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """(keys polygon · n + vertex ascending, (k, d) places) of the vertices round polygons of arcs."""
+    keys, places = [], []
+    for number, arcs in enumerate(polygons):
+        for arc, start, end in zip(arcs, corners, np.roll(corners, -1, 0), strict=True):
+            path = tracer.arcs[arc]
+            t = tracer.mesh.shares(path)[:, None]
+            keys.append(number * tracer.mesh.n + path)
+            places.append((1 - t) * start + t * end)
+    key, first = np.unique(np.concatenate(keys), return_index=True)
+    return key, np.concatenate(places)[first]
+
+
+def mended(
+    geometry: Geometry, development: Development, fixed: BoolArray, q: FloatArray
+) -> tuple[FloatArray, int]:
+    """(vectors (n, 3) of the vertices with fewer faces turned over than by q (n, 3), the number left).
+
+    development: of a mesh over the geometry. fixed (n,): vertices that stay.
+    """
+    for rings in UNTANGLED_RINGS:
+        if development.turned(q).any():
+            q = _untangled(geometry, development, fixed, q, rings)
+    return q, int(development.turned(q).sum())
+
+
+def _untangled(
+    geometry: Geometry, development: Development, fixed: BoolArray, q: FloatArray, rings: int
+) -> FloatArray:
+    """Patches of so many rings round turned faces, each in the tangent plane of its middle, by the
+    foldover-free energy. Patches with vertices out of sight stay."""
+    mesh, turned = development.mesh, development.turned(q)
+    near = mask_of(mesh.n, mesh.faces[turned])
+    for _ in range(rings):
+        near[mesh.faces[near[mesh.faces].any(1)]] = True
+    inside = np.repeat(near[mesh.faces].all(1), 3)
+    within = inside & inside[mesh.twin]
+    h = np.flatnonzero(within)
+    _, label = components(len(mesh.faces), h // 3, mesh.twin[h] // 3)
+    faces = np.flatnonzero(np.isin(label, label[turned]) & inside[::3])
+    _, root, chart = np.unique(label[faces], return_index=True, return_inverse=True)
+    # a vertex where two patches touch is one of each
+    key, first, local = np.unique(
+        chart[:, None] * mesh.n + mesh.faces[faces], return_index=True, return_inverse=True
+    )
+    own, vertices = np.divmod(key, mesh.n)
+    number = positions_in(len(mesh.faces), faces)
+    pairs = np.stack([h, mesh.twin[h]], 1)[(number[h // 3] >= 0) & (h < mesh.twin[h])]
+    part = CutMesh(
+        local.reshape(-1, 3),
+        mesh.cut_mesh.rest_triangles[faces],
+        chart,
+        3 * number[pairs // 3] + pairs % 3,
+    )
+    # all vertices of a patch in the frame of its first face
+    way = development.rolled_out(faces[root], within)[1]
+    corner = 3 * faces[first // 3] + first % 3
+    into = way[corner // 3] @ development.of(corner)
+    seen = np.einsum("kab,kb->ka", into, q[vertices])
+    uv, back = geometry.projected(seen, own, len(root))
+    rest = fixed[vertices]
+    rest[part.faces.ravel()[part.boundary]] = True
+    rest |= group_count(own[~np.isfinite(uv).all(1)], len(root))[own] > 0
+    uv = np.nan_to_num(uv)
+    area = group_sum(np.abs(signed_areas(part.faces, uv)), chart, len(root))
+    unit = np.sqrt(part.chart_areas / np.maximum(area, 1e-300))[own][:, None]
+    found, _ = untangle(part, uv * unit, rest)
+    new = np.linalg.solve(into, back(found / unit)[..., None])[..., 0]
+    out = q.copy()
+    out[vertices[~rest]] = geometry.normal(np.asarray(new, np.float64))[~rest]
+    return out

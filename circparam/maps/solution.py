@@ -10,11 +10,10 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.distortion import Distortion, distortion
-from circparam.maps.domain import Domain, common_domain, composed
+from circparam.maps.domain import Domain, common_domain, composed, mended
 from circparam.maps.geometries import signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
-from circparam.maps.mend import mended
 from circparam.maps.places import along_boundaries
 from circparam.maps.relax import GeometryTarget, MeshTarget, Relaxation
 

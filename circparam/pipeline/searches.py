@@ -18,6 +18,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import DeferredTask, Worker
 from circparam.errors import CircparamError
+from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.pipeline import applies, fallback
@@ -25,10 +26,13 @@ from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import seam_options
 from circparam.pipeline.flatten import rules, seams_in_frame, surface_of_layout, with_straight
 from circparam.pipeline.job import Job
-from circparam.pipeline.layout_cost import finished_cost
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Effort
+from circparam.seams.cost import COST
 from circparam.seams.options import SeamOptions, Seams, Search
+from circparam.seams.segmentation.weigh import share_over
+from circparam.seams.stretch import STRETCH
+from circparam.solvers.objective import chart_energies
 
 # share of the seconds of the last search that must be left for another one to be begun
 LIKELY = 0.5
@@ -285,3 +289,15 @@ def cost_of(cascade: Cascade, options: Options) -> float:
     if (fallback.faults(cut_mesh, uv)[0] > 0).any():
         return float(np.inf)
     return finished_cost(cascade)
+
+
+def finished_cost(cascade: Cascade) -> float:
+    """``AtlasCost.finished`` of a layout as it is; a page that is not packed counts as full."""
+    cut_mesh, uv = cascade.open()
+    share = 1.0
+    if cascade.packing is not None:
+        share = float(cascade.packing.packed.share.mean())
+    area = cut_mesh.chart_areas
+    distortion = float(chart_energies(cut_mesh, uv) @ area / area.sum())
+    tail = float(share_over(cut_mesh, face_stretch(cut_mesh, uv), STRETCH).sum())
+    return COST.finished(cascade.atlas.seam_length, cut_mesh.n_charts, distortion, tail, share)

@@ -1,31 +1,55 @@
-"""A packed layout whose numbers, as the format stores them, have no flip and no overlap."""
+"""A packed layout whose numbers, as the format stores them, have no flip and no overlap, if that can be.
+
+Slivers of rounding are faces that stay upright in stored numbers and lose most of their width. A face that is
+100 storable numbers long and 3 wide may keep a thousandth of a cell, and its energy exceeds that of all other
+faces of its chart. Its vertices move to nearby storable numbers until the symmetric Dirichlet energy of their
+faces, measured against the layout before rounding, is least.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from circparam.core.arrays import (
+    cross2,
+    group_count,
+    group_sum,
+    mask_of,
+    next_half_edge,
+    sorted_distinct,
+    unit,
+)
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 from circparam.formats.io import has_doubles
+from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.coverage import pages_of
-from circparam.geometry.overlap import signs
+from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import fallback
 from circparam.pipeline.align import align
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.density import of_charts
+from circparam.pipeline.fallback import FLIPPED, OVERLAPPING, SOUND
 from circparam.pipeline.job import Job
 from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import up_axis, upright
 from circparam.pipeline.pinned import place_pinned
 from circparam.pipeline.place import Placed, chart_signs, pack_sorted, place, sized
-from circparam.pipeline.representable_uv import Rounding
-from circparam.pipeline.stored_repair import Stored, store
+from circparam.pipeline.representable_uv import (
+    BOUNDARY_NUMBERS,
+    RAY_NUMBERS,
+    Patch,
+    Rounding,
+    mend_faces,
+    mixed,
+    not_upright,
+)
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
 RETRIED_EFFORT_SHARE = 0.1
@@ -33,6 +57,35 @@ ROWS_PAGE_SHARE = 0.4  # share of a page that charts in rows cover
 # factor by which numbers are taken coarser if there is no time for a second packing
 COARSER_FACTOR = 4.0
 PACK_ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
+PUSH_ROUNDS = 2 * BOUNDARY_NUMBERS  # rounds in which boundaries that meet draw back
+# of the mean energy of its chart: largest share that storing may add to a face. The least room below a
+# bound is 5e-6
+ENERGY_SHARE = 1e-6
+MENDING_ROUNDS = 8  # in each of which every vertex of a sliver moves at most once
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """uv (nv, 2) storable; fault (n_charts,) as ``fallback.faults``; moved: vertices that are not where
+    rounding alone puts them; double: in doubles (see ``WriteOptions.uv_double``)."""
+
+    uv: FloatArray
+    fault: IntArray
+    moved: int = 0
+    double: bool = False
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing is wrong with any chart."""
+        return not (self.fault > 0).any()
+
+    @property
+    def notes(self) -> list[str]:
+        """One line for each thing that was done for stored numbers."""
+        moved = f"{self.moved} uv vertices moved to nearby storable numbers, because rounding "
+        moved += "spoilt their faces"
+        double = "uv are stored as doubles: single precision cannot represent some faces"
+        return [moved] * (self.moved > 0) + [double] * self.double
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,3 +240,153 @@ def _length(cut_mesh: CutMesh, uv: FloatArray) -> float:
     """Length of all edges of all faces."""
     p = uv[cut_mesh.faces]
     return max(float(np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).sum()), 1e-300)
+
+
+def store(
+    cut_mesh: CutMesh,
+    exact: FloatArray,
+    mirrored: BoolArray,
+    rounding: Rounding,
+    double: bool = False,
+) -> Stored:
+    """Round a layout and mend spoilt faces.
+
+    exact: (nv, 2) as placed, finite. mirrored: (n_charts,) charts that lie clockwise, as their file winds them.
+    rounding: to doubles where ``double``.
+    """
+    patch = _patch(cut_mesh, exact, mirrored, rounding)
+    uv, spoilt = mend_faces(patch)
+    fault = np.where(group_count(cut_mesh.chart[spoilt], cut_mesh.n_charts) > 0, FLIPPED, SOUND)
+    uv = relieve(patch, uv, cut_mesh.chart)
+    # Charts whose boundaries meet draw back. They know nothing of each other here, so each round looks at those
+    # alone that the last one moved.
+    looked = fault == SOUND
+    for push in range(1, PUSH_ROUNDS + 2):
+        part, vertices, _ = cut_mesh.subset(looked)
+        overlapping, meeting = _meeting(part, uv[vertices])
+        fault[looked] = np.where(overlapping, OVERLAPPING, SOUND)
+        if len(meeting) == 0 or push > PUSH_ROUNDS:
+            break
+        alone = _patch(part, exact[vertices], mirrored[looked], rounding)
+        uv[vertices] = _inwards(part, alone, uv[vertices], meeting, min(push, BOUNDARY_NUMBERS))
+        again = mask_of(part.n_charts, part.chart[meeting // 3])
+        looked[looked] = again
+    return Stored(uv, fault, int((uv != patch.start).any(1).sum()), double)
+
+
+def _patch(cut_mesh: CutMesh, exact: FloatArray, mirrored: BoolArray, rounding: Rounding) -> Patch:
+    """All faces as they lie, counter-clockwise."""
+    turned = mirrored[cut_mesh.chart][:, None]
+    upright = np.where(turned, cut_mesh.faces[:, [0, 2, 1]], cut_mesh.faces)
+    flat, h = cut_mesh.faces.ravel(), cut_mesh.boundary
+    on_boundary = np.zeros(cut_mesh.n_vertices, bool)
+    on_boundary[flat[h]] = on_boundary[flat[next_half_edge(h)]] = True
+    return Patch(upright, exact, on_boundary, rounding)
+
+
+def _meeting(cut_mesh: CutMesh, uv: FloatArray) -> tuple[BoolArray, IntArray]:
+    """(n_charts,) which charts overlap; boundary half-edges that meet others of their chart, none if it is
+    wound round twice."""
+    if not len(uv):
+        return np.zeros(0, bool), np.zeros(0, np.int64)
+    found = overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges)
+    meeting = sorted_distinct(found.crossings)
+    if found.self_overlapping.any():  # holes narrower than a unit may have turned over
+        b = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
+        meeting = sorted_distinct(np.concatenate([meeting, b.half_edge[turned_loops(b)]]))
+    return found.self_overlapping, meeting
+
+
+def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: int) -> FloatArray:
+    """uv with the ends of boundary half-edges drawn towards the inside of their charts, by so many numbers.
+    A vertex takes the best place of its window that leaves all its faces upright."""
+    flat = cut_mesh.faces.ravel()
+    a, b = flat[h], flat[next_half_edge(h)]
+    # the inside is where the third corner of the half-edge's face lies
+    inside, along = np.zeros_like(uv), uv[b] - uv[a]
+    third = uv[flat[next_half_edge(next_half_edge(h))]]
+    normal = np.stack([-along[:, 1], along[:, 0]], 1)
+    normal *= np.sign(((third - uv[a]) * normal).sum(1))[:, None]
+    normal = unit(normal)
+    np.add.at(inside, a, normal)
+    np.add.at(inside, b, normal)
+    inside = unit(inside)
+    uv, waiting = uv.copy(), np.zeros(len(uv), bool)
+    waiting[a] = waiting[b] = True
+    for chosen in patch.in_turns(waiting, np.arange(len(uv))):
+        grid, step = patch.places(uv, chosen)
+        away = (grid - patch.start[chosen][:, None]) / step[:, None]
+        cost: FloatArray = ((away - by * inside[chosen][:, None]) ** 2).sum(2)
+        stay = grid.shape[1] // 2  # always possible
+        here = np.minimum(cost[:, stay], 1e9)
+        cost[np.abs(away).max(2) > BOUNDARY_NUMBERS] = np.inf
+        cost[patch.total(uv, chosen, grid, _turned_over) > 0] = np.inf
+        cost[:, stay] = here
+        uv[chosen] = grid[np.arange(len(chosen)), cost.argmin(1)]
+    return uv
+
+
+def _turned_over(own: IntArray, around: IntArray, triangles: FloatArray) -> FloatArray:
+    return not_upright(triangles).astype(np.float64)
+
+
+def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
+    """(n, 2) stored places, with the vertices of slivers moved to where those have more of their shape.
+
+    chart: (m,) chart of each face. No face is flipped that was not.
+    """
+    faces, exact = patch.faces, patch.exact
+    load = _loads(exact[faces], stored[faces])
+    area = np.abs(cross2(*_sides(exact[faces])))
+    most = ENERGY_SHARE * group_sum(area, chart, int(chart.max()) + 1)[chart]
+    sliver = (load > most) & np.isfinite(load)
+    if not sliver.any():
+        return stored
+    free = mask_of(len(exact), faces[sliver])
+    part, near, v = patch.part(free)
+    at, limit = stored[v], np.where(part.on_boundary, BOUNDARY_NUMBERS, RAY_NUMBERS[-1])
+
+    def energy(own: IntArray, around: IntArray, triangles: FloatArray) -> FloatArray:
+        """(c, w) load of the faces round vertices at each of their places."""
+        load = _loads(part.exact[around][:, None], triangles)
+        load[not_upright(triangles)] = np.inf
+        return load
+
+    for turn in range(MENDING_ROUNDS):
+        load = _loads(part.exact[part.faces], at[part.faces])
+        active = mask_of(len(v), part.faces[(load > most[near]) & np.isfinite(load)])
+        active &= free[v]
+        if not active.any():
+            break
+        # inner vertices move freely
+        waiting = active & ~part.on_boundary if turn % 2 == 0 else active
+        for chosen in part.in_turns(waiting, mixed(np.arange(len(v)), turn)):
+            along, step = part.rays(at, chosen)
+            grid = np.concatenate([at[chosen][:, None], part.places(at, chosen)[0], along], 1)
+            cost = part.total(at, chosen, grid, energy)
+            away = np.abs(grid - part.start[chosen][:, None]) / step[:, None]
+            far = away.max(2) > limit[chosen][:, None]
+            far[:, 0] = False
+            cost[far] = np.inf
+            at[chosen] = grid[np.arange(len(chosen)), cost.argmin(1)]
+    out = stored.copy()
+    out[v] = at
+    return out
+
+
+def _sides(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two sides of triangles (..., 3, 2)."""
+    return triangles[..., 1, :] - triangles[..., 0, :], triangles[..., 2, :] - triangles[..., 0, :]
+
+
+def _loads(before: FloatArray, after: FloatArray) -> FloatArray:
+    """(...) twice the area of triangles (..., 3, 2) times their energy above an isometry. Infinite if one
+    of them is not counter-clockwise."""
+    a, b = _sides(before)
+    c, d = _sides(after)
+    was, now = cross2(a, b), cross2(c, d)
+    with np.errstate(all="ignore"):
+        square = (b * b).sum(-1) * (c * c).sum(-1) + (a * a).sum(-1) * (d * d).sum(-1)
+        square = (square - 2 * (a * b).sum(-1) * (c * d).sum(-1)) / (was * was)
+        load = was * (square * (1 + (was / now) ** 2) / 4 - 1)
+    return np.where((was > 0) & (now > 0) & np.isfinite(load), load, np.inf)

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from circparam.core.arrays import next_half_edge
+from circparam.core.arrays import mask_of, next_half_edge, ranges
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import barycentric, rasterise
 from circparam.render import colours as col
 from circparam.render.camera import Camera
-from circparam.render.lines import draw_lines, shrink
 from circparam.render.scene import Scene
 
 LIGHT_DIRECTION = np.array([-0.40, 0.55, 0.73])
@@ -254,3 +253,51 @@ def _tile_ground(
         for v in range(math.ceil(v0), math.floor(v1) + 1):
             image[max(row(v) - half, 0) : row(v) + half, columns] = line
     return image
+
+
+def draw_lines(
+    start: FloatArray,
+    stop: FloatArray,
+    shape: tuple[int, int],
+    radius: float,
+    z_buffer: FloatArray | None = None,
+    bias: float = 0.0,
+) -> FloatArray:
+    """Mask of thick line segments with round ends.
+
+    start, stop: (s, 2) pixels, or (s, 3) with a depth that is tested against z_buffer + bias.
+    shape: (height, width). radius: half the line's width in pixels. Returns (height, width) of 0 and 1.
+    """
+    height, width = shape
+    mask = np.zeros(shape)
+    ok = np.isfinite(start).all(1) & np.isfinite(stop).all(1)
+    start, stop = start[ok], stop[ok]
+    if len(start) == 0:
+        return mask
+    steps = np.ceil(np.abs(stop - start)[:, :2].max(1) / 0.7).astype(np.int64) + 1
+    steps = np.minimum(steps, 4 * (height + width))
+    s = np.repeat(np.arange(len(start)), steps)
+    t = (ranges(steps) / np.maximum(steps - 1, 1)[s])[:, None]
+    p = start[s] * (1 - t) + stop[s] * t
+    column, row = np.floor(p[:, 0]).astype(np.int64), np.floor(p[:, 1]).astype(np.int64)
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    if z_buffer is not None:
+        inside[inside] &= p[inside, 2] <= z_buffer[row[inside], column[inside]] + bias
+    touched = mask_of(height * width, row[inside] * width + column[inside])
+    hit = np.flatnonzero(touched)
+    reach = int(np.ceil(radius))
+    dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    disk = dx**2 + dy**2 <= radius**2
+    for oy, ox in zip(dy[disk].tolist(), dx[disk].tolist(), strict=True):
+        r, c = hit // width + oy, hit % width + ox
+        keep = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+        mask[r[keep], c[keep]] = 1
+    return mask
+
+
+def shrink(image: FloatArray, factor: int) -> FloatArray:
+    """Average blocks of factor × factor pixels: (h·f, w·f, c) → (h, w, c)."""
+    if factor == 1:
+        return image
+    h, w = image.shape[0] // factor, image.shape[1] // factor
+    return image.reshape(h, factor, w, factor, -1).mean((1, 3))

@@ -7,9 +7,10 @@ becomes a barrier once every face is upright.
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
+from circparam.core.arrays import group_max, group_min, group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.solvers import dirichlet
 from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.region import Region

@@ -17,10 +17,10 @@ import circparam
 from circparam.batch import store
 from circparam.batch.batch import BatchPlan, run_batch, status
 from circparam.batch.cluster import Cluster
-from circparam.batch.companions import fetch
 from circparam.batch.manifest import journal, read_lines
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
+from circparam.batch.task import fetch
 from circparam.errors import InputError, OutputError
 from tests.support.batch_faults import QUICK, settings, write_set
 from tests.support.s3_server import Failing, s3_server

@@ -12,8 +12,7 @@ import pytest
 
 import circparam
 from circparam.batch.index import Index
-from circparam.batch.pictures import thumbnails
-from circparam.batch.report import HISTOGRAM_BINS, report_page, save_report
+from circparam.batch.report import HISTOGRAM_BINS, report_page, save_report, thumbnails
 from circparam.batch.store import Folder
 from circparam.errors import OutputError
 from tests.support.batch_faults import QUICK, write_disk

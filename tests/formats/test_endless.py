@@ -11,13 +11,13 @@ from types import SimpleNamespace
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats.endless import (
+from circparam.formats.io import (
     BLOCK_BYTES,
     LINE_BYTES_PER_BYTE,
     LONGEST_LINE_BYTES,
     check_lines,
+    read,
 )
-from circparam.formats.io import read
 from circparam.formats.source import Source
 
 ROWS = b"0 0 0\n1 0 0\n0 1 0\n"

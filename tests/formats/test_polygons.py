@@ -5,9 +5,8 @@ import pytest
 
 from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import polygons
-from circparam.formats.ears import Ears
 from circparam.formats.io import read_data
-from circparam.formats.polygons import triangulate
+from circparam.formats.polygons import Ears, triangulate
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import repair
 
@@ -169,6 +168,6 @@ def test_thousands_of_spikes_are_refused_in_bounded_work(monkeypatch: pytest.Mon
     text = "".join(f"v {x} {y} {z}\n" for x, y, z in star.tolist())
     text += "f " + " ".join(str(k + 1) for k in range(2000)) + "\n"
     assert len(read_data(text.encode(), format="obj").mesh.faces) == 1998
-    monkeypatch.setattr("circparam.formats.ears.MAX_BOXES", 10_000)
+    monkeypatch.setattr("circparam.formats.polygons.MAX_BOXES", 10_000)
     with pytest.raises(InputError, match="too intricate: triangulate it first"):
         read_data(text.encode(), format="obj")

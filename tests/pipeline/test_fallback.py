@@ -14,7 +14,7 @@ from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade
-from circparam.pipeline.pieces import MOST_SINGLES, STEEP, project_charts, take_to_pieces
+from circparam.pipeline.fallback import MOST_SINGLES, STEEP, project_charts, take_to_pieces
 from tests.support import shapes, strategies
 from tests.support.cascades import flat, sound, start, surface_of
 

@@ -20,7 +20,7 @@ from circparam.pipeline.representable_uv import (
     Patch,
     mend_faces,
 )
-from circparam.pipeline.stored_repair import store
+from circparam.pipeline.stored_fit import store
 from tests.support import needles, shapes
 from tests.support.atlases import surface_of
 from tests.support.exact import exact_sign

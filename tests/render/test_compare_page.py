@@ -8,8 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from circparam.render.bars import bars, scale_of
-from circparam.render.compare_page import compare_page
+from circparam.render.compare_page import bars, compare_page, scale_of
 from circparam.render.side_by_side import MethodLayout, SideBySide, caption
 from circparam.render.text import drawable, has_glyph
 from tests.support.side_by_side import compared_sheet

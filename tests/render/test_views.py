@@ -7,10 +7,16 @@ from circparam.geometry.raster import rasterise
 from circparam.render.camera import look_from
 from circparam.render.colours import line_weight
 from circparam.render.figures import PictureOptions
-from circparam.render.lines import draw_lines
 from circparam.render.picture import draw_figure
 from circparam.render.scene import make_scene
-from circparam.render.views import checker_colours, draw_plan, layout_line_weight, paint, see
+from circparam.render.views import (
+    checker_colours,
+    draw_lines,
+    draw_plan,
+    layout_line_weight,
+    paint,
+    see,
+)
 from tests.support.scenes import QUAD, SQUARE, cube, flat_quad, squares
 from tests.support.shapes import icosphere
 

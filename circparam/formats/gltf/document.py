@@ -1,7 +1,12 @@
-"""glTF and GLB: the whole tree kept, primitives stay primitives, uv as TEXCOORD_n."""
+"""glTF and GLB: the whole tree kept, primitives stay primitives, uv as TEXCOORD_n.
+
+Owners of atlases stand in its extras, as {"extras": {"circparam": {"group_by": {"0": "mesh"}}}}: the
+keys are the numbers of uv sets; a set that is not named is one atlas.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -9,15 +14,15 @@ import numpy as np
 from circparam.core.arrays import relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import Document, Encoded, Named, WriteOptions
+from circparam.formats.document import GROUPINGS, Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
 from circparam.formats.gltf.editing import TreeEdit, write_uv
-from circparam.formats.gltf.groups import store_grouping, store_pages, stored_grouping
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
 from circparam.formats.gltf.unused import short_views
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
+from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
@@ -251,3 +256,40 @@ def _features(tree: Tree) -> tuple[str, ...]:
         "extensions": tree.json.get("extensionsUsed"),
     }
     return tuple(k for k, there in has.items() if there)
+
+
+def stored_grouping(tree: Json, uv_set: int) -> str | None:
+    """Owner of an atlas in a uv set: 'primitive' or 'mesh'; None without a known entry."""
+    value: object = tree.get("asset")
+    for key in ("extras", "circparam", "group_by", str(uv_set)):
+        value = value.get(key) if isinstance(value, dict) else None
+    return value if isinstance(value, str) and value in GROUPINGS else None
+
+
+def store_grouping(tree: Json, uv_set: int, kind: str | None) -> None:
+    """Store the owner of an atlas of a uv set in a tree, in place; None, one atlas, needs no entry."""
+    _store(tree, "group_by", uv_set, kind if kind in GROUPINGS else None)
+
+
+def store_pages(tree: Json, uv_set: int, names: Sequence[str]) -> None:
+    """Store the names of the pages of a uv set in a tree, in place, as {"1001": "steel", "1002": "paint"}."""
+    _store(
+        tree, "pages", uv_set, {str(FIRST_UDIM + k): name for k, name in enumerate(names)} or None
+    )
+
+
+def _store(tree: Json, key: str, uv_set: int, value: Any) -> None:
+    """Put a value for a uv set under a key of the extras; None takes away the one that is there."""
+    above, entry = [tree["asset"]], tree["asset"]
+    for name in ("extras", "circparam", key):
+        entry = entry.setdefault(name, {}) if value is not None else entry.get(name)
+        if not isinstance(entry, dict):  # somebody else's, which stays, or nothing there
+            return
+        above.append(entry)
+    if value is not None:
+        entry[str(uv_set)] = value
+        return
+    entry.pop(str(uv_set), None)
+    for holder, name in zip(above[2::-1], (key, "circparam", "extras"), strict=True):
+        if not holder[name]:
+            del holder[name]

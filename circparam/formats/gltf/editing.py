@@ -1,9 +1,15 @@
-"""Put uv into a glTF tree: new accessors for changed data, everything else in place."""
+"""Put uv and images into a glTF tree: new accessors for changed data, everything else in place.
+
+Primitives of one mesh that show the same material afterwards become one: fewer draw calls, the same vertices.
+Their attributes, types, morph targets and extras have to be alike. Vertices that other primitives use too stay,
+unless all joined primitives share them.
+"""
 
 import copy
+import json
 from collections import defaultdict
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +18,18 @@ from circparam.core.plural import counted
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
-from circparam.formats.gltf.joining import join_primitives
-from circparam.formats.gltf.model import TRIANGLES, Json, Pool, Primitive
-from circparam.formats.gltf.redressing import redressed
+from circparam.formats.gltf.materials import (
+    TRANSFORM,
+    VARIANTS,
+    material_number,
+    materials_of,
+    texture_infos,
+)
+from circparam.formats.gltf.model import COMPONENTS, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
-from circparam.formats.looks import Carried
+from circparam.formats.gltf.slots import places_of, set_factors
+from circparam.formats.gltf.unused import close_gaps
+from circparam.formats.looks import Carried, Group
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
@@ -216,3 +229,218 @@ def tangent_set(tree: Json, entry: Json) -> int:
     texture = material.get("normalTexture", {})
     moved = texture.get("extensions", {}).get("KHR_texture_transform", {})
     return int(moved.get("texCoord", texture.get("texCoord", 0)))
+
+
+def join_primitives(
+    edit: Packing, primitives: Sequence[Primitive], chosen: Iterable[int]
+) -> list[list[int]]:
+    """Join those of the chosen primitives that can be, in place.
+
+    primitives: all of the tree, in the order of the faces. Returns the sources of each primitive of the new
+    tree, in order: numbers of ``primitives``.
+    """
+    alone = [[i] for i in range(len(primitives))]
+    if edit.careful:
+        return alone
+    alike: dict[str, list[int]] = defaultdict(list)
+    for i in chosen:
+        entry = primitives[i].entry(edit.json)
+        if entry.get("mode", TRIANGLES) == TRIANGLES and "extensions" not in entry:
+            alike[_kind(edit, primitives[i].mesh, entry)].append(i)
+    users: dict[int, set[int]] = defaultdict(set)
+    for i, p in enumerate(primitives):
+        users[p.pool].add(i)
+    blocks = {}
+    for group in alike.values():
+        pools = {primitives[i].pool for i in group}
+        if len(pools) > 1:
+            group = [i for i in group if users[primitives[i].pool] <= set(group)]
+        if len(group) > 1:
+            _join(edit, [primitives[i] for i in group])
+            blocks[group[0]] = group
+    gone = {i for group in blocks.values() for i in group[1:]}
+    dropped = {id(primitives[i].entry(edit.json)) for i in gone}
+    for mesh in edit.json["meshes"]:
+        mesh["primitives"] = [e for e in mesh["primitives"] if id(e) not in dropped]
+    return [blocks.get(i, [i]) for i in range(len(primitives)) if i not in gone]
+
+
+def _kind(edit: Packing, mesh: int, entry: Json) -> str:
+    """Common properties of primitives that can be joined, as text."""
+
+    def types(attributes: dict[str, int]) -> list[Any]:
+        known = edit.json["accessors"]
+        keys = ("componentType", "type", "normalized")
+        return [
+            [name, *(known[k].get(key) for key in keys)] for name, k in sorted(attributes.items())
+        ]
+
+    rest = {k: v for k, v in entry.items() if k not in ("attributes", "targets", "indices", "mode")}
+    targets = [types(target) for target in entry.get("targets", [])]
+    return json.dumps([mesh, types(entry["attributes"]), targets, rest], sort_keys=True)
+
+
+def _join(edit: Packing, group: list[Primitive]) -> None:
+    """Let the first of some primitives have the vertices and triangles of all, in place."""
+    entries = [p.entry(edit.json) for p in group]
+    first_of = {p.pool: entry for p, entry in zip(group[::-1], entries[::-1], strict=True)}
+    pools = sorted(first_of)  # in the order in which they are read
+    size = [edit.json["accessors"][first_of[k]["attributes"]["POSITION"]]["count"] for k in pools]
+    start = dict(zip(pools, np.cumsum([0, *size]).tolist(), strict=False))
+    index = [_index(edit, entry, start[p.pool]) for p, entry in zip(group, entries, strict=True)]
+    head = entries[0]
+    if len(pools) > 1:
+        holders = [[first_of[k]["attributes"], *first_of[k].get("targets", [])] for k in pools]
+        made: dict[tuple[int, ...], int] = {}
+        joined = []
+        for same in zip(*holders, strict=True):
+            out = {}
+            for name in same[0]:
+                numbers = tuple(one[name] for one in same)
+                if numbers not in made:
+                    made[numbers] = _concatenated(edit, numbers)
+                out[name] = made[numbers]
+            joined.append(out)
+        head["attributes"] = joined[0]
+        if "targets" in head:
+            head["targets"] = joined[1:]
+    lists = [entry["indices"] for entry in entries if "indices" in entry]
+    least = max((edit.json["accessors"][k]["componentType"] for k in lists), default=5123)
+    head["indices"] = edit.indices(np.concatenate(index), sum(size), least)
+
+
+def _index(edit: Packing, entry: Json, start: int) -> Any:
+    """(c,) the vertices of a primitive, counted from ``start``."""
+    if "indices" not in entry:
+        count = edit.json["accessors"][entry["attributes"]["POSITION"]]["count"]
+        return np.arange(count - count % 3) + start
+    accessor = edit.json["accessors"][entry["indices"]]
+    kind = COMPONENTS[accessor["componentType"]]
+    index = np.ascontiguousarray(edit.rows(entry["indices"])).view(kind)[:, 0].astype(np.int64)
+    return index[: len(index) - len(index) % 3] + start
+
+
+def _concatenated(edit: Packing, numbers: tuple[int, ...]) -> int:
+    """A new accessor with the rows of several, one after the other."""
+    entries = [edit.json["accessors"][k] for k in numbers]
+    keys = ("componentType", "type", "normalized")
+    entry = {key: entries[0][key] for key in keys if key in entries[0]}
+    for key, best in (("min", np.min), ("max", np.max)):
+        if all(key in e for e in entries):
+            entry[key] = best([e[key] for e in entries], axis=0).tolist()
+    return edit.accessor(entry, np.concatenate([edit.rows(k) for k in numbers]))
+
+
+def redressed(
+    tree: Json, primitives: list[Primitive], carried: Carried, kept_set: int = 0
+) -> tuple[Json, dict[int, str]]:
+    """A copy of a tree whose triangles show carried images: (tree, page of each of its new images).
+
+    Materials that became one are one; textures, images and samplers without a user are gone.
+    """
+    out = copy.deepcopy(tree)
+    known = materials_of(out)
+    default = len(known) - 1
+    out["samplers"] = [
+        *out.get("samplers", []),
+        {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071},
+    ]
+    images, number = {}, {}
+    for page in carried.pages:
+        images[len(out.setdefault("images", []))] = page
+        out["images"].append({"name": page, "mimeType": "image/png"})
+        number[page] = len(out.setdefault("textures", []))
+        out["textures"].append(
+            {"sampler": len(out["samplers"]) - 1, "source": len(out["images"]) - 1}
+        )
+    first = {member: group for group in carried.groups for member in group.members}
+    changed = {}
+    for p in primitives:
+        entry = p.entry(out)
+        group = first[material_number(tree, p, default)]
+        lead = group.members[0]
+        if lead not in changed:
+            changed[lead] = _dressed(known[lead], group, number, carried.uv_set)
+            if lead in carried.kept:
+                changed[lead] = in_set(known[lead], carried.uv_set, kept_set)
+        if changed[lead] != {}:
+            entry["material"] = lead
+    for k, material in changed.items():
+        known[k] = material
+    out["materials"] = known
+    # entries that lost their last user go; those that never had one stay
+    final: dict[int, int] = {}
+    for kind, users in _USERS.items():
+        spare = set(range(len(tree.get(kind, [])))) - {int(c[key]) for c, key in users(tree)}
+        entries, slots = out.setdefault(kind, []), users(out)
+        used = {int(container[key]) for container, key in slots} | spare
+        final = close_gaps(entries, set(range(len(entries))) - used, slots)
+        if not entries:
+            out.pop(kind)
+    # extensions of textures that nothing uses any more leave the lists
+    text = json.dumps({k: out.get(k) for k in ("materials", "textures")})
+    for key in ("extensionsUsed", "extensionsRequired"):
+        kinds = ("KHR_texture", "EXT_texture", "MSFT_texture")
+        left = [n for n in out.get(key, []) if not n.startswith(kinds) or f'"{n}"' in text]
+        if key in out:
+            out[key] = left
+            if not left:
+                out.pop(key)
+    images = {final[k]: page for k, page in images.items()}
+    return out, images
+
+
+def _dressed(material: Json, group: Group, texture: dict[str, int], uv_set: int) -> Json:
+    """A material that shows the carried images, with the factors that go with them."""
+    out = copy.deepcopy(material)
+    for place, found in places_of(out):
+        holder = found
+        if place.slot not in group.factors:
+            continue
+        if place.slot in group.shown:
+            if place.holder == ("pbrMetallicRoughness",):
+                holder = out.setdefault("pbrMetallicRoughness", {})
+            old = holder.get(place.texture, {})
+            kept = {k: v for k, v in old.items() if k in ("extras", "scale", "strength")}
+            info = {"index": texture[place.slot.page], "texCoord": uv_set, **kept}
+            holder[place.texture] = {k: v for k, v in info.items() if (k, v) != ("texCoord", 0)}
+            set_factors(holder, place, group.factors[place.slot])
+    if out.get("alphaMode") == "MASK" and group.cutoff != out.get("alphaCutoff", 0.5):
+        out["alphaCutoff"] = group.cutoff
+    return out
+
+
+def in_set(material: Json, old: int, new: int) -> Json:
+    """A material whose textures refer to one uv set in place of another."""
+    out = copy.deepcopy(material)
+    for _, info in texture_infos(out):
+        holder = info.get("extensions", {}).get(TRANSFORM, {})
+        holder = holder if "texCoord" in holder else info
+        if holder.get("texCoord", 0) == old:
+            holder["texCoord"] = new
+    return out
+
+
+Slots: TypeAlias = list[tuple[Json, str]]
+
+
+def _material_users(tree: Json) -> Slots:
+    users = [p for mesh in tree["meshes"] for p in mesh["primitives"]]
+    mapped = [
+        m for p in users for m in p.get("extensions", {}).get(VARIANTS, {}).get("mappings", [])
+    ]
+    return [(x, "material") for x in (*users, *mapped) if "material" in x]
+
+
+def _image_users(tree: Json) -> Slots:
+    holders = [h for t in tree.get("textures", []) for h in (t, *t.get("extensions", {}).values())]
+    return [(h, "source") for h in holders if "source" in h]
+
+
+# in the order in which they lose their users
+_USERS: dict[str, Callable[[Json], Slots]] = {
+    "materials": _material_users,
+    "textures": lambda tree: [(i, "index") for _, i in texture_infos(tree.get("materials", []))],
+    "samplers": lambda tree: [(t, "sampler") for t in tree.get("textures", []) if "sampler" in t],
+    "images": _image_users,
+}

@@ -20,9 +20,8 @@ from circparam.formats.document import (
     not_carried,
 )
 from circparam.formats.gltf.buffers import glb_bytes
-from circparam.formats.gltf.document import read_gltf
+from circparam.formats.gltf.document import read_gltf, store_grouping, store_pages
 from circparam.formats.gltf.editing import file_uv, stored_uv
-from circparam.formats.gltf.groups import store_grouping, store_pages
 from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json, index_type
 from circparam.formats.gltf.scene import unit_rows
 from circparam.formats.materials import Textures, decode, linear, media_type

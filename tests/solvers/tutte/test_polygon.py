@@ -6,10 +6,9 @@ import pytest
 from circparam.core.arrays import cross2
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import signed_areas
-from circparam.solvers.tutte.boundary import BOUNDARIES
+from circparam.solvers.tutte.boundary import BOUNDARIES, check_polygon
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.outer import TutteOptions
-from circparam.solvers.tutte.polygon import check_polygon
 from tests.support import shapes
 from tests.support.charts import patches_of
 
