@@ -9,6 +9,7 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data, write
 from circparam.formats.memory import from_arrays
 from tests.support.formats_tools import (
+    OFF,
     assert_round_trip,
     corpus_files,
     grid,
@@ -16,21 +17,6 @@ from tests.support.formats_tools import (
     smooth_layout,
 )
 from tests.support.validator import validate
-
-OFF = b"""OFF # comment
-# another
-6 3 0
-0 0 0
-1 0 0
-1 1 0 # here too
-0 1 0
-0.1 0.30000000000000004 1
-2 0 0
-
-4 0 1 2 3 255 0 0
-3 0 1 4
-3 1 5 2
-"""
 
 
 @pytest.mark.parametrize("format", ["ply", "glb", "gltf", "obj"])

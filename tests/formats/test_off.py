@@ -4,22 +4,7 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.io import encode, read_data
-from tests.support.formats_tools import assert_round_trip, layout_with_seams, smooth_layout
-
-OFF = b"""OFF # comment
-# another
-6 3 0
-0 0 0
-1 0 0
-1 1 0 # here too
-0 1 0
-0.1 0.30000000000000004 1
-2 0 0
-
-4 0 1 2 3 255 0 0
-3 0 1 4
-3 1 5 2
-"""
+from tests.support.formats_tools import OFF, assert_round_trip, layout_with_seams, smooth_layout
 
 
 def test_off_keeps_points_and_polygons() -> None:

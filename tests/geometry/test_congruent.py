@@ -59,11 +59,6 @@ def test_labels_part_copies() -> None:
     assert len(np.unique(a.part[one.copy])) == 2
 
 
-def test_a_round_shape_of_equal_distances_is_found() -> None:
-    a = assemble([shapes.icosphere(2)], 5)
-    assert len(np.unique(a.part[found(a, False)[0].copy])) == 4
-
-
 def plates(mirror: float = 0.0, seed: int = 0) -> Assembly:
     """Plates with a hole and rods of eight sides, ten of each, all with diagonals of their own."""
     shapes = [kinds(4)[3], kinds(4)[2]]
@@ -106,13 +101,6 @@ def test_a_flat_that_ends_elsewhere_is_no_copy() -> None:
     bent[corner] += [0.0, 0.0, 1e-3]
     a = assemble([(p, f), (bent, other_triangles(p, f))], 2)
     assert not found(a, True)[0].copy.any()
-
-
-def test_flats_of_other_labels_are_no_copies() -> None:
-    p, f = kinds(4)[3]
-    a = assemble([(p, f), (p, other_triangles(p, f))], 2)
-    one = find_congruent(a.points, a.faces, a.part, a.part)
-    assert not one.copy.any()
 
 
 def test_a_finely_bent_surface_has_no_flats() -> None:

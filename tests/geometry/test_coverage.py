@@ -51,18 +51,6 @@ def test_the_boundary_alone_tells_what_faces_cover(seed: int, resolution: int) -
     assert (got != inside(uv, f, resolution)).sum() <= 2
 
 
-@pytest.mark.parametrize(("texels", "gap"), [(4, 4.0), (5, 5.0), (1, 1.0)])
-def test_gap_between_two_squares(texels: int, gap: float) -> None:
-    n = 100
-    # the first covers columns 10..29; the second begins so many columns further on
-    cut_mesh, uv = squares([(0.10, 0.1), (0.10 + 0.2 + (texels - 1) / n, 0.1)], 0.2)
-    found = cover(cut_mesh, uv, n, 8)
-    assert found.gap == gap
-    assert found.near == (0, 1)
-    assert found.border == 10
-    assert found.share == pytest.approx(0.08, abs=0.002)
-
-
 def test_pages_are_tiles() -> None:
     cut_mesh, uv = squares([(0.1, 0.1), (1.1, 0.1), (2.5, 0.5)], 0.2)
     assert pages_of(cut_mesh, uv).tolist() == [0, 1, 2]

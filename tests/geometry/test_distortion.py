@@ -114,12 +114,3 @@ def test_the_stretch_of_a_linear_map_is_that_of_its_worse_direction(scales):
     assert m.tail.share_over(worst * 0.999) == pytest.approx(1)
     assert m.tail.share_over(worst * 1.001) == 0
     np.testing.assert_allclose(face_stretch(cut_mesh, 7 * uv * scales), worst)
-
-
-def test_faces_are_measured_at_the_scale_of_their_own_chart():
-    cut_mesh, uv = flat(2)
-    grown = uv * np.where(cut_mesh.vertex_chart == 1, 4.0, 1.0)[:, None]
-    np.testing.assert_allclose(face_stretch(cut_mesh, grown), 1)
-    # one density for both: at the best scale, a half, one is shrunk and the other stretched to twice
-    assert measure(cut_mesh, grown).tail.percentile(1) == pytest.approx(2)
-    assert measure(cut_mesh, grown).tail.percentile(99) == pytest.approx(2)

@@ -4,11 +4,8 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.geometry.gradient_transfer import (
-    space_gradients,
     spread,
-    targets_from,
 )
-from circparam.geometry.intrinsic import jacobians
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
@@ -29,13 +26,6 @@ def bent(points: FloatArray, angle: float) -> FloatArray:
     out[:, 0] = np.minimum(points[:, 0], 0.5) + beyond * np.cos(angle)
     out[:, 2] = beyond * np.sin(angle)
     return out
-
-
-def test_targets_are_the_jacobians_of_the_layout() -> None:
-    atlas = atlas_of(shapes.bumped_disk(200), lambda p: p[..., :2] * [1.5, 0.7])
-    cut_mesh, uv = atlas.open()
-    targets = targets_from(atlas, space_gradients(atlas))
-    np.testing.assert_allclose(targets.transpose(2, 0, 1), jacobians(cut_mesh, uv), atol=1e-9)
 
 
 def test_spread_unrolls_a_bent_sheet_from_what_is_known() -> None:

@@ -110,30 +110,6 @@ def test_boundaries_meet_where_they_cross_and_not_where_they_touch(second, pairs
     assert met(loops(box(0, 0), second)) == pairs
 
 
-def test_boundaries_that_touch_from_inside_meet():
-    for inner in (
-        box(0, 0),  # the same
-        box(0, 0, 0.5, 0.5),  # in a corner
-        box(0.25, 0, 0.5, 0.5),  # along a side
-        np.array([[0.5, 0.0], [0.75, 0.5], [0.25, 0.5]]),  # a tip on a side
-        np.array([[0.0, 0.0], [0.75, 0.5], [0.5, 0.75]]),  # a tip in a corner
-    ):
-        assert met(loops(box(0, 0), inner))
-        assert met(loops(inner, box(0, 0)))
-        assert not met(loops(box(0, 0), inner), between=False), "each alone is sound"
-
-
-def test_a_chart_meets_itself_but_not_in_segments_that_follow_each_other():
-    eight = np.array([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]])
-    assert met(loops(eight), between=False) == [[0, 2]]
-    assert met(loops(eight), between=True) == []
-    assert met(loops(box(0, 0), eight + 9), between=False) == [[4, 6]]
-    assert met(loops(box(0, 0)), between=False) == []
-    # a segment of no length takes no part
-    doubled = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    assert met(loops(doubled), between=False) == []
-
-
 def test_chamfers_part_only_segments_with_more_boundary_between_them():
     """A long bar whose end is cut off by a short segment: its sides are near there by necessity."""
     reach = 0.1

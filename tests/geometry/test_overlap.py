@@ -164,15 +164,6 @@ def test_margin_finds_parts_that_come_near():
     assert len(crossings(uv, cut_mesh)) == 0
 
 
-def test_a_spiral_that_meets_itself_is_found_with_the_half_edges_that_cross():
-    t = np.linspace(0, 2 * np.pi * 1.2, 200)
-    cut_mesh, uv = patches_of(*strip(np.stack([np.cos(t), np.sin(t)], 1)))
-    pairs = crossings(uv, cut_mesh)
-    assert self_overlapping(cut_mesh, uv)[0]
-    assert len(pairs)
-    assert np.isin(pairs, cut_mesh.boundary).all()
-
-
 def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
     """Never one to one by omission: where not every pair can be looked at, the chart counts as overlapping."""
     import circparam.geometry.segment_grid as nearby

@@ -80,13 +80,3 @@ def test_seams_of_sides_of_other_sizes_count_with_their_mean() -> None:
     assert v.numbers()["density_min"] == pytest.approx(0.1 * SIDE)
     assert v.numbers()["density_max"] == pytest.approx(0.2 * SIDE)
     assert v.numbers()["seam_vertices"] == 2
-
-
-def test_charts_without_uv_have_no_figures() -> None:
-    points, faces = shapes.row_of(shapes.grid(3, 3), 2, gap=0.5)
-    uv_faces = np.where(np.arange(len(faces))[:, None] < len(faces) // 2, faces, -1)
-    surface, _ = repair(Mesh(points, faces), RepairOptions())
-    found = verify(surface, UVMap(points[:, :2] * 0.3, uv_faces), resolution=SIDE).numbers()
-    assert found["thin"] == 0
-    assert found["seam_texels"] == 0
-    assert found["density_min"] == pytest.approx(0.3 * SIDE)

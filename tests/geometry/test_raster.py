@@ -18,26 +18,6 @@ from circparam.geometry.raster import (
 from tests.support.packing import owner_raster
 
 
-@settings(max_examples=40)
-@given(st.integers(0, 10_000))
-def test_triangles_of_a_plane_never_leave_gaps_nor_meet(seed: int):
-    """A triangulated convex region: every pixel centre inside belongs to exactly one face."""
-    rng = np.random.default_rng(seed)
-    n = 7
-    gx, gy = np.meshgrid(np.arange(n), np.arange(n))
-    p = np.stack([gx.ravel(), gy.ravel()], 1).astype(float)
-    inner = (p > 0).all(1) & (p < n - 1).all(1)
-    p[inner] += rng.uniform(-0.2, 0.2, (int(inner.sum()), 2))
-    p = p * 9.5 + rng.uniform(0, 3, 2)
-    i = np.arange(n * (n - 1)).reshape(n - 1, n)[:, :-1].ravel()
-    faces = np.concatenate([np.stack([i, i + 1, i + n + 1], 1), np.stack([i, i + n + 1, i + n], 1)])
-    _, _, layers = rasterise(p[faces], 64, 64)
-    c = np.arange(64) + 0.5
-    inside = (c >= p[:, 0].min()) & (c < p[:, 0].max())
-    inside_y = (c >= p[:, 1].min()) & (c < p[:, 1].max())
-    assert np.array_equal(layers, (inside_y[:, None] & inside[None, :]).astype(int))
-
-
 def test_faces_that_are_drawn_in_chunks_cover_what_each_covers_alone():
     """Nine triangles of a page of 1400 pixels a side are more than are drawn at once."""
     size = 1400
@@ -98,13 +78,6 @@ def test_a_centre_just_off_an_edge_is_covered_and_no_further() -> None:
         corners = (square - [off, off])[[[0, 1, 2], [0, 2, 3]]]
         page, _ = owner_raster(corners, np.zeros(2, np.int64), 8)
         assert (page >= 0).sum() == width * width
-
-
-def test_two_owners_of_a_centre_clash() -> None:
-    corners = np.array([[[0, 0], [4, 0], [0, 4.0]], [[4, 4], [0, 4.0], [4, 0]]])
-    # the shared edge runs through four centres
-    assert owner_raster(corners, np.array([0, 1]), 4)[1] == 4
-    assert owner_raster(corners, np.array([3, 3]), 4)[1] == 0
 
 
 def test_runs_that_are_found_in_blocks_are_those_of_each_triangle() -> None:
@@ -198,19 +171,6 @@ def test_the_nearer_face_is_seen_at_its_depth() -> None:
     assert set(z[layers > 0].tolist()) == {0.0}
     # one depth everywhere, and depths of which none is a number
     assert rasterise(xy, 8, 8, np.full((2, 3), 5.0))[1][0, 0] == pytest.approx(5)
-
-
-def test_triangles_beyond_the_picture_are_clipped() -> None:
-    xy = np.array([[[-50.0, -50.0], [90.0, -50.0], [-50.0, 90.0]]])
-    face, _, layers = rasterise(xy, 7, 4)
-    assert (face == 0).all()
-    assert (layers == 1).all()
-    beside = [
-        [[9.0, 0], [12, 0], [9, 9]],
-        [[-4.0, 0], [0.2, 0], [-4, 3]],
-        [[0.0, 6], [7, 6], [0, 9]],
-    ]
-    assert not rasterise(np.array(beside), 7, 4)[2].any()
 
 
 def test_outlines_through_one_texel_share_it() -> None:

@@ -4,9 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry.shading import corner_normals, frames, unit
+from circparam.geometry.shading import corner_normals, frames
 from tests.support.baking import sheet
-from tests.support.bumps import belt
 
 
 def random_turn(seed: int) -> np.ndarray:
@@ -28,26 +27,6 @@ def test_frames_of_a_plane_are_its_axes(seed: int, mirrored: bool, stretch: floa
     assert np.allclose(found.tangent, -turn[:, 0] if mirrored else turn[:, 0])
     assert np.allclose(found.bitangent, turn[:, 1])
     assert (found.sign == (-1 if mirrored else 1)).all()
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 99))
-def test_what_is_told_in_a_frame_is_read_back(seed: int):
-    """A viewer's decoding of x t + y b + z n, each axis interpolated and normalised, gives the direction."""
-    rng = np.random.default_rng(seed)
-    mesh, layout = belt(5, 8, 0.1, 1.0)
-    corners = mesh.points[mesh.faces]
-    space = frames(
-        corners, layout.uv[layout.uv_faces], mesh.faces, corner_normals(corners, mesh.faces)
-    )
-    face, bary = rng.integers(0, len(mesh.faces), 50), rng.dirichlet([1, 1, 1], 50)
-    direction = unit(rng.normal(size=(50, 3)))
-    x, y, z = space.into(face, bary, direction).T[..., None]
-    t, b, n = (
-        unit(np.einsum("pk,pkc->pc", bary, axis[face]))
-        for axis in (space.tangent, space.bitangent, space.normal)
-    )
-    assert np.allclose(unit(x * t + y * b + z * n), direction, atol=1e-9)
 
 
 def test_uv_without_a_direction_still_have_a_frame():

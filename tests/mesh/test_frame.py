@@ -44,26 +44,6 @@ def test_the_shape_in_its_frame_does_not_depend_on_its_pose(name: str, seed: int
     assert cKDTree(one).query(two)[0].max() < 1e-7
 
 
-@pytest.mark.parametrize("name", SHAPES)
-def test_a_frame_is_a_rigid_motion_to_unit_area(name: str) -> None:
-    """Right-handed axes, the centroid in the origin, principal axes by falling moments."""
-    points, faces = SHAPES[name]
-    frame = frame_of(points, faces)
-    np.testing.assert_allclose(frame.axes.T @ frame.axes, np.eye(3), atol=1e-9)
-    assert np.linalg.det(frame.axes) == pytest.approx(1)
-    corner = frame.inside(points)[faces]
-    area = np.linalg.norm(
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
-    ) / 2  # fmt: skip
-    assert area.sum() == pytest.approx(1)
-    np.testing.assert_allclose(area @ corner.mean(1), 0, atol=1e-9)
-    # the second moment of a triangle is the mean of its midpoints' moments
-    middle = (corner + corner[:, [1, 2, 0]]) / 2
-    second = np.einsum("m,mki,mkj->ij", area, middle, middle) / 3
-    np.testing.assert_allclose(second, np.diag(np.diag(second)), atol=1e-5 * np.trace(second))
-    assert (np.diff(np.diag(second)) <= 1e-5 * np.trace(second)).all()
-
-
 @pytest.mark.parametrize(("name", "effort"), [("torus", 0), ("bumpy", 1)])
 def test_a_turned_mesh_gets_the_same_seams(name: str, effort: float) -> None:
     points, faces = shapes.noisy(*SHAPES[name], amount=0.03)

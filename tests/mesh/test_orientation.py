@@ -5,13 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circparam.geometry.overlap import signs
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import double_cover
 from circparam.mesh.repair import repair
-from circparam.mesh.restore import complete
 from tests.support import shapes
-from tests.support.surfaces import check_surface, layout
+from tests.support.surfaces import check_surface
 
 
 @given(
@@ -29,22 +27,6 @@ def test_double_cover_finds_signs_where_there_are_any(n, edges):
         for bits in range(2 ** len(nodes)):
             value = {int(v): bits >> k & 1 for k, v in enumerate(nodes)}
             assert any((value[a] ^ value[b]) != x for a, b, x in mine)
-
-
-def test_winding_is_made_consistent_and_undone_in_the_file():
-    p, f = shapes.icosphere(3)
-    rng = np.random.default_rng(1)
-    back = rng.random(len(f)) < 0.3
-    mixed = np.where(back[:, None], f[:, [0, 2, 1]], f)
-    mesh = Mesh(p, mixed)
-    surface, repairs = repair(mesh)
-    assert np.array_equal(surface.reversed_faces, back), "the side with more area wins"
-    assert repairs.n_reversed == back.sum()
-    check_surface(mesh, surface, repairs)
-    uv, uv_faces = layout(surface)
-    got = complete(mesh, surface, repairs, uv, uv_faces)
-    solved = signs(uv, uv_faces)
-    assert np.array_equal(signs(got.uv, got.uv_faces), np.where(back, -solved, solved))
 
 
 def test_components_are_oriented_each_by_its_own_majority():

@@ -5,29 +5,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from circparam.core.monitor import Monitor
 from circparam.errors import InputError, TopologyError
-from circparam.geometry.overlap import signs
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
-from circparam.seams import SEAMS
-from circparam.seams.options import SeamOptions
-from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
-from tests.support.surfaces import check_complete, check_surface, doubled_edges, layout
-
-
-def test_a_clean_mesh_is_taken_as_it_is():
-    mesh = Mesh(*shapes.torus())
-    surface, repairs = repair(mesh, RepairOptions(allow=False))
-    assert repairs.clean
-    assert repairs.messages == []
-    assert np.array_equal(surface.faces, mesh.faces)
-    assert len(surface.edges) * 2 == mesh.faces.size
-    assert len(surface.boundary) == 0
-    check_surface(mesh, surface, repairs)
-    got = check_complete(mesh, surface, repairs)
-    assert np.array_equal(got.uv_faces, layout(surface)[1])
+from tests.support.surfaces import check_complete, check_surface, doubled_edges
 
 
 def test_far_from_the_origin_nothing_is_lost():
@@ -49,29 +31,6 @@ def test_crowded_edges_keep_the_straightest_pairs(sheets):
     if sheets % 2 == 0:  # every sheet has one straight ahead: no edge is bent
         a, b = surface.normals[surface.edges.T // 3]
         assert np.allclose(np.abs((a * b).sum(1)), 1)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_wall_through_a_sheet_hangs_on_no_single_edge(seed):
-    """Faces wound at random: a wall joined to the sheet along one edge would have no room in any map."""
-    p, f = shapes.grid(7, 7)
-    q, g = shapes.grid(7, 4)
-    wall = np.stack([q[:, 0], np.full(len(q), p[3, 1]), q[:, 1] - 1 / 3], 1)
-    p, f = shapes.weld(*shapes.join((p, f), (wall, g)))
-    turn = np.random.default_rng(seed).random(len(f)) < 0.2
-    mesh = Mesh(p, np.where(turn[:, None], f[:, ::-1], f))
-    surface, repairs = repair(mesh)
-    assert repairs.nonmanifold_edges == 6
-    check_surface(mesh, surface, repairs)
-    assert doubled_edges(surface) == 0
-    uv, _ = tutte_embedding(*disks_of(surface))
-    assert (signs(uv, disks_of(surface)[0].faces) > 0).all()
-
-
-def disks_of(surface):
-    """The cut mesh of a surface cut to disks, as the arguments of ``tutte_embedding``."""
-    seams = SEAMS["disk"].function(surface, SeamOptions(), Monitor())
-    return surface.cut_mesh(seams.cut), "circle"
 
 
 def test_a_pinched_vertex_becomes_one_for_each_fan():
@@ -117,14 +76,6 @@ def test_any_soup_becomes_a_surface_and_comes_back(case, paired):
     genus = 2 - cut_mesh.euler() - np.bincount(cut_mesh.loops.chart, minlength=cut_mesh.n_charts)
     assert (genus % 2 == 0).all(), "every component is orientable"
     assert (genus >= 0).all()
-
-
-def test_no_face_or_vertex_is_touched():
-    p, f = shapes.fins(3)
-    points, faces = p.copy(), f.copy()
-    repair(Mesh(points, faces), RepairOptions(weld_eps=1e-9))
-    assert np.array_equal(points, p)
-    assert np.array_equal(faces, f)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -103,20 +103,6 @@ def test_non_manifold_edges_and_points():
     assert not report.is_disks
 
 
-def test_broken_faces_are_counted_and_do_not_spoil_the_rest():
-    p, f = shapes.grid(4, 4)
-    f = np.concatenate([f, [[0, 0, 1], f[4][::-1]]])
-    report = describe(Mesh(np.concatenate([p, [[7, 7, 7]]]), f))
-    assert report.degenerate_faces == 1
-    assert report.duplicate_faces == 1
-    assert report.unreferenced == 1
-    assert report.faces == len(f)
-    alone = describe(Mesh(p, np.array([[0, 1, 4], [0, 0, 1]])))
-    assert alone.components[0].verdict == "disk"
-    collapsed = describe(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
-    assert collapsed.degenerate_faces == 1
-
-
 def test_the_report_is_plain_data():
     import json
 

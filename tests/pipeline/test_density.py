@@ -68,17 +68,6 @@ def test_even_is_what_nobody_asks_for() -> None:
     assert np.array_equal(*uv)
 
 
-def test_distortion_and_seams_are_judged_at_the_density() -> None:
-    document = bars()
-    value = np.where(np.arange(len(document.mesh.faces)) % 2 < 1, 1.0, 1.0)
-    value[document.mesh.points[document.mesh.faces, 2].mean(1) > 2.0] = 3.0
-    result = circparam.unwrap(document, density=value, **QUICK)
-    assert float(result.measures["distortion"] or 9) < 1.02
-    edges = result.surface.edge_lengths[result.verification.cut].sum()
-    size = np.sqrt(circparam.unwrap(document, **QUICK).surface.areas.sum())
-    assert result.measures["seam_length"] == pytest.approx(edges / size)
-
-
 def two_panels(tmp_path: Path) -> Path:
     """Two squares with materials face and sole, the second laid out three times as large, as a file."""
     path = tmp_path / "panels.obj"

@@ -14,7 +14,7 @@ from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade
-from circparam.pipeline.fallback import MOST_SINGLES, STEEP, project_charts, take_to_pieces
+from circparam.pipeline.fallback import MOST_SINGLES, project_charts, take_to_pieces
 from tests.support import shapes, strategies
 from tests.support.cascades import flat, sound, start, surface_of
 
@@ -172,38 +172,6 @@ def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() ->
 
 def nowhere(surface: Surface) -> np.ndarray:
     return np.full((len(surface.faces), 3, 2), np.nan)
-
-
-def test_a_cube_falls_into_its_sides_as_they_are() -> None:
-    surface = surface_of(*shapes.cube(3))
-    after = project_charts(
-        start(surface, np.full((len(surface.faces), 3, 2), np.nan)),
-        np.ones(len(surface.faces), bool),
-    )
-    cut_mesh, uv = after.open()
-    assert cut_mesh.n_charts == 6
-    p, q = surface.points[surface.faces], uv[cut_mesh.faces]
-    lengths = [np.linalg.norm(c[:, [1, 2, 0]] - c, axis=2) for c in (p, q)]
-    assert np.allclose(*lengths)
-    assert (fallback.faults(cut_mesh, uv)[0] == fallback.SOUND).all()
-    assert "out of time" in after.repairs[0]
-
-
-def test_no_face_of_a_ball_is_flipped_and_it_has_few_charts() -> None:
-    surface = surface_of(*shapes.icosphere(3))
-    after = project_charts(
-        start(surface, np.full((len(surface.faces), 3, 2), np.nan)),
-        np.ones(len(surface.faces), bool),
-    )
-    cut_mesh, uv = after.open()
-    assert 6 <= cut_mesh.n_charts <= 12
-    fault, flipped = fallback.faults(cut_mesh, uv)
-    assert not flipped.any()
-    assert (fault == fallback.SOUND).all()
-    e = uv[cut_mesh.faces]
-    d1, d2 = e[:, 1] - e[:, 0], e[:, 2] - e[:, 0]
-    area = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) / 2
-    assert (area / surface.areas > STEEP - 1e-9).all()
 
 
 def test_only_the_faces_that_were_named_change() -> None:

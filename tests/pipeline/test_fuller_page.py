@@ -173,20 +173,6 @@ def test_no_part_is_above_the_bound() -> None:
     assert fallback.faults(cut_mesh, uv)[0].max() == fallback.SOUND
 
 
-def test_a_cut_that_cannot_be_made_gives_way_to_the_next() -> None:
-    """No seam may run across the middle fifth of the strip, where a cut would be worth most."""
-    before = roll()
-    s = before.surface
-    x = before.corners[..., 0].mean(1)[s.edges[:, 0] // 3]
-    locked = (x > 40) & (x < 60)
-    after = filled(Atlas(replace(s, locked=locked), before.cut, before.corners))
-    made = after.atlas.charts()[0] - 1
-    assert made >= 1
-    assert not (after.atlas.cut & ~before.cut & locked).any()
-    (note,) = after.notes
-    assert note.startswith(f"{made} cut")
-
-
 def test_the_layout_stays_sound(tmp_path: Path) -> None:
     """Whatever is cut: no flip, no overlap, below the bound; 0 keeps charts whole, the default is auto."""
     shape = shapes.torus(24, 8, 4.0, 1.0)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam import samples
 from circparam.errors import OptionError
 from circparam.formats.io import read, read_data
 from circparam.formats.memory import from_arrays
@@ -173,15 +172,6 @@ def test_up_is_v_in_charts_that_have_one(angle: float) -> None:
     assert (steep < 1e-9).sum() == 1  # the sheet has no up
     assert any("without an up" in note for note in result.notes)
     assert free.measures["charts"] == result.measures["charts"]
-
-
-def test_up_is_that_of_the_file_or_of_the_user() -> None:
-    result = circparam.unwrap(samples.path("bracket"), orient="up", up="z", **QUICK)
-    found = rise(result, axis=2)
-    steep = found[np.hypot(*found.T) > 0.3]
-    assert len(steep) > 0
-    assert (steep[:, 1] > 0).all()
-    assert np.abs(steep[:, 0]).max() < 1e-6
 
 
 @pytest.mark.parametrize("ending", ["obj", "ply"])

@@ -1,17 +1,10 @@
 """Charts at one texel density, packed, or side by side."""
 
-import itertools
-
 import numpy as np
-import pytest
 
 import circparam
-from circparam.core.monitor import Monitor
 from circparam.formats.memory import from_arrays
-from circparam.pipeline.options import Options
-from circparam.pipeline.place import place
 from tests.support import shapes
-from tests.support.charts import patches_of
 
 QUICK = {"effort": 0.01}
 
@@ -42,17 +35,3 @@ def test_atlases_by_group() -> None:
     together = circparam.unwrap(document, **QUICK)
     u = together.uv[together.uv_faces]
     assert np.ptp(u[:half].reshape(-1, 2), axis=0).max() < 0.75
-
-
-def test_side_by_side_the_first_stays_and_none_touches_another() -> None:
-    cut_mesh, points = patches_of(shapes.row_of(shapes.grid(4, 4), 3))
-    uv = points[:, :2] * [1.0, 2.0]
-    uv = uv - np.where(cut_mesh.vertex_chart > 0, 5.0, 0.0)[:, None]
-    found = place(cut_mesh, uv, Options(normalize=False), Monitor()).uv
-    first = cut_mesh.vertex_chart == 0
-    np.testing.assert_array_equal(found[first], uv[first])
-    np.testing.assert_array_equal(found[:, 1], uv[:, 1])
-    span = [np.sort(found[cut_mesh.vertex_chart == c, 0])[[0, -1]] for c in range(3)]
-    gaps = [b[0] - a[1] for a, b in itertools.pairwise(span)]
-    assert gaps == pytest.approx([0.02, 0.02]), "two hundredths of the widest"
-    assert [b - a for a, b in span] == pytest.approx([1, 1, 1])

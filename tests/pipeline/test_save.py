@@ -9,6 +9,7 @@ import circparam
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
+from circparam.geometry.overlap import signs
 from circparam.pipeline import save as saving
 from circparam.pipeline.save import export_seams, save, seam_pairs, write_map
 from tests.support import shapes
@@ -39,6 +40,8 @@ def test_seams_are_the_cut_edges_as_pairs_of_vertices_of_the_input(tmp_path: Pat
     f = np.where(side[:, None], f[:, [0, 2, 1]], f)
     result = circparam.unwrap((p, f), sharp=60, **QUICK)
     assert result.repair_report.n_reversed == side.sum() > 0
+    assert (signs(result.uv, result.uv_faces) > 0).all()
+    assert result.measures["mirrored"] == 0
     pairs = seam_pairs(result)
     cut = len(result.surface.edges) - len(result.verification.cut_mesh.edges)
     assert len(pairs) == cut > 0

@@ -13,7 +13,7 @@ from circparam.mesh.repair import repair
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.seam_weights import edge_weights
 from tests.support import shapes
-from tests.support.command_line import obj, run
+from tests.support.command_line import obj
 
 QUICK = {"effort": "draft", "jobs": 1}
 
@@ -122,15 +122,3 @@ def test_what_the_mesh_does_not_have(tmp_path: Path):
             circparam.unwrap(ball, seam_weights=given, **QUICK)
     with pytest.raises(InputError, match="a weight is a number"):
         circparam.unwrap(ball, seam_weights=rows(np.array([0]), -1.0), **QUICK)
-
-
-def test_the_flag_reads_a_file(tmp_path: Path):
-    mesh = painted(tmp_path / "b.obj", np.full((162, 3), 0.5))
-    points, _ = shapes.icosphere(2)
-    face = np.flatnonzero(points[:, 0] > 0.6)
-    (tmp_path / "w.txt").write_text("".join(f"{v} never\n" for v in face))
-    words = ("unwrap", mesh, "--effort", 0, "--seam-weights", tmp_path / "w.txt", "-q")
-    seams = tmp_path / "s.txt"
-    result = run(*words, "--export-seams", seams)
-    assert result.exit_code == 0, result.stderr
-    assert not np.isin(np.loadtxt(seams).astype(int), face).any()

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.core.monitor import Monitor
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.job import prepare
 from circparam.pipeline.result import verify_layout
 from circparam.pipeline.summary import summarise
-from circparam.seams.constraints import dihedral_angles
 from tests.support.assembly import assemble, bolt, kinds, other_triangles
 
 QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
@@ -81,13 +78,6 @@ def test_parts_of_other_materials_keep_their_places_and_are_told() -> None:
     assert any("the material differs" in note for note in result.notes)
 
 
-def test_parts_with_seams_of_their_own_are_not_stacked() -> None:
-    a = assemble([bolt()], 3)
-    seam = a.faces[a.part == 2][0, :2]
-    result = circparam.unwrap((a.points, a.faces), stack="identical", seams=[seam], **QUICK)
-    assert result.stacks.kinds == 2
-
-
 def test_pack_stacks_what_was_unwrapped_apart(tmp_path: Path) -> None:
     a = assemble(kinds(2), 6)
     path = tmp_path / "apart.obj"
@@ -110,19 +100,3 @@ def test_copies_with_other_triangles_lie_on_one_part(tmp_path: Path, stack: str)
     # charts that are there may be cut inside a flat: only what has the same triangles is stacked
     again = circparam.repack(path, stack=stack, **QUICK)
     assert again.verification.flips == again.verification.overlap == 0
-
-
-def test_no_seam_may_run_inside_a_flat_that_copies_draw_otherwise() -> None:
-    p, f = kinds(4)[3]
-    a = assemble([(p, f), (p, other_triangles(p, f))], 2)
-    same = assemble([(p, f)], 2)
-    locked = []
-    for shape in (a, same):
-        document = from_arrays(shape.points, shape.faces)
-        surface = prepare(document, None, circparam.Options(stack="identical"), Monitor()).surface
-        assert len(surface.faces) == len(f)
-        level = dihedral_angles(surface) < 1e-6
-        assert not surface.locked[~level].any()
-        locked.append(int(surface.locked.sum()))
-        assert locked[-1] in (0, level.sum())
-    assert locked[0] > 0 == locked[1]

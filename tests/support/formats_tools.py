@@ -18,6 +18,22 @@ from circparam.formats.table import up_of
 from circparam.mesh.mesh import UVMap
 from tests.support.corpus import CORPUS, SUFFIXES
 
+# a quad and two triangles, with a vertex that float32 does not hold
+OFF = b"""OFF # comment
+# another
+6 3 0
+0 0 0
+1 0 0
+1 1 0 # here too
+0 1 0
+0.1 0.30000000000000004 1
+2 0 0
+
+4 0 1 2 3 255 0 0
+3 0 1 4
+3 1 5 2
+"""
+
 
 def corpus_files(*suffixes: str, most: float = math.inf) -> list[object]:
     """The real meshes with those suffixes, or one skipped test where there are none.

@@ -58,6 +58,11 @@ def test_parts_that_lie_on_each_other_by_little_are_pushed_apart() -> None:
         atlas = upright(Atlas(surface, np.zeros(len(surface.edges), bool)))
         kept = unstick(atlas, laid, float(bound), Monitor(), which)
         assert kept is laid
+    wound = surface_of(*flat_arc(3 * np.pi))
+    deep = upright(Atlas(wound, np.zeros(len(wound.edges), bool)))
+    before = deep.corners.copy()
+    unstick(deep, judged(deep), 1.05, Monitor(), yes)
+    assert np.array_equal(deep.corners, before), "what pushing does not separate stays as it was"
     atlas = upright(Atlas(surface, np.zeros(len(surface.edges), bool)))
     enforce(atlas, grow.dual_graph(surface), laid, 1.05, GAPS, Monitor())
     assert not atlas.cut.any()
