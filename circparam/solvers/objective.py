@@ -6,7 +6,6 @@ import scipy.sparse as sps
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
-    IntArray,
     group_count,
     group_sum,
     slices,
@@ -20,6 +19,7 @@ from circparam.solvers.preconditioner import (
     SMALL_CHART,
     BlockJacobi,
     BlockPattern,
+    CoarseSpace,
     TwoLevel,
     aggregates,
     hold_blocks,
@@ -37,7 +37,7 @@ class Objective:
 
     cut_mesh: the charts, with n vertices and m faces. fixed: (n,) bool, vertices that stay where they are, or
     None. blend: share of the conformal energy. weight: (m,) factor of the area of each face, None for 1. The
-    pattern of the Hessian and the aggregates of its preconditioner are made when first used, and kept.
+    pattern of the Hessian and the coarse space of its preconditioner are made when first used, and kept.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Objective:
         self.corners = cut_mesh.faces.T.copy()
         self._pattern: BlockPattern | None = None
         self._direct: VertexPattern | None = None
-        self._aggregates: IntArray | None = None
+        self._coarse: CoarseSpace | None = None
 
     def gather(self, uv: FloatArray, faces: slice = slice(None)) -> FloatArray:
         """(2, 3, m) uv of the corners (of some faces)."""
@@ -185,12 +185,13 @@ class Objective:
         self, matrix: SparseMatrix, g: FloatArray, uv: FloatArray, large: BoolArray
     ) -> FloatArray:
         """Approximate matrix⁻¹ g by conjugate gradients, for the vertices of large charts ((n,) bool)."""
-        if self._aggregates is None:
+        if self._coarse is None:
             # _hessian, which gave the matrix, made the pattern
             pattern = self._pattern or BlockPattern(self.cut_mesh)
             groups = aggregates(self.cut_mesh, pattern, uv)[large]
-            self._aggregates = np.unique(groups, return_inverse=True)[1].reshape(-1)
-        precondition = TwoLevel(matrix, self._aggregates, uv[large])
+            groups = np.unique(groups, return_inverse=True)[1].reshape(-1)
+            self._coarse = CoarseSpace(matrix, groups, uv[large])
+        precondition = TwoLevel(matrix, self._coarse)
         rows = precondition.matrix
         step = conjugate_gradients(rows, g.ravel(), precondition, CG_TOLERANCE, CG_LIMIT)
         return step.reshape(-1, 2)

@@ -126,15 +126,14 @@ class BlockJacobi:
         return result
 
 
-class TwoLevel(BlockJacobi):
-    """Block Jacobi with a Galerkin coarse space of affine motions of each aggregate: a preconditioner.
+class CoarseSpace:
+    """Affine motions of each aggregate, and how a matrix acts on them (Galerkin), factored.
 
     The six modes of an aggregate (constants and linear functions for both coordinates) span the errors that
-    block Jacobi damps slowly. Smoothing on both sides keeps it symmetric, as conjugate gradients need.
+    block Jacobi damps slowly. A Hessian changes little from step to step there, so one serves all steps.
     """
 
     def __init__(self, matrix: SparseMatrix, agg: IntArray, uv: FloatArray) -> None:
-        super().__init__(matrix)
         n = len(agg)
         na = int(agg.max()) + 1
         size = group_count(agg, na).astype(np.float64)
@@ -145,27 +144,43 @@ class TwoLevel(BlockJacobi):
         modes[size[agg] < 4, 1:] = 0.0  # too few vertices to separate the linear modes
         data = np.repeat(modes[:, None, :], 2, axis=1).ravel()
         column = 6 * agg[:, None, None] + np.array([[0, 1, 2], [3, 4, 5]])[None]
-        # products with vectors take a third less by rows than by blocks, those with the modes by blocks half
-        self.matrix = sps.csr_matrix(matrix)
         prolong = sps.csr_matrix(
             (data, column.ravel(), 3 * np.arange(2 * n + 1)), shape=(2 * n, 6 * na)
         )
-        if isinstance(matrix, sps.bsr_matrix):
+        if isinstance(matrix, sps.bsr_matrix):  # by blocks it takes half
             both = np.zeros((n, 2, 6))
             both[:, 0, :3] = both[:, 1, 3:] = modes
             blocks = sps.bsr_matrix((both, agg, np.arange(n + 1)), shape=(2 * n, 6 * na))
             coarse = (blocks.T @ (matrix @ blocks)).tocsc()
             coarse.eliminate_zeros()
         else:
-            coarse = (prolong.T @ (self.matrix @ prolong)).tocsc()
+            coarse = (prolong.T @ (sps.csr_matrix(matrix) @ prolong)).tocsc()
         d = coarse.diagonal()
         coarse = coarse + sps.diags(np.where(d > 0, 1e-7 * d, 1.0))
-        self.prolong, self.restrict = prolong, prolong.T.tocsr()
-        self.coarse = Factor(sps.csc_matrix(coarse))
+        self._prolong, self._restrict = prolong, prolong.T.tocsr()
+        self._factor = Factor(sps.csc_matrix(coarse))
+
+    def correction(self, r: FloatArray) -> FloatArray:
+        """(2n,) the motion of the aggregates that the residual (2n,) asks for."""
+        result: FloatArray = self._prolong @ self._factor.solve(self._restrict @ r)
+        return result
+
+
+class TwoLevel(BlockJacobi):
+    """Block Jacobi with a coarse space: a preconditioner.
+
+    Smoothing on both sides keeps it symmetric, as conjugate gradients need.
+    """
+
+    def __init__(self, matrix: SparseMatrix, coarse: CoarseSpace) -> None:
+        super().__init__(matrix)
+        self.coarse = coarse
+        # products with vectors take a third less by rows than by blocks
+        self.matrix = sps.csr_matrix(matrix)
 
     def __call__(self, r: FloatArray) -> FloatArray:
         """One symmetric V-cycle: smooth, correct on the coarse space, smooth."""
         x = 0.6 * super().__call__(r)
-        x = x + self.prolong @ self.coarse.solve(self.restrict @ (r - self.matrix @ x))
+        x = x + self.coarse.correction(r - self.matrix @ x)
         result: FloatArray = x + 0.6 * super().__call__(r - self.matrix @ x)
         return result

@@ -6,6 +6,7 @@ from circparam.core.linalg import conjugate_gradients
 from circparam.solvers import dirichlet
 from circparam.solvers.preconditioner import (
     BlockPattern,
+    CoarseSpace,
     TwoLevel,
     aggregates,
     solve_direct,
@@ -41,7 +42,8 @@ def test_conjugate_gradients_with_two_levels_equal_a_direct_solve():
     g = balanced(cut_mesh, np.random.default_rng(0).normal(size=uv.shape))
     direct = solve_direct(matrix, g)
     np.testing.assert_allclose(matrix @ direct.ravel(), g.ravel(), atol=1e-6)
-    precondition = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
+    coarse = CoarseSpace(matrix, aggregates(cut_mesh, pattern, uv), uv)
+    precondition = TwoLevel(matrix, coarse)
     x = conjugate_gradients(matrix, g.ravel(), precondition, 1e-12, 2000).reshape(-1, 2)
     error = balanced(cut_mesh, x - direct)
     assert np.abs(error).max() < 1e-5 * np.abs(direct).max()
