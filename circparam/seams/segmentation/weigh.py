@@ -73,12 +73,18 @@ def relax_weighted(
     best, folded = _Best(uv, start), _Best(uv, start)
     at, weight = uv, np.ones(len(chart))
     idle = np.where(start > 0, 0, PATIENCE)
-    whole = np.full(n, limits.local is None)
+    whole, last = np.full(n, limits.local is None), np.inf
     for turn in range(ROUNDS):
         active = idle < PATIENCE
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
-        if not active.any() or over.sum() <= limits.allowed or monitor.expired:
+        missing = over.sum() - limits.allowed
+        if not active.any() or missing <= 0 or monitor.expired:
             break
+        if limits.local is not None and turn > PATIENCE:
+            # at the pace of the last round the others do not get there, and what is left is cut off
+            if (last - missing) * (ROUNDS - turn) < missing:
+                break
+        last, before = missing, distortion
         heavier = weight * np.maximum(stretch / (1 + AIMED * (most - 1)), 1.0) ** 2
         weight = np.where(active[chart], heavier, weight)
         reach = np.where(
@@ -100,6 +106,8 @@ def relax_weighted(
             headway |= nearer
         idle = np.where(headway, 0, idle + 1)
         idle[best.over == 0] = PATIENCE
+        if limits.local is not None:  # more weight would raise it further
+            idle[(distortion > limit) & (distortion > before)] = PATIENCE
         if again.any():
             at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)
             stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
