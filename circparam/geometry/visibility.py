@@ -146,11 +146,9 @@ class _Block:
 
 
 def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
-    """(3, ...) coordinates in a frame, or those along some of its rows, of p (3, ...).
-
-    Rows of coordinates take a third of the time that columns do. By hand: threads of a BLAS cost more than they
-    gain here, and round.
-    """
+    """(3, ...) coordinates in a frame, or those along some of its rows, of p (3, ...). Rows of coordinates
+    take a third of the time that columns do. By hand: threads of a BLAS cost more than they gain here, and
+    round."""
     out = np.empty((len(frame), *p.shape[1:]))
     for row, (x, y, z) in zip(out, frame, strict=True):
         row[...] = p[0] * x + p[1] * y + p[2] * z
@@ -158,10 +156,8 @@ def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
 
 
 def _beside(blocks: list[_Block], away: IntArray, frame: FloatArray, pixels: int) -> Scene:
-    """The faces that may cover a pixel that anybody looks at.
-
-    away: (pixels²,) as ``_pixels_away`` has it. frame: of the look.
-    """
+    """The faces that may cover a pixel that anybody looks at. away: (pixels²,) as ``_pixels_away`` has it.
+    frame: of the look."""
     faces, centres = [], []
     for block in blocks:
         distance = away[_pixel(_turned(block.centre, frame[:2]), pixels)]

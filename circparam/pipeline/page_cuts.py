@@ -12,14 +12,7 @@ from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.packing.outlines import ANGLE_STEPS
-from circparam.pipeline.chords import (
-    Chords,
-    Outline,
-    chords,
-    least_frames,
-    outlines,
-    turned,
-)
+from circparam.pipeline.chords import Chords, Outline, chords, least_frames, outlines, turned
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import hard_components
