@@ -14,8 +14,7 @@ from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import stored_uv
 from circparam.formats.gltf.export import to_glb, to_gltf
-from circparam.formats.obj.document import read_obj
-from circparam.formats.obj.writing import to_obj
+from circparam.formats.obj.document import read_obj, to_obj
 from circparam.formats.off import read_off
 from circparam.formats.ply.document import read_ply, round_ply, to_ply
 from circparam.formats.ply.reading import is_ascii

@@ -19,12 +19,11 @@ from circparam.maps import landmarks as marking
 from circparam.maps.charts import add_charts
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import CoverPoints
-from circparam.maps.distortion import Distortion, distortion, face_energies
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput, map_input_of, require_same
 from circparam.maps.overlay import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
-from circparam.maps.solution import MapSolution, solve_map
+from circparam.maps.solution import Distortion, MapSolution, distortion, face_energies, solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.solvers.tutte.weights import WEIGHTS

@@ -13,8 +13,7 @@ from circparam.formats.document import Document
 from circparam.geometry.coverage import LAST_PAGE
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
-from circparam.mesh.topology import describe
-from circparam.mesh.topology_report import TopologyReport
+from circparam.mesh.topology import TopologyReport, describe
 from circparam.pipeline.stored_groups import verify_set
 from circparam.pipeline.verify import Promise, Verification, reasons
 

@@ -1,4 +1,7 @@
-"""Parts of charts, and cuts that divide them along edges of the mesh."""
+"""Parts of charts, and cuts that divide them along edges of the mesh.
+
+A chord is a straight cut through a chart from boundary to boundary; it tells the shapes of both parts.
+"""
 
 from collections.abc import Iterable
 from dataclasses import field, replace
@@ -6,19 +9,83 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, next_half_edge, ranges
 from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales
+from circparam.geometry.intersect import properly_cross
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing.outlines import ANGLE_STEPS
-from circparam.pipeline.chords import Chords, Outline, chords, least_frames, outlines, turned
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import hard_components
 from circparam.seams.prices import edge_prices
 
 CORNERS = ANGLE_STEPS  # of an outline along the side of the square that all charts cover
+ANCHORS = 2 * ANGLE_STEPS  # points of an outline between which chords are tried
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """One chart as closed polygons with some of its boundary vertices.
+
+    chart: its number. vertex: (k,) vertices of the cut mesh along the outer loop, p: (k, 2) their uv. holes:
+    the corners (h, 2) of each.
+    """
+
+    chart: int
+    vertex: IntArray
+    p: FloatArray
+    holes: list[FloatArray]
+
+    @cached_property
+    def edges(self) -> tuple[FloatArray, FloatArray]:
+        """Starts and ends (e, 2) of the edges of all loops."""
+        return closed([self.p, *self.holes])
+
+    @cached_property
+    def fans(self) -> FloatArray:
+        """(k,) signed areas between the origin and each edge of the outer loop."""
+        return cross2(self.p, np.roll(self.p, -1, axis=0)) / 2
+
+    @cached_property
+    def area(self) -> float:
+        """Area inside, holes left out."""
+        start, end = self.edges
+        return float(cross2(start, end).sum() / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Chords:
+    """Chords of one outline from corner i to corner j, i < j: all (c,). Some may leave the outline.
+
+    length: of each. least: area of the smaller part. box: sum of the least bounding boxes of both parts.
+    square: side of the smallest square that holds either part.
+    """
+
+    outline: Outline
+    i: IntArray
+    j: IntArray
+    length: FloatArray
+    least: FloatArray
+    box: FloatArray
+    square: FloatArray
+
+    def ends(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Both ends of chord k, each (2,)."""
+        return self.outline.p[self.i[k]], self.outline.p[self.j[k]]
+
+    def inside(self, k: int) -> bool:
+        """Whether chord k crosses no edge of the outline, and its middle lies inside."""
+        a, b = self.ends(k)
+        start, end = self.outline.edges
+        here, there = np.broadcast_to(a, start.shape), np.broadcast_to(b, start.shape)
+        if properly_cross(here, there, start, end).any():
+            return False
+        middle = (a + b)[None] / 2
+        inside = within(self.outline.p, middle)[0]
+        return bool(inside and not any(within(hole, middle)[0] for hole in self.outline.holes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,3 +226,129 @@ def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
     cost = np.where(surface.locked, np.inf, surface.priced_lengths)
     prices = edge_prices(surface, hard_components(surface))
     return cost * prices.price, prices.flat
+
+
+def closed(loops: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Starts and ends (e, 2) of the edges of closed polygons."""
+    return np.concatenate(loops), np.concatenate([np.roll(q, -1, axis=0) for q in loops])
+
+
+def outlines(cut_mesh: CutMesh, uv: FloatArray, which: IntArray, step: float) -> list[Outline]:
+    """The outlines of some charts, in their order; corners ``step`` apart, charts without three left out."""
+    loops = cut_mesh.loops
+    vertex = cut_mesh.faces.ravel()[loops.half_edges]
+    p = uv[vertex]
+    end = uv[cut_mesh.faces.ravel()[next_half_edge(loops.half_edges)]]
+    length = np.sqrt(((end - p) ** 2).sum(1))
+    at = np.cumsum(length) - length
+    at -= at[loops.start[:-1]][loops.loop_of]
+    rung = np.floor(at / step)
+    kept = np.r_[True, (rung[1:] != rung[:-1]) | (loops.loop_of[1:] != loops.loop_of[:-1])]
+    out = []
+    outer = np.flatnonzero(loops.outer)
+    of = np.full(cut_mesh.n_charts, -1)
+    of[loops.chart[outer]] = outer
+    for chart, loop in zip(which.tolist(), of[which].tolist(), strict=True):
+        mine = np.flatnonzero(loops.chart == chart)
+        parts = [slice(int(loops.start[k]), int(loops.start[k + 1])) for k in mine]
+        q = {int(k): p[s][kept[s]] for k, s in zip(mine, parts, strict=True)}
+        part = slice(int(loops.start[loop]), int(loops.start[loop + 1]))
+        holes = [c for k, c in q.items() if k != loop and len(c) > 2]
+        if len(q[loop]) > 2:
+            v = vertex[part][kept[part]]
+            out.append(Outline(chart, v, q[loop], holes))
+    return out
+
+
+def split(outline: Outline, i: int, j: int) -> tuple[Outline, Outline]:
+    """Both parts of an outline, cut from corner i to corner j > i."""
+    ahead = np.arange(i, j + 1)
+    back = np.r_[np.arange(j, len(outline.p)), np.arange(i + 1)]
+    inside = [within(outline.p[ahead], hole[:1])[0] for hole in outline.holes]
+    first, second = (
+        Outline(
+            outline.chart,
+            outline.vertex[part],
+            outline.p[part],
+            [h for h, x in zip(outline.holes, inside, strict=True) if x is which],
+        )
+        for part, which in ((ahead, True), (back, False))
+    )
+    return first, second
+
+
+def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
+    """Chords between points of an outline: for each point the shortest ones."""
+    p = outline.p
+    pick = np.unique(np.linspace(0, len(p), anchors, endpoint=False).astype(np.int64))
+    k = len(pick)
+    q = p[pick]
+    gap = np.sqrt(((q[:, None] - q[None]) ** 2).sum(2))
+    apart = np.abs(np.arange(k)[:, None] - np.arange(k)[None])
+    apart = np.minimum(apart, k - apart)
+    # from each point the ends that are nearer than those beside them, and those nearer than from points beside
+    far = np.where(apart < 2, np.inf, gap)
+    near = (far <= np.roll(far, 1, 1)) & (far <= np.roll(far, -1, 1))
+    near |= near.T
+    i, j = np.nonzero(np.triu(near & np.isfinite(far)))
+    total = float(outline.fans.sum())
+    cumulative = np.r_[0.0, np.cumsum(outline.fans)]
+    first = cumulative[pick[j]] - cumulative[pick[i]] + cross2(q[j], q[i]) / 2
+    ahead, back = (
+        extents(p, pick, np.r_[i, j], np.r_[j - i, k - j + i]).reshape(2, 2, -1).swapaxes(0, 1)
+    )
+    return Chords(
+        outline,
+        pick[i],
+        pick[j],
+        gap[i, j],
+        np.minimum(first, total - first),
+        ahead[0] + back[0],
+        np.maximum(ahead[1], back[1]),
+    )
+
+
+def turned(points: FloatArray) -> FloatArray:
+    """(k, ANGLE_STEPS, 2) coordinates of points (k, 2) in frames turned within a quarter turn."""
+    t = np.arange(ANGLE_STEPS) * (np.pi / 2 / ANGLE_STEPS)
+    x = points @ np.stack([np.cos(t), np.sin(t)])
+    y = points @ np.stack([-np.sin(t), np.cos(t)])
+    return np.stack([x, y], -1)
+
+
+def least_frames(size: FloatArray) -> FloatArray:
+    """(2, ...) area of the least bounding box and side of the least square, of sizes (..., ANGLE_STEPS, 2)."""
+    return np.stack([size.prod(-1).min(-1), size.max(-1).min(-1)])
+
+
+def extents(p: FloatArray, pick: IntArray, first: IntArray, pieces: IntArray) -> FloatArray:
+    """(2, c) least box (area) and least square (side) of a stretch of boundary. The stretch begins at anchor
+    ``first`` (c,) and has ``pieces`` (c,) ≥ 1 parts between anchors.
+
+    Two halves give the extents of twice as many pieces. Two overlapping stretches give any number.
+    """
+    k = len(pick)
+    along = turned(p)
+    count = np.diff(np.r_[pick, pick[0] + len(p)]) + 1
+    index = (np.repeat(pick, count) + ranges(count)) % len(p)
+    start = np.cumsum(count) - count
+    # both directions at once: the lowest points are the highest of the mirrored chart
+    reach = np.maximum.reduceat(np.concatenate([along, -along], -1)[index], start)
+    known = [reach]
+    for length in (2**n for n in range(int(pieces.max(initial=1)).bit_length() - 1)):
+        reach = np.maximum(reach, np.roll(reach, -length, 0))
+        known.append(reach)
+    level = np.frexp(pieces)[1] - 1  # of the largest power of two that is no more
+    table = np.stack(known)
+    last = (first + pieces - 2**level) % k
+    top = np.maximum(table[level, first], table[level, last])
+    return least_frames(top[..., :2] + top[..., 2:])
+
+
+def within(polygon: FloatArray, points: FloatArray) -> BoolArray:
+    """(p,) bool: the points (p, 2) that lie in a polygon (k, 2)."""
+    a, b = polygon[:, None], np.roll(polygon, -1, axis=0)[:, None]
+    crossed = (a[..., 1] > points[:, 1]) != (b[..., 1] > points[:, 1])
+    rise = np.where(crossed, b[..., 1] - a[..., 1], 1.0)
+    x = a[..., 0] + (points[:, 1] - a[..., 1]) / rise * (b[..., 0] - a[..., 0])
+    return np.asarray((crossed & (x > points[:, 0])).sum(0) % 2 == 1)

@@ -19,8 +19,7 @@ from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
 from circparam.packing.nest.sketch import SketchGrid, least_page
 from circparam.packing.options import PackOptions
-from circparam.pipeline.chords import Outline, split
-from circparam.pipeline.page_cuts import Cutter, Part
+from circparam.pipeline.page_cuts import Cutter, Outline, Part, split
 from circparam.seams.cost import COST
 
 CELLS = 32  # squared: cells that all charts cover together on a sketch

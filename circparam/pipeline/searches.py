@@ -62,7 +62,7 @@ def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if not options.fills_page or weighted:
         return cascade
     if options.texel_density is not None:
-        from circparam.pipeline.fit_pages import fit_pages
+        from circparam.pipeline.fuller_page import fit_pages
 
         return fit_pages(cascade, options, monitor)
     from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import

@@ -2,17 +2,25 @@
 
 All regions of all charts form one problem. A region grows, up to its whole chart, until it is free of flips.
 Vertices on its boundary stay fixed, so the rest of the map does not change.
+
+The energy is that of Garanzha et al. 2021 ("Foldover-free maps in 50 lines of code"). It is finite on flipped
+faces too: its parameter ε falls with the worst determinant, and the energy becomes a barrier once every face is
+upright.
 """
 
 import numpy as np
+import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import group_max, group_min, group_sum
+from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers import foldover
+from circparam.solvers import dirichlet
+from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.newton import RelaxOptions, relax
-from circparam.solvers.region import WHOLE, grow, moving_region
+from circparam.solvers.region import WHOLE, Region, grow, moving_region
 
 # Widths of the region round a flipped face, tried in turn. A wide one leaves room for shape; a map whose scale
 # varies much, as conformal ones do, is kept best by a narrow one.
@@ -21,6 +29,13 @@ CONFORMAL_RINGS = (2, 5, 12, 30, WHOLE)
 FEW_FLIPS_RINGS = (3, 8, 20, WHOLE)  # if only a few faces are wrong
 HARDLY = 1.05  # times the faces of the region tried before, up to which a region is the same one
 POLISH = 10  # Newton steps on untangled charts, for their shape
+OUTER = 25  # rounds, each with an ε of its own
+# rounds without fewer flips or a worst determinant better by BETTER
+BARREN, BETTER = 5, 0.9
+DESCENT = DescentOptions(tolerance=1e-4, limit=60)
+FAR = 1e4  # times the root of its area: a group of this width is given up
+AREA = 1.0  # λ, weight of the area term against the shape term
+POSITIVE = 1e-9  # determinant above which a face counts as upright
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +86,7 @@ def untangle(
         last, tried = bad, int(region.sum())
         touched |= region
         part = moving_region(cut_mesh, region, hold, uv)
-        x = foldover.lower(part, uv[part.source], monitor)
+        x = lower(part, uv[part.source], monitor)
         # a region is kept only where it has fewer flips than before: the next one starts from the better map
         now = np.bincount(part.chart[flipped(part.faces, x)], minlength=part.n_groups)
         old = np.bincount(part.chart[flipped(part.faces, uv[part.source])], minlength=part.n_groups)
@@ -99,3 +114,137 @@ def _polished(
     moved = ~part.fixed
     out[part.source[moved]] = x[moved]
     return out
+
+
+class FoldoverEnergy:
+    """The energy of the groups of a region, Σ A (tr JᵀJ + λ (D² + 1)) / χ(D) over Σ A. Here D = det J and χ(D)
+    = (D + √(ε² + D²)) / 2. epsilon: (n_groups,) the ε of each.
+
+    Arrays have their components first, (2, 2, m), so that every operation runs over contiguous faces.
+    """
+
+    def __init__(self, region: Region, epsilon: FloatArray) -> None:
+        p = region.cut_mesh
+        self.region, self.epsilon = region, epsilon[p.chart]
+        self.gradients = np.ascontiguousarray(p.gradients.transpose(1, 2, 0))  # (2, corner, m)
+        self.weight = p.areas / p.chart_areas[p.chart]
+        m = len(p.faces)
+        self.scatter = sps.csr_matrix(
+            (np.ones(3 * m), (p.faces.T.ravel(), np.arange(3 * m))), shape=(p.n_vertices, 3 * m)
+        )
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """(2, 2, m), from differences."""
+        corners = self.region.faces.T
+        return dirichlet.jacobians(self.gradients, np.stack([x[:, 0][corners], x[:, 1][corners]]))
+
+    def determinants(self, x: FloatArray) -> FloatArray:
+        """(m,) determinant of the Jacobian of each face."""
+        return dirichlet.determinants(self.jacobian(x))
+
+    def barrier(self, det: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(χ, √(ε² + D²)); ε²/(√ − D)/2 is χ without cancellation where D < 0."""
+        root = np.sqrt(self.epsilon**2 + det**2)
+        chi = np.where(det >= 0, det + root, self.epsilon**2 / (root - np.minimum(det, 0)))
+        return chi / 2, root
+
+    def energy(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Energies of the groups and the gradient."""
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            # a trial step may leave the range of floats; its infinite energy refuses it
+            return self._energy(x)
+
+    def _energy(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        j = self.jacobian(x)
+        (a, b), (c, d) = j
+        det = a * d - b * c
+        chi, root = self.barrier(det)
+        top = a * a + b * b + c * c + d * d + AREA * (det**2 + 1)
+        value = group_sum(self.weight * top / chi, self.region.chart, self.region.n_groups)
+        by_det = (2 * AREA * det - top / root) * self.weight / chi  # χ' = χ/√
+        scale = 2 * self.weight / chi
+        stress = scale * j
+        stress[0, 0] += by_det * d
+        stress[0, 1] -= by_det * c
+        stress[1, 0] -= by_det * b
+        stress[1, 1] += by_det * a
+        g = self.gradients
+        corner = stress[:, 0, None] * g[0] + stress[:, 1, None] * g[1]  # (uv, corner, m)
+        out: FloatArray = self.scatter @ corner.reshape(2, -1).T
+        out[self.region.fixed] = 0.0
+        return value, out
+
+    def start_matrix(self, x: FloatArray) -> tuple[Factor, IntArray]:
+        """Factor of Σ A/χ gᵀg on the moving vertices: the part of the Hessian that is always positive."""
+        chi, _ = self.barrier(self.determinants(x))
+        weight = self.weight / np.maximum(chi, 1e-3)
+        g = self.gradients
+        blocks = (g[0][:, None] * g[0][None] + g[1][:, None] * g[1][None]) * weight
+        f = self.region.faces.T
+        rows, columns = np.broadcast_arrays(f[:, None], f[None])
+        n = len(x)
+        matrix = sps.csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n))
+        move = np.flatnonzero(~self.region.fixed)
+        matrix = matrix[move][:, move]
+        ridge = 1e-8 * matrix.diagonal() + 1e-12 * float(matrix.diagonal().mean())
+        return Factor(sps.csc_matrix(matrix + sps.diags(ridge))), move
+
+
+def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
+    """(n, 2) the layout x of a region, lowered with an ε that follows the worst determinant of each group.
+
+    A group is done when all its faces are upright; until then ε² = 10⁻¹² + 0.04 min(D, 0)² (Garanzha et al.
+    2021). A group that diverges or stops improving is given up.
+    """
+    out = x.copy()
+    source = np.arange(len(x))  # vertices of the remaining groups
+    moving = np.ones(region.n_groups, bool)
+    # flips, and how far the worst face is from upright
+    best = np.full((2, region.n_groups), np.inf)
+    barren = np.zeros(region.n_groups, np.int64)
+    for _ in range(OUTER):
+        determinant = FoldoverEnergy(region, np.ones(region.n_groups)).determinants(x)
+        worst = group_min(determinant, region.chart, region.n_groups)
+        flips = np.bincount(region.chart[determinant <= POSITIVE], minlength=region.n_groups)
+        now = np.stack([flips, -worst])
+        barren = np.where((now < BETTER * best).any(0), 0, barren + 1)
+        best = np.minimum(best, now)
+        # a diverging group is given up before its numbers overflow
+        left = (worst <= POSITIVE) & ~_flown_apart(region, x)
+        # without a lower step now, the next round has none either
+        left &= moving & (barren < BARREN)
+        if not left.any() or (monitor is not None and monitor.expired):
+            break
+        if not left.all():
+            region, vertices = region.groups(left)
+            x, worst, source = x[vertices], worst[left], source[vertices]
+            best, barren = best[:, left], barren[left]
+        x, steps = _descended(region, x, np.sqrt(1e-12 + 0.04 * np.minimum(worst, 0.0) ** 2))
+        moving = steps > 0
+        out[source] = x
+        if monitor is not None:
+            monitor.note(f"{int(left.sum())} regions to untangle")
+    return out
+
+
+def _descended(region: Region, x: FloatArray, epsilon: FloatArray) -> tuple[FloatArray, IntArray]:
+    """(layout, steps (n_groups,)) lowered with this ε (n_groups,)."""
+    energy = FoldoverEnergy(region, epsilon)
+    factor, move = energy.start_matrix(x)
+
+    def precondition(g: FloatArray) -> FloatArray:
+        result = np.zeros_like(g)
+        result[move] = factor.solve(g[move])
+        return result
+
+    groups = Groups(region.cut_mesh.vertex_chart, region.n_groups)
+    found = descend(energy.energy, x, groups, precondition, DESCENT)
+    return found.x, found.steps
+
+
+def _flown_apart(region: Region, x: FloatArray) -> BoolArray:
+    """(n_groups,) bool: the group is far wider or higher than its area implies."""
+    group, n = region.cut_mesh.vertex_chart, region.n_groups
+    spread = [group_max(x[:, d], group, n) - group_min(x[:, d], group, n) for d in range(2)]
+    near = np.maximum(spread[0], spread[1]) <= FAR * np.sqrt(region.cut_mesh.chart_areas)
+    return ~near

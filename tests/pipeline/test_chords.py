@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circparam.pipeline.chords import extents, turned
+from circparam.pipeline.page_cuts import extents, turned
 
 
 @given(st.integers(0, 10**6))

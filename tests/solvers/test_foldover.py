@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from circparam.solvers.foldover import POSITIVE, FoldoverEnergy, lower
 from circparam.solvers.region import moving_region
+from circparam.solvers.untangle import POSITIVE, FoldoverEnergy, lower
 from tests.support import shapes
 from tests.support.charts import patches_of, rim, tangled
 

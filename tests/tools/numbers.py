@@ -12,9 +12,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2] / "circparam"
 # what decides where seams run and how charts lie on a page
-PIPELINE = (
-    "chords", "cut_along", "fit_pages", "fuller_page", "page_cuts", "page_search", "place", "searches",
-)  # fmt: skip
+PIPELINE = ("cut_along", "fuller_page", "page_cuts", "page_search", "place", "searches")
 STEERING = ["seams", "packing", *(f"pipeline/{name}.py" for name in PIPELINE)]
 FREE = (0, 1, 0.5, 2)
 PRECISION = 1e-6
