@@ -81,6 +81,7 @@ def test_before_and_after_are_in_one_page(quad: Path, tmp_path: Path):
     old.write_text(QUAD + UV.replace("vt 1 1", "vt 0.5 0.5") + FACES)
     page = page_of(quad, "--before", old)
     assert page.count('class="layout"') == 2
+    assert page.count('"The surface of ') == page.count('"The uv layout of ') == 2
     assert ">before</h2>" in page
     assert ">after</h2>" in page
 

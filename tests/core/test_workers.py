@@ -61,6 +61,14 @@ def none_left() -> Iterator[None]:
     workers.stop()
 
 
+def until_gone(left: list[int]) -> None:
+    """Until none of some processes runs; they have a minute."""
+    end = time.monotonic() + 60
+    while any(_runs(pid) for pid in left):
+        assert time.monotonic() < end, "a worker goes on without its caller"
+        np.random.default_rng(0).random(100_000).sort()
+
+
 def test_tasks_are_done_here_and_beside_in_order_by_so_many() -> None:
     pool = opened(3)
     for jobs in (1, 3):
@@ -236,6 +244,18 @@ def test_cores_are_those_that_are_free_and_at_most_the_threads(
             os.sched_setaffinity(0, every)
 
 
+@pytest.mark.parametrize(
+    ("said", "most"), [("100000 100000", 1), ("20000 100000", 1), ("max 100000", None), ("", None)]
+)
+def test_a_container_bounds_the_cores(
+    said: str, most: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What its control group grants (cgroup v2); all that are free where nothing is said."""
+    monkeypatch.setattr(Path, "read_text", lambda *_, **__: said)
+    free = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    assert workers.free_cores() == (most or free)
+
+
 @settings(max_examples=40)
 @given(
     st.integers(0, 2**32 - 1),
@@ -286,6 +306,16 @@ def wait(seconds: float, monitor: Monitor) -> None:
     time.sleep(seconds)
 
 
+def test_busy_workers_end_when_they_are_stopped() -> None:
+    pool = opened()
+    left = pids(pool)
+    busy = DeferredTask(2, wait, (90.0,), Monitor())
+    busy.begin()
+    assert busy.begun
+    workers.stop()
+    until_gone(left)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGINT", "SIGTERM"])
 def test_no_worker_outlives_its_caller(number: str) -> None:
@@ -302,10 +332,7 @@ def test_no_worker_outlives_its_caller(number: str) -> None:
         caller.send_signal(getattr(signal, number))
         caller.wait()
     assert pids
-    end = time.monotonic() + 60
-    while any(_runs(pid) for pid in pids):
-        assert time.monotonic() < end, "the worker goes on without its caller"
-        np.random.default_rng(0).random(100_000).sort()
+    until_gone(pids)
 
 
 def _runs(pid: int) -> bool:

@@ -77,7 +77,9 @@ def test_bars_tell_values_apart_over_decades():
     assert [value for value, _ in scale.ticks] == pytest.approx(
         [0.01, 0.1, 1, 10, 100, 1000, 10000]
     )
-    assert scale_of([1.0, 20.0]).logarithmic
+    decades = scale_of([1.0, 20.0])
+    assert decades.logarithmic
+    assert (decades(1.0), decades(100.0)) == (0.0, 1.0), "whole decades"
     close = scale_of([2.0, 3.0])
     assert not close.logarithmic
     assert (close(3.0), close(1.5)) == (1.0, 0.5)
