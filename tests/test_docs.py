@@ -113,11 +113,7 @@ def console_commands(path: Path) -> list[list[str]]:
     return [shlex.split(line)[2:] for line in lines if line.startswith("$ circparam ")]
 
 
-QUICKLY = {
-    "unwrap": ["--effort", "0.01"],
-    "pack": ["--effort", "0.01"],
-    "map": ["--no-relax"],
-}
+QUICKLY = {"unwrap": ["--effort", "0.01"], "pack": ["--effort", "0.01"], "map": ["--no-relax"]}
 
 
 @pytest.mark.parametrize(

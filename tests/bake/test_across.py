@@ -244,7 +244,6 @@ def test_normals_of_a_file_are_those_that_it_is_shaded_with(tmp_path: Path):
 
 
 def test_sources_without_area_or_beyond_any_double_are_named(tmp_path: Path):
-    """A point was a warning of NumPy, and a mesh of 1e300 units a dozen of them."""
     points, faces = sheet(3)
     layout = UVMap(points[:, :2].copy(), faces)
     target = stored(tmp_path, "a", Mesh(points, faces), layout)

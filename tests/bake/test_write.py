@@ -104,7 +104,6 @@ def gloss_glb(image: int | None, **gloss: object) -> bytes:
 
 @pytest.mark.parametrize("image", [None, 0])
 def test_gloss_alpha_and_tint_are_kept(tmp_path: Path, image: int | None):
-    """A glass with alpha 0.3 came back opaque and of metal, a tinted texture white, without a word."""
     data = gloss_glb(image, diffuseFactor=[1, 0.5, 0.5, 0.3], glossinessFactor=0.75)
     new = read_data(data)
     baked = Baked({(0, 0): np.zeros((2, 2, 3), np.uint8)}, 1.0)

@@ -93,10 +93,7 @@ FURTHER = ("unwrap gltf", "view html", "compare", "map")  # one of each writer, 
     ("name", "place"), [*((n, "limited") for n in COMMANDS), *((n, "tiny") for n in FURTHER)]
 )
 def test_a_full_disk_leaves_nothing(
-    name: str,
-    place: str,
-    meshes: dict[str, str],
-    request: pytest.FixtureRequest,
+    name: str, place: str, meshes: dict[str, str], request: pytest.FixtureRequest
 ) -> None:
     full = request.getfixturevalue(place)
     command, *words = COMMANDS[name].replace("@", str(full)).split()

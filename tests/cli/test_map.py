@@ -60,7 +60,6 @@ def test_handles_by_paths_charts_and_overlay(tmp_path: Path) -> None:
 
 
 def test_single_triangles_are_mapped(tmp_path: Path) -> None:
-    """No vertex is free then: that was a warning of NumPy on the screen."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
     a, b = (
         obj(tmp_path / f"{k}.obj", (corners * [k, 1, 1], np.array([[0, 1, 2]]))) for k in (1, 2)

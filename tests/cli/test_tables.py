@@ -7,12 +7,7 @@ from typing import Any
 
 import pytest
 
-from circparam.cli.tables import (
-    check_line,
-    check_table,
-    console,
-    unwrap_table,
-)
+from circparam.cli.tables import check_line, check_table, console, unwrap_table
 
 
 def text(table: Any) -> str:

@@ -31,9 +31,7 @@ def cut(atlas: Atlas, bound: float) -> None:
 
 
 # those that only move seams keep the charts and cost no more; others may cut
-MOVES = {
-    "move": lambda atlas, bound: move_seams(atlas, Demands(bound, 0.001), Monitor()),
-}
+MOVES = {"move": lambda atlas, bound: move_seams(atlas, Demands(bound, 0.001), Monitor())}
 CUTS = {
     "hold stretch": lambda atlas, bound: limit_stretch(atlas, Limits(bound, 1.5), Monitor()),
     "enforce": cut,

@@ -41,24 +41,6 @@ def test_no_unknowns_and_no_factorisation() -> None:
         Factor(sps.csc_matrix((2, 2)))
 
 
-@pytest.mark.parametrize("started", [False, True])
-def test_iterates_tell_their_residual_and_go_down(started: bool) -> None:
-    matrix, b = system(10, 3)
-    start = np.linspace(-1, 1, 10) if started else None
-    diagonal = matrix.diagonal()
-    iterates = list(islice(gradient_iterates(matrix, b, lambda r: r / diagonal, start), 6))
-    assert np.array_equal(iterates[0].x, np.zeros(10) if start is None else start)
-    energy = []
-    for x, residual, weight in iterates:
-        assert np.allclose(residual, b - matrix @ x)
-        assert weight == pytest.approx(float((residual**2 / diagonal).sum()))
-        energy.append(float(x @ (matrix @ x) / 2 - b @ x))
-    assert (np.diff(energy) < 0).all()
-    # residuals of different steps are orthogonal in the norm of the preconditioner
-    gram = np.array([[i.residual @ (j.residual / diagonal) for j in iterates] for i in iterates])
-    assert np.abs(gram - np.diag(np.diag(gram))).max() < 1e-8 * gram.max()
-
-
 def test_it_stops_at_the_tolerance_or_the_limit() -> None:
     matrix, b = system(30, 4)
     iterates = list(islice(gradient_iterates(matrix, b, as_it_is), 31))

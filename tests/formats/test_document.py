@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError, NoResultError, OptionError
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    WriteOptions,
-    check_layout,
-    not_carried,
-)
+from circparam.formats.document import Document, Encoded, WriteOptions, check_layout, not_carried
 from circparam.formats.io import read, read_data
 from circparam.formats.looks import Carried, Group, Slot
 from circparam.formats.materials import Textures

@@ -63,7 +63,6 @@ def test_bad_pins(tmp_path: Path, text: str | bytes, word: str) -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("number", ["1e30", "99999999999999999999", "-1e300"])
 def test_numbers_beyond_any_vertex_are_named(tmp_path: Path, number: str) -> None:
-    """They became -9223372036854775808, with a warning of NumPy."""
     for read in (sidecars.read_landmarks, sidecars.read_seams):
         with pytest.raises(InputError, match=r"1e\+.* is not a vertex number"):
             read(file(tmp_path, f"0 1\n2 {number}\n"))

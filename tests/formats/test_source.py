@@ -42,7 +42,6 @@ def test_names_that_lead_elsewhere(tmp_path: Path, name: str) -> None:
 
 
 def test_names_of_a_file_are_found_in_a_locale_of_ascii(tmp_path: Path) -> None:
-    """A non-ASCII mtllib was an internal error: what the file says in UTF-8, the file system calls by bytes."""
     (tmp_path / "m.obj").write_text(
         "mtllib \u00e9.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n", "utf-8"
     )

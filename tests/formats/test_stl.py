@@ -21,7 +21,6 @@ def stl() -> tuple[bytes, np.ndarray]:
 
 
 def test_corners_at_one_position_are_one_vertex() -> None:
-    """STL has no shared vertices: 18 faces of a grid of 16 points came as 54 vertices."""
     data, corner = stl()
     mesh = read_data(data).mesh
     np.testing.assert_array_equal(mesh.points[mesh.faces], corner)
@@ -70,7 +69,6 @@ def test_binary_files_are_read_as_trimesh_reads_them(monkeypatch: pytest.MonkeyP
 
 
 def test_what_is_wrong_with_an_stl_without_facets_is_told() -> None:
-    """A file cut short was said to have no faces."""
     data, corner = stl()
     n = len(corner)
     more = data[:80] + np.uint32(1000).tobytes() + data[84:]
@@ -92,7 +90,6 @@ def test_what_is_wrong_with_an_stl_without_facets_is_told() -> None:
 
 
 def test_bytes_behind_the_last_facet_are_left_out_and_told() -> None:
-    """They were said to be cut short, with as many facets as promised."""
     data, corner = stl()
     document = read_data(data + b"made by a scanner", format="stl")
     np.testing.assert_array_equal(document.mesh.points[document.mesh.faces], corner)

@@ -3,9 +3,7 @@
 import numpy as np
 
 from circparam.core.arrays import FloatArray
-from circparam.geometry.gradient_transfer import (
-    spread,
-)
+from circparam.geometry.gradient_transfer import spread
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair

@@ -3,18 +3,14 @@
 import numpy as np
 import pytest
 
-from circparam.core.arrays import FloatArray
 from circparam.geometry.intrinsic import (
     corner_angles,
     corner_products,
-    cotangent_laplacian,
     cotangents,
     signed_areas,
     tan_half_angles,
 )
 from circparam.mesh.cut_mesh import CutMesh
-from tests.support import shapes
-from tests.support.charts import patches_of
 
 
 def loose(triangles: object) -> CutMesh:
@@ -47,22 +43,3 @@ def test_half_angles_keep_their_digits_at_needles_and_caps() -> None:
 def test_signed_areas_follow_the_winding() -> None:
     uv = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 3.0]])
     assert signed_areas(np.array([[0, 1, 2], [2, 1, 0], [0, 0, 1]]), uv).tolist() == [3, -3, 0]
-
-
-def test_the_laplacian_measures_the_energy_of_functions() -> None:
-    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(50), 2))
-    matrix = cotangent_laplacian(cut_mesh).toarray()
-    np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
-    np.testing.assert_allclose(matrix.sum(1), 0, atol=1e-10)
-    assert np.linalg.eigvalsh(matrix).min() > -1e-9
-    u: FloatArray = points[:, 0] * 2 - points[:, 1] * 3
-    assert u @ matrix @ u / 2 == pytest.approx(13 * cut_mesh.areas.sum() / 2)
-    # the weight of the inner edge of a square cut in two is that of two right angles: zero
-    square, _ = patches_of(
-        (np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), [[0, 1, 2], [0, 2, 3]])
-    )
-    got = cotangent_laplacian(square).toarray()
-    np.testing.assert_allclose(
-        np.sort(got[~np.eye(4, dtype=bool)]), [-0.5] * 8 + [0] * 4, atol=1e-12
-    )
-    np.testing.assert_allclose(np.diag(got), 1)

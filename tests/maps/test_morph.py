@@ -72,7 +72,6 @@ def test_the_target_is_where_the_map_says(tmp_path: Path):
 
 
 def test_a_pair_with_z_up_stands_upright(tmp_path: Path):
-    """Scans in PLY mean z, glTF means y: the morph of two lay on its side."""
     a, b = belt(8, 16), belt(14, 28, 0.05, 1.0)
     pair = [stored(tmp_path, name, *m) for name, m in (("one", a), ("two", b))]
     scans = [

@@ -49,25 +49,6 @@ def test_a_chart_that_does_not_converge_takes_the_linear_form_and_is_told():
     assert linear.notes == []
 
 
-@pytest.mark.parametrize("amount", [0.0, 0.05])
-def test_the_boundary_of_a_hole_counts_as_an_inner_vertex(amount):
-    cut_mesh, _ = patches_of(shapes.noisy(*shapes.holed_sheet(4), amount=amount, seed=1))
-    angles, _, converged = solve_angles(cut_mesh, 20, Monitor())
-    assert converged.all()
-    assert angles.shape == cut_mesh.faces.shape
-    loops, log = cut_mesh.loops, np.log(np.sin(angles))
-    sums = vertex_angle_sums(cut_mesh, angles)
-    wheels = vertex_angle_sums(cut_mesh, log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
-    for k in np.flatnonzero(~loops.outer):
-        half_edges = loops.half_edges[loops.start[k] : loops.start[k + 1]]
-        v = cut_mesh.faces.ravel()[half_edges]
-        # the boundary of a hole turns by −2π, and the wheels along it lead back to the first edge
-        assert sums[v].sum() == pytest.approx((len(v) + 2) * np.pi, abs=1e-8)
-        assert wheels[v].sum() == pytest.approx(0, abs=1e-8)
-    if amount == 0:
-        np.testing.assert_allclose(angles, corner_angles(cut_mesh), atol=1e-9)
-
-
 @pytest.mark.parametrize("height", [0.1, 0.3])
 def test_angles_round_holes_fit_together(height):
     cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(4, seed=4), height))

@@ -43,23 +43,6 @@ def filled(atlas: Atlas, most: int | None = None, least: int = 1, bound: float =
     return fill_page(cascade, options, Monitor())
 
 
-def test_a_long_strip_is_cut_across() -> None:
-    """One short cut through a long strip doubles what a square page holds of it, and more."""
-    before = roll()
-    after = filled(before, most=2)
-    assert after.atlas.charts()[0] == 2
-    _, chart = after.atlas.charts()
-    longest = max(np.ptp(before.corners[chart == c, :, 0]) for c in (0, 1))
-    assert longest < 60
-    root = np.sqrt(before.surface.areas.sum())
-    # across it is 10 less what chords of a wave leave out; the way along sharper edges may be a little longer
-    assert 9.8 < (after.atlas.seam_length - before.seam_length) * root < 1.35 * 10
-    assert np.array_equal(after.atlas.corners, before.corners)
-    (note,) = after.notes
-    assert "1 cut " in note
-    assert "--pack-splits 0" in note
-
-
 def stretched(atlas: Atlas, columns: int) -> Atlas:
     """The strip with some of its columns drawn three times as long, and what lies behind them moved on."""
     x = atlas.corners[..., 0]

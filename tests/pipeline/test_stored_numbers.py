@@ -14,12 +14,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.pipeline import stored_fit
 from circparam.pipeline.fallback import SOUND
-from circparam.pipeline.representable_uv import (
-    BOUNDARY_NUMBERS,
-    RAY_NUMBERS,
-    Patch,
-    mend_faces,
-)
+from circparam.pipeline.representable_uv import BOUNDARY_NUMBERS, RAY_NUMBERS, Patch, mend_faces
 from circparam.pipeline.stored_fit import store
 from tests.support import needles, shapes
 from tests.support.atlases import surface_of

@@ -16,7 +16,6 @@ from circparam.pipeline.result import Result, promise, verify_layout, with_statu
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.verify import Promise, reasons, verify
 from tests.support import shapes
-from tests.support.atlases import surface_of
 from tests.support.unwrapped import QUICK, unwrapped
 
 
@@ -137,23 +136,6 @@ def test_faces_without_uv() -> None:
     assert v.flips == 0
     with pytest.raises(InputError, match="no face has finite uv"):
         verify(surface, UVMap(np.zeros((0, 2)), np.full_like(f, -1)))
-
-
-def test_the_visible_share_is_that_of_the_seams_of_the_uv() -> None:
-    """A ball in a ball: two seams of the same course, of which only the outer one is seen."""
-    p, f = shapes.icosphere(3)
-    both = shapes.join((p, f), (0.5 * p, f))
-    surface = surface_of(*both)
-    right = surface.points[surface.faces].mean(1)[:, 0] > 0
-    inner = np.linalg.norm(surface.points[surface.faces], axis=2).max(1) < 0.7
-    uv = np.random.default_rng(0).uniform(0, 1, (4, len(surface.points), 2))
-    corners = uv[2 * inner.astype(int) + right][np.arange(len(inner))[:, None], surface.faces]
-    uvmap = UVMap(corners.reshape(-1, 2), np.arange(3 * len(inner)).reshape(-1, 3))
-    found = verify(surface, uvmap).seam_visible
-    assert found == pytest.approx(0.5 / 1.5, abs=0.03)
-    flat = surface_of(*shapes.grid(4, 4))
-    plain = verify(flat, UVMap(flat.points[:, :2].copy(), flat.faces))
-    assert plain.numbers()["seam_visible"] is None
 
 
 @pytest.mark.parametrize("shape", [shapes.moebius(), shapes.klein()])

@@ -132,7 +132,6 @@ def needles(n: int, height: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_disk_that_needs_no_seam_gets_none_however_its_faces_are_made() -> None:
-    """Decided on its proxy, whose needles are longer still, it was cut into a dozen charts."""
     surface, atlas = atlas_of(needles(60, 0.2))
     assert len(surface.faces) > grown.DIRECT_FACES
     assert not atlas.cut.any()

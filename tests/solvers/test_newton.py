@@ -17,33 +17,6 @@ from tests.support import shapes
 from tests.support.charts import developable, patches_of
 
 
-def test_no_face_is_ever_flipped_from_a_start_with_a_nearly_flat_triangle() -> None:
-    cut_mesh = developable("cylinder")
-    plain, _ = tutte_embedding(cut_mesh, "mean-value")
-    on_boundary = np.zeros(cut_mesh.n_vertices, bool)
-    on_boundary[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
-
-    def areas(uv: FloatArray) -> FloatArray:
-        q = uv[cut_mesh.faces]
-        return cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
-
-    def compacted(face: int, corner: int) -> FloatArray:
-        """The layout with a corner drawn onto the side of its face across from it, all but 1e-9."""
-        v, a, b = np.roll(cut_mesh.faces[face], -corner)
-        middle = (plain[a] + plain[b]) / 2
-        uv = plain.copy()
-        uv[v] = middle + 1e-9 * (plain[v] - middle)
-        return uv
-
-    trials = (compacted(f, k) for f in range(100, 200) for k in range(3)
-              if not on_boundary[cut_mesh.faces[f, k]])  # fmt: skip
-    uv = next(trial for trial in trials if (areas(trial) > 0).all())
-    assert areas(uv).min() < 1e-7 * areas(plain).min()
-    relaxed = relax(cut_mesh, uv, RelaxOptions(max_iterations=100))
-    assert (areas(relaxed.uv) > 0).all()
-    assert relaxed.energy[0] < 1.001
-
-
 @pytest.mark.parametrize("refine", [1, 5])
 def test_fixed_vertices_stay_and_the_energy_falls(refine: int) -> None:
     """To the last bit, also where so many are solved for by iteration; no face is turned over beside them."""

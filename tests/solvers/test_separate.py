@@ -38,7 +38,6 @@ def test_a_ring_that_overlaps_itself_a_little_is_separated_within_the_bound(beyo
 
 
 def test_no_margin_asks_for_no_overlap_and_no_more() -> None:
-    """Springs towards no distance at all divided by it: a factorisation failed, and with it whole unwraps."""
     cut_mesh, uv = ring_of(2 * np.pi + 0.004)
     pushed, fine = push_apart(cut_mesh, uv, 0.0, 1.05)
     assert fine.all()
@@ -47,7 +46,6 @@ def test_no_margin_asks_for_no_overlap_and_no_more() -> None:
 
 
 def test_without_a_bound_nothing_overflows() -> None:
-    """What ``--max-charts`` asks of a chart: a warning of an overflow reached the user."""
     cut_mesh, uv = ring_of(2 * np.pi + 0.004)
     pushed, fine = push_apart(cut_mesh, uv, MARGIN, ANY_BOUND)
     assert fine.all()

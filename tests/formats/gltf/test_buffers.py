@@ -10,13 +10,7 @@ import pytest
 from circparam.formats.document import WriteOptions
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode, read, read_data, stored, write
-from tests.support.formats_tools import (
-    GltfMaker,
-    corners,
-    grid,
-    layout_with_seams,
-    smooth_layout,
-)
+from tests.support.formats_tools import GltfMaker, corners, grid, layout_with_seams, smooth_layout
 from tests.support.gltf_files import assert_same_but_uv, full_mesh
 
 

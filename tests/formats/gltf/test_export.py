@@ -66,7 +66,6 @@ def test_what_float32_cannot_hold() -> None:
 
 @pytest.mark.parametrize("far", [0.0, 10.0, 500.0, 5e6, 1e12, -3e20])
 def test_shapes_far_from_the_origin_are_kept(far: float) -> None:
-    """A scan in the coordinates of a map came back in steps of half a metre, one further away as a point."""
     points, faces = grid(5)
     points = points / 3 + np.array([far, -far, 2 * far])
     doc = from_arrays(points, faces)
@@ -97,7 +96,6 @@ def painted(tmp_path: Path) -> Document:
 
 
 def test_materials_images_and_normals_of_an_obj_go_along(painted: Document) -> None:
-    """Everything became metal, and images and normals were left behind."""
     out = encode(painted, layout_with_seams(painted), "glb")
     tree = tree_of(out.data)
     skin, glass = tree["materials"]
@@ -158,7 +156,6 @@ def test_trimesh_shows_the_uv_of_a_new_file() -> None:
 
 @pytest.mark.parametrize(("format", "up"), [("stl", "z"), ("ply", "z"), ("obj", "y"), ("off", "y")])
 def test_up_is_what_the_format_means(tmp_path: Path, format: str, up: str) -> None:
-    """A scan or a part with z up lay on its side."""
     points, faces = grid(3)
     path = tmp_path / f"m.{format}"
     trimesh.Trimesh(points, faces, process=False).export(path)

@@ -13,9 +13,7 @@ from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import read, read_data
 from circparam.formats.source import Source
-from tests.support.formats_tools import (
-    GltfMaker,
-)
+from tests.support.formats_tools import GltfMaker
 from tests.support.gltf_files import refused, small
 
 

@@ -72,7 +72,6 @@ def test_the_corner_with_too_many_numbers_is_named_by_its_line() -> None:
 
 
 def test_a_byte_order_mark_hides_no_line() -> None:
-    """Windows' editors write one: the first v line was not seen, so every index named another vertex."""
     text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n"
     mark = b"\xef\xbb\xbf"
     document = read_data(mark + text, format="obj")

@@ -174,7 +174,6 @@ def test_the_last_vertex_may_be_named_and_strips_restart_at_minus_one() -> None:
 def test_a_large_file_that_cannot_be_whole_is_refused_before_it_is_read(
     tmp_path: Path, vertices: int, faces: int, says: str
 ) -> None:
-    """4 GB cut short took half a minute and 6 GB."""
     head = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n"
         "property float x\nproperty float y\nproperty float z\n"

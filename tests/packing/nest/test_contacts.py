@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.packing.nest.contacts import (
-    find_contacts,
-    sample_outlines,
-    to_world,
-)
+from circparam.packing.nest.contacts import find_contacts, sample_outlines, to_world
 from circparam.packing.outlines import shapes_of
 from circparam.packing.placement import Placement
 

@@ -23,11 +23,7 @@ def by_hand(grid, blurred, masks, sizes, side):
 
 
 @settings(max_examples=60)
-@given(
-    st.integers(0, 10**6),
-    st.sampled_from([0.0, 0.05, 0.3, 0.8]),
-    st.sampled_from([1, 4]),
-)
+@given(st.integers(0, 10**6), st.sampled_from([0.0, 0.05, 0.3, 0.8]), st.sampled_from([1, 4]))
 def test_the_place_is_free_and_touches_most(seed: int, full: float, beyond: int):
     """Whatever is looked at again. The grid is larger than the page, so that masks do not reach round it."""
     rng = np.random.default_rng(seed)

@@ -8,11 +8,7 @@ import pytest
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import spectra_of
-from circparam.packing.nest.search import (
-    Board,
-    GridLayout,
-    search,
-)
+from circparam.packing.nest.search import Board, GridLayout, search
 from circparam.packing.nest.sketch import Sketch, SketchGrid, least_page
 from tests.support.packing import blobs, edges_of
 

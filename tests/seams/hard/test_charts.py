@@ -75,10 +75,7 @@ def test_flats_of_a_part_without_any_sharp_edge_stay_whole(bound) -> None:
     check_whole(part, bound)
 
 
-@pytest.mark.parametrize(
-    ("name", "scale"),
-    [("flanged pipe", 1e-3), ("letters", 25.4)],
-)
+@pytest.mark.parametrize(("name", "scale"), [("flanged pipe", 1e-3), ("letters", 25.4)])
 def test_noise_of_single_precision_and_units_cut_no_flat(name, scale) -> None:
     part = shaken(PARTS[name](), 1e-7)
     check_whole(Part(part.points * scale, part.faces, part.surface, part.flat, part.tube))

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.seams.hard.regions import (
-    flats,
-    hard_components,
-    turns,
-)
+from circparam.seams.hard.regions import flats, hard_components, turns
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import surface_of

@@ -6,13 +6,7 @@ import pytest
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.layout import judge
 from tests.support import shapes
-from tests.support.atlases import (
-    as_it_lies,
-    cut_between,
-    middles,
-    surface_of,
-    uncut,
-)
+from tests.support.atlases import as_it_lies, cut_between, middles, surface_of, uncut
 
 
 def three() -> Atlas:
