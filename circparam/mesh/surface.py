@@ -189,6 +189,12 @@ class Surface:
         _, component = self.components
         return np.isin(component, component[faces])
 
+    def components_with(self, edges: BoolArray) -> BoolArray:
+        """(m,) bool: every face of the components that hold some of the ``edges`` ((e,) bool)."""
+        beside = np.zeros(len(self.faces), bool)
+        beside[self.sides[0, edges]] = True
+        return self.whole_components(beside)
+
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
         # used many times between two changes of the seams

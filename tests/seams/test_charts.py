@@ -75,6 +75,15 @@ def test_a_rod_costs_no_more_than_its_wall_and_two_caps(draft: bool) -> None:
     assert cost <= 1.1 * wall_and_caps
 
 
+@pytest.mark.parametrize(("level", "rough"), [(2, 0.2), (3, 0.1)])
+@pytest.mark.parametrize("draft", [True, False])
+def test_a_stone_of_few_faces_costs_no_more_than_a_peeled_ball(level, rough, draft: bool) -> None:
+    """Two strips, as those of a tennis ball, have half of its surface each and 2 √π of seam over its root."""
+    surface, atlas = atlas_of(shapes.stone(level, rough), search=Search(draft=draft))
+    cost = surface.edge_lengths[atlas.cut].sum() / surface.unit + atlas.charts()[0] / 4
+    assert cost <= 2 / 4 + 2 * np.sqrt(np.pi)
+
+
 @pytest.mark.parametrize("dear", [True, False])
 def test_grown_charts_take_the_place_of_dearer_ones(dear: bool) -> None:
     """Every facet as a chart costs more than charts that are grown, a single chart less."""

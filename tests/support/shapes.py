@@ -333,6 +333,13 @@ def icosphere(level: int = 2) -> Shape:
     return p / np.linalg.norm(p, axis=1, keepdims=True), f
 
 
+def stone(level: int = 3, rough: float = 0.1, seed: int = 0) -> Shape:
+    """A round shape of few faces whose edges turn as sharply as those of a machined part."""
+    points, faces = icosphere(level)
+    far = 1 + rough * np.random.default_rng(seed).uniform(-1, 1, (len(points), 1))
+    return points * far, faces
+
+
 def subdivide(points: np.ndarray, faces: np.ndarray) -> Shape:
     """Split every triangle in four at its edge midpoints."""
     half = np.stack([faces, np.roll(faces, -1, 1)], 2).reshape(-1, 2)

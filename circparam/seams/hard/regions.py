@@ -152,15 +152,13 @@ def hard_components(surface: Surface, creased: bool = False) -> BoolArray:
     Much of its area lies in flats of several faces, or in developable regions between creases, and its creases
     are sharp: blunt ones may come from few faces on a round shape, but not the lines of a tube, which is
     developable across them. Scans and organic shapes have neither. creased: only flats count that creases
-    bound, not those between fillets or round a tube.
+    bound, not those between fillets or round a tube, nor regions of an organic shape made of few faces.
     """
     n, component = surface.components
     angle, _ = turns(surface)
     flat, _ = flats(surface)
+    large_flats = creased_flats(surface) if creased else np.bincount(flat) > FLAT_FACES
     total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
-    large_flats = np.bincount(flat) > FLAT_FACES
-    if creased:
-        large_flats &= _creased_flats(surface)
     in_flats = surface.areas * large_flats[flat]
     flat_share = group_sum(in_flats, component, n) / total
     count, region, developable = developable_regions(surface)
@@ -175,21 +173,23 @@ def hard_components(surface: Surface, creased: bool = False) -> BoolArray:
     round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.sides[0, on]]]
     blunt = group_sum(length * round_shape, of, n)
     developed = (region_share >= MOST_REGIONS) & large
-    hard = ((flat_share >= MOST_FLAT) | developed) & (blunt <= MOST_BLUNT * creases)
+    hard = ((flat_share >= MOST_FLAT) | (developed & (not creased))) & (
+        blunt <= MOST_BLUNT * creases
+    )
     result: BoolArray = hard[component]
     return result
 
 
-def _creased_flats(surface: Surface) -> BoolArray:
-    """(flats,) bool: at least half of the rim is creases or boundary."""
+def creased_flats(surface: Surface) -> BoolArray:
+    """(flats,) bool: flats of several faces whose rim is creases or boundary, at least half of it."""
     flat, _ = flats(surface)
-    n = int(flat.max(initial=-1)) + 1
+    faces = np.bincount(flat)
     left, right = flat[surface.sides]
     length = np.where(left == right, 0.0, surface.edge_lengths)
     length = np.where(turns(surface)[0] >= CREASE, length, -length)
-    balance = group_sum(length, left, n) + group_sum(length, right, n)
-    balance += group_sum(surface.boundary_lengths, flat[surface.boundary // 3], n)
-    result: BoolArray = balance >= 0
+    balance = group_sum(length, left, len(faces)) + group_sum(length, right, len(faces))
+    balance += group_sum(surface.boundary_lengths, flat[surface.boundary // 3], len(faces))
+    result: BoolArray = (balance >= 0) & (faces > FLAT_FACES)
     return result
 
 

@@ -53,6 +53,12 @@ def test_facets_of_a_tube_are_flats_that_no_crease_bounds() -> None:
     assert not hard_components(surface, creased=True).any()
 
 
+def test_faces_of_a_stone_are_hard_but_no_flats_of_several_faces() -> None:
+    surface = surface_of(*shapes.stone())
+    assert hard_components(surface).all()
+    assert not hard_components(surface, creased=True).any()
+
+
 @pytest.mark.parametrize("shape", [shapes.cube(6), shapes.grid(20, 20)])
 def test_creases_and_boundaries_bound_flats(shape) -> None:
     assert hard_components(surface_of(*shape), creased=True).all()
