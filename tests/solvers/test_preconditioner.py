@@ -9,6 +9,7 @@ from circparam.solvers.preconditioner import (
     CoarseSpace,
     TwoLevel,
     aggregates,
+    hold_blocks,
     solve_direct,
 )
 from circparam.solvers.tutte.embed import tutte_embedding
@@ -51,3 +52,16 @@ def test_conjugate_gradients_with_two_levels_equal_a_direct_solve():
     assert rough @ g.ravel() > 0, "a descent direction"
     gap = [np.abs(matrix @ y - g.ravel()).max() for y in (x.ravel(), rough)]
     assert gap[0] < 1e-3 * gap[1], "the tolerance is heeded"
+
+
+def test_held_vertices_stay_and_the_others_move_as_the_system_without_them_says():
+    cut_mesh, uv = layout()
+    _, matrix = hessian(cut_mesh, uv)
+    fixed = np.arange(len(uv)) % 7 == 0
+    g = np.where(fixed[:, None], 0.0, np.random.default_rng(0).normal(size=uv.shape))
+    free = np.repeat(~fixed, 2)
+    alone = solve_direct(matrix.tocsr()[free][:, free], g[~fixed])
+    hold_blocks(matrix, fixed)
+    found = solve_direct(matrix, g)
+    assert not found[fixed].any()
+    np.testing.assert_allclose(found[~fixed], alone, atol=1e-9 * np.abs(alone).max())
