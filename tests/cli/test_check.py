@@ -10,9 +10,6 @@ from tests.support import shapes
 from tests.support.command_line import obj, one_line_error, report, run
 
 KNOWN = {
-    "disk": (shapes.grid(), "disk", 1, 0, 1),
-    "sphere": (shapes.icosphere(1), "sphere", 2, 0, 0),
-    "torus": (shapes.torus(10, 8), "genus 1, closed", 0, 1, 0),
     "two handles": (shapes.handles(2), "genus 2, closed", -2, 2, 0),
     "annulus": (shapes.annulus(), "genus 0 with 2 boundaries", 0, 0, 2),
 }

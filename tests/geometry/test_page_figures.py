@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.geometry.page_figures import chart_widths
+from circparam.geometry.straight import axis_parallel
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
@@ -80,3 +81,8 @@ def test_seams_of_sides_of_other_sizes_count_with_their_mean() -> None:
     assert v.numbers()["density_min"] == pytest.approx(0.1 * SIDE)
     assert v.numbers()["density_max"] == pytest.approx(0.2 * SIDE)
     assert v.numbers()["seam_vertices"] == 2
+
+
+def test_what_lies_along_an_axis() -> None:
+    t = np.radians([0, 90, 180, 270, 0.4, 89.7, 0.6, 45])
+    assert axis_parallel(np.stack([np.cos(t), np.sin(t)], 1)).tolist() == [True] * 6 + [False] * 2

@@ -1,7 +1,11 @@
-"""The surface cut open: lengths, loops, Euler characteristics, parts and closed holes."""
+"""The surface and the cut mesh: charts that follow the seams, shapes that both share."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from circparam.mesh.surface import Surface
 from tests.support import shapes
 from tests.support.atlases import surface_of
 
@@ -18,3 +22,22 @@ def test_a_surface_opened_again_has_its_shapes_and_nothing_that_a_solve_left() -
     cut[0] = True
     assert surface.cut_mesh(cut).n_vertices == first.n_vertices
     assert len(surface.cut_mesh(cut).edges) == len(first.edges) - 1
+
+
+def surface() -> Surface:
+    whole = surface_of(*shapes.icosphere(1))
+    return replace(whole, price=np.arange(1.0, len(whole.edges) + 1))
+
+
+def test_charts_follow_the_seams_also_when_the_same_array_changes() -> None:
+    whole = surface()
+    cut = np.zeros(len(whole.edges), bool)
+    assert whole.charts(cut)[0] == 1
+    cut[:] = True
+    count, chart = whole.charts(cut)
+    assert count == len(whole.faces)
+    assert whole.charts(cut)[1] is chart
+    with pytest.raises(ValueError, match="read-only"):
+        chart[0] = 1
+    cut[:] = False
+    assert whole.charts(cut)[0] == 1

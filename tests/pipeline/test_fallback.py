@@ -170,14 +170,10 @@ def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() ->
     assert (np.diff(np.log(sizes)) > np.log(2)).all()
 
 
-def nowhere(surface: Surface) -> np.ndarray:
-    return np.full((len(surface.faces), 3, 2), np.nan)
-
-
 def test_only_the_faces_that_were_named_change() -> None:
     surface = surface_of(*shapes.icosphere(2))
     some = np.arange(len(surface.faces)) < 40
-    after = project_charts(start(surface, nowhere(surface)), some)
+    after = project_charts(start(surface, np.full((len(surface.faces), 3, 2), np.nan)), some)
     assert np.isfinite(after.atlas.corners[some]).all()
     assert np.isnan(after.atlas.corners[~some]).all()
     touched = some[surface.edges // 3].any(1)

@@ -1,12 +1,18 @@
-"""Cuts that were asked for (--pack-splits N): so many at most, through flats and without a seam before too."""
+"""Cuts that were asked for (--pack-splits N), cuts for several pages, and for a fixed density."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import circparam
+from circparam.errors import OptionError
+from circparam.pipeline.page_cuts import extents, turned
+from circparam.pipeline.result import Result
+from circparam.pipeline.unwrap import unwrap
 from tests.support import shapes
 
 
@@ -95,3 +101,65 @@ def _tube(sides: int) -> shapes.Shape:
     k = np.arange(sides)
     a, b = 2 * k, 2 * ((k + 1) % sides)
     return p, np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
+
+
+QUICK = {"effort": 0.02, "resolution": 512, "jobs": 1}
+BENT = shapes.half_cylinder()
+
+
+def texels(result: Result) -> float:
+    """Pages that are covered, in all."""
+    pages, share = result.measures["pages"], result.measures["pack"]
+    assert pages is not None
+    assert share is not None
+    return pages * share
+
+
+def test_one_chart_is_cut_for_the_pages_asked_for() -> None:
+    whole = unwrap(BENT, pages=4, pack_splits=0, **QUICK)
+    assert (whole.measures["charts"], whole.measures["pages"]) == (1, 1)
+    cut = unwrap(BENT, pages=4, **QUICK)
+    assert cut.status == "ok"
+    assert (cut.measures["pages"] or 0) > 2
+    assert texels(cut) > 2 * texels(whole)
+    assert any("to fill 4 pages" in note for note in cut.notes)
+
+
+@pytest.mark.parametrize("keywords", [{"pack_splits": 1}, {"max_charts": 2}])
+def test_no_more_cuts_than_asked_for(keywords: dict[str, Any]) -> None:
+    result = unwrap(BENT, pages=4, **keywords, **QUICK)
+    assert result.status == "ok"
+    assert (result.measures["charts"] or 0) <= 2
+
+
+def test_charts_longer_than_a_page_are_cut_to_fit_at_a_density() -> None:
+    strip = shapes.grid(41, 5, 40.0, 4.0)
+    with pytest.raises(OptionError, match="longest chart"):
+        unwrap(strip, texel_density=20.0, pack_splits=0, **QUICK)
+    result = unwrap(strip, texel_density=20.0, **QUICK)
+    assert result.status == "ok"
+    assert (result.measures["charts"] or 0) >= 2
+    assert any("fit on a page" in note for note in result.notes)
+
+
+def test_what_fits_at_a_density_is_not_cut() -> None:
+    result = unwrap(BENT, texel_density=50.0, **QUICK)
+    assert result.measures["charts"] == 1
+
+
+@given(st.integers(0, 10**6))
+def test_stretches_of_a_boundary_have_the_least_boxes_and_squares_of_their_points(
+    seed: int,
+) -> None:
+    rng = np.random.default_rng(seed)
+    p = rng.normal(size=(int(rng.integers(6, 40)), 2))
+    pick = np.sort(rng.choice(len(p), int(rng.integers(2, min(len(p), 12))), replace=False))
+    first, pieces = np.divmod(np.arange(len(pick) * (len(pick) - 1)), len(pick) - 1)
+    pieces = pieces + 1
+    box, square = extents(p, pick, first, pieces)
+    around = np.r_[pick, pick + len(p)]
+    for k, (i, n) in enumerate(zip(first.tolist(), pieces.tolist(), strict=True)):
+        points = turned(p[np.arange(around[i], around[i + n] + 1) % len(p)])
+        size = np.ptp(points, axis=0)
+        assert np.isclose(box[k], size.prod(1).min())
+        assert np.isclose(square[k], size.max(1).min())
