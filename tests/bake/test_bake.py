@@ -16,14 +16,12 @@ from circparam.render.texture import bilinear
 from tests.support.baking import (
     back,
     charts,
-    noise,
     sample_back,
     sheet,
     smooth,
     some_places,
     write_obj,
 )
-from tests.support.looks import psnr
 
 
 def test_vertex_colours_come_back():
@@ -141,22 +139,3 @@ def test_alpha_is_kept_and_plain_materials_are_opaque(files: Path):
     shown = inside & (face < half)
     uv = np.einsum("pk,pkc->pc", bary, before.uv[before.uv_faces[face]])
     assert np.abs(seen - bilinear(rgba, uv))[shown].max() < 3 / 255
-
-
-def test_a_bake_at_equal_density_keeps_the_picture(tmp_path: Path):
-    """PSNR of at least 40 dB between old and new texture on the surface, for detail of eight texels."""
-    points, faces = sheet(12)
-    turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
-    old = UVMap(0.6 * points[:, :2] + 0.2, faces)
-    new = UVMap((0.6 * points[:, :2] - 0.3) @ turn + 0.5, faces)
-    size = 256
-    image = noise(tmp_path / "skin.png", size)
-    (tmp_path / "skin.mtl").write_text("newmtl m\n\tmap_Kd\tskin.png\n")  # tabs, as MeshLab writes
-    write_obj(tmp_path / "old.obj", points, old, faces, mtl="skin.mtl")
-    write_obj(tmp_path / "new.obj", points, new, faces)
-    baked = bake_document(
-        read(tmp_path / "new.obj"), "texture", source=read(tmp_path / "old.obj"), size=size
-    )
-    face, bary = some_places(len(faces), 20000)
-    there = np.einsum("pk,pkc->pc", bary, old.uv[old.uv_faces[face]])
-    assert psnr(sample_back(baked, new, face, bary), bilinear(image, there)) >= 40

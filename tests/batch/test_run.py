@@ -24,9 +24,8 @@ pytest.importorskip("distributed")
 import circparam
 from circparam import samples
 from circparam.batch.batch import BatchPlan, Hooks, Summary, run_batch, status
-from circparam.batch.cluster import Cluster
 from circparam.batch.manifest import encode_line
-from circparam.batch.run import MOST_ATTEMPTS, task_key
+from circparam.batch.run import MOST_ATTEMPTS
 from circparam.core.workers import environment
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
 from circparam.pipeline.gates import Gates
@@ -348,25 +347,6 @@ class Begun(Gates):
         (Path(self.folder) / os.path.basename(report["input"])).touch()
         with open(Path(self.folder).parent / "go", "rb"):
             return []
-
-
-def test_the_scheduler_forgets_the_names_of_tasks(shared: str) -> None:
-    def on_scheduler(dask_scheduler: Any) -> tuple[int, int]:
-        from dask.utils import key_split
-
-        return key_split.cache_info().currsize, len(dask_scheduler.task_groups)
-
-    cluster = Cluster(scheduler=shared)
-    try:
-        tasks = [cluster.client.submit(abs, k, key=task_key(k), pure=False) for k in range(40)]
-        cluster.client.gather(tasks)
-        groups = cluster.client.run_on_scheduler(on_scheduler)[1]
-        cluster.running()
-        names = cluster.client.run_on_scheduler(on_scheduler)[0]
-    finally:
-        cluster.kill()
-    assert groups == 1
-    assert names < 10
 
 
 def stopped(due: Callable[[Any], bool]) -> Hooks:

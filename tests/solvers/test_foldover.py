@@ -5,21 +5,7 @@ import numpy as np
 from circparam.solvers.region import moving_region
 from circparam.solvers.untangle import POSITIVE, FoldoverEnergy, lower
 from tests.support import shapes
-from tests.support.charts import patches_of, rim, tangled
-
-
-def test_lowering_turns_every_face_upright_and_moves_nothing_that_is_held():
-    cut_mesh, uv = tangled(200)
-    hold = rim(cut_mesh)
-    part = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), hold, uv)
-    x = uv[part.source]
-    ones = FoldoverEnergy(part, np.ones(part.n_groups))
-    assert ones.determinants(x).min() < 0
-    found = lower(part, x, None)
-    assert ones.determinants(found).min() > POSITIVE
-    np.testing.assert_array_equal(found[part.fixed], x[part.fixed])
-    # what is upright already stays as it is
-    np.testing.assert_array_equal(lower(part, found, None), found)
+from tests.support.charts import patches_of, rim
 
 
 def test_a_group_that_has_flown_apart_keeps_its_place_and_others_are_mended():
