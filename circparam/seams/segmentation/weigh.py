@@ -80,10 +80,9 @@ def relax_weighted(
         missing = over.sum() - limits.allowed
         if not active.any() or missing <= 0 or monitor.expired:
             break
-        if limits.local is not None and turn > PATIENCE:
-            # at the pace of the last round the others do not get there, and what is left is cut off
-            if (last - missing) * (ROUNDS - turn) < missing:
-                break
+        slow = (last - missing) * (ROUNDS - turn) < missing
+        if limits.local is not None and turn > PATIENCE and slow:
+            break  # at the pace of the last round the others do not get there; what is left is cut off
         last, before = missing, distortion
         heavier = weight * np.maximum(stretch / (1 + AIMED * (most - 1)), 1.0) ** 2
         weight = np.where(active[chart], heavier, weight)
