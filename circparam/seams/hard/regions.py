@@ -166,16 +166,17 @@ def hard_components(surface: Surface, creased: bool = False) -> BoolArray:
     of_region = np.zeros(count, np.int64)
     of_region[region] = component
     large = np.bincount(component) >= REGION_FACES * np.bincount(of_region, minlength=n)
+    developed = (region_share >= MOST_REGIONS) & large
+    hard = (flat_share >= MOST_FLAT) | (developed & (not creased))
+    if not hard.any():
+        return hard[component]
     on = angle >= CREASE
     of, length = component[surface.sides[0, on]], surface.edge_lengths[on]
     creases = group_sum(length, of, n)
     _, smooth, tube = developable_regions(surface, BLUNT)
     round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.sides[0, on]]]
     blunt = group_sum(length * round_shape, of, n)
-    developed = (region_share >= MOST_REGIONS) & large
-    hard = ((flat_share >= MOST_FLAT) | (developed & (not creased))) & (
-        blunt <= MOST_BLUNT * creases
-    )
+    hard &= blunt <= MOST_BLUNT * creases
     result: BoolArray = hard[component]
     return result
 
