@@ -53,6 +53,9 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     i, j = cut_mesh.edges.T
     both = is_diagonal[i] & is_diagonal[j]
     one = is_diagonal[i] != is_diagonal[j]
+    alone = group_count(cut_mesh.chart[i[one] // 3], cut_mesh.n_charts) > 0
+    if alone.all():
+        return np.zeros((cut_mesh.n_vertices, 2)), ~alone
     quad, second = np.arange(m), np.zeros(m, bool)
     low, high = np.sort(cut_mesh.edges[both] // 3, 1).T
     quad[high], second[high] = low, True
@@ -62,7 +65,6 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     partner = np.full(3 * m, -1)
     partner[i], partner[j] = j, i
     partner[is_diagonal] = -1
-    alone = group_count(cut_mesh.chart[i[one] // 3], cut_mesh.n_charts) > 0
     quads, grid = _Quads(quad, side.ravel(), partner), ~alone
     grid &= _regular(cut_mesh, quads, diagonal)
     uv = np.zeros((cut_mesh.n_vertices, 2))
