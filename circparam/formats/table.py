@@ -47,7 +47,7 @@ class Format:
     itself; the document only if it has this format. round_double: the same with uv in doubles, where the format
     can hold them (``WriteOptions.uv_double``). output: the format that its meshes are written to when nothing
     is said, '' for itself. unshare: reads with meshes that several nodes use copied for each; None if meshes
-    of the format cannot be shared. foreign: it is read through trimesh, which keeps geometry and uv only. peek:
+    of the format cannot be shared. peek:
     (first bytes, last bytes, size, source), raises InputError if these tell that a large file is not worth
     reading. lined: whether a file of the format that begins so is text in lines, of which none may be endless.
     up: the axis that points up in meshes of the format, '' if nothing says which. also: suffixes of other
@@ -64,7 +64,6 @@ class Format:
     round_double: RoundUV | None = None
     output: str = ""
     unshare: Read | None = None
-    foreign: bool = False
     peek: Callable[[bytes, bytes, int, Source], None] | None = None
     lined: Callable[[bytes], bool] = lambda head: False
     up: str = ""
@@ -134,7 +133,7 @@ def _foreign(
 ) -> Format:
     """A format that trimesh reads: geometry and uv only."""
     read = partial(read_through_trimesh, kind=name)
-    return Format(read, (f".{name}", *also), sniff, rank, output="glb", foreign=True, up=up)
+    return Format(read, (f".{name}", *also), sniff, rank, output="glb", up=up)
 
 
 def _usd(

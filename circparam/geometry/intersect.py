@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum, norms2, ranges, sorted_distinct, stable_order
+from circparam.core.arrays import cross2, norms2, ranges, sorted_distinct, stable_order
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
@@ -273,42 +273,33 @@ def winding_pairs(
     k, other = (np.concatenate(some) for some in zip(*pairs, strict=True))
     among = other != chart[k]
     k, other = k[among], other[among]
-    pair, outside, turns = windings(boundary, points[k], other, own=True)
-    keep = turns != 0
-    return chart[k[pair[keep]]], outside[keep]
+    inside = windings(boundary, points[k], other) != 0
+    return chart[k[inside]], other[inside]
 
 
-def windings(
-    boundary: BoundarySegments, points: FloatArray, chart: IntArray, own: bool
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Winding numbers of chart boundaries about points (k, 2), where a boundary passes on their right.
+def windings(boundary: BoundarySegments, points: FloatArray, chart: IntArray) -> IntArray:
+    """(k,) winding number of the boundary of its chart ((k,) int) about each point (k, 2).
 
-    chart: (k,) chart of each point; own: only the boundary of that chart counts, else only those of others.
-    Returns (point, chart, turns), the turns zero where the passes cancel. A ray to the right of every point
-    is crossed with the segments in its strip of y.
+    A ray to the right of every point is crossed with the segments of that chart in its strip of y.
     """
     s, e = boundary.start, boundary.end
-    none = np.zeros(0, np.int64)
+    out = np.zeros(len(points), np.int64)
     if len(s) == 0 or len(points) == 0:
-        return none, none, none
+        return out
     low, high = np.minimum(s[:, 1], e[:, 1]), np.maximum(s[:, 1], e[:, 1])
     origin = float(low.min())
     width = max(float((high - low).mean()), float(high.max() - origin) / (4 * len(s)), 1e-300)
-    # the strips of each chart are its own where other charts do not count
-    floors = int((high.max() - origin) / width) + 2
-    base, mine = (floors * c if own else 0 * c for c in (boundary.chart, chart))
+    floors = int((high.max() - origin) / width) + 2  # strips of each chart
     first = ((low - origin) / width).astype(np.int64)
     count = ((high - origin) / width).astype(np.int64) - first + 1
-    strip = np.repeat(base + first, count) + ranges(count)
+    strip = np.repeat(floors * boundary.chart + first, count) + ranges(count)
     order = stable_order(strip)
     segment = np.repeat(np.arange(len(s)), count)[order]
     strip = strip[order]
     level = np.clip(np.floor((points[:, 1] - origin) / width), -1, floors).astype(np.int64)
-    mine = np.where((level >= 0) & (level < floors), mine + level, -1)
+    mine = np.where((level >= 0) & (level < floors), floors * chart + level, -1)
     begin = np.searchsorted(strip, mine)
     number = np.searchsorted(strip, mine, side="right") - begin
-    charts = len(boundary.size)
-    keys, turns = [none], [none]
     for part in np.array_split(np.arange(len(points)), 1 + int(number.sum()) // CHUNK_TESTS):
         k = np.repeat(part, number[part])
         j = segment[np.repeat(begin[part], number[part]) + ranges(number[part])]
@@ -316,12 +307,7 @@ def windings(
         up = (s[j, 1] <= y) & (y < e[j, 1])
         down = (e[j, 1] <= y) & (y < s[j, 1])
         ok = (up | down) & (np.maximum(s[j, 0], e[j, 0]) >= points[k, 0])
-        ok &= (boundary.chart[j] == chart[k]) == own
         k, j, up = k[ok], j[ok], up[ok]
         side = orientation(s[j], e[j], points[k])
-        turn = np.where(up, side > 0, 0) - np.where(~up, side < 0, 0)
-        keys.append(k * charts + boundary.chart[j])
-        turns.append(turn.astype(np.int64))
-    key, group = np.unique(np.concatenate(keys), return_inverse=True)
-    total = group_sum(np.concatenate(turns).astype(np.float64), group.reshape(-1), len(key))
-    return key // charts, key % charts, total.astype(np.int64)
+        np.add.at(out, k, np.where(up, side > 0, 0) - np.where(~up, side < 0, 0))
+    return out

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from circparam.core.arrays import slices
 from circparam.core.types import FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.intersect import windings
@@ -11,9 +12,5 @@ BLOCK_POINTS = 200_000  # points whose rays are followed together: bounds the me
 
 def own_layers(boundary: BoundarySegments, points: FloatArray, chart: IntArray) -> IntArray:
     """(k,) winding number of the boundary of its own chart ((k,) int) about each point (k, 2)."""
-    out = np.zeros(len(points), np.int64)
-    for begin in range(0, len(points), BLOCK_POINTS):
-        part = slice(begin, begin + BLOCK_POINTS)
-        at, _, turns = windings(boundary, points[part], chart[part], own=True)
-        out[begin + at] = turns
-    return out
+    blocks = (windings(boundary, points[k], chart[k]) for k in slices(len(points), BLOCK_POINTS))
+    return np.concatenate([np.zeros(0, np.int64), *blocks])

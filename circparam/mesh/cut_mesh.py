@@ -240,17 +240,16 @@ def laid_flat(points: FloatArray, faces: IntArray) -> FloatArray:
     return out
 
 
-def close_holes(cut_mesh: CutMesh) -> tuple[CutMesh, IntArray]:
+def close_holes(cut_mesh: CutMesh) -> CutMesh:
     """Close every inner hole with a fan of virtual faces round one virtual vertex, for the solve only.
 
     The virtual triangles are isosceles, with the legs of a cone that would lie flat round the hole (perimeter /
-    2π). The closing is therefore intrinsic. Returns (cut mesh with the virtual faces behind the real ones,
-    (holes,) vertex number of each virtual vertex).
+    2π). The closing is therefore intrinsic. The virtual faces and vertices stand behind the real ones.
     """
     loops = cut_mesh.loops
     entries = np.flatnonzero(~loops.outer[loops.loop_of])
     if len(entries) == 0:
-        return cut_mesh, np.zeros(0, np.int64)
+        return cut_mesh
     hole_of_loop = np.cumsum(~loops.outer) - 1
     h = loops.half_edges[entries]
     loop = loops.loop_of[entries]
@@ -280,13 +279,12 @@ def close_holes(cut_mesh: CutMesh) -> tuple[CutMesh, IntArray]:
             np.stack([3 * f + 2, 3 * f[follower] + 1], 1),
         ]
     )
-    closed = CutMesh(
+    return CutMesh(
         np.concatenate([cut_mesh.faces, new_faces]),
         np.concatenate([cut_mesh.rest_triangles, rest_triangles]),
         np.concatenate([cut_mesh.chart, loops.chart[loop]]),
         edges,
     )
-    return closed, cut_mesh.n_vertices + np.arange(int((~loops.outer).sum()))
 
 
 def not_disks(cut_mesh: CutMesh) -> BoolArray:

@@ -69,7 +69,7 @@ def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
             if target != "disk":
                 raise OptionError(f"unknown boundary of bff {target!r}: 'disk', or lengths")
             # a circle takes the shape of the boundary anyway: closed holes are good enough
-            uv = _Flattening(close_holes(cut_mesh)[0]).disk()
+            uv = _Flattening(close_holes(cut_mesh)).disk()
         else:
             factors = _log_factors(cut_mesh, np.asarray(target, np.float64))
             uv = _flatten(cut_mesh, factors, conjugate=False)

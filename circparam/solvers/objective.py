@@ -213,11 +213,10 @@ def in_units_of_faces(cut_mesh: CutMesh, uv: FloatArray) -> tuple[CutMesh, Float
     return cut_mesh.in_units_of(scale), uv / scale, scale
 
 
-def chart_energies(cut_mesh: CutMesh, uv: FloatArray, blend: float = 0.0) -> FloatArray:
+def chart_energies(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(n_charts,) symmetric Dirichlet energy of every chart, mean over its area: 1 for an isometry.
 
-    uv: (n_vertices, 2) in the units of the mesh. blend: share of the conformal energy. Infinite if a face is
-    flipped or collapsed.
+    uv: (n_vertices, 2) in the units of the mesh. Infinite if a face is flipped or collapsed.
     """
     work, scaled, _ = in_units_of_faces(cut_mesh, uv)
-    return Objective(work, None, blend).energies(scaled)[0]
+    return Objective(work, None, 0.0).energies(scaled)[0]

@@ -332,7 +332,5 @@ def _outward(boundary: BoundarySegments, vertex: IntArray) -> tuple[FloatArray, 
     middle = first + turn / 2
     outward = np.stack([np.cos(middle), np.sin(middle)], 1)
     point = place + ASIDE * boundary.size[boundary.chart[v], None] * outward
-    k, _, turns = windings(boundary, point, boundary.chart[v], own=True)
-    covered = np.zeros(len(v), bool)
-    covered[k[turns != 0]] = True
+    covered = windings(boundary, point, boundary.chart[v]) != 0
     return outward[inverse], covered[inverse]

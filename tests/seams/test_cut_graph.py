@@ -29,7 +29,7 @@ def surface_of(shape, polygons=None):
 def check_disks(surface, cut, components=None):
     """Every chart is a disk once its holes are closed, and its outer boundary is a polygon."""
     cut_mesh = surface.cut_mesh(cut)
-    closed, _ = close_holes(cut_mesh)
+    closed = close_holes(cut_mesh)
     assert (closed.euler() == 1).all()
     assert (np.bincount(closed.loops.chart, minlength=closed.n_charts) == 1).all()
     loops = cut_mesh.loops
@@ -190,6 +190,6 @@ def test_any_soup_opens_into_disks(case, paired):
         assume(False)  # nothing but degenerate faces
     seams = cut_disk(surface)
     cut_mesh = surface.cut_mesh(seams.cut)
-    closed, _ = close_holes(cut_mesh)
+    closed = close_holes(cut_mesh)
     assert (closed.euler() == 1).all()
     assert cut_mesh.n_charts == surface.charts(np.zeros(len(surface.edges), bool))[0]

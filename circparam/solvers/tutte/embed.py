@@ -10,46 +10,11 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
-from circparam.core.records import dataclass
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh, close_holes
 from circparam.solvers.tutte.boundary import BOUNDARIES
 from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.tutte.weights import WEIGHTS, clamp_negative, half_edge_weights
-
-
-@dataclass(frozen=True, eq=False)
-class TutteReport:
-    """negative (n_charts,): half-edges that leave a free vertex with a negative weight, before
-    clamping. clamped: whether they were raised. system: the system, to be solved again.
-    """
-
-    negative: IntArray
-    clamped: bool
-    system: "TutteSystem"
-
-
-@dataclass(frozen=True, eq=False)
-class TutteSystem:
-    """uv_i = Σ w_ij uv_j for the free vertices, block diagonal over the charts.
-
-    cut_mesh: holes closed, virtual faces behind the real ones. free (n,): vertex is unknown. matrix: I − W on
-    the free vertices, rows of W summing to one. to_fixed: W from the free to the fixed ones. fixed_uv.
-    """
-
-    cut_mesh: CutMesh
-    free: BoolArray
-    matrix: sps.csr_matrix
-    to_fixed: sps.csr_matrix
-    fixed_uv: FloatArray
-    factor: Factor
-
-    def solve(self, fixed_uv: FloatArray) -> FloatArray:
-        """(n, 2) places of all vertices for places of the fixed ones."""
-        uv = np.empty((self.cut_mesh.n_vertices, 2))
-        uv[~self.free] = fixed_uv
-        uv[self.free] = self.factor.solve(self.to_fixed @ fixed_uv)
-        return uv
 
 
 def tutte_embedding(
@@ -58,13 +23,13 @@ def tutte_embedding(
     options: TutteOptions | None = None,
     monitor: Monitor | None = None,
     grade: FloatArray | None = None,
-) -> tuple[FloatArray, TutteReport]:
+) -> tuple[FloatArray, IntArray]:
     """Map all charts at once onto convex boundaries: one block system, one factorisation, two right-hand sides.
 
     cut_mesh: disks, holes allowed (closed by virtual faces for the solve). weights: row of WEIGHTS. grade:
     (n_vertices,), multiplies w_ij by exp(grade_i − grade_j), which keeps all signs (see ``embed``).
     Returns ((n_vertices, 2) uv in units of the mesh, every chart centred on the origin with about its own
-    area; report).
+    area; (n_charts,) half-edges that leave a free vertex with a negative weight, before clamping).
     Raises OptionError for an unknown name, TopologyError if a chart is no disk, NoResultError if the
     system is singular (never with positive weights).
     """
@@ -73,8 +38,7 @@ def tutte_embedding(
     place = BOUNDARIES[options.boundary].function
     require_boundary(cut_mesh)
     with monitor.stage("weights"):
-        closed, _ = close_holes(cut_mesh)
-        fixed = place(closed, options)
+        fixed = place(close_holes(cut_mesh), options)
         w = half_edge_weights(fixed.cut_mesh, scheme)
         if grade is not None:
             # w_ij · exp(grade_i − grade_j); vertices that close holes lie as deep as the deepest round
@@ -93,14 +57,12 @@ def tutte_embedding(
         )
         if options.clamp and negative.any():
             w = clamp_negative(fixed.cut_mesh, w)
-        fixed_uv = np.zeros((fixed.cut_mesh.n_vertices, 2))
-        fixed_uv[fixed.vertices] = fixed.uv
+        uv = np.zeros((fixed.cut_mesh.n_vertices, 2))
+        uv[fixed.vertices] = fixed.uv
         matrix, to_fixed = assemble(fixed.cut_mesh, w, free)
     with monitor.stage("solve"):
-        factor = Factor(matrix)
-        system = TutteSystem(fixed.cut_mesh, free, matrix, to_fixed, fixed_uv[~free], factor)
-        uv = system.solve(system.fixed_uv)
-    return uv[: cut_mesh.n_vertices], TutteReport(negative, options.clamp, system)
+        uv[free] = Factor(matrix).solve(to_fixed @ uv[~free])
+    return uv[: cut_mesh.n_vertices], negative
 
 
 def assemble(

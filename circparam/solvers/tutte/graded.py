@@ -14,7 +14,7 @@ from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import at_best_scales, measure
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.tutte.embed import TutteReport, tutte_embedding
+from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.untangle import flipped, untangle
 
@@ -33,12 +33,12 @@ def embed(
     cut_mesh: disks, holes allowed. weights: row of WEIGHTS. Returns (uv (n_vertices, 2), notes). Charts
     without flips are exactly the map of the scheme; notes name the others.
     """
-    uv, report = tutte_embedding(cut_mesh, weights, options, monitor)
-    notes = _negative_note(weights, options, report)
+    uv, negative = tutte_embedding(cut_mesh, weights, options, monitor)
+    notes = _negative_note(weights, options, negative)
     bad = _bad_charts(cut_mesh, uv)
     if not bad.any() or not options.repair:
         return uv, notes
-    if not report.negative[bad].any() or options.clamp:
+    if not negative[bad].any() or options.clamp:
         uv, solved = _graded(cut_mesh, weights, options, monitor, uv, bad)
         notes += solved
     hold = None if options.boundary == "virtual" else _outer_vertices(cut_mesh)
@@ -147,11 +147,11 @@ def _outer_vertices(cut_mesh: CutMesh) -> BoolArray:
     return out
 
 
-def _negative_note(weights: str, options: TutteOptions, report: TutteReport) -> list[str]:
+def _negative_note(weights: str, options: TutteOptions, negative: IntArray) -> list[str]:
     """One line where weights are negative."""
-    total = int(report.negative.sum())
+    total = int(negative.sum())
     if not total:
         return []
-    charts = int((report.negative > 0).sum())
+    charts = int((negative > 0).sum())
     cure = "lifted by --clamp" if options.clamp else "faces may flip: --clamp makes it safe"
     return [f"{weights}: {total} negative weights in {charts} charts; {cure}"]

@@ -15,7 +15,7 @@ from tests.support.charts import patches_of, rim
 @pytest.mark.parametrize("scheme", ["uniform", "mean-value", "harmonic"])
 def test_inner_vertices_are_the_weighted_means_of_their_neighbours(scheme):
     cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(80), 2))
-    uv, report = tutte_embedding(cut_mesh, scheme)
+    uv, negative = tutte_embedding(cut_mesh, scheme)
     w = half_edge_weights(cut_mesh, WEIGHTS[scheme].function)
     i, j = cut_mesh.faces.ravel(), cut_mesh.faces[:, [1, 2, 0]].ravel()
     n = cut_mesh.n_vertices
@@ -23,19 +23,17 @@ def test_inner_vertices_are_the_weighted_means_of_their_neighbours(scheme):
     mean = np.stack([np.bincount(i, w * uv[j, d], n) for d in (0, 1)], 1) / total[:, None]
     inner = ~rim(cut_mesh)
     np.testing.assert_allclose(mean[inner], uv[inner], atol=1e-9)
-    np.testing.assert_array_equal(report.system.free, inner)
-    assert not report.clamped
+    assert len(negative) == cut_mesh.n_charts
 
 
 def test_negative_weights_are_counted_in_their_chart_and_clamped_where_asked():
     sound, rough = shapes.delaunay_disk(50), shapes.noisy(*shapes.bumped_disk(600), amount=0.5)
     cut_mesh, _ = patches_of(shapes.join(sound, (rough[0] + [9, 0, 0], rough[1])))
-    _, report = tutte_embedding(cut_mesh, "harmonic")
-    assert report.negative[0] == 0
-    assert report.negative[1] > 0
+    _, negative = tutte_embedding(cut_mesh, "harmonic")
+    assert negative[0] == 0
+    assert negative[1] > 0
     uv, again = tutte_embedding(cut_mesh, "harmonic", TutteOptions(clamp=True))
-    assert again.clamped
-    assert again.negative.tolist() == report.negative.tolist()
+    assert again.tolist() == negative.tolist()
     assert (signed_areas(cut_mesh.faces, uv) > 0).all()
 
 
