@@ -133,7 +133,7 @@ def rebake_document(
     Raises the errors of ``unwrap_document``, OptionError if an option leaves no single page, InputError for
     images that cannot be carried. All but the first come before any work.
     """
-    check_page(options, look)
+    check_page(options)
     if look.check_look and os.fspath(output) == "-":
         raise OptionError("--check-look reads the result back: give -o FILE in place of '-'")
     target = target_format(document, output, options)
@@ -299,7 +299,7 @@ def bake_all(
     return written, carried_look
 
 
-def check_page(options: Options, look: LookOptions) -> None:
+def check_page(options: Options) -> None:
     """Raise OptionError if the layout would not be one packed page."""
     if not options.packed:
         raise OptionError("--rebake needs a packed page: leave --no-normalize out")

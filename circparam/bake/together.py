@@ -65,7 +65,7 @@ def rebake_documents(
     monitor: Monitor,
 ) -> tuple[SharedAtlas, Look]:
     """All stages after reading."""
-    check_page(options, look)
+    check_page(options)
     check_together(documents, outputs, options)
     for document, output in zip(documents, outputs, strict=True):
         if document.looks() is not None:

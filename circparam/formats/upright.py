@@ -5,8 +5,6 @@ from dataclasses import replace
 from circparam.core.types import FloatArray
 from circparam.formats.document import Document
 
-UP_AXES = ("y", "z")
-
 
 def y_up(rows: FloatArray, up: str) -> FloatArray:
     """Points or directions (..., 3) of a mesh whose axis ``up`` points up, turned so that y does: exact."""

@@ -132,7 +132,7 @@ class Tail:
 @dataclass(frozen=True, eq=False)
 class Measures:
     """whole: value of each row of METRICS. charts: (n_charts,) values of each. flips: faces reversed or
-    collapsed, chart_flips (n_charts,). faces: all; degenerate: those without a shape, left out of everything.
+    collapsed. faces: all; degenerate: those without a shape, left out of everything.
     scale: factor of the layout with the least symmetric Dirichlet energy.
     tail: how far single faces are stretched or shrunk at that scale.
     """
@@ -140,7 +140,6 @@ class Measures:
     whole: dict[str, float]
     charts: dict[str, FloatArray]
     flips: int
-    chart_flips: IntArray
     faces: int
     degenerate: int
     scale: float
@@ -188,7 +187,6 @@ def measure(cut_mesh: CutMesh, uv: FloatArray, signs: IntArray | None = None) ->
         {row.name: float(row.function(whole)[0]) for row in METRICS},
         {row.name: row.function(charts) for row in METRICS},
         int(flipped.sum()),
-        np.bincount(cut_mesh.chart[flipped], minlength=cut_mesh.n_charts),
         len(cut_mesh.faces),
         int((~live).sum()),
         equal * k,

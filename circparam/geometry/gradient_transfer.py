@@ -31,16 +31,13 @@ def turn_gradients(gradients: FloatArray, before: FloatArray, after: FloatArray)
     )
 
 
-def targets_from(atlas: Atlas, gradients: FloatArray) -> FloatArray:
-    """(2, 2, m) Jacobians of the rest triangles from space gradients (m, 2, 3) in the planes of the faces."""
-    surface = atlas.surface
-    return in_rest_axes(surface.points, surface.faces, surface.normals, gradients)
-
-
 def in_rest_axes(
     points: FloatArray, faces: IntArray, normals: FloatArray, gradients: FloatArray
 ) -> FloatArray:
-    """As ``targets_from``, of faces (m, 3) of points (n, 3) with those unit normals (m, 3)."""
+    """(2, 2, m) Jacobians of the rest triangles from space gradients (m, 2, 3) in the planes of the faces.
+
+    faces: (m, 3) of points (n, 3), with those unit normals (m, 3).
+    """
     x = unit(points[faces[:, 1]] - points[faces[:, 0]])
     y = np.cross(normals, x)
     return np.stack(
