@@ -110,7 +110,7 @@ def _patched(
         collapsed = int((signs_of(cover.cones) <= 0).sum())
         if collapsed:
             raise NoResultError(
-                f"{collapsed} faces are crushed between landmarks beyond double precision: "
+                f"{collapsed} faces collapse between landmarks, beyond double precision: "
                 "give a landmark at the end of every long thin part"
             )
     return PatchedMesh(patch, places, cover, first, whole_development(development, side.closed))

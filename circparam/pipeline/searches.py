@@ -123,18 +123,18 @@ def best_layout(
 
 @dataclass(eq=False)
 class Drafted:
-    """A draft beside a full search: a rival that it must not cost more than, and its fallback when time is up.
+    """A draft beside a full search: an upper bound on its cost, and its fallback when time is up.
 
     The cheaper layout of both gets its page. The other one may still cost less on its own page if that layout
     is the draft's, so this page is made too, with as little work as in a draft.
 
-    rival: the draft also replaces a full search that ended in time.
+    competes: the draft also replaces a full search that ended in time.
     """
 
     job: Job
     asked: SeamOptions
     seams: DeferredTask
-    rival: bool
+    competes: bool
     _layout: Cascade | None = None
     _paged: Cascade | None = None
 
@@ -151,11 +151,11 @@ class Drafted:
         from circparam.seams.charts import contains_draft
 
         asked = seam_options(job.document, surface, job.repair_report, options)
-        rival, urgent = not contains_draft(surface, asked), monitor.short(full_search)
-        if not (rival or urgent):
+        competes, urgent = not contains_draft(surface, asked), monitor.short(full_search)
+        if not (competes or urgent):
             return None
         task = (surface, asked, options.cut, Search(draft=True))
-        draft = cls(job, asked, DeferredTask(monitor.jobs, _seams, task, monitor), rival)
+        draft = cls(job, asked, DeferredTask(monitor.jobs, _seams, task, monitor), competes)
         if urgent:
             with monitor.stage("draft"), clock.bounded(monitor.last), suppress(*FAILURES):
                 layout = draft.layout(monitor)
@@ -190,7 +190,7 @@ def on_page(
     A draft replaces the layout if it costs less.
     """
     other, hurried = None, monitor.hurried
-    if draft is not None and (draft.rival or hurried):
+    if draft is not None and (draft.competes or hurried):
         with monitor.stage("draft"):
             other = draft.layout(monitor)
     if draft is None or other is None:
