@@ -7,8 +7,7 @@ import pytest
 
 import circparam
 from circparam.errors import NoResultError, OptionError
-from circparam.formats.document import Document
-from circparam.formats.memory import from_arrays
+from circparam.formats.memory import PlainDocument, from_arrays
 from circparam.geometry.overlap import signs
 from circparam.pipeline import save as saving
 from circparam.pipeline.save import export_seams, save, seam_pairs, write_map
@@ -78,7 +77,14 @@ def test_a_saved_result_names_its_file_and_its_maps(tmp_path: Path) -> None:
         save(result, tmp_path / "o.obj")
 
 
-@pytest.mark.parametrize("fault", ["turned", "lost"])
+class Refused(PlainDocument):
+    """A document whose file common loaders refuse."""
+
+    def flaws(self) -> list[str]:
+        return ["view 0 ends early"]
+
+
+@pytest.mark.parametrize("fault", ["turned", "lost", "refused"])
 def test_what_the_file_holds_is_verified_where_it_differs(
     fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -88,22 +94,19 @@ def test_what_the_file_holds_is_verified_where_it_differs(
 
     def bad(*given, **options):
         document = circparam.read(*given)
+        if fault == "refused":
+            return Refused(document.source, "obj", document.mesh)
         uvmap = document.uv()
         faces = uvmap.uv_faces.copy()
         faces[3] = faces[3, ::-1] if fault == "turned" else -1
         return from_arrays(document.mesh.points, document.mesh.faces, uvmap.uv, faces)
 
     monkeypatch.setattr(saving, "read", bad)
+    if fault == "refused":
+        with pytest.raises(NoResultError, match=r"bad\.obj: common loaders refuse .* view 0 ends"):
+            save(memory, tmp_path / "bad.obj")
+        return
     found = save(memory, tmp_path / "bad.obj")
     assert len(found.verification.mirrored) == (fault == "turned")
     assert found.verification.missing == (fault == "lost")
     assert found.status == "degraded"
-
-
-def test_a_file_that_loaders_refuse_is_no_result(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    memory = circparam.unwrap(shapes.bumped_disk(80), format="obj", **FLAT)
-    monkeypatch.setattr(Document, "flaws", lambda document: ["view 0 ends early"])
-    with pytest.raises(NoResultError, match=r"o\.obj: common loaders refuse .* view 0 ends early"):
-        save(memory, tmp_path / "o.obj")
