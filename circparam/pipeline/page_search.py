@@ -168,7 +168,12 @@ class Search:
         areas = np.array([p.outline.area for p in plan.parts])
         order = np.argsort(squares)
         others = np.full(len(squares), squares[order[-1]])
-        others[order[-1]] = squares[order[-2]] if len(squares) > 1 else 0.0
+        if (
+            len(squares) > 1
+        ):  # after the widest part the next is cut, where not every cut has to pay
+            others[order[-1]] = squares[order[-2]] / (1 if self.paying else 2)
+        else:
+            others[order[-1]] = 0.0
         now = (
             plan.log_share
             if self.paying
