@@ -29,7 +29,7 @@ DRAFT_START = (1.0, REGIONS)
 # (size of the proxy, regions that charts are grown from) of each start of a search. Which leads to the fewest
 # charts is a matter of luck: four cost 8 % less than one (seams and charts of eleven meshes of 4,000 to 22,000
 # faces). The draft beside a search is the fourth. Surfaces without a proxy get the first two.
-STARTS = ((1.0, 2 * REGIONS), (0.5, REGIONS), (0.5, 100))
+STARTS = ((1.0, 2 * REGIONS), (0.5, REGIONS), (0.5, 2 * REGIONS))
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
 DIRECT_FACES = 1_500
 
