@@ -66,30 +66,27 @@ def relax_weighted(
     Returns ((nv, 2) the best layout of each chart: neither folded, overlapping nor above the bound (or what it
     was before, where that is higher); (n,) bool: charts that got better).
     """
-    n, chart, most = cut_mesh.n_charts, cut_mesh.chart, limits.most
+    chart, most = cut_mesh.chart, limits.most
     stretch, distortion = stretch_and_distortion(cut_mesh, uv)
     limit = np.maximum(distortion, limits.bound)
     start = share_over(cut_mesh, stretch, most)
     best, folded = _Best(uv, start), _Best(uv, start)
-    at, weight = uv, np.ones(len(chart))
-    idle = np.where(start > 0, 0, PATIENCE)
-    whole, last = np.full(n, limits.local is None), np.inf
+    at, weight, idle = uv, np.ones(len(chart)), np.where(start > 0, 0, PATIENCE)
+    whole, last = np.full(cut_mesh.n_charts, limits.local is None), np.inf
     for turn in range(ROUNDS):
         active = idle < PATIENCE
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
         missing = over.sum() - limits.allowed
         if not active.any() or missing <= 0 or monitor.expired:
             break
-        slow = (last - missing) * (ROUNDS - turn) < missing
-        if limits.local is not None and turn > PATIENCE and slow:
-            break  # at the pace of the last round the others do not get there; what is left is cut off
+        slow = turn > PATIENCE and (last - missing) * (ROUNDS - turn) < missing
+        if limits.local is not None and slow:  # what the others do not reach is cut off
+            break
         last, before = missing, distortion
         heavier = weight * np.maximum(stretch / (1 + AIMED * (most - 1)), 1.0) ** 2
         weight = np.where(active[chart], heavier, weight)
-        reach = np.where(
-            whole, np.inf, limits.near * (1 + turn / 2) * np.sqrt(cut_mesh.chart_areas)
-        )
-        reach = np.where(active, reach, 0.0)
+        near = limits.near * (1 + turn / 2) * np.sqrt(cut_mesh.chart_areas)
+        reach = np.where(active, np.where(whole, np.inf, near), 0.0)
         at = _relaxed_beside(cut_mesh, at, weight, reach, limits.local, monitor)
         stretch, distortion = stretch_and_distortion(cut_mesh, at)
         over = share_over(cut_mesh, stretch, most)
@@ -104,9 +101,9 @@ def relax_weighted(
         if limits.local is not None:  # what a chart lies on is pushed apart at the end
             headway |= nearer
         idle = np.where(headway, 0, idle + 1)
-        idle[best.over == 0] = PATIENCE
         if limits.local is not None:  # more weight would raise it further
-            idle[(distortion > limit) & (distortion > before)] = PATIENCE
+            idle[distortion > np.maximum(limit, before)] = PATIENCE
+        idle[best.over == 0] = PATIENCE
         if again.any():
             at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)
             stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
