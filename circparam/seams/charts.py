@@ -17,8 +17,14 @@ from circparam.seams.cost import COST
 from circparam.seams.evaluate import MARGIN
 from circparam.seams.finish import LEVEL_FACES, REGROUP_FACES, Decided, finish
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import hard_atlas, quick_atlas, unrolls_whole
-from circparam.seams.hard.regions import creased_flats, flats, hard_components
+from circparam.seams.hard.charts import hard_atlas, quick_atlas, unrolls_in_part, unrolls_whole
+from circparam.seams.hard.regions import (
+    creased_flats,
+    edges_inside,
+    hard_components,
+    large_flats,
+    surely_hard,
+)
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
@@ -202,6 +208,13 @@ def _first_atlas(
     if monitor.deadline is not None:
         with monitor.stage("charts"):
             monitor.keep(quick_atlas(surface.part(hard), bound, monitor))
+    doubtful = hard & ~surely_hard(surface)
+    if doubtful.any():
+        with monitor.stage("charts"):
+            hard[doubtful] = unrolls_in_part(surface.part(doubtful), bound)
+            doubtful &= hard
+    if not hard.any():
+        return grown_atlas(surface, bound, options, monitor, notes)
     if not unrolls_whole(surface.part(hard)):
         surface = with_visibility(surface, options, monitor, LEVEL_FACES)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface, hard))
@@ -213,7 +226,6 @@ def _first_atlas(
             with monitor.holding(np.inf, least=float(share)):
                 atlas.put(faces, in_time(part, search, monitor))
             monitor.keep(atlas.part(faces))
-    doubtful = hard & ~hard_components(surface, creased=True)
     doubtful &= surface.components_with(atlas.cut)
     if doubtful.any() and not monitor.expired:
         hard &= ~grown_where_cheaper(atlas, doubtful, bound, options, monitor, notes)
@@ -232,9 +244,9 @@ def grown_where_cheaper(
     """Grow charts of components with those faces ((m,) bool) too, and put them where they cost less.
 
     Flats that creases bound do not cover half of these. A designer's flat between fillets looks like a facet of
-    a tube, and a designer's edge like one of a round shape of few faces. Grown charts cut no flat between
-    creases for less. A draft comes first: where it costs over twice as much, a longer search does not catch up
-    (26 surfaces).
+    a tube, and a designer's edge like one of a round shape of few faces. Grown charts that cut a flat between
+    creases have to cost half. A draft comes first: where it costs over twice as much, a longer search does not
+    catch up (26 surfaces).
     Returns (m,) bool, faces of the components that have grown charts now.
     """
     out = np.zeros(len(faces), bool)
@@ -249,9 +261,11 @@ def grown_where_cheaper(
         except OutOfTimeError:
             monitor.late = True
             break
-        ratio = COST.of_components(grown, part.flat) / COST.of_components(part, part.flat)
-        more = _length_in_flats(grown) > _length_in_flats(part)
-        ratio = np.where(more, np.inf, ratio)[part.surface.components[1]]
+        flat = edges_inside(part.surface, large_flats(part.surface))
+        ratio = COST.of_components(grown, flat) / COST.of_components(part, flat)
+        creased = edges_inside(part.surface, creased_flats(part.surface))
+        more = _seam_within(grown, creased) > _seam_within(part, creased)
+        ratio = np.where(more, 2 * ratio, ratio)[part.surface.components[1]]
         if (ratio < 1).any():
             cheaper = _those_of(faces, ratio < 1)
             atlas.put(cheaper, grown.part(ratio < 1))
@@ -263,13 +277,12 @@ def grown_where_cheaper(
     return out
 
 
-def _length_in_flats(atlas: Atlas) -> FloatArray:
-    """(components,) length of the seams inside flats that creases bound."""
+def _seam_within(atlas: Atlas, edges: BoolArray) -> FloatArray:
+    """(components,) length of the seams among those edges ((e,) bool)."""
     surface = atlas.surface
     n, component = surface.components
-    flat = flats(surface)[0][surface.sides]
-    inside = atlas.cut & (flat[0] == flat[1]) & creased_flats(surface)[flat[0]]
-    return group_sum(surface.edge_lengths[inside], component[surface.sides[0, inside]], n)
+    on = atlas.cut & edges
+    return group_sum(surface.edge_lengths[on], component[surface.sides[0, on]], n)
 
 
 def _those_of(faces: BoolArray, chosen: BoolArray) -> BoolArray:

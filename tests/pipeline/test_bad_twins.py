@@ -5,6 +5,7 @@ from types import FrameType
 
 import circparam
 from circparam.core.linalg import Factor
+from circparam.seams.cost import COST
 from tests.support.bad_twins import TWINS, Faces, clean
 from tests.support.parts import bracket
 
@@ -12,7 +13,7 @@ TIMES = 3.0  # what the issue allows a bad twin
 
 
 def work_of(mesh: Faces) -> tuple[float, float, float]:
-    """(calls of Python functions, unknowns of all systems that were factored, charts) of an unwrap."""
+    """(calls of Python functions, unknowns of all systems that were factored, cost of seams) of an unwrap."""
     calls, unknowns = 0, 0
     factor = Factor.__init__.__code__
 
@@ -31,10 +32,11 @@ def work_of(mesh: Faces) -> tuple[float, float, float]:
         sys.setprofile(before)
     assert result.verification.flips == 0
     assert len(result.charts) == len(mesh[1])
-    return calls, unknowns, float(len(set(result.charts.tolist())))
+    seams = result.measures["seam_length"] + COST.chart * result.measures["charts"]
+    return calls, unknowns, seams
 
 
-def test_bad_twins_are_no_more_work_and_charts_than_three_clean_parts() -> None:
+def test_bad_twins_are_no_more_work_and_seam_than_three_clean_parts() -> None:
     part = bracket()
     circparam.unwrap(
         clean(part), jobs=1, effort="draft"

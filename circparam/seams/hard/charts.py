@@ -12,7 +12,16 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import FINAL, ROUGH, UNROLLED
 from circparam.seams.hard.copies import find_copies, spread_copies
-from circparam.seams.hard.regions import CURVED, SHARP, curvature, turns
+from circparam.seams.hard.regions import (
+    CURVED,
+    MOST_REGIONS,
+    SHARP,
+    area_share,
+    curvature,
+    flats,
+    large_flats,
+    turns,
+)
 from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
@@ -111,18 +120,7 @@ def first_regions(
     atlas: Atlas, graph: DualGraph, bound: float, worker: Worker, monitor: Monitor
 ) -> None:
     """Cut along sharp edges, open what does not unroll, and split what still breaks the bound."""
-    prices = edge_prices(atlas.surface) if atlas.prices is None else atlas.prices
-    locked = atlas.surface.locked
-    atlas.cut |= prices.sharp & ~locked
-    todo = np.ones(len(atlas.surface.faces), bool)
-    layouts = _laid_out(atlas, graph, todo, bound)
-    todo = layouts.bad(bound)[layouts.cut_mesh.chart]
-    if todo.any():
-        e = atlas.surface.edges
-        new = prices.crease & todo[e[:, 0] // 3] & todo[e[:, 1] // 3] & ~locked & ~atlas.cut
-        if new.any():
-            atlas.cut |= new
-            layouts = _laid_out(atlas, graph, todo, bound)
+    layouts = creased_regions(atlas, graph, bound)
     while not monitor.expired:
         monitor.keep(atlas, sound=False)
         bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
@@ -135,7 +133,39 @@ def first_regions(
         layouts = _laid_out(atlas, graph, todo, bound)
 
 
-def _laid_out(atlas: Atlas, graph: DualGraph, todo: BoolArray, bound: float) -> ChartLayouts:
+def creased_regions(
+    atlas: Atlas, graph: DualGraph, bound: float, relaxed: bool = True
+) -> ChartLayouts:
+    """Cut along sharp edges, and what does not unroll then along blunter ones."""
+    prices = edge_prices(atlas.surface) if atlas.prices is None else atlas.prices
+    locked = atlas.surface.locked
+    atlas.cut |= prices.sharp & ~locked
+    todo = np.ones(len(atlas.surface.faces), bool)
+    layouts = _laid_out(atlas, graph, todo, bound, relaxed)
+    todo = layouts.bad(bound)[layouts.cut_mesh.chart]
+    e = atlas.surface.edges
+    new = prices.crease & todo[e[:, 0] // 3] & todo[e[:, 1] // 3] & ~locked & ~atlas.cut
+    if new.any():
+        atlas.cut |= new
+        layouts = _laid_out(atlas, graph, todo, bound, relaxed)
+    return layouts
+
+
+def unrolls_in_part(surface: Surface, bound: float) -> BoolArray:
+    """(m,) bool: large flats, and regions between creases that unroll, cover over a quarter of the component.
+
+    A scan may stand on a flat, and a smooth shape end in some: the rest of it does not unroll.
+    """
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
+    layouts = creased_regions(atlas, dual_graph(surface, atlas.flat), bound, relaxed=False)
+    bad = layouts.bad(bound)[layouts.cut_mesh.chart] & ~large_flats(surface)[flats(surface)[0]]
+    result: BoolArray = (area_share(surface, bad) <= MOST_REGIONS)[surface.components[1]]
+    return result
+
+
+def _laid_out(
+    atlas: Atlas, graph: DualGraph, todo: BoolArray, bound: float, relaxed: bool = True
+) -> ChartLayouts:
     """Make charts disks that unroll and lay out those that hold faces ``todo`` ((m,) bool)."""
     n, chart = atlas.charts()
     which = np.zeros(n, bool)
@@ -150,7 +180,7 @@ def _laid_out(atlas: Atlas, graph: DualGraph, todo: BoolArray, bound: float) -> 
     part = unroll(sub)
     energy = chart_energies(sub, part)
     high = ~(energy <= bound)
-    if high.any():
+    if relaxed and high.any():
         rest, rvid, _ = sub.subset(high)
         part[rvid] = embed_and_relax(rest, dataclasses.replace(ROUGH, give_up=bound), None)
     uv[vid] = part

@@ -29,10 +29,15 @@ SHARP = np.radians(30)  # edges that turn more bound smooth regions
 CREASE = np.radians(20)  # edges that turn more bound regions that cannot be laid out otherwise
 BLUNT = 2 * CREASE  # creases that turn less may come from few faces on a round shape
 CURVED = 0.3  # radians of curvature: a region with less counts as developable
-FLAT_FACES = 2  # a flat tells a hard surface by more faces: quads are cut in two anywhere
+FLAT_FACES = 2  # flats have more faces: quads are cut in two anywhere
+LARGE_FLAT = (
+    0.01  # of the area of its component: a designer's flat has more, facets of round shapes less
+)
 REGION_FACES = 2  # at least in the mean region of a part: noise has regions of one face
-# of the area in flats or in developable regions: a hard surface has more
-MOST_FLAT, MOST_REGIONS = 0.5, 0.75
+MOST_FLAT = (
+    0.5  # of the area in large flats that creases bound: a surface with more is hard for sure
+)
+MOST_REGIONS = 0.75  # of the area in developable regions between creases: a hard surface has more
 MOST_BLUNT = 0.5  # of the length of its creases: a hard surface has fewer blunt ones
 
 
@@ -146,29 +151,25 @@ def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
     return np.where(rim, np.pi, 2 * np.pi) - total, rim
 
 
-def hard_components(surface: Surface, creased: bool = False) -> BoolArray:
-    """(m,) bool: the component of the face is a hard surface, by measurement.
+def hard_components(surface: Surface) -> BoolArray:
+    """(m,) bool: the component of the face may be a hard surface, by measurement.
 
-    Much of its area lies in flats of several faces, or in developable regions between creases, and its creases
-    are sharp: blunt ones may come from few faces on a round shape, but not the lines of a tube, which is
-    developable across them. Scans and organic shapes have neither. creased: only flats count that creases
-    bound, not those between fillets or round a tube, nor regions of an organic shape made of few faces.
+    Much of its area lies in developable regions between creases that are sharp: blunt ones may come from few
+    faces on a round shape, but not the lines of a tube, which is developable across them. Or what lies in flats
+    lies mostly in large ones: fillets join the regions of a part. Few scans and organic shapes have either.
     """
     n, component = surface.components
     angle, _ = turns(surface)
-    flat, _ = flats(surface)
-    large_flats = creased_flats(surface) if creased else np.bincount(flat) > FLAT_FACES
-    total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
-    in_flats = surface.areas * large_flats[flat]
-    flat_share = group_sum(in_flats, component, n) / total
+    large_share = _share_in_flats(surface, large_flats(surface))
+    flat_share = _share_in_flats(surface, np.bincount(flats(surface)[0]) > FLAT_FACES)
     count, region, developable = developable_regions(surface)
-    region_share = group_sum(surface.areas * developable[region], component, n) / total
+    region_share = area_share(surface, developable[region])
+    hard: BoolArray = large_share > flat_share / 2
     of_region = np.zeros(count, np.int64)
     of_region[region] = component
-    large = np.bincount(component) >= REGION_FACES * np.bincount(of_region, minlength=n)
-    developed = (region_share >= MOST_REGIONS) & large
-    hard = (flat_share >= MOST_FLAT) | (developed & (not creased))
-    if not hard.any():
+    wide = np.bincount(component) >= REGION_FACES * np.bincount(of_region, minlength=n)
+    developed = (region_share >= MOST_REGIONS) & wide
+    if not (developed & ~hard).any():
         return hard[component]
     on = angle >= CREASE
     of, length = component[surface.sides[0, on]], surface.edge_lengths[on]
@@ -176,21 +177,58 @@ def hard_components(surface: Surface, creased: bool = False) -> BoolArray:
     _, smooth, tube = developable_regions(surface, BLUNT)
     round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.sides[0, on]]]
     blunt = group_sum(length * round_shape, of, n)
-    hard &= blunt <= MOST_BLUNT * creases
-    result: BoolArray = hard[component]
+    hard |= developed & (blunt <= MOST_BLUNT * creases)
+    return hard[component]
+
+
+def surely_hard(surface: Surface) -> BoolArray:
+    """(m,) bool: large flats that creases bound cover most of the component of the face."""
+    share = _share_in_flats(surface, creased_flats(surface))
+    result: BoolArray = (share >= MOST_FLAT)[surface.components[1]]
     return result
 
 
-def creased_flats(surface: Surface) -> BoolArray:
-    """(flats,) bool: flats of several faces whose rim is creases or boundary, at least half of it."""
+def _share_in_flats(surface: Surface, chosen: BoolArray) -> FloatArray:
+    """(components,) share of the area in the chosen flats ((flats,) bool)."""
+    return area_share(surface, chosen[flats(surface)[0]])
+
+
+def area_share(surface: Surface, faces: BoolArray) -> FloatArray:
+    """(components,) share of the area in those faces ((m,) bool)."""
+    n, component = surface.components
+    total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
+    return group_sum(surface.areas * faces, component, n) / total
+
+
+def edges_inside(surface: Surface, chosen: BoolArray) -> BoolArray:
+    """(e,) bool: edges inside the chosen flats ((flats,) bool)."""
+    flat, inside = flats(surface)
+    result: BoolArray = inside & chosen[flat[surface.sides[0]]]
+    return result
+
+
+def large_flats(surface: Surface) -> BoolArray:
+    """(flats,) bool: flats of several faces that have as much of their component as a designer gives them."""
+    n, component = surface.components
     flat, _ = flats(surface)
-    faces = np.bincount(flat)
+    whole = group_sum(surface.areas, component, n)
+    count = int(flat.max(initial=-1)) + 1
+    of_flat = np.zeros(count, np.int64)
+    of_flat[flat] = component
+    large: BoolArray = group_sum(surface.areas, flat, count) > LARGE_FLAT * whole[of_flat]
+    return large & (np.bincount(flat) > FLAT_FACES)
+
+
+def creased_flats(surface: Surface) -> BoolArray:
+    """(flats,) bool: large flats whose rim is creases or boundary, at least half of it."""
+    flat, _ = flats(surface)
+    large = large_flats(surface)
     left, right = flat[surface.sides]
     length = np.where(left == right, 0.0, surface.edge_lengths)
     length = np.where(turns(surface)[0] >= CREASE, length, -length)
-    balance = group_sum(length, left, len(faces)) + group_sum(length, right, len(faces))
-    balance += group_sum(surface.boundary_lengths, flat[surface.boundary // 3], len(faces))
-    result: BoolArray = (balance >= 0) & (faces > FLAT_FACES)
+    balance = group_sum(length, left, len(large)) + group_sum(length, right, len(large))
+    balance += group_sum(surface.boundary_lengths, flat[surface.boundary // 3], len(large))
+    result: BoolArray = large & (balance >= 0)
     return result
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.seams.hard.regions import flats, hard_components, turns
+from circparam.seams.hard.charts import unrolls_in_part
+from circparam.seams.hard.regions import flats, hard_components, surely_hard, turns
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import surface_of
@@ -38,7 +39,22 @@ def test_parts_are_hard(name) -> None:
     ],
 )
 def test_round_shapes_are_organic(shape) -> None:
-    assert not hard_components(surface_of(*shape)).any()
+    """Some end in large flats where they lie along an axis, but the rest does not unroll."""
+    surface = surface_of(*shape)
+    assert not (hard_components(surface) & unrolls_in_part(surface, 1.05)).any()
+
+
+def test_a_scan_that_stands_on_a_flat_is_organic() -> None:
+    points, faces = shapes.noisy(*shapes.icosphere(4), amount=0.05)
+    points = np.where(points < [-9, -9, -0.8], [0, 0, -0.8], points)
+    surface = surface_of(points, faces)
+    assert not (hard_components(surface) & unrolls_in_part(surface, 1.05)).any()
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_parts_unroll_between_their_creases(name) -> None:
+    part = PARTS[name]()
+    assert unrolls_in_part(surface_of(part.points, part.faces), 1.05).all()
 
 
 def test_a_round_shape_of_few_faces_is_not_taken_for_a_hard_one() -> None:
@@ -50,18 +66,18 @@ def test_facets_of_a_tube_are_flats_that_no_crease_bounds() -> None:
     label, _ = flats(surface)
     assert surface.areas[(np.bincount(label) > 50)[label]].sum() > surface.areas.sum() / 2
     assert hard_components(surface).all()
-    assert not hard_components(surface, creased=True).any()
+    assert not surely_hard(surface).any()
 
 
 def test_faces_of_a_stone_are_hard_but_no_flats_of_several_faces() -> None:
     surface = surface_of(*shapes.stone())
     assert hard_components(surface).all()
-    assert not hard_components(surface, creased=True).any()
+    assert not surely_hard(surface).any()
 
 
 @pytest.mark.parametrize("shape", [shapes.cube(6), shapes.grid(20, 20)])
 def test_creases_and_boundaries_bound_flats(shape) -> None:
-    assert hard_components(surface_of(*shape), creased=True).all()
+    assert surely_hard(surface_of(*shape)).all()
 
 
 def test_seams_are_dear_in_flats_and_cheap_on_sharp_edges() -> None:
