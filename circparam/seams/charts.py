@@ -100,7 +100,16 @@ def contains_draft(surface: Surface, options: SeamOptions) -> bool:
         return True
     if len(surface.faces) > LEVEL_FACES:
         return True
-    return int((~hard_components(surface)).sum()) <= DIRECT_FACES
+    return int((~hard_faces(surface, options.max_distortion)).sum()) <= DIRECT_FACES
+
+
+def hard_faces(surface: Surface, bound: float) -> BoolArray:
+    """(m,) bool: faces of hard components: of those that may be, a part unrolls, or they are it for sure."""
+    hard = hard_components(surface) & ~debris(surface)
+    doubtful = hard & ~surely_hard(surface)
+    if doubtful.any():
+        hard[doubtful] = unrolls_in_part(surface.part(doubtful), bound)
+    return hard
 
 
 def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
@@ -202,19 +211,13 @@ def _first_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
     """Hard components from their regions, the others grown."""
-    hard = hard_components(surface) & ~debris(surface)
+    with monitor.stage("charts"):
+        hard = hard_faces(surface, bound)
     if not hard.any():
         return grown_atlas(surface, bound, options, monitor, notes)
     if monitor.deadline is not None:
         with monitor.stage("charts"):
             monitor.keep(quick_atlas(surface.part(hard), bound, monitor))
-    doubtful = hard & ~surely_hard(surface)
-    if doubtful.any():
-        with monitor.stage("charts"):
-            hard[doubtful] = unrolls_in_part(surface.part(doubtful), bound)
-            doubtful &= hard
-    if not hard.any():
-        return grown_atlas(surface, bound, options, monitor, notes)
     if not unrolls_whole(surface.part(hard)):
         surface = with_visibility(surface, options, monitor, LEVEL_FACES)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface, hard))
@@ -226,7 +229,7 @@ def _first_atlas(
             with monitor.holding(np.inf, least=float(share)):
                 atlas.put(faces, in_time(part, search, monitor))
             monitor.keep(atlas.part(faces))
-    doubtful &= surface.components_with(atlas.cut)
+    doubtful = hard & ~surely_hard(surface) & surface.components_with(atlas.cut)
     if doubtful.any() and not monitor.expired:
         hard &= ~grown_where_cheaper(atlas, doubtful, bound, options, monitor, notes)
         atlas.prices = edge_prices(surface, hard)
