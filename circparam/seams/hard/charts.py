@@ -35,7 +35,6 @@ from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
 SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
-DRAFT_WORK_PER_FACE = 3.0  # faces of all trials of a draft, in faces of the surface
 MARGIN = 0.001  # of the root of the area of a chart: its parts keep so far apart
 
 
@@ -86,10 +85,8 @@ def _decided(
     graph = dual_graph(atlas.surface, atlas.flat)
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
-        work = (DRAFT_WORK_PER_FACE if options.search.draft else WORK_PER_FACE) * len(
-            atlas.surface.faces
-        )
-        merging = MergeOptions(bound, MARGIN, work=work, search=options.search)
+        work = WORK_PER_FACE * len(atlas.surface.faces)
+        merging = MergeOptions(bound, MARGIN, work=work)
         merge(atlas, merging, monitor, worker=worker)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
