@@ -133,9 +133,11 @@ class Part:
 
 
 def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part]:
-    """The texels in parts of one material each. Parts that old images magnify are separate, because one
-    sample is enough there. So are parts of far denser images, which take twice as many samples along each
-    side."""
+    """The texels in parts of one material each.
+
+    Parts that old images magnify are separate, because one sample is enough there. So are parts of far denser
+    images, which take twice as many samples along each side.
+    """
     looks, of = work.source.looks, work.texels.face
     group_of = {member: group for group in groups for member in group.members}
     fine = np.zeros(len(looks.face), np.int64)  # 0 for one sample, 1, 2 for twice as many
@@ -250,8 +252,11 @@ def _turned(
     common: FloatArray,
     texels: tuple[IntArray, IntArray, FloatArray],
 ) -> FloatArray:
-    """Texels of normals or directions in the frames of the new layout. own, common: factors of the material
-    and of its group. texels: (p,) texels, (p,) faces, (p, 3) their values in the old frames."""
+    """Texels of normals or directions in the frames of the new layout.
+
+    own, common: factors of the material and of its group. texels: (p,) texels, (p,) faces, (p, 3) their values
+    in the old frames.
+    """
     pixel, face, texel = texels
     bary = next(places_in(work.xy, face, pixel, work.texels.size, 1)).T.astype(np.float64)
     old = work.source.old_frames(use)

@@ -191,9 +191,11 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
 
 
 def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
-    """A result whose distortion is that of charts at the sizes that were chosen for them. factor: (m,) size
-    of each face's chart beside that of a page of one density. asked: options of the unwrap, which the
-    result keeps except the page."""
+    """A result whose distortion is that of charts at the sizes that were chosen for them.
+
+    factor: (m,) size of each face's chart beside that of a page of one density. asked: options of the unwrap,
+    which the result keeps except the page.
+    """
     o = result.options
     options = replace(asked, resolution=o.resolution, padding=o.padding_texels)
     found = result.verification
@@ -242,7 +244,10 @@ def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dic
 
 def _at_size(result: Result, size: int, grows: bool) -> Result:
     """A result on a page of another size, with the padding of that size; unchanged if that padding is too
-    small. grows: the padding is that of ``--padding auto``, which a smaller page needs less of."""
+    small.
+
+    grows: the padding is that of ``--padding auto``, which a smaller page needs less of.
+    """
     old = result.options
     packed = old.resolution or size
     if size == packed or (size < packed and not grows):

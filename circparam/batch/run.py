@@ -230,9 +230,11 @@ class Batch:
             self.listener(self.meter.progress(names, self._threads, note))
 
     def _leave_waiting(self) -> None:
-        """Have the workers begin nothing more. Each task still answers with a line, or with the word that
-        it was left. Only a worker knows which tasks it has begun. The scheduler hears later, and the line
-        of a cancelled task would be lost."""
+        """Have the workers begin nothing more.
+
+        Each task still answers with a line, or with the word that it was left. Only a worker knows which tasks
+        it has begun. The scheduler hears later, and the line of a cancelled task would be lost.
+        """
         self.cluster.client.run(leave, settings_of(self.settings).run, on_error="ignore")
         if not self._threads:  # no worker answers, so no task is running
             self.cluster.client.cancel([future for future, _ in self.running.values()])

@@ -233,8 +233,10 @@ def _bound_memory(limit: tuple[int, int]) -> None:
 
 
 def _begin(lifeline: Any, memory: int | None, modules: tuple[str, ...]) -> None:
-    """First action of a worker: listen for the end of the caller, and import the modules of its work. Its
-    output goes nowhere, since that of the caller may be the mesh."""
+    """First action of a worker: listen for the end of the caller, and import the modules of its work.
+
+    Its output goes nowhere, since that of the caller may be the mesh.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller hears it too, and ends this process
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):

@@ -185,7 +185,10 @@ def image_name(stem: str, page: str) -> str:
 
 def _moved(material: Material, k: int, images: int, format: str) -> Material:
     """A material of file k among those of all files: its images get other numbers, and the page numbers of
-    glTF. Materials of two files cannot become one."""
+    glTF.
+
+    Materials of two files cannot become one.
+    """
     names = SHARED_PAGES.get(format, {})
     uses = {slot: replace(use, image=use.image + images) for slot, use in material.uses.items()}
     return replace(
@@ -252,8 +255,10 @@ def apart(points: Sequence[FloatArray], faces: Sequence[IntArray]) -> Iterator[F
 def _labels(
     given: Sequence[IntArray | None], meshes: Sequence[Mesh], one_each: bool = False
 ) -> IntArray | None:
-    """(m,) labels of all faces, those of two meshes apart; None if no mesh has any. one_each: a mesh
-    without labels has one, in place of one for each face."""
+    """(m,) labels of all faces, those of two meshes apart; None if no mesh has any.
+
+    one_each: a mesh without labels has one, in place of one for each face.
+    """
     if all(labels is None for labels in given):
         return None
     out, count = [], 0

@@ -161,8 +161,10 @@ def _is_vertex(value: float) -> bool:
 def _numbers(
     path: AnyPath, columns: int, what: str, *, vertices: int = 0, besides: str = ""
 ) -> FloatArray:
-    """The numbers of a text file as rows of so many. vertices: number of vertex numbers at the beginning of
-    each row. besides: the first word of skipped lines."""
+    """The numbers of a text file as rows of so many.
+
+    vertices: number of vertex numbers at the beginning of each row. besides: the first word of skipped lines.
+    """
     rows = []
     for line, words in _lines(path):
         if words[0] == besides:

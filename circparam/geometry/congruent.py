@@ -380,8 +380,10 @@ def _same_faces(
     flats: bool,
 ) -> _Found:
     """Of components whose vertices match those of their leaders, the ones whose faces or flats do as well.
+
     match: (v,) vertex of the leader. faces: numbers of the faces by component and vertices, and where each
-    component begins."""
+    component begins.
+    """
     order, begin = faces
     size = begin[own + 1] - begin[own]
     which = np.repeat(np.arange(len(own)), size)

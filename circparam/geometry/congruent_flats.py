@@ -153,7 +153,9 @@ def _corners(
     to: IntArray,
 ) -> SameFlats:
     """The faces of components (k,) that are good (k,), with a corner of the leader for each of theirs.
-    match: vertex of the leader of each vertex; to: flat of the leader of each flat."""
+
+    match: vertex of the leader of each vertex; to: flat of the leader of each flat.
+    """
     own, good, turned = found
     n = int(vertex.max()) + 1
     number = positions_in(int(component.max()) + 1, own)

@@ -119,7 +119,9 @@ def wedges_meet(boundary: BoundarySegments, a: IntArray, b: IntArray) -> BoolArr
 
 def _within(o: FloatArray, first: FloatArray, last: FloatArray, x: FloatArray) -> BoolArray:
     """Whether direction x lies in the arc from first (included) counter-clockwise to last (excluded).
-    Directions are points seen from o. Equal first and last mean the full turn."""
+
+    Directions are points seen from o. Equal first and last mean the full turn.
+    """
     first_x, x_last = orientation(o, first, x), orientation(o, x, last)
     span = orientation(o, first, last)
     same = (span == 0) & _same_direction(last - o, first - o)
@@ -197,7 +199,9 @@ def _pieces(
     boundary: BoundarySegments, live: IntArray, reach: FloatArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Consecutive short segments as pieces about PIECE reaches long; every longer segment is one by itself.
-    Returns (first, number) of each piece in ``member``, the segments in order along the boundary."""
+
+    Returns (first, number) of each piece in ``member``, the segments in order along the boundary.
+    """
     loop, position, _ = boundary.along
     member = live[np.lexsort((position[live], loop[live]))]
     length = norms2(boundary.end[member] - boundary.start[member])

@@ -185,8 +185,10 @@ def wound_twice(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
 
 
 def _twice(faces: IntArray, uv: FloatArray, h: IntArray) -> BoolArray:
-    """(k,) bool, as ``wound_twice``; h: boundary half-edges. Counted exactly: a corner passes the direction
-    of the positive x axis where it begins below and ends above."""
+    """(k,) bool, as ``wound_twice``; h: boundary half-edges.
+
+    Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
+    """
     on_boundary = mask_of(len(uv), faces.ravel()[h])
     on_boundary[faces.ravel()[next_half_edge(h)]] = True
     y = uv[:, 1][faces]

@@ -101,9 +101,11 @@ def _regular(cut_mesh: CutMesh, quads: _Quads, diagonal: IntArray) -> BoolArray:
 
 
 def _directions(cut_mesh: CutMesh, quads: _Quads, charts: BoolArray) -> tuple[IntArray, BoolArray]:
-    """((3m,) direction of each side: 0 to 3 for +u, +v, −u, −v; (n_charts,) where one turn of quads fits
-    all). A node stands for each quad and each of its four turns, an edge for turns of neighbours that
-    agree. A chart whose quads can be turned alike falls into four copies of itself."""
+    """((3m,) direction of each side: 0 to 3 for +u, +v, −u, −v; (n_charts,) where one turn of quads fits all).
+
+    A node stands for each quad and each of its four turns, an edge for turns of neighbours that agree. A chart
+    whose quads can be turned alike falls into four copies of itself.
+    """
     m = len(quads.quad)
     h = np.flatnonzero((quads.partner > np.arange(3 * m)) & np.repeat(charts[cut_mesh.chart], 3))
     g = quads.partner[h]
@@ -120,8 +122,11 @@ def _directions(cut_mesh: CutMesh, quads: _Quads, charts: BoolArray) -> tuple[In
 
 
 def _widths(cut_mesh: CutMesh, quads: _Quads) -> FloatArray:
-    """(3m,) length of each side: one for all sides that face each other across a row of quads. Faces of
-    area A and side a stretched to the width w cost Σ A (w²/a² + a²/w²), least at w⁴ = Σ A a² / Σ A a⁻²."""
+    """(3m,) length of each side: one for all sides that face each other across a row of quads.
+
+    Faces of area A and side a stretched to the width w cost Σ A (w²/a² + a²/w²), least at w⁴ = Σ A a² / Σ A
+    a⁻².
+    """
     m = len(quads.quad)
     opposite = np.full((m, 4), -1)
     h = np.flatnonzero(quads.side >= 0)

@@ -308,9 +308,11 @@ def _neighbours(grid: LabelGrid, search: int) -> Iterator[tuple[float, LabelGrid
 def _gap_by_trees(
     texels: IntArray, label: LabelGrid, search: int
 ) -> tuple[float, tuple[int, int] | None]:
-    """``smallest_gap`` of texels (k, 2) of labels (k,): the work hardly grows with the search. Two labels
-    differ in a bit. The nearest texels of two labels are found by searching, for each bit, from the texels
-    with the bit to those without."""
+    """``smallest_gap`` of texels (k, 2) of labels (k,): the work hardly grows with the search.
+
+    Two labels differ in a bit. The nearest texels of two labels are found by searching, for each bit, from the
+    texels with the bit to those without.
+    """
     names, index = np.unique(label, return_inverse=True)
     best = search * search + 1
     pair: tuple[int, int] | None = None

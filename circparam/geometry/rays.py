@@ -102,8 +102,10 @@ def _meets(
 
 
 def _to_barycentric(corners: FloatArray) -> FloatArray:
-    """(12, m) rows that give (v, w, height over the face) of a point; NaN for faces without area. The
-    height is in units of the normal e1 × e2 (Baldwin and Weber 2016 do the same with other numbers)."""
+    """(12, m) rows that give (v, w, height over the face) of a point; NaN for faces without area.
+
+    The height is in units of the normal e1 × e2 (Baldwin and Weber 2016 do the same with other numbers).
+    """
     a, e1, e2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     n = np.cross(e1, e2)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -187,9 +187,11 @@ class Candidates:
     def _sweep(
         self, segment: IntArray, cell: IntArray, box: FloatArray
     ) -> tuple[IntArray, IntArray]:
-        """Order of entries inside their cells, and how many behind each one overlap it across the cell. The
-        pieces inside the cell are projected on the normal of their mean direction, so parallel segments do
-        not meet there."""
+        """Order of entries inside their cells, and how many behind each one overlap it across the cell.
+
+        The pieces inside the cell are projected on the normal of their mean direction, so parallel segments do
+        not meet there.
+        """
         p = self.start[segment]
         d = self.end[segment] - p
         double = unit(np.stack([d[:, 0] ** 2 - d[:, 1] ** 2, 2 * d[:, 0] * d[:, 1]], 1))

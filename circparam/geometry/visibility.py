@@ -146,9 +146,11 @@ class _Block:
 
 
 def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
-    """(3, ...) coordinates in a frame, or those along some of its rows, of p (3, ...). Rows of coordinates
-    take a third of the time that columns do. By hand: threads of a BLAS cost more than they gain here, and
-    round."""
+    """(3, ...) coordinates in a frame, or those along some of its rows, of p (3, ...).
+
+    Rows of coordinates take a third of the time that columns do. By hand: threads of a BLAS cost more than they
+    gain here, and round.
+    """
     out = np.empty((len(frame), *p.shape[1:]))
     for row, (x, y, z) in zip(out, frame, strict=True):
         row[...] = p[0] * x + p[1] * y + p[2] * z

@@ -146,8 +146,10 @@ class SourceCharts:
     def _walked(
         self, places: FloatArray, start: SurfacePoints, other: SurfacePoints | None = None
     ) -> SurfacePoints:
-        """Walk to neighbouring faces of the same chart while one is nearer; ``start`` holds squared
-        distances. other: points with distances. They stay where the walk ends no nearer."""
+        """Walk to neighbouring faces of the same chart while one is nearer; ``start`` holds squared distances.
+
+        other: points with distances. They stay where the walk ends no nearer.
+        """
 
         def best(rows: IntArray, faces: IntArray) -> Nearest:
             bary, gap = closest_on_triangles(places[rows][:, None], self.corners[faces])
@@ -258,8 +260,10 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
 
 
 def _lay_anew(atlas: Atlas, loose: BoolArray, scale: float) -> None:
-    """Lay faces ((m,) bool, with all edges cut) beside the charts of an atlas, without distortion. In
-    place. scale: uv units per unit of the mesh. Raises NoResultError where no page has room."""
+    """Lay faces ((m,) bool, with all edges cut) beside the charts of an atlas, without distortion. In place.
+
+    scale: uv units per unit of the mesh. Raises NoResultError where no page has room.
+    """
     if not loose.any():
         return
     cut_mesh, _ = atlas.open()
@@ -299,9 +303,11 @@ def _relabel(
     points: tuple[SurfacePoints, SurfacePoints, SurfacePoints],
     sign: FloatArray,
 ) -> bool:
-    """Let other probes or neighbours lead faces at fault, so that they are less so; whether any did. A
-    fault is as large as the face is turned, or as deep as it lies in another one. points: those of the
-    probes, those that lead, those of the corners."""
+    """Let other probes or neighbours lead faces at fault, so that they are less so; whether any did.
+
+    A fault is as large as the face is turned, or as deep as it lies in another one. points: those of the
+    probes, those that lead, those of the corners.
+    """
     probed, led, corners = points
     uv = source.uv(corners).reshape(-1, 3, 2)
     bad = heights(uv, sign[source.chart[led.face]])[0] <= 0
@@ -346,9 +352,10 @@ def _relabel(
 
 
 def _depths(triangles: FloatArray, own: IntArray, corners: FloatArray) -> FloatArray:
-    """(c,) how deep triangles (c, 3, 2) lie in faces with corners (m, 3, 2), other than their own face
-    (c,). The depth of two triangles is the least way along a normal of one of their sides that parts
-    them."""
+    """(c,) how deep triangles (c, 3, 2) lie in faces with corners (m, 3, 2), other than their own face (c,).
+
+    The depth of two triangles is the least way along a normal of one of their sides that parts them.
+    """
     low, high = corners.min(1), corners.max(1)
     out = np.zeros(len(triangles))
     for k in slices(len(triangles), max(1, PAIRS_AT_ONCE // max(1, len(corners)))):

@@ -137,7 +137,8 @@ def straighten(layout: Layout, weights: str, first: int) -> None:
 
 def _rounds(layout: Layout, first: int) -> list[list[int]]:
     """Arcs to replace together: of each region one at most, and only between regions that make a
-    quadrilateral."""
+    quadrilateral.
+    """
     region_of = {arc: n for n, r in enumerate(layout.regions()) for arc in r}
     corners = {
         arc: {layout.ends[side][0] for side in _sides(layout, arc)}

@@ -291,7 +291,8 @@ def guess(a: MapInput, b: MapInput) -> Landmarks:
 
 def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
     """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest
-    points."""
+    points.
+    """
     axes_p, axes_q = (
         axes * np.linalg.det(axes)
         for axes in (np.linalg.svd(x - x.mean(0), full_matrices=False)[2] for x in (p, q))

@@ -129,8 +129,10 @@ class Layout:
             )
 
     def _greedy(self, joining: bool) -> None:
-        """Lay the cheapest pair until none is left; costs only grow as arcs are laid. joining: between
-        parts that no arc joins yet; else wherever an arc cuts a region."""
+        """Lay the cheapest pair until none is left; costs only grow as arcs are laid.
+
+        joining: between parts that no arc joins yet; else wherever an arc cuts a region.
+        """
         most = 3 * self.k - 6 + 6 * self.genus  # arcs of a triangulation
         laid = {frozenset(e) for e in self.ends}
         queue = [

@@ -147,8 +147,10 @@ def relaxed(
 
 def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> Cover:
     """The mesh of B, its domain relaxed until no face of A is turned over in it, or it gets no better.
-    Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned
-    over where the domain bends under it."""
+
+    Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned over
+    where the domain bends under it.
+    """
     one, two = domain.meshes
     cover, geometry, mesh = two.cover, domain.base.geometry, two.cover.mesh
     areas = mesh.cut_mesh.areas * np.where(mesh.parent < 0, CAP_WEIGHT, 1.0)

@@ -80,8 +80,10 @@ def frame_of(points: FloatArray, faces: IntArray) -> Frame:
 def _moments(
     points: FloatArray, faces: IntArray, origin: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """((3, 3) second, (3, 3, 3) third moments) of a surface about an origin. The second is exact; the third
-    is that of the centroids of the faces."""
+    """((3, 3) second, (3, 3, 3) third moments) of a surface about an origin.
+
+    The second is exact; the third is that of the centroids of the faces.
+    """
     second, third = np.zeros((3, 3)), np.zeros((3, 3, 3))
     for k in slices(len(faces)):
         corner = points[faces[k]] - origin

@@ -183,10 +183,12 @@ def _same_uv(faces: IntArray, uv: FloatArray, i: IntArray, j: IntArray) -> BoolA
 
 
 def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
-    """Pairs of half-edges (p, 2) at the crowded edges, such that no two edges have the same two ends. Two
-    pairs at an edge may have the same vertices at both ends. The part between them then has no room in any
+    """Pairs of half-edges (p, 2) at the crowded edges, such that no two edges have the same two ends.
+
+    Two pairs at an edge may have the same vertices at both ends. The part between them then has no room in any
     map with straight edges. There, pairs are chosen by straightness alone, then otherwise; in the end such
-    pairs are let go. others: the pairs at all other edges."""
+    pairs are let go. others: the pairs at all other edges.
+    """
     extra = np.where(fans.against, TURN_COST, 0.0)
     chosen = fans.pairs(extra)
     tried = np.zeros(len(fans.x), bool)

@@ -80,9 +80,11 @@ def double_cover(
 def _along_tree(
     n: int, i: IntArray, j: IntArray, flip: BoolArray, locked: BoolArray, whole: BoolArray
 ) -> BoolArray:
-    """Signs along a breadth-first tree whose nodes are whole polygons (faces joined by locked pairs) and
-    flats (joined by ``whole`` ones). Inside one-sided parts, first a flat, then a polygon, edges are like
-    all others."""
+    """Signs along a breadth-first tree whose nodes are whole polygons (faces joined by locked pairs) and flats
+    (joined by ``whole`` ones).
+
+    Inside one-sided parts, first a flat, then a polygon, edges are like all others.
+    """
     for fixed in (locked, np.zeros_like(locked)):
         node, inside, two_sided = double_cover(n, i[whole], j[whole], flip[whole])
         if two_sided.all():

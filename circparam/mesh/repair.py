@@ -178,8 +178,10 @@ def _joined(
     uv: FloatArray | None,
     by_position: bool,
 ) -> tuple[Surface, Pairs, Orientation]:
-    """The surface of the faces ``kept``, their half-edges in pairs, and how they are wound. points: (n, 3)
-    as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is."""
+    """The surface of the faces ``kept``, their half-edges in pairs, and how they are wound.
+
+    points: (n, 3) as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is.
+    """
     # by the ranks of their positions, points have the same order however the file numbers them
     ranked = np.empty((int(mesh.rank.max()) + 1, 3))
     ranked[mesh.rank] = points
@@ -240,8 +242,9 @@ def _part_of_another_polygon(
     polygons: IntArray, first: IntArray, duplicate: BoolArray, bad: BoolArray
 ) -> BoolArray:
     """(m,) bool: the polygon of the face also has a face of its own, where that of its duplicate has none.
-    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its duplicate
-    lies."""
+
+    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its duplicate lies.
+    """
     own = np.zeros(int(polygons.max()) + 1, bool)
     own[polygons[~duplicate & ~bad]] = True
     return own[polygons] & (polygons != polygons[first])

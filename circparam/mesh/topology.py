@@ -295,8 +295,10 @@ def _boundaries(
     single: IntArray,
     unit: float,
 ) -> tuple[IntArray, list[list[float]]]:
-    """Boundary loops of each component: (number (n,), lengths, longest first). A loop is a chain of edges
-    of one face; it does not jump from fan to fan at a vertex of several fans."""
+    """Boundary loops of each component: (number (n,), lengths, longest first).
+
+    A loop is a chain of edges of one face; it does not jump from fan to fan at a vertex of several fans.
+    """
     n = int(component.max()) + 1
     flat = faces.ravel()
     if len(single) == 0:

@@ -174,8 +174,10 @@ class _AngleSystem:
 
 
 def _system(cut_mesh: CutMesh) -> _AngleSystem:
-    """Targets: the angles on the surface, rescaled to 2π round inner vertices. Round a hole of k boundary
-    edges the corners add up to (k + 2)π in every layout: the boundary turns by −2π."""
+    """Targets: the angles on the surface, rescaled to 2π round inner vertices.
+
+    Round a hole of k boundary edges the corners add up to (k + 2)π in every layout: the boundary turns by −2π.
+    """
     angles = corner_angles(cut_mesh)
     inner = np.ones(cut_mesh.n_vertices, bool)
     inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
@@ -266,9 +268,12 @@ class _StepSolver:
 
 
 def _newton_step(system: _AngleSystem, alpha: FloatArray, solver: _StepSolver) -> FloatArray:
-    """δα (m, 3) of one step. With the Hessian Λ = diag(2/β²) the multipliers enter only through their new
-    values. The step therefore solves min ½ δᵀΛδ + gᵀδ under the linearised conditions. The face conditions
-    are eliminated first: their Schur complement is diagonal, three corners a face."""
+    """δα (m, 3) of one step.
+
+    With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values. The step therefore
+    solves min ½ δᵀΛδ + gᵀδ under the linearised conditions. The face conditions are eliminated first: their
+    Schur complement is diagonal, three corners a face.
+    """
     w = 1 / system.weight  # Λ⁻¹
     gradient = system.weight * (alpha - system.target)
     face, angle, wheel = system.residuals(alpha)

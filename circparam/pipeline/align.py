@@ -129,8 +129,10 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
 
 
 def _lines(cut_mesh: CutMesh, texels: FloatArray, axis: int, block: float) -> _Lines:
-    """The lines of all charts across one axis, each with its target, a multiple of ``block``. A chart
-    thinner than a block keeps only the lines at its low side."""
+    """The lines of all charts across one axis, each with its target, a multiple of ``block``.
+
+    A chart thinner than a block keeps only the lines at its low side.
+    """
     n, flat, h = cut_mesh.n_charts, cut_mesh.faces.ravel(), cut_mesh.boundary
     a, b, chart = flat[h], flat[next_half_edge(h)], cut_mesh.chart[h // 3]
     along = texels[b] - texels[a]
@@ -179,8 +181,10 @@ def _signed_areas(cut_mesh: CutMesh, texels: FloatArray) -> FloatArray:
 def _with_room(
     cut_mesh: CutMesh, before: FloatArray, after: FloatArray, asked: PackOptions
 ) -> FloatArray:
-    """(nv, 2) the charts of one page as ``after``, or as ``before`` where they came too near to others. A
-    rectangle that stays inside its old place cannot come nearer."""
+    """(nv, 2) the charts of one page as ``after``, or as ``before`` where they came too near to others.
+
+    A rectangle that stays inside its old place cannot come nearer.
+    """
     own = cut_mesh.vertex_chart
     (low, high), (new_low, new_high) = (chart_boxes(cut_mesh, p) for p in (before, after))
     inside = (new_low >= low - BOX_SLACK).all(1) & (new_high <= high + BOX_SLACK).all(1)

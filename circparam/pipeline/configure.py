@@ -115,8 +115,10 @@ def seam_options(
 
 
 def _cut_between(document: Document, surface: Surface, o: Options) -> IntArray | None:
-    """(m,) label of each face of the mesh, where edges between two labels are seams; None for no such
-    edges. Labels differ between materials, atlases, groups and densities."""
+    """(m,) label of each face of the mesh, where edges between two labels are seams; None for no such edges.
+
+    Labels differ between materials, atlases, groups and densities.
+    """
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1
     if o.cut_materials and not several:

@@ -165,9 +165,11 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 
 
 def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:
-    """An atlas cut along a path (edges) if both charts are valid, else None. Both parts, or None. Each part
-    is a disk (holes allowed) with enough faces, below the bound: a part above it is relaxed. The smaller
-    part has about the planned area."""
+    """An atlas cut along a path (edges) if both charts are valid, else None.
+
+    Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound: a part above it
+    is relaxed. The smaller part has about the planned area.
+    """
     count, chart = atlas.charts()
     if count != 2 or np.bincount(chart).min() < limits.faces:
         return None

@@ -76,8 +76,10 @@ def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool
 
 
 def _with_layout(atlas: Atlas, charts: BoolArray, flat: FloatArray, good: BoolArray) -> Atlas:
-    """The atlas with a layout of some charts ((n,) bool), those of them that are ``good``, as large as
-    before. flat: (nv, 2) of the vertices of these charts, in units of the mesh."""
+    """The atlas with a layout of some charts ((n,) bool), those of them that are ``good``, as large as before.
+
+    flat: (nv, 2) of the vertices of these charts, in units of the mesh.
+    """
     if not good.any():
         return atlas
     cut_mesh, uv = atlas.open()

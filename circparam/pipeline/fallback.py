@@ -90,9 +90,11 @@ def settle_faulty(
 
 
 def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
-    """(n_charts,) as ``faults``; also DISTORTED where seams may be added. new: (m,) bool, faces of the
-    charts to look at; others are known to be sound. Single faces are always sound. Where time is up, only
-    charts that are far beyond any bound are too distorted: those begun too late."""
+    """(n_charts,) as ``faults``; also DISTORTED where seams may be added.
+
+    new: (m,) bool, faces of the charts to look at; others are known to be sound. Single faces are always sound.
+    Where time is up, only charts that are far beyond any bound are too distorted: those begun too late.
+    """
     whole, uv = cascade.open()
     out, looked = np.full(whole.n_charts, SOUND), np.zeros(whole.n_charts, bool)
     looked[whole.chart[new]] = True
@@ -317,8 +319,10 @@ def project_charts(cascade: Cascade, faces: BoolArray) -> Cascade:
 
 
 def _axes(surface: Surface) -> IntArray:
-    """(m,) the axis that each face is seen along: x, y, z, then the other way; alike in a polygon. The axis
-    nearest to the normal comes first. Neighbours then vote among axes that are nearly as good."""
+    """(m,) the axis that each face is seen along: x, y, z, then the other way; alike in a polygon.
+
+    The axis nearest to the normal comes first. Neighbours then vote among axes that are nearly as good.
+    """
     p = surface.points[surface.faces]
     pairs = surface.edges // 3
     glue = pairs[surface.locked]

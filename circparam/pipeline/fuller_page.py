@@ -3,8 +3,8 @@
 A chart is cut if and only if the cut lowers the cost of the atlas (``AtlasCost``): its seam and one more chart
 are paid by the fuller page. ``page_search`` proposes cuts by estimates and sketches of the page. The best
 layouts are packed as they will be, each only as far as it may cost less than those before it, and the cheapest
-is kept. A mesh that needs no seam gets none. At a texel density that the user
-fixed, charts too large for their pages are cut so that they fit.
+is kept. A mesh that needs no seam gets none. At a texel density that the user fixed, charts too large for
+their pages are cut so that they fit.
 """
 
 import contextlib

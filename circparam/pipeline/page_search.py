@@ -153,9 +153,10 @@ class Search:
         self, parts: list[Part], box: FloatArray | float, square: FloatArray | float
     ) -> FloatArray:
         """Logarithm of the share of a page by the sum of all least boxes and the widest least square.
-        Between two pages: the larger one of the square and of charts that interlock half, and the square
-        with all boxes beside it. Pages of 2 to 70 charts lie at a quarter of the way, on a scale of
-        logarithms."""
+
+        Between two pages: the larger one of the square and of charts that interlock half, and the square with
+        all boxes beside it. Pages of 2 to 70 charts lie at a quarter of the way, on a scale of logarithms.
+        """
         area, pages = sum(p.outline.area for p in parts), self.options.pages
         low = np.maximum(np.square(square), (np.asarray(box) + area) / (2 * pages))
         high = np.square(square) + np.asarray(box) / pages
@@ -168,12 +169,9 @@ class Search:
         areas = np.array([p.outline.area for p in plan.parts])
         order = np.argsort(squares)
         others = np.full(len(squares), squares[order[-1]])
-        if (
-            len(squares) > 1
-        ):  # after the widest part the next is cut, where not every cut has to pay
-            others[order[-1]] = squares[order[-2]] / (1 if self.paying else 2)
-        else:
-            others[order[-1]] = 0.0
+        second = squares[order[-2]] if len(squares) > 1 else 0.0
+        # where not every cut has to pay, the second widest part is cut after the widest
+        others[order[-1]] = second if self.paying else second / 2
         now = (
             plan.log_share
             if self.paying

@@ -219,9 +219,11 @@ def mend_faces(patch: Patch) -> tuple[FloatArray, BoolArray]:
 
 
 def _spread(patch: Patch, inner: BoolArray, by: float) -> tuple[IntArray, FloatArray]:
-    """(vertices, storable places) of crowds among the vertices that are ``inner``, scaled round their
-    middles. Scaling keeps the signs of a crowd's own faces, and of faces that join the crowd to vertices
-    outside its new width."""
+    """(vertices, storable places) of crowds among the vertices that are ``inner``, scaled round their middles.
+
+    Scaling keeps the signs of a crowd's own faces, and of faces that join the crowd to vertices outside its new
+    width.
+    """
     exact, start = patch.exact, patch.start
     step = np.zeros(len(exact))
     step[inner] = (following(start[inner], patch.rounding, 1) - start[inner]).max(1)

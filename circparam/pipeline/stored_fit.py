@@ -219,9 +219,11 @@ def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
 
 
 def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
-    """Send charts on that stored numbers would spoil somewhere on a page, at a given size. Each lies
-    turned, as packing may turn it, because needles along an axis would be stored too well; and at the far
-    corner of the page, where stored numbers are coarsest."""
+    """Send charts on that stored numbers would spoil somewhere on a page, at a given size.
+
+    Each lies turned, as packing may turn it, because needles along an axis would be stored too well; and at the
+    far corner of the page, where stored numbers are coarsest.
+    """
     cascade = fallback.settle(cascade, monitor)
     cut_mesh, uv = cascade.open()
     with monitor.stage("check"):
@@ -299,7 +301,9 @@ def _meeting(cut_mesh: CutMesh, uv: FloatArray) -> tuple[BoolArray, IntArray]:
 
 def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: int) -> FloatArray:
     """uv with the ends of boundary half-edges drawn towards the inside of their charts, by so many numbers.
-    A vertex takes the best place of its window that leaves all its faces upright."""
+
+    A vertex takes the best place of its window that leaves all its faces upright.
+    """
     flat = cut_mesh.faces.ravel()
     a, b = flat[h], flat[next_half_edge(h)]
     # the inside is where the third corner of the half-edge's face lies
@@ -380,8 +384,10 @@ def _sides(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _loads(before: FloatArray, after: FloatArray) -> FloatArray:
-    """(...) twice the area of triangles (..., 3, 2) times their energy above an isometry. Infinite if one
-    of them is not counter-clockwise."""
+    """(...) twice the area of triangles (..., 3, 2) times their energy above an isometry.
+
+    Infinite if one of them is not counter-clockwise.
+    """
     a, b = _sides(before)
     c, d = _sides(after)
     was, now = cross2(a, b), cross2(c, d)

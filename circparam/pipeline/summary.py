@@ -96,8 +96,10 @@ ROOM_SHARE = 0.5  # covered share below which a page is worth a word, if a cure 
 
 
 def _room(result: "Result") -> list[str]:
-    """A warning where pages are half empty although packing chose the sizes, and the cure is known. Where
-    no cure is known, the figure in the report is all there is to say."""
+    """A warning where pages are half empty although packing chose the sizes, and the cure is known.
+
+    Where no cure is known, the figure in the report is all there is to say.
+    """
     o, share = result.options, result.measures.get("pack")
     if (
         not o.packed

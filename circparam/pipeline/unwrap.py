@@ -106,9 +106,12 @@ def _unwrapped(
 
 
 def _searched(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
-    """The layout as it will be stored, and the searches. Two outcomes call for another search. The charts
-    of a draft may not fit on pages of a fixed size, where those of a full search may. Copies drawn with
-    other diagonals may exceed the bound; an original at half the excess leaves room for them."""
+    """The layout as it will be stored, and the searches.
+
+    Two outcomes call for another search. The charts of a draft may not fit on pages of a fixed size, where
+    those of a full search may. Copies drawn with other diagonals may exceed the bound; an original at half the
+    excess leaves room for them.
+    """
     asked, options = job.options, job.options
     while True:
         trial = job if options is asked else replace(job, options=options)

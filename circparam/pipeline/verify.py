@@ -282,9 +282,11 @@ def _orientation(
     ok: BoolArray,
     turned: BoolArray | bool = False,
 ) -> tuple[BoolArray, IntArray]:
-    """(m,) faces flipped against their chart, and the charts that lie the wrong way round as a whole. sign:
-    (m,) of the area of each face in the plane; ok: (m,) faces that have uv. turned: (n_charts,) bool,
-    charts that are to lie the other way round."""
+    """(m,) faces flipped against their chart, and the charts that lie the wrong way round as a whole.
+
+    sign: (m,) of the area of each face in the plane; ok: (m,) faces that have uv. turned: (n_charts,) bool,
+    charts that are to lie the other way round.
+    """
     n, chart = cut_mesh.n_charts, cut_mesh.chart
     positive = group_count(chart[ok & (sign > 0)], n)
     negative = group_count(chart[ok & (sign < 0)], n)

@@ -191,7 +191,9 @@ def page_images(document: Document, uv_set: int) -> tuple[PageImages | None, str
 
 def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes, str]:
     """An image as it is where browsers know it and it is small enough, else scaled down and as JPEG or PNG.
-    move: (2, 3) where uv lie in the image; None if they are places in it."""
+
+    move: (2, 3) where uv lie in the image; None if they are places in it.
+    """
     image = decode(data, name)
     kind = media_type(data)
     if move is not None and not np.array_equal(move, np.eye(2, 3)):

@@ -226,9 +226,11 @@ def newton_step(
 def _stride(
     objective: Objective, before: Iterate, d: FloatArray, step: NewtonStep, reach: FloatArray
 ) -> NewtonStep:
-    """Longer steps for charts whose full step gains more than the model predicts. A nearly collapsed face
-    of width x has the energy 1/x². A Newton step reduces the energy by 7/16, where the model predicts 1/3,
-    and widens the face by a third only. Such a start would need dozens of full steps."""
+    """Longer steps for charts whose full step gains more than the model predicts.
+
+    A nearly collapsed face of width x has the energy 1/x². A Newton step reduces the energy by 7/16, where the
+    model predicts 1/3, and widens the face by a third only. Such a start would need dozens of full steps.
+    """
     part = objective.cut_mesh
     uv, energy, jacobian, t = step.to.uv, step.to.energy, step.to.jacobian, step.length
     with np.errstate(invalid="ignore"):

@@ -162,8 +162,10 @@ class Objective:
         return matrix if self.fixed is None else _hold(matrix, self.fixed)
 
     def _by_size(self, matrix: SparseMatrix, g: FloatArray, uv: FloatArray) -> FloatArray:
-        """Approximate matrix⁻¹ g: small charts are factored, large ones use conjugate gradients. Under one
-        tolerance the worst charts would decide the accuracy of the small ones."""
+        """Approximate matrix⁻¹ g: small charts are factored, large ones use conjugate gradients.
+
+        Under one tolerance the worst charts would decide the accuracy of the small ones.
+        """
         if self.local is not None:
             step = conjugate_gradients(matrix, g.ravel(), BlockJacobi(matrix), 0.0, self.local)
             return step.reshape(-1, 2)

@@ -198,8 +198,10 @@ def push_apart(
 def _moved(
     cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring. Also returns
-    the charts ((n_charts,) bool) that stay, because too many of their faces would have to move."""
+    """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring.
+
+    Also returns the charts ((n_charts,) bool) that stay, because too many of their faces would have to move.
+    """
     chart = cut_mesh.chart
     region = within(
         (centres(uv, cut_mesh.faces), chart), (uv[springs.vertex], springs.chart), reach
@@ -221,9 +223,11 @@ def _moved(
 
 
 def _in_part(springs: _Springs, whole: CutMesh, part: CutMesh, source: IntArray) -> _Springs:
-    """The springs between vertices of a part, whose vertices are those of the whole in ``source`` (k,). One
-    whose other side lies outside is left to a later, wider part. Energies are means over charts, so that
-    the weights grow by the share of the chart that the part is."""
+    """The springs between vertices of a part, whose vertices are those of the whole in ``source`` (k,).
+
+    One whose other side lies outside is left to a later, wider part. Energies are means over charts, so that
+    the weights grow by the share of the chart that the part is.
+    """
     place = np.full(whole.n_vertices, -1)
     place[source] = np.arange(len(source))
     ends = np.stack([place[x] for x in (springs.vertex, springs.tail, springs.head)])
@@ -251,9 +255,11 @@ def _find(
     weight: FloatArray,
     todo: BoolArray,
 ) -> tuple[_Springs, BoolArray]:
-    """Springs for vertices that lie beyond a part of the boundary that faces them, or too near to it. near:
-    pairs of segments. Returns the springs, the nearest of each vertex, and the charts ((n,) bool) with a
-    vertex so deep in another part that no segment within reach faces it."""
+    """Springs for vertices that lie beyond a part of the boundary that faces them, or too near to it.
+
+    near: pairs of segments. Returns the springs, the nearest of each vertex, and the charts ((n,) bool) with a
+    vertex so deep in another part that no segment within reach faces it.
+    """
     # a vertex is named by the segment that begins there
     live = np.flatnonzero(todo[boundary.chart])
     outward, covered = _outward(boundary, live)
@@ -321,8 +327,10 @@ def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArra
 
 
 def _outward(boundary: BoundarySegments, vertex: IntArray) -> tuple[FloatArray, BoolArray]:
-    """((k, 2) outward normals of boundary vertices, (k,) bool: another part of the chart covers the
-    vertex). vertex: (k,) the boundary segments that begin there."""
+    """((k, 2) outward normals of boundary vertices, (k,) bool: another part of the chart covers the vertex).
+
+    vertex: (k,) the boundary segments that begin there.
+    """
     v, inverse = numbered(vertex)
     place = boundary.start[v]
     leaves, back = boundary.end[v] - place, boundary.start[boundary.before[v]] - place

@@ -181,8 +181,10 @@ def to_glb(
 
 
 def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, list[str]]:
-    """((n, 3) points with y up as float32, (3,) place of their node, changes by storing). Raises
-    OutputError for points beyond float32."""
+    """((n, 3) points with y up as float32, (3,) place of their node, changes by storing).
+
+    Raises OutputError for points beyond float32.
+    """
     given = y_up(mesh.points, up)
     used = mask_of(len(given), mesh.faces.ravel())
     far = float(np.abs(given[used]).max())

@@ -84,8 +84,11 @@ def affine(moved: Json) -> FloatArray:
 
 
 def _base_colour(material: Json) -> Json:
-    """Texture and factor of a material's base colour, by today's names. Older exports, Sketchfab's among
-    them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first where a reader knows it."""
+    """Texture and factor of a material's base colour, by today's names.
+
+    Older exports, Sketchfab's among them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first
+    where a reader knows it.
+    """
     gloss = material.get("extensions", {}).get(GLOSS)
     if gloss is None:
         return material.get("pbrMetallicRoughness", {})

@@ -92,8 +92,10 @@ def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
 def _materials_of_faces(
     scan: Scan, owner: IntArray, known: list[str]
 ) -> tuple[list[str], IntArray]:
-    """(names of materials, (m,) the one of each face): those of ``usemtl``, first the one before any. A
-    file that forgets usemtl, but has one material only, shows that one."""
+    """(names of materials, (m,) the one of each face): those of ``usemtl``, first the one before any.
+
+    A file that forgets usemtl, but has one material only, shows that one.
+    """
     lines, used = scan.lines(b"usemtl")
     names = ["", *(name.decode("utf-8", "surrogateescape") for name in used)]
     if not used and len(known) == 1:

@@ -174,8 +174,10 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
 
 
 def _lists(layout: Layout, name: str, points: int, least: int) -> tuple[IntArray, IntArray]:
-    """The vertices that the lists of an element name, and (n,) the length of each list. Raises InputError
-    for a number below ``least``, or from ``points`` on."""
+    """The vertices that the lists of an element name, and (n,) the length of each list.
+
+    Raises InputError for a number below ``least``, or from ``points`` on.
+    """
     element = layout.element(name)
     if element.count == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

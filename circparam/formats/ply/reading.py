@@ -244,8 +244,10 @@ class Layout:
         return len(end) == UNFILLED_BYTES and not end.any()
 
     def _cut_short(self, e: Element, at: int, stride: int) -> bool:
-        """Whether all rows of the file are alike, and the bytes behind them are too few for the others. Row
-        after row would tell the same of gigabytes in minutes. stride: bytes of the first row."""
+        """Whether all rows of the file are alike, and the bytes behind them are too few for the others.
+
+        Row after row would tell the same of gigabytes in minutes. stride: bytes of the first row.
+        """
         whole, left = divmod(self._size - at, stride)
         least = self._least(e)
         if (e.count - whole) * least <= left:

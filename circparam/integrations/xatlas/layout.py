@@ -132,9 +132,11 @@ def _in_units(result: Result, scale: FloatArray | float = 1.0) -> Document:
 
 
 def _on_pages(result: Result, density: float, packing: dict[str, Any]) -> Result:
-    """The charts at a density in texels a unit, on the fewest pages of the resolution of the result. Charts
-    longer than a page are scaled down to it, as xatlas does, with a warning. Raises OptionError where 100
-    pages do not hold the charts."""
+    """The charts at a density in texels a unit, on the fewest pages of the resolution of the result.
+
+    Charts longer than a page are scaled down to it, as xatlas does, with a warning. Raises OptionError where
+    100 pages do not hold the charts.
+    """
     side, found = result.options.resolution or DEFAULT_RESOLUTION, result.verification
     asked = PackOptions(resolution=side, padding=result.options.padding_texels)
     room = side - 2 * asked.border

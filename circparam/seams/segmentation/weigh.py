@@ -71,7 +71,8 @@ def relax_weighted(
     limit = np.maximum(distortion, limits.bound)
     start = share_over(cut_mesh, stretch, most)
     best, folded = _Best(uv, start), _Best(uv, start)
-    at, weight, idle = uv, np.ones(len(chart)), np.where(start > 0, 0, PATIENCE)
+    at, weight = uv, np.ones(len(chart))
+    idle = np.where(start > 0, 0, PATIENCE)
     whole, last = np.full(cut_mesh.n_charts, limits.local is None), np.inf
     for turn in range(ROUNDS):
         active = idle < PATIENCE
@@ -109,14 +110,8 @@ def relax_weighted(
             stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
             weight = np.where(again[chart], 1.0, weight)
             whole &= ~again
-    coiled = folded.over < best.over
-    if coiled.any() and best.over.sum() > limits.allowed:
-        sub, vid, _ = cut_mesh.subset(coiled)
-        at = folded.uv.copy()
-        at[vid], apart = pushed_apart(sub, at[vid], GAP, limits.bound, monitor)
-        over = share_over(cut_mesh, face_stretch(cut_mesh, at), most)
-        coiled[coiled] = apart
-        best = best.taken(cut_mesh, at, over, coiled & (over < best.over))
+    if best.over.sum() > limits.allowed:
+        best = _pushed_apart(cut_mesh, best, folded, limits, monitor)
     return best.uv, best.over < start
 
 
@@ -133,6 +128,21 @@ class _Best:
         """With another layout of some charts ((n,) bool)."""
         keep = better[cut_mesh.vertex_chart][:, None]
         return _Best(np.where(keep, uv, self.uv), np.where(better, over, self.over))
+
+
+def _pushed_apart(
+    cut_mesh: CutMesh, best: _Best, folded: _Best, limits: Limits, monitor: Monitor
+) -> _Best:
+    """The best layouts, with those that lie on themselves where these can be pushed apart and are better."""
+    coiled = folded.over < best.over
+    if not coiled.any():
+        return best
+    sub, vid, _ = cut_mesh.subset(coiled)
+    at = folded.uv.copy()
+    at[vid], apart = pushed_apart(sub, at[vid], GAP, limits.bound, monitor)
+    over = share_over(cut_mesh, face_stretch(cut_mesh, at), limits.most)
+    coiled[coiled] = apart
+    return best.taken(cut_mesh, at, over, coiled & (over < best.over))
 
 
 def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> BoolArray:

@@ -67,9 +67,10 @@ def behind_virtual_faces(cut_mesh: CutMesh, options: TutteOptions) -> FixedBound
 
 
 def _with_virtual_faces(cut_mesh: CutMesh, outer: OuterBoundary) -> tuple[CutMesh, IntArray]:
-    """(cut mesh with two virtual faces outside every boundary edge, after the real ones; (b,) outer
-    vertices). Each edge carries an isosceles trapezoid, as if the boundary were a circle with the flat ring
-    around it."""
+    """(cut mesh with two virtual faces outside every boundary edge, after the real ones; (b,) outer vertices).
+
+    Each edge carries an isosceles trapezoid, as if the boundary were a circle with the flat ring around it.
+    """
     b = len(outer.vertices)
     index, follower, preceding = outer.index, outer.neighbour(1), outer.neighbour(-1)
     base = cut_mesh.edge_lengths.ravel()[outer.half_edge]
