@@ -30,13 +30,12 @@ CREASE = np.radians(20)  # edges that turn more bound regions that cannot be lai
 BLUNT = 2 * CREASE  # creases that turn less may come from few faces on a round shape
 CURVED = 0.3  # radians of curvature: a region with less counts as developable
 FLAT_FACES = 2  # flats have more faces: quads are cut in two anywhere
-LARGE_FLAT = (
-    0.01  # of the area of its component: a designer's flat has more, facets of round shapes less
-)
+# of the area of its component: a designer's flat has more, facets of round shapes less (figures in
+# docs/experiments/hard-surfaces.md)
+LARGE_FLAT = 0.01
 REGION_FACES = 2  # at least in the mean region of a part: noise has regions of one face
-MOST_FLAT = (
-    0.5  # of the area in large flats that creases bound: a surface with more is hard for sure
-)
+# of the area in large flats that creases bound: a surface with more is hard for sure
+MOST_FLAT = 0.5
 MOST_REGIONS = 0.75  # of the area in developable regions between creases: a hard surface has more
 MOST_BLUNT = 0.5  # of the length of its creases: a hard surface has fewer blunt ones
 
