@@ -57,13 +57,8 @@ class Cluster:
         import distributed  # while the cluster does so, too
 
         # a pipe that is cut off reports an error there
-        for name in (
-            "distributed",
-            "distributed.client",
-            "asyncio",
-            "tornado",
-            "tornado.application",
-        ):
+        noisy = "distributed distributed.client asyncio tornado tornado.application"
+        for name in noisy.split():
             logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler_file is not None:
             scheduler = address_in(scheduler_file)
@@ -188,20 +183,14 @@ class Cluster:
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
-        if self._folder is not None:
-            remove_folder(self._folder)
+        for _ in range(10):  # a process that was ended may have begun a last file there
+            shutil.rmtree(self._folder or "", ignore_errors=True)
+            if not os.path.exists(self._folder or ""):
+                break
+            time.sleep(0.05)
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
-
-
-def remove_folder(folder: str) -> None:
-    """Remove a folder in which a process that was ended may have begun a last file."""
-    for _ in range(10):
-        shutil.rmtree(folder, ignore_errors=True)
-        if not os.path.exists(folder):
-            return
-        time.sleep(0.05)
 
 
 def clear_folders() -> None:

@@ -64,11 +64,6 @@ class Meter:
         self._done += 1
         self._weight += int(line["source_bytes"] or 0) + LEAST_WEIGHT_BYTES
 
-    @property
-    def bad(self) -> int:
-        """Files that failed or missed a gate."""
-        return self.counts["failed"] + self.missed
-
     def progress(self, running: dict[str, float], workers: int, note: str) -> Progress:
         """How far it is now."""
         now = time.monotonic()

@@ -159,7 +159,10 @@ def _histogram(index: Index, name: str) -> str:
         return ""
     low, middle, high = (float(v) for v in np.percentile(values, [0, 50, 100]))
     log = low > 0 and high > 30 * low and name != "pack"  # a share is read as it is
-    edges = _edges(low, high, log)
+    edges: FloatArray = (np.geomspace if log else np.linspace)(low, high, HISTOGRAM_BINS + 1)
+    edges[0], edges[-1] = low, high
+    if high <= low:
+        edges = np.array([low - 0.5, low + 0.5])
     counts, _ = np.histogram(values, edges)
     tallest = max(int(counts.max()), 1)
     step = 260 / len(counts)
@@ -184,18 +187,6 @@ def _histogram(index: Index, name: str) -> str:
 def figure(value: float) -> str:
     """Three digits of a number, or all before the point."""
     return f"{value:.3g}" if abs(value) < 999.5 else f"{value:,.0f}"
-
-
-def _edges(low: float, high: float, log: bool) -> FloatArray:
-    if high <= low:
-        return np.array([low - 0.5, low + 0.5])
-    edges: FloatArray = (
-        np.geomspace(low, high, HISTOGRAM_BINS + 1)
-        if log
-        else np.linspace(low, high, HISTOGRAM_BINS + 1)
-    )
-    edges[0], edges[-1] = low, high
-    return edges
 
 
 def _cards(folder: Folder, index: Index) -> str:

@@ -30,12 +30,6 @@ Listener = Callable[[Progress], None]
 Task = Callable[[bytes, Item], dict[str, Any]]
 
 
-def task_key(number: int) -> tuple[str, int]:
-    """Dask's key of a task: one group for all, because Dask keeps data of each group while any of its tasks
-    runs."""
-    return "unwrap", number
-
-
 @dataclass
 class Batch:
     """One run. items: to do, in this order. settings: packed. task: function that a worker calls for an item,
@@ -115,7 +109,8 @@ class Batch:
         return True
 
     def _submit(self, item: Item) -> None:
-        key = task_key(next(self._number))
+        # one group for all: Dask keeps data of each group while any of its tasks runs
+        key = "unwrap", next(self._number)
         future = self.cluster.client.submit(
             self.task, self.settings, item, key=key, pure=False, retries=0
         )
@@ -206,8 +201,12 @@ class Batch:
                 self.on_line(line)
 
     def _look(self) -> None:
-        """A periodic look at the number of workers, the running tasks and the scheduler. After ``ask_to_stop``
-        the look tells each worker, also workers that joined later."""
+        """A periodic look at the number of workers, the running tasks and the scheduler.
+
+        After ``ask_to_stop`` the look tells each worker, also workers that joined later, to begin nothing more.
+        Each task still answers with a line, or with the word that it was left. Only a worker knows which tasks
+        it has begun. The scheduler hears later, and the line of a cancelled task would be lost.
+        """
         now = time.monotonic()
         if now - self._looked < LOOK_SECONDS:
             return
@@ -217,7 +216,10 @@ class Batch:
         try:
             self._threads = self.cluster.threads()
             if self.stopping:
-                self._leave_waiting()
+                self.cluster.client.run(leave, settings_of(self.settings).run, on_error="ignore")
+                if not self._threads:  # no worker answers, so no task is running
+                    self.cluster.client.cancel([future for future, _ in self.running.values()])
+                    self.running.clear()
             ages = self.cluster.running()
         except Exception:
             if not self.cluster.alive:
@@ -228,14 +230,3 @@ class Batch:
             note = self._note or ("" if self._threads else "there are no workers yet: waiting")
             names = {self.running[k][1].target: seconds for k, seconds in known.items()}
             self.listener(self.meter.progress(names, self._threads, note))
-
-    def _leave_waiting(self) -> None:
-        """Have the workers begin nothing more.
-
-        Each task still answers with a line, or with the word that it was left. Only a worker knows which tasks
-        it has begun. The scheduler hears later, and the line of a cancelled task would be lost.
-        """
-        self.cluster.client.run(leave, settings_of(self.settings).run, on_error="ignore")
-        if not self._threads:  # no worker answers, so no task is running
-            self.cluster.client.cancel([future for future, _ in self.running.values()])
-            self.running.clear()

@@ -270,8 +270,9 @@ def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | Non
 
         beside = [fetched(name) for name in _companions(path, everything)]
         for library in [p for p in beside if p is not None and p.suffix.lower() == ".mtl"]:
-            for name in _images(library):
-                fetched(name)
+            for name in image_names(_readable(library.read_bytes())):
+                for word in dict.fromkeys((name, name.split()[-1])):  # it may follow others
+                    fetched(word)
     except CircparamError:
         raise
     except FileNotFoundError:
@@ -299,12 +300,6 @@ def _companions(path: str, all_of_them: bool) -> list[str]:
     if suffix == ".obj" and all_of_them:
         return [_readable(name) for name in _LIBRARY.findall(Path(path).read_bytes())]
     return []
-
-
-def _images(library: Path) -> list[str]:
-    """Relative names of the images of a material library, the last word of each too: it may follow others."""
-    names = image_names(_readable(library.read_bytes()))
-    return list(dict.fromkeys(n for name in names for n in (name, name.split()[-1])))
 
 
 def _readable(data: bytes) -> str:

@@ -135,9 +135,18 @@ def _compared(
 
 def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[str, Any]) -> None:
     """JSON, CSV, the page and the image, as asked for."""
-    if given["as_json"]:
-        common.echo_json(_document(found, sizes, given["repeats"]), 2)
+    from circparam import __version__
+    from circparam.compare import kim2019
     from circparam.core.files import write_files
+
+    if given["as_json"]:
+        document: dict[str, Any] = {"schema": SCHEMA, "version": __version__}
+        document |= {"meshes": [c.as_dict() for c in found], "table1": None}
+        if sizes is not None:
+            rows = [s.as_dict() for s in sizes]
+            ratios = {"repeats": given["repeats"], "range_of_source": kim2019.PRINTED_RATIOS}
+            document["table1"] = {**ratios, "sizes": rows}
+        common.echo_json(document, 2)
 
     contents: dict[Path, bytes] = {}
     if given["csv_file"] is not None:
@@ -159,20 +168,6 @@ def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[st
             contents[Path(given["plot"])] = png_bytes(compare_plot(meshes))
     if contents:  # all or none
         write_files(contents, overwrite=True)
-
-
-def _document(
-    found: "list[Comparison]", sizes: "list[Size] | None", repeats: int
-) -> dict[str, Any]:
-    from circparam import __version__
-    from circparam.compare import kim2019
-
-    printed = None
-    if sizes is not None:
-        rows = [s.as_dict() for s in sizes]
-        printed = {"repeats": repeats, "range_of_source": kim2019.PRINTED_RATIOS, "sizes": rows}
-    meshes = [c.as_dict() for c in found]
-    return {"schema": SCHEMA, "version": __version__, "meshes": meshes, "table1": printed}
 
 
 def _csv(found: "list[Comparison]") -> str:

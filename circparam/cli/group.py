@@ -133,7 +133,11 @@ class LazyGroup(click.Group):
             value = super().main(argv, "circparam", complete_var, False, **extra)
             sys.stdout.flush()
         except click.ClickException as error:
-            _complain(_usage_line(error))
+            line = " ".join(error.format_message().split())
+            if (context := getattr(error, "ctx", None)) is not None:  # the help to look at
+                line += "" if line.endswith((".", "?", "!")) else "."
+                line += f" See: {context.command_path} --help"
+            _complain(line)
             return exits.USAGE if isinstance(error, click.UsageError) else exits.INTERNAL
         except (click.Abort, KeyboardInterrupt):
             _complain(exits.line_of(KeyboardInterrupt()))
@@ -150,21 +154,9 @@ class LazyGroup(click.Group):
         return value if isinstance(value, int) else exits.OK
 
 
-def _usage_line(error: click.ClickException) -> str:
-    """One line for click's own errors, with the help to look at."""
-    text = " ".join(error.format_message().split())
-    context = getattr(error, "ctx", None)
-    if context is None:
-        return text
-    joint = "" if text.endswith((".", "?", "!")) else "."
-    return f"{text}{joint} See: {context.command_path} --help"
-
-
 def _report(error: BaseException) -> int:
     """One line about an error; returns its exit code."""
-    if isinstance(
-        error, OSError
-    ):  # the interpreter writes to a closed pipe or full disk at its end
+    if isinstance(error, OSError):  # the interpreter writes to that pipe or full disk at its end
         with contextlib.suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     _complain(exits.line_of(error))

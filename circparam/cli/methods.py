@@ -22,26 +22,23 @@ def command(name: str | None, as_json: bool) -> None:
 
     With NAME show one method in detail.
     """
+    from circparam.core.registry import TAGS
     from circparam.methods import METHODS
 
-    rows = [_plain(row) for row in ([METHODS[name]] if name else METHODS)]
+    rows = [
+        {
+            "name": row.name,
+            "summary": row.summary,
+            "source": row.citation,
+            "guarantees": [tag for tag in TAGS if tag in row.tags],
+            "condition": row.condition,
+        }
+        for row in ([METHODS[name]] if name else METHODS)
+    ]
     shown = _page if name else _table
     common.show({"as_json": as_json}, rows[0] if name else rows, lambda: shown(rows), 2)
     if not (name or as_json):
         click.echo("circparam methods NAME shows its source and the conditions of its guarantees.")
-
-
-def _plain(row: Any) -> dict[str, Any]:
-    """A row of METHODS as plain values; guarantees in the order of the table of tags."""
-    from circparam.core.registry import TAGS
-
-    return {
-        "name": row.name,
-        "summary": row.summary,
-        "source": row.citation,
-        "guarantees": [tag for tag in TAGS if tag in row.tags],
-        "condition": row.condition,
-    }
 
 
 # heads of columns that are shorter than their tags

@@ -118,17 +118,12 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
             break
     if done.wait(max([GRACE, *_LONGER])):
         return
-    _remove_temporaries()
+    # files of an interrupted write, if any was begun
+    for path in tuple(getattr(sys.modules.get("circparam.core.files"), "TEMPORARIES", ())):
+        with contextlib.suppress(OSError):
+            os.unlink(path)
     interrupted = data[0] == signal.SIGINT
     word = "interrupted" if interrupted else "terminated"
     with contextlib.suppress(OSError):
         os.write(2, f"circparam: error: {word}: no partial file is left behind\n".encode())
     os._exit(INTERRUPTED if interrupted else TERMINATED)
-
-
-def _remove_temporaries() -> None:
-    """Unlink files of an interrupted write (the formats keep a list of their temporary files)."""
-    formats = sys.modules.get("circparam.core.files")
-    for path in tuple(getattr(formats, "TEMPORARIES", ())):
-        with contextlib.suppress(OSError):
-            os.unlink(path)

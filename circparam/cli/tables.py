@@ -79,7 +79,13 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     if report["pack"] is not None:
         pages = "the page" if report["pages"] == 1 else f"{report['pages']} pages"
         rows.append(("packed", f"{_percent(report['pack'])} of {pages}"))
-    rows += [*_densities(report), *_groups(report)]
+    rows += _densities(report)
+    for group in report.get("groups") or ():
+        pages = f"{plural(len(group['pages']), 'page')} {', '.join(map(str, group['pages']))}"
+        u0, v0, u1, v1 = group["box"]
+        place = f"{pages}, u {u0:.3f} to {u1:.3f}, v {v0:.3f} to {v1:.3f}"
+        charts = counted(group["charts"], "chart")
+        rows.append((f"  {unmarked(group['name'])}", f"{charts} on {place}"))
     if look := report.get("look"):
         images = f"{len(look['images'])} of {look['size']} texels: {', '.join(look['images'])}"
         rows.append(("images", images))
@@ -254,18 +260,6 @@ def _densities(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
     for part in report.get("density") or ():
         asked = f"density {part['got']:.3f}, {part['asked']:.3f} asked"
         yield f"  {unmarked(part['name'])}", f"{part['texels']:.4g}: {asked}"
-
-
-def _groups(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
-    """Where each of the groups lies that have pages of their own or lie together."""
-    for group in report.get("groups") or ():
-        pages = f"{plural(len(group['pages']), 'page')} {', '.join(map(str, group['pages']))}"
-        u0, v0, u1, v1 = group["box"]
-        box = f"u {u0:.3f} to {u1:.3f}, v {v0:.3f} to {v1:.3f}"
-        yield (
-            f"  {unmarked(group['name'])}",
-            f"{counted(group['charts'], 'chart')} on {pages}, {box}",
-        )
 
 
 def _tail(report: dict[str, Any]) -> str:

@@ -48,7 +48,10 @@ def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) 
             raise OutputError(
                 f"{path.parent}: cannot keep checkpoints here ({error.strerror or error})"
             ) from None
-        write_files({path: _packed(seams)}, overwrite=True)
+        layout: dict[str, Any] = {} if seams.uv is None else {"uv": seams.uv}
+        packed = io.BytesIO()
+        np.savez(packed, cut=seams.cut, notes=np.array(seams.notes, dtype=np.str_), **layout)
+        write_files({path: packed.getvalue()}, overwrite=True)
     note = f"{path}: the checkpoint is damaged; the seams were computed again"
     return replace(seams, notes=[*seams.notes, note]) if damaged else seams
 
@@ -86,14 +89,6 @@ def _key(job: Job) -> str:
         else:
             digest.update(repr(part).encode())
     return digest.hexdigest()[:32]
-
-
-def _packed(seams: Seams) -> bytes:
-    """The seams as an npz file."""
-    out = io.BytesIO()
-    layout: dict[str, Any] = {} if seams.uv is None else {"uv": seams.uv}
-    np.savez(out, cut=seams.cut, notes=np.array(seams.notes, dtype=np.str_), **layout)
-    return out.getvalue()
 
 
 def _read(path: Path, job: Job) -> tuple[Seams | None, bool]:

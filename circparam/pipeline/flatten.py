@@ -69,7 +69,10 @@ def seams_in_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Moni
 
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
-    """The layout of the method, or the layout of the seams if both agree."""
+    """The layout of the method, or the layout of the seams if both agree.
+
+    Raises OptionError for pins that do not fit.
+    """
     options = job.options
     asked = seam_options(job.document, job.surface, job.repair_report, options)
     surface = surface_of_layout(job.surface, asked)
@@ -79,9 +82,16 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
         check_whole(blank.open()[0], surface, job.document.source.name)
     if plain and seams.uv is not None:
         return replace(blank, atlas=with_straight(Atlas(surface, seams.cut, seams.uv), options))
+    method = blank.rules.method
     try:
         with clock.bounded(monitor.last if options.cut == "charts" else None):
-            return _flatten(job, blank, monitor)
+            cut_mesh, _ = blank.open()
+            if options.pins is not None:
+                method = replace(method, pins=pins_of(job, cut_mesh, options.pins))
+            layout = METHODS[options.method].function(cut_mesh, method, monitor)
+        atlas = Atlas(surface, seams.cut, layout.uv[cut_mesh.faces])
+        after = replace(blank, atlas=atlas, stopped=layout.stopped, iterations=layout.iterations)
+        return after.noted(*layout.notes)
     except (*NUMERICAL, TopologyError, OutOfTimeError) as error:
         if options.cut != "charts":
             raise
@@ -122,16 +132,3 @@ def rules(options: Options) -> CascadeRules:
 def _no_layout(surface: Surface) -> FloatArray:
     """(m, 3, 2) corners without a place: every chart is faulty."""
     return np.full((len(surface.faces), 3, 2), np.nan)
-
-
-def _flatten(job: Job, blank: Cascade, monitor: Monitor) -> Cascade:
-    """The method that was asked for, all charts at once. Raises OptionError for pins that do not fit."""
-    cut_mesh, _ = blank.open()
-    asked, options = blank.rules.method, job.options
-    if options.pins is not None:
-        asked = replace(asked, pins=pins_of(job, cut_mesh, options.pins))
-    layout = METHODS[options.method].function(cut_mesh, asked, monitor)
-    atlas = Atlas(blank.atlas.surface, blank.atlas.cut, layout.uv[cut_mesh.faces])
-    return replace(blank, atlas=atlas, stopped=layout.stopped, iterations=layout.iterations).noted(
-        *layout.notes
-    )

@@ -15,8 +15,9 @@ from circparam.geometry.coverage import pages_of
 from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
+from circparam.packing import pack
+from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import AUTO, Options
-from circparam.pipeline.place import pack_groups
 from circparam.pipeline.verify import Verification
 
 # of the length of up in space: a chart whose mean slope is less lies flat, or goes up as much as down
@@ -69,14 +70,14 @@ def orient_cost(found: Verification, options: Options, monitor: Monitor) -> Orie
     laid[found.stacked] = False
     part, vertices, _ = found.cut_mesh.subset(laid)
     uv = found.uv[vertices]
-    turned = pack_groups(part, uv, replace(options, orient="none"), monitor).uv
-    return OrientCost(*(_cover(part, p) for p in (uv, turned)))
-
-
-def _cover(cut_mesh: CutMesh, uv: FloatArray) -> float:
-    """Area of all charts over that of the pages that they lie on."""
-    area = np.abs(signed_areas(cut_mesh.faces, uv)).sum()
-    return float(area / len(np.unique(pages_of(cut_mesh, uv))))
+    asked = pack_options(replace(options, orient="none"))
+    turned = pack(part.faces, uv, part.chart, asked, monitor).uv
+    # area of all charts over that of the pages that they lie on
+    cover = (
+        float(np.abs(signed_areas(part.faces, p)).sum() / len(np.unique(pages_of(part, p))))
+        for p in (uv, turned)
+    )
+    return OrientCost(*cover)
 
 
 def up_axis(document: Document, options: Options) -> int:

@@ -108,8 +108,9 @@ class Search:
             if self.sketches:
                 trials = self._sketched(plan, trials)
             for trial in trials:
-                part = plan.parts[trial.n]
-                self.budget.spend(self._faces(part))
+                part, chart = plan.parts[trial.n], self.cutter.whole.cut_mesh.chart
+                whole = chart == part.outline.chart if part.ground is None else part.ground.faces
+                self.budget.spend(float(whole.sum() if part.ground is None else len(whole)))
                 done = self.cutter.cut(part, trial.k)
                 if done is not None:
                     parts = [*plan.parts[: trial.n], *plan.parts[trial.n + 1 :], *done[0]]
@@ -119,12 +120,6 @@ class Search:
             if not trials or self.budget.over:
                 break
         return None
-
-    def _faces(self, part: Part) -> float:
-        """Faces of a part."""
-        if part.ground is not None:
-            return float(len(part.ground.faces))
-        return float((self.cutter.whole.cut_mesh.chart == part.outline.chart).sum())
 
     def _log_share(self, parts: list[Part]) -> float:
         """Logarithm of the covered share of a page of some parts."""

@@ -57,7 +57,14 @@ def place(
     uv = sized(cut_mesh, uv, keep)
     if known is not None and group is None and np.array_equal(known.before, uv):
         return Placed(known.packed.uv.copy(), known.packed.notes)
-    return pack_groups(cut_mesh, uv, options, monitor, group)
+    notes: list[str] = []
+    for label in np.unique(group if group is not None else 0):
+        mine = np.full(cut_mesh.n_charts, True) if group is None else group == label
+        part, vertices, _ = cut_mesh.subset(mine)
+        packed = pack(part.faces, uv[vertices], part.chart, pack_options(options), monitor)
+        uv[vertices] = packed.uv
+        notes += [note for note in packed.notes if note not in notes]
+    return Placed(uv, notes)
 
 
 def pack_sorted(
@@ -98,25 +105,6 @@ def pack_sorted(
         level = replace(asked, texel_density=least * asked.resolution)
         packed_alone(level, numbers[scale > least * (1 + DENSITY_TOLERANCE)])
     return Placed(uv, [])
-
-
-def pack_groups(
-    cut_mesh: CutMesh,
-    uv: FloatArray,
-    options: Options,
-    monitor: Monitor,
-    group: IntArray | None = None,
-) -> Placed:
-    """Charts packed at the sizes that they have; each group ((n_charts,) or None) gets its own pages."""
-    asked, uv = pack_options(options), uv.copy()
-    notes: list[str] = []
-    for label in np.unique(group if group is not None else 0):
-        mine = np.full(cut_mesh.n_charts, True) if group is None else group == label
-        part, vertices, _ = cut_mesh.subset(mine)
-        packed = pack(part.faces, uv[vertices], part.chart, asked, monitor)
-        uv[vertices] = packed.uv
-        notes += [note for note in packed.notes if note not in notes]
-    return Placed(uv, notes)
 
 
 def sized(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray | None) -> FloatArray:

@@ -46,6 +46,7 @@ from circparam.pipeline.representable_uv import (
     RAY_NUMBERS,
     Patch,
     Rounding,
+    Term,
     mend_faces,
     mixed,
     not_upright,
@@ -198,24 +199,22 @@ def stored_layout(
 def _placements(
     cut_mesh: CutMesh, uv: FloatArray, number: Rounding, mirrored: BoolArray, turn: bool
 ) -> Iterator[FloatArray]:
-    """The layout itself, then the turn for which rounding spoils the fewest faces."""
+    """The layout itself, then the turn for which rounding spoils the fewest faces.
+
+    All pages turn by the same quarters, counter-clockwise.
+    """
     yield uv
     if turn:
         side = np.where(mirrored, -1, 1)[cut_mesh.chart]
-        turns = [_turned(cut_mesh, uv, quarters) for quarters in range(4)]
+        page = pages_of(cut_mesh, uv)[cut_mesh.vertex_chart]
+        x, y, turns = uv[:, 0] - page, uv[:, 1], [uv]
+        for _ in range(3):
+            x, y = 1.0 - y, x
+            turns.append(np.stack([x + page, y], 1))
         spoilt = [(side * signs(number(t), cut_mesh.faces) <= 0).sum() for t in turns]
         best = int(np.argmin(spoilt))
         if best:
             yield turns[best]
-
-
-def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
-    """uv (nv, 2) with every page turned by quarters, counter-clockwise."""
-    page = pages_of(cut_mesh, uv)[cut_mesh.vertex_chart]
-    x, y = uv[:, 0] - page, uv[:, 1]
-    for _ in range(quarters):
-        x, y = 1.0 - y, x
-    return np.stack([x + page, y], 1)
 
 
 def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
@@ -315,6 +314,7 @@ def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: i
     np.add.at(inside, a, normal)
     np.add.at(inside, b, normal)
     inside = unit(inside)
+    turned_over: Term = lambda own, around, triangles: not_upright(triangles).astype(float)  # noqa: E731
     uv, waiting = uv.copy(), np.zeros(len(uv), bool)
     waiting[a] = waiting[b] = True
     for chosen in patch.in_turns(waiting, np.arange(len(uv))):
@@ -324,14 +324,10 @@ def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: i
         stay = grid.shape[1] // 2  # always possible
         here = np.minimum(cost[:, stay], 1e9)
         cost[np.abs(away).max(2) > BOUNDARY_NUMBERS] = np.inf
-        cost[patch.total(uv, chosen, grid, _turned_over) > 0] = np.inf
+        cost[patch.total(uv, chosen, grid, turned_over) > 0] = np.inf
         cost[:, stay] = here
         uv[chosen] = grid[np.arange(len(chosen)), cost.argmin(1)]
     return uv
-
-
-def _turned_over(own: IntArray, around: IntArray, triangles: FloatArray) -> FloatArray:
-    return not_upright(triangles).astype(np.float64)
 
 
 def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:

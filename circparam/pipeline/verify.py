@@ -381,7 +381,11 @@ def reasons(v: Verification, promise: Promise, made: BoolArray | None = None) ->
             f"charts on {v.pages} pages, each 1 wide in u: too many to measure pack, gaps and borders"
         )
     if promise.bound is not None:
-        number, sd = _distortions(v, made)
+        number, sd = np.flatnonzero(v.used), v.measures.charts["sd"]
+        if made is not None:  # at the scale of these charts
+            part, vertices, _ = v.cut_mesh.subset(made & v.used)
+            number = np.flatnonzero(made & v.used)
+            sd = measure(part, v.uv[vertices]).charts["sd"]
         high = number[sd > promise.bound * (1 + BOUND_SLACK)]
         if len(high):
             worst = float(sd.max())
@@ -405,14 +409,6 @@ def reasons(v: Verification, promise: Promise, made: BoolArray | None = None) ->
                 f"{c.border} texels are empty at the border: --padding asks for {promise.padding}"
             )
     return out
-
-
-def _distortions(v: Verification, made: BoolArray | None) -> tuple[IntArray, FloatArray]:
-    """Charts (k,) and the distortion (k,) of each, at the scale of all of them. made: those; None: all."""
-    if made is None:
-        return np.flatnonzero(v.used), v.measures.charts["sd"]
-    part, vertices, _ = v.cut_mesh.subset(made & v.used)
-    return np.flatnonzero(made & v.used), measure(part, v.uv[vertices]).charts["sd"]
 
 
 def _named(charts: IntArray) -> str:
