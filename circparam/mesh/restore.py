@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import first_of_runs, mask_of, ranges, sorted_distinct
+from circparam.core.arrays import first_of_runs, mask_of, numbered, ranges, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.mesh import Mesh, UVMap
@@ -20,16 +20,19 @@ def complete(
     corner, the uv of the face that was kept. A degenerate face takes the uv of its points from one chart, first
     the chart of its own polygon. This uv may cover an area which is not a gap of the chart. Its middle corner
     then moves to the nearer of the other two. All three lie on a line in space, so the change is invisible. A
-    degenerate face with no point on the surface takes one uv of the nearest face.
+    degenerate face with no point on the surface takes one uv of the nearest face. Degenerate faces of one
+    polygon agree at its corners.
     """
     out = np.full(mesh.faces.shape, -1, np.int64)
     out[surface.source] = surface.to_file(uv_faces)
     welded = repairs.weld[mesh.faces]
-    if len(repairs.degenerate):
-        out[repairs.degenerate] = _degenerate_uv(mesh, surface, repairs, uv, uv_faces)
     if len(repairs.duplicates):
         same = welded[repairs.duplicates][:, :, None] == welded[repairs.duplicate_of][:, None, :]
         out[repairs.duplicates] = np.take_along_axis(out[repairs.duplicate_of], same.argmax(2), 1)
+    if len(repairs.degenerate):
+        out[repairs.degenerate] = _degenerate_uv(mesh, surface, repairs, uv, uv_faces)
+        if mesh.polygons is not None:
+            _give_corners_one_uv(mesh, mesh.polygons, repairs.degenerate, out)
     return UVMap(uv, out)
 
 
@@ -104,6 +107,38 @@ def _flattened(
         target = np.where(after <= before, (middle + 1) % 3, (middle + 2) % 3)
         out[move, middle] = out[move, target]
     return out
+
+
+def _give_corners_one_uv(
+    mesh: Mesh, polygon: IntArray, degenerate: IntArray, out: IntArray
+) -> None:
+    """Make degenerate faces agree with the other faces of their polygon, in ``out`` (m, 3) uv of all faces.
+
+    Where the faces of a polygon disagree about a corner, those with an area decide. Any other corner takes the
+    uv of one beside it in a degenerate face, so that the face covers no uv area.
+    """
+    count = int(polygon.max()) + 1
+    faces = np.flatnonzero(mask_of(count, polygon[degenerate])[polygon])
+    aside = mask_of(len(out), degenerate)[faces]
+    own = polygon[faces][:, None] * len(mesh.points) + mesh.faces[faces]
+    key, corner = numbered(own.ravel())
+    given, corner = out[faces], corner.reshape(-1, 3)
+    uv = np.empty(len(key), np.int64)
+    uv[corner.ravel()] = given.ravel()
+    owner = key // len(mesh.points)
+    wrong = mask_of(count, owner[corner[given != uv[corner]]])
+    decided = mask_of(len(key), corner[~aside])
+    first = first_of_runs(owner)
+    decided[first[~mask_of(count, polygon[faces[~aside]])[owner[first]]]] = True
+    uv[corner[~aside]] = given[~aside]
+    uv[~decided] = -1
+    mended = np.flatnonzero(aside & wrong[polygon[faces]])
+    corner = corner[mended]
+    while len(near := np.flatnonzero((uv[corner] < 0).any(1) & (uv[corner] >= 0).any(1))):
+        value = uv[corner[near]]
+        some = np.take_along_axis(value, (value >= 0).argmax(1)[:, None], 1)
+        uv[corner[near]] = np.where(value < 0, some, value)
+    out[faces[mended]] = uv[corner]
 
 
 def _hit(wanted: IntArray, among: IntArray) -> BoolArray:

@@ -1,6 +1,7 @@
 """A layout of the surface back on all faces of the file."""
 
 import numpy as np
+import pytest
 
 from circparam.geometry.overlap import signs
 from circparam.mesh.mesh import Mesh
@@ -55,6 +56,30 @@ def test_a_degenerate_face_takes_the_chart_of_its_own_polygon():
         assert set(got.tolist()) <= set(own.values())
         for corner, vertex in enumerate(f[4].tolist()):
             assert vertex not in own or got[corner] == own[vertex]
+
+
+@pytest.mark.parametrize(
+    ("x", "beside", "polygon"),
+    [
+        ([0.0, 3, 1, 2], [[0, 2, 4], [2, 1, 4], [0, 5, 3], [3, 5, 1]], [[0, 2, 3], [0, 3, 1]]),
+        ([0.0, 3, 1, 2], [[0, 2, 4], [2, 1, 4], [0, 5, 3], [3, 5, 1]], [[2, 3, 0], [0, 3, 1]]),
+        ([0.0, 3, 5, 7], [[1, 2, 4]], [[0, 1, 4], [0, 2, 1]]),  # a spike beyond a corner
+        ([0.0, 3, 5, 7], [[1, 2, 4]], [[0, 1, 4], [0, 3, 2], [0, 2, 1]]),
+    ],
+)
+def test_degenerate_faces_of_a_polygon_agree_at_its_corners(x, beside, polygon):
+    """Each corner of a polygon has one uv, wherever the seams are; faces without area cover no uv area."""
+    p = np.array([[t, 0.0, 0] for t in x] + [[1.0, 2, 0], [1, 0, 2]])
+    labels = np.r_[np.arange(len(beside)), np.full(len(polygon), len(beside))]
+    mesh = Mesh(p, np.array(beside + polygon), polygons=labels)
+    surface, repairs = repair(mesh)
+    for seams in (np.zeros(len(surface.edges), bool), ~surface.locked):
+        uv, uv_faces = layout(surface, seams)
+        got = complete(mesh, surface, repairs, uv, uv_faces)
+        assert (signs(got.uv, got.uv_faces[repairs.degenerate]) == 0).all()
+        own = got.uv_faces[len(beside) :]
+        for vertex in np.unique(polygon):
+            assert len(np.unique(own[np.array(polygon) == vertex])) == 1
 
 
 def test_a_doubled_triangle_lies_with_its_polygon():
