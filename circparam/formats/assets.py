@@ -1,7 +1,7 @@
 """The files that an output refers to: which of them go along, and which will not resolve."""
 
+import contextlib
 import os
-from collections.abc import Iterable
 from dataclasses import field
 from pathlib import Path
 
@@ -53,7 +53,10 @@ def find_assets(
     for name in list(named):
         path = safe_path(folder, name)
         if path is not None and path.is_file() and path.suffix.lower() == ".mtl":
-            named |= dict.fromkeys(_textures(path, folder))
+            with contextlib.suppress(OSError):
+                text = regular_bytes(path).decode("utf-8", "surrogateescape")
+                # one name: the whole, or its last word where only that is a file
+                named |= dict.fromkeys(names_in(n, folder)[-1] for n in image_names(text))
     found = Assets()
     for name in named:
         origin, place = safe_path(folder, name), safe_path(out, name)
@@ -87,13 +90,3 @@ def _same(origin: Path, place: Path) -> bool:
     if not place.is_file() or not origin.is_file():
         return False
     return os.path.samefile(origin, place) or regular_bytes(place) == regular_bytes(origin)
-
-
-def _textures(library: Path, folder: Path) -> Iterable[str]:
-    """The image files that a material library names, relative to the folder."""
-    try:
-        text = regular_bytes(library).decode("utf-8", "surrogateescape")
-    except OSError:
-        return []
-    # one name: the whole, or its last word where only that is a file
-    return dict.fromkeys(names_in(name, folder)[-1] for name in image_names(text))

@@ -40,14 +40,16 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
     cannot read the file within the bounds of ``second_reader``. An archive that would unpack to far more than
     its size, and a file without triangles, are errors too.
     """
-    missing = [
-        pip
-        for module, pip in NEEDS.get(kind, {}).items()
-        if importlib.util.find_spec(module) is None
-    ]
-    if missing:
+    needs = NEEDS.get(kind, {}).items()
+    if missing := [pip for module, pip in needs if importlib.util.find_spec(module) is None]:
         raise source.error(f"{kind.upper()} is read with {' and '.join(missing)}: {FORMATS_EXTRA}")
-    lost = _lost_of_gltf(data, source) if kind in ("gltf", "glb") else LOST
+    lost = dict.fromkeys(LOST)
+    if kind in ("gltf", "glb"):
+        features = features_of(data, source)
+        if DRACO.encode() in data and importlib.util.find_spec("DracoPy") is None:
+            raise source.error(f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}")
+        kept = ("extensions", "nodes", "normals")  # said in other words, or made anew
+        lost |= dict.fromkeys(f for f in features if f not in kept)
     if kind in ENTRY:
         check_archive(data, source, kind)
     arrays, names = read_apart(data, source, kind)
@@ -63,15 +65,6 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
         warnings=(f"read through trimesh: {', '.join(lost)} are not kept",),
         layout=layout,
     )
-
-
-def _lost_of_gltf(data: bytes, source: Source) -> tuple[str, ...]:
-    """Parts of a glTF file that trimesh loses. Raises InputError if it needs a package to decode it."""
-    features = features_of(data, source)
-    if DRACO.encode() in data and importlib.util.find_spec("DracoPy") is None:
-        raise source.error(f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}")
-    kept = ("extensions", "nodes", "normals")  # said in other words, or made anew
-    return tuple(dict.fromkeys([*LOST, *(f for f in features if f not in kept)]))
 
 
 def check_archive(data: bytes, source: Source, kind: str) -> None:

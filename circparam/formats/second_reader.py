@@ -154,13 +154,6 @@ def _bounded(seconds: int, size: int) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _said(error: BaseException) -> str:
-    """The message of a parser in brackets; empty for files missing inside the parser, or without a message."""
-    if (isinstance(error, OSError) and error.errno) or not str(error).strip():
-        return ": it is damaged, or holds no shape"
-    return f" ({' '.join(str(error).split())[:120]})"
-
-
 def main() -> None:
     """In the process: a file on stdin; its arrays, or an error, on stdout."""
     kind, folder, seconds, size = sys.argv[1:]
@@ -179,7 +172,10 @@ def main() -> None:
     except MemoryError:
         error = " (it asks for more memory than it may have)"
     except BaseException as problem:  # trimesh raises whatever its parsers meet
-        error = _said(problem)
+        # a file that is missing inside the parser, or no message
+        mute = (isinstance(problem, OSError) and problem.errno) or not str(problem).strip()
+        said = f" ({' '.join(str(problem).split())[:120]})"
+        error = ": it is damaged, or holds no shape" if mute else said
     send(target, json.dumps({"error": error, "names": names}).encode())
     send(target, packed.getvalue())
 

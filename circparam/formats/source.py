@@ -5,7 +5,7 @@ import os
 import re
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote
@@ -34,15 +34,16 @@ class Source:
 
 
 def read_bytes(
-    path: str | os.PathLike[str], blocks: Callable[[BinaryIO], Iterator[bytes]] | None = None
+    path: str | os.PathLike[str], blocks: Callable[[BinaryIO], Iterable[bytes]] = iter
 ) -> tuple[bytes, Source]:
     """The content of a file, or of standard input for ``-``; InputError if it cannot be read or is empty.
 
     blocks: a reader of standard input piece by piece, which may refuse the input early.
     """
     if os.fspath(path) == "-":
-        source = Source("standard input")
-        data = _joined(blocks(sys.stdin.buffer)) if blocks else sys.stdin.buffer.read()
+        source, whole = Source("standard input"), io.BytesIO()
+        whole.writelines(blocks(sys.stdin.buffer))
+        data = whole.getvalue()
     else:
         source = Source(os.fspath(path), Path(path))
         try:
@@ -63,13 +64,6 @@ def read_bytes(
     if not data[:TEXT_START_BYTES].strip() and not data.strip():  # else a copy of gigabytes of text
         raise source.error("the file is empty")
     return data, source
-
-
-def _joined(blocks: Iterator[bytes]) -> bytes:
-    """All blocks one after the other, without a second copy at the end."""
-    out = io.BytesIO()
-    out.writelines(blocks)
-    return out.getvalue()
 
 
 def safe_path(folder: Path, uri: str) -> Path | None:
@@ -138,15 +132,11 @@ def _inside(folder: Path, name: str) -> Path | None:
     if "\0" in name or ".." in name.split("/"):
         return None
     try:
-        path = (folder / _on_disk(name)).resolve()
+        # files hold UTF-8; in locales of ASCII the file system calls a name otherwise
+        encoding = sys.getfilesystemencoding()
+        if encoding != "utf-8" and not name.isascii():
+            name = name.encode("utf-8", "surrogateescape").decode(encoding, "surrogateescape")
+        path = (folder / name).resolve()
     except UnicodeEncodeError:  # half a character, which no file name has
         return None
     return path if path.is_relative_to(folder.resolve()) else None
-
-
-def _on_disk(name: str) -> str:
-    """A name out of a file, which is UTF-8, as the file system calls it; they differ in locales of ASCII."""
-    encoding = sys.getfilesystemencoding()
-    if encoding == "utf-8" or name.isascii():
-        return name
-    return name.encode("utf-8", "surrogateescape").decode(encoding, "surrogateescape")

@@ -74,35 +74,26 @@ def _welded(corners: FloatArray, groups: IntArray | None = None) -> Mesh:
     return Mesh(corners[kept], vertex.reshape(-1, 3), groups=groups)
 
 
-def _why_empty(data: bytes) -> str:
-    """The fault of a text without facets."""
-    begun, ended = (
-        len(re.findall(word, data, re.I)) for word in (rb"\bfacet\s+normal", rb"\bendfacet\b")
-    )
-    if begun != ended:
-        return f"{begun} facets begin and {ended} end: it is cut short"
-    return "it has no faces: there is nothing to unwrap"
-
-
 def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
     """Text, one solid or several; the reader takes 0.3 s to import."""
     import trimesh
 
     # the reader logs its errors with tracebacks; here an error is one line
     logging.getLogger("trimesh").addHandler(logging.NullHandler())
-    text = data.decode(
-        "utf-8", "replace"
-    ).encode()  # trimesh guesses other encodings by a further package
+    # trimesh guesses other encodings by a further package
+    text = data.decode("utf-8", "replace").encode()
     try:
         loaded = trimesh.load(io.BytesIO(text), file_type="stl", process=False)
     except Exception as error:  # trimesh raises whatever its parser meets
         raise source.error(f"cannot be read as STL ({error or type(error).__name__})") from None
-    meshes: list[Any] = (
-        list(loaded.geometry.values()) if isinstance(loaded, trimesh.Scene) else [loaded]
-    )
-    meshes = [m for m in meshes if len(getattr(m, "faces", ()))]
+    parts = loaded.geometry.values() if isinstance(loaded, trimesh.Scene) else [loaded]
+    meshes: list[Any] = [m for m in parts if len(getattr(m, "faces", ()))]
     if not meshes:
-        raise source.error(_why_empty(data))
+        facets = (rb"\bfacet\s+normal", rb"\bendfacet\b")
+        begun, ended = (len(re.findall(word, data, re.I)) for word in facets)
+        if begun != ended:
+            raise source.error(f"{begun} facets begin and {ended} end: it is cut short")
+        raise source.error("it has no faces: there is nothing to unwrap")
     corners = np.concatenate(
         [np.asarray(m.vertices, np.float64)[m.faces].reshape(-1, 3) for m in meshes]
     )

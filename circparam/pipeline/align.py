@@ -108,7 +108,14 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
 
     limit = options.max_stretch or STRETCH
     stretched = share_over(cut_mesh, face_stretch(cut_mesh, in_units(texels)), limit)
-    out, matrix = texels + _shift(cut_mesh, lines, block), laplacian(cut_mesh)
+    # the least move of each chart that takes its longest lines to whole blocks
+    shift = np.zeros((cut_mesh.n_charts, 2))
+    for axis, some in enumerate(lines):
+        order = np.lexsort((-some.length, some.chart))
+        longest = order[first_of_runs(some.chart[order])]
+        at = some.at[longest]
+        shift[some.chart[longest], axis] = block * np.rint(at / block) - at
+    out, matrix = texels + shift[cut_mesh.vertex_chart], laplacian(cut_mesh)
     for tried in ([one.part(one.side) for one in lines], lines):
         # lines go to their targets, all other vertices of their charts follow harmonically
         layout = texels.copy()
@@ -160,17 +167,6 @@ def _lines(cut_mesh: CutMesh, texels: FloatArray, axis: int, block: float) -> _L
     near = block * np.rint(at / block)
     to = np.where(fits, np.clip(near, least[own], most[own]), near)
     return _Lines(vertex, line, own, at, whole, to, first | last).part(fits | first)
-
-
-def _shift(cut_mesh: CutMesh, lines: list[_Lines], block: float) -> FloatArray:
-    """(nv, 2) the least move of each chart that takes its longest lines to multiples of ``block``."""
-    move = np.zeros((cut_mesh.n_charts, 2))
-    for axis, some in enumerate(lines):
-        order = np.lexsort((-some.length, some.chart))
-        longest = order[first_of_runs(some.chart[order])]
-        at = some.at[longest]
-        move[some.chart[longest], axis] = block * np.rint(at / block) - at
-    return move[cut_mesh.vertex_chart]
 
 
 def _signed_areas(cut_mesh: CutMesh, texels: FloatArray) -> FloatArray:

@@ -15,7 +15,6 @@ from circparam.geometry.distortion import at_best_scales
 from circparam.geometry.intersect import properly_cross
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.surface import Surface
 from circparam.packing.outlines import ANGLE_STEPS
 from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
 from circparam.seams.cost import COST
@@ -199,11 +198,16 @@ class Cutter:
             left, right = surface.sides
             near = mine.copy()  # with the neighbours, which show where a flat chart ends
             near[left[mine[right]]] = near[right[mine[left]]] = True
-            costs, flat = _costs(surface.part(near))
+            around = surface.part(near)
+            prices = edge_prices(around, hard_components(around))
+            costs = np.where(around.locked, np.inf, around.priced_lengths) * prices.price
             inner = surface.inner_edges(mine)[surface.inner_edges(near)]
-            opened = Opened.of(atlas.part(mine))
             self.grounds[chart] = Ground(
-                chart, np.flatnonzero(mine), opened, costs[inner], flat[inner]
+                chart,
+                np.flatnonzero(mine),
+                Opened.of(atlas.part(mine)),
+                costs[inner],
+                prices.flat[inner],
             )
         return self.grounds[chart]
 
@@ -219,13 +223,6 @@ def joined(before: Atlas, parts: Iterable[Part]) -> Atlas:
         after.corners[ground.faces] = ground.opened.atlas.corners
     after.cut |= label[surface.sides[0]] != label[surface.sides[1]]
     return after
-
-
-def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
-    """(e,) price of a cut along each edge, and (e,) bool: edges inside flats of hard parts."""
-    cost = np.where(surface.locked, np.inf, surface.priced_lengths)
-    prices = edge_prices(surface, hard_components(surface))
-    return cost * prices.price, prices.flat
 
 
 def closed(loops: list[FloatArray]) -> tuple[FloatArray, FloatArray]:

@@ -80,8 +80,11 @@ class GltfDocument(Document):
         return UVMap(uv, np.where(has[faces], faces, -1))
 
     def group_by(self, uv_set: int = 0) -> str | None:
-        """Owner of an atlas, as the extras of the asset say."""
-        return stored_grouping(self.tree.json, uv_set)
+        """Owner of an atlas, as the extras of the asset say: 'primitive' or 'mesh'."""
+        value: object = self.tree.json.get("asset")
+        for key in ("extras", "circparam", "group_by", str(uv_set)):
+            value = value.get(key) if isinstance(value, dict) else None
+        return value if isinstance(value, str) and value in GROUPINGS else None
 
     def labels(self, kind: str) -> IntArray:
         """(m,) label of each face by primitive, mesh or scene."""
@@ -256,14 +259,6 @@ def _features(tree: Tree) -> tuple[str, ...]:
         "extensions": tree.json.get("extensionsUsed"),
     }
     return tuple(k for k, there in has.items() if there)
-
-
-def stored_grouping(tree: Json, uv_set: int) -> str | None:
-    """Owner of an atlas in a uv set: 'primitive' or 'mesh'; None without a known entry."""
-    value: object = tree.get("asset")
-    for key in ("extras", "circparam", "group_by", str(uv_set)):
-        value = value.get(key) if isinstance(value, dict) else None
-    return value if isinstance(value, str) and value in GROUPINGS else None
 
 
 def store_grouping(tree: Json, uv_set: int, kind: str | None) -> None:

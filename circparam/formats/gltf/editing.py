@@ -82,17 +82,13 @@ def write_uv(
     data, extra, assets = edit.finish(format, stem)
     order = [i for block in blocks for i in block]
     faces = np.concatenate([np.arange(start[i], start[i + 1]) for i in order])
-    vertices = np.concatenate([sources[k] for k in _pool_order(blocks, primitives, len(pools))])
-    return Encoded(data, format, vertices, faces, extra, assets, notes)
-
-
-def _pool_order(blocks: list[list[int]], primitives: list[Primitive], n: int) -> list[int]:
-    """The pools in the order in which they are read where primitives are joined in blocks."""
-    place = np.arange(n)
+    # pools of joined primitives are read one after the other
+    place = np.arange(len(pools))
     for block in blocks:
         own = sorted({primitives[i].pool for i in block})
         place[own] = place[own[0]]
-    return np.argsort(place, kind="stable").tolist()
+    vertices = np.concatenate([sources[k] for k in np.argsort(place, kind="stable").tolist()])
+    return Encoded(data, format, vertices, faces, extra, assets, notes)
 
 
 def stored_uv(uv: FloatArray) -> FloatArray:

@@ -73,11 +73,16 @@ def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
     if found is not None:
         warnings += found.notes
         for data, name in zip(found.images, found.names, strict=True):
-            try:
-                images.append(_image(data, name))
-            except InputError as error:
-                warnings.append(str(error))
-                images.append((_WHITE_PNG, "image/png"))
+            kind = media_type(data)
+            if kind not in ("image/png", "image/jpeg"):  # glTF takes no others
+                kind, png = "image/png", io.BytesIO()
+                try:
+                    decode(data, name).save(png, "PNG")
+                    data = png.getvalue()
+                except InputError as error:
+                    warnings.append(str(error))
+                    data = _WHITE_PNG
+            images.append((data, kind))
     if images:  # a viewer multiplies colours and images; no other format means that
         colours = None
     normals = document.normals()
@@ -117,16 +122,6 @@ def material_table(found: Textures | None, document: Document) -> tuple[IntArray
             entry["alphaMode"] = "BLEND"
         materials.append(entry)
     return label.reshape(-1), materials
-
-
-def _image(data: bytes, name: str) -> tuple[bytes, str]:
-    """An image as glTF takes it: PNG and JPEG as they are, all others as PNG."""
-    kind = media_type(data)
-    if kind in ("image/png", "image/jpeg"):
-        return data, kind
-    out = io.BytesIO()
-    decode(data, name).save(out, "PNG")
-    return out.getvalue(), "image/png"
 
 
 # a white texel: stands for an image that cannot be read

@@ -6,7 +6,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument, read_gltf
-from circparam.formats.gltf.model import Json, Primitive
+from circparam.formats.gltf.model import Primitive
 from circparam.formats.gltf.reading import sound_tree
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
 from circparam.formats.source import Source
@@ -43,8 +43,16 @@ def with_morph(document: GltfDocument, target: Target) -> bytes:
         for users in document.users():
             _pool(edit, document, users, target, matrix[users[0].mesh])
         meshes = {p.mesh for p in document.primitives}
-        for mesh in meshes:
-            _mesh(edit, edit.json["meshes"][mesh], target.name)
+        for mesh in (edit.json["meshes"][k] for k in meshes):
+            extras = mesh.get("extras")
+            own = extras if isinstance(extras, dict) else {}
+            mesh |= {"weights": [0.0], "extras": {**own, "targetNames": [target.name]}}
+            for p in mesh["primitives"]:  # what has no triangles gets a target that moves nothing
+                if "targets" not in p and "POSITION" in p["attributes"]:
+                    count = edit.json["accessors"][p["attributes"]["POSITION"]]["count"]
+                    still = {"componentType": 5126, "type": "VEC3", "count": count}
+                    edit.json["accessors"].append({**still, "min": [0.0] * 3, "max": [0.0] * 3})
+                    p["targets"] = [{"POSITION": len(edit.json["accessors"]) - 1}]
         # the animation: one sampler, a channel for every node that shows a mesh
         if not edit.json.get("nodes"):  # a file of meshes alone
             edit.json["nodes"] = [{"mesh": k} for k in range(len(edit.json["meshes"]))]
@@ -89,19 +97,6 @@ def _pool(
         entry = p.entry(edit.json)
         entry["attributes"] |= attributes
         entry["targets"] = [dict(goal)]
-
-
-def _mesh(edit: Packing, mesh: Json, name: str) -> None:
-    """A weight and a name for the target; primitives that have no triangles get a target that moves nothing."""
-    mesh["weights"] = [0.0]
-    extras = mesh.get("extras")
-    mesh["extras"] = {**(extras if isinstance(extras, dict) else {}), "targetNames": [name]}
-    for p in mesh["primitives"]:
-        if "targets" not in p and "POSITION" in p["attributes"]:
-            count = edit.json["accessors"][p["attributes"]["POSITION"]]["count"]
-            still = {"componentType": 5126, "type": "VEC3", "count": count}
-            edit.json["accessors"].append({**still, "min": [0.0] * 3, "max": [0.0] * 3})
-            p["targets"] = [{"POSITION": len(edit.json["accessors"]) - 1}]
 
 
 def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatArray) -> bytes:

@@ -58,7 +58,11 @@ class Tree:
         if not version.startswith("2"):
             raise self.error(f"glTF version {version[:20]!r}: only version 2 is read")
         self.json = tree
-        self.indent = None if self.is_glb else _indent(text)
+        # how the text is indented: a number of blanks, a tab, or None if it is on one line
+        found = None if self.is_glb else re.match(rb"\s*\{\r?\n([ \t]*)", text)
+        self.indent: int | str | None = None if found is None else len(found[1])
+        if found is not None and found[1].startswith(b"\t"):
+            self.indent = "\t"
         self._buffers: dict[int, bytes] = {}
         for number, buffer in enumerate(self.json.get("buffers", [])):
             self._check_uri(number, buffer)
@@ -126,8 +130,12 @@ class Tree:
         elif uri.startswith("data:"):
             data = self._data_uri(number, uri)
         else:
+            # its declared bytes, and bytes beyond them that views reach, are all that is of use
+            views = [v for v in self.entries("bufferViews") if isinstance(v, dict)]
+            views = [v for v in views if v.get("buffer") == number]
+            ends = (_whole(v.get("byteOffset", 0)) + _whole(v.get("byteLength", 0)) for v in views)
             try:
-                data = bytes_beside(self.source.folder, uri, self._reach(number, size))
+                data = bytes_beside(self.source.folder, uri, max(size, *ends, 0))
             except OSError as error:
                 raise self.error(
                     f"buffer {number} ({uri[:80]!r}) cannot be read: {error.strerror or error}"
@@ -135,13 +143,6 @@ class Tree:
         if len(data) < size:
             raise self.error(f"buffer {number} promises {size} bytes and has {len(data)}")
         return data
-
-    def _reach(self, number: int, size: int) -> int:
-        """Useful bytes of a buffer: its declared bytes, and bytes beyond them that views reach."""
-        views = [v for v in self.entries("bufferViews") if isinstance(v, dict)]
-        views = [v for v in views if v.get("buffer") == number]
-        ends = (_whole(v.get("byteOffset", 0)) + _whole(v.get("byteLength", 0)) for v in views)
-        return max(size, *ends, 0)
 
     def _data_uri(self, number: int, uri: str) -> bytes:
         head, _, body = uri.partition(",")
@@ -261,11 +262,3 @@ def _whole(value: Any) -> int:
 
 def _no_constant(name: str) -> Any:
     raise ValueError(f"{name} is not a JSON number")
-
-
-def _indent(text: bytes) -> int | str | None:
-    """How the JSON is indented: a number of blanks, a tab, or None if it is on one line."""
-    found = re.match(rb"\s*\{\r?\n([ \t]*)", text)
-    if found is None:
-        return None
-    return "\t" if found.group(1).startswith(b"\t") else len(found.group(1))

@@ -86,16 +86,6 @@ PLACES = (
 )  # fmt: skip
 
 
-def holder_of(material: Json, place: Place) -> Json | None:
-    """The object that holds a slot; None if the material has none. The core's objects are always there."""
-    found: Any = material
-    for key in place.holder:
-        found = found.get(key)
-        if found is None:
-            return {} if key == _PBR else None
-    return found
-
-
 def texture_info(holder: Json, place: Place) -> Json | None:
     """The texture info of a slot, None if it has no texture."""
     return holder.get(place.texture)
@@ -132,9 +122,14 @@ def set_factors(holder: Json, place: Place, values: FloatArray) -> None:
 
 
 def places_of(material: Json) -> Iterator[tuple[Place, Json]]:
-    """The slots that a material can have by its extensions, each with the object that holds it."""
+    """The slots that a material can have by its extensions, each with the object that holds it.
+
+    The core's objects are always there.
+    """
     for place in PLACES:
-        holder = holder_of(material, place)
+        holder: Any = material
+        for key in place.holder:
+            holder = None if holder is None else holder.get(key, {} if key == _PBR else None)
         if holder is not None:
             yield place, holder
 

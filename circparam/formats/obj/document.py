@@ -297,11 +297,13 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     head = np.full(len(size), 1)
     head_text = [b"f"] * len(size)
     some = size > 2  # fewer corners are no face
-    names, label = _polygon_groups(document, polys.owner, len(size))
-    if names:
+    if (groups := document.mesh.groups) is not None:
+        label = np.zeros(len(size), np.int64)
+        label[polys.owner] = groups
         change = np.flatnonzero(np.diff(label[some], prepend=-1))
         for f in np.flatnonzero(some)[change].tolist():
-            head_text[f] = b"usemtl " + names[label[f]] + b"\nf"
+            name = "_".join(document.group_name(int(label[f])).split())
+            head_text[f] = b"usemtl " + name.encode() + b"\nf"
         head = np.array([len(h) for h in head_text])
     one = np.ones(len(size), np.int64)
     ends = as_bytes(b"\n" * len(size)), one
@@ -313,16 +315,3 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     n, m = len(document.mesh.points), len(document.mesh.faces)
     notes, warnings = not_carried(document, "obj", "polygons", "groups")
     return Encoded(data, "obj", np.arange(n), np.arange(m), notes=notes, warnings=warnings)
-
-
-def _polygon_groups(
-    document: Document, owner: IntArray, count: int
-) -> tuple[list[bytes], IntArray]:
-    """Names as OBJ takes them, and the label of each polygon."""
-    groups = document.mesh.groups
-    if groups is None:
-        return [], np.zeros(0, np.int64)
-    label = np.zeros(count, np.int64)
-    label[owner] = groups
-    names = map(document.group_name, range(int(groups.max()) + 1))
-    return ["_".join(name.split()).encode() for name in names], label

@@ -92,11 +92,8 @@ class PlyDocument(Document):
         self, uvmap: UVMap, number: int, options: WriteOptions, format: str, stem: str
     ) -> Encoded:
         """The same file with uv in its vertices or faces, and its image."""
-        kind, polys, layout = (
-            "f8" if options.uv_double else self.uv_type,
-            self.lists.polys,
-            self.layout,
-        )
+        kind = "f8" if options.uv_double else self.uv_type
+        polys, layout = self.lists.polys, self.layout
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
         vertices = np.arange(len(self.mesh.points))
@@ -108,17 +105,14 @@ class PlyDocument(Document):
             split = split_vertices(len(vertices), polys.corners, uv, corner_uv)
             data, vertices = writing.with_vertex_uv(layout, self.lists, split, kind), split.source
             notes = [duplicated(split.added)] if split.added else []
-        data, assets = in_ply_header(data, options.pages), self._images()
+        data = in_ply_header(data, options.pages)
+        images = filter(None, map(materials.texture_file, self.layout.lines))
+        assets = list(dict.fromkeys(images))
         if self.carried is not None:
             assets = []
             data, extra = materials.redressed(data, self.carried, stem)
         faces = np.arange(len(self.mesh.faces))
         return Encoded(data, "ply", vertices, faces, extra, assets, notes)
-
-    def _images(self) -> list[str]:
-        """The image files that comments name."""
-        names = (materials.texture_file(line) for line in self.layout.lines)
-        return list(dict.fromkeys(name for name in names if name))
 
 
 def read_ply(data: bytes, source: Source) -> PlyDocument:
@@ -145,8 +139,19 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
         )
     mesh = Mesh(points, polys.corners[polys.triangles], polygons=polys.labels)
     has_uv = vertex_uv(vertex) is not None or layout.element("face").find("texcoord")
+    names = {p.name for e in layout.elements for p in e.properties}
+    known = {"x", "y", "z", *INDICES, "texcoord", *(n for pair in UV_NAMES for n in pair)}
+    normals, colours = {"nx", "ny", "nz"}, {"red", "green", "blue", "alpha"}
+    features = {
+        "polygons": polys.labels is not None,
+        "normals": bool(names & normals),
+        "colours": bool(names & colours),
+        "custom properties": bool(names - known - normals - colours),
+        "tristrips": "tristrips" in {e.name for e in layout.elements},
+    }
     return PlyDocument(
-        source, "ply", mesh, (0,) if has_uv else (), [], _features(layout, polys),
+        source, "ply", mesh, (0,) if has_uv else (), [],
+        tuple(feature for feature, there in features.items() if there),
         layout=layout, lists=FaceLists(polys, len(size), len(corners), tri, strip_counts),
     )  # fmt: skip
 
@@ -193,17 +198,3 @@ def _lists(layout: Layout, name: str, points: int, least: int) -> tuple[IntArray
             f"a face names vertex {wrong}: there are {points} (counted from 0)"
         )
     return index, counts
-
-
-def _features(layout: Layout, polys: Polygons) -> tuple[str, ...]:
-    names = {p.name for e in layout.elements for p in e.properties}
-    known = {"x", "y", "z", *INDICES, "texcoord", *(n for pair in UV_NAMES for n in pair)}
-    normals, colours = {"nx", "ny", "nz"}, {"red", "green", "blue", "alpha"}
-    has = {
-        "polygons": polys.labels is not None,
-        "normals": bool(names & normals),
-        "colours": bool(names & colours),
-        "custom properties": bool(names - known - normals - colours),
-        "tristrips": "tristrips" in {e.name for e in layout.elements},
-    }
-    return tuple(k for k, there in has.items() if there)

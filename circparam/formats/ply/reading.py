@@ -226,7 +226,9 @@ class Layout:
                 if self._fits(e):
                     return rows
         else:
-            if e is self.elements[-1] and self._unfilled(at):
+            # a stopped download leaves zeros at the end, where no row with a list is so
+            end = self.raw[max(at, self._size - UNFILLED_BYTES) :]
+            if e is self.elements[-1] and len(end) == UNFILLED_BYTES and not end.any():
                 raise self.unfilled(e)
             one = self._chase(e, at, 1)
             stride = int(one[1] - one[0])
@@ -237,11 +239,6 @@ class Layout:
             elif self._cut_short(e, at, stride):
                 raise self._short(e)
         return self._chase(e, at, e.count)
-
-    def _unfilled(self, at: int) -> bool:
-        """Whether a long end of the file is zeros, as a stopped download leaves it: no row with a list is."""
-        end = self.raw[max(at, self._size - UNFILLED_BYTES) :]
-        return len(end) == UNFILLED_BYTES and not end.any()
 
     def _cut_short(self, e: Element, at: int, stride: int) -> bool:
         """Whether all rows of the file are alike, and the bytes behind them are too few for the others.
