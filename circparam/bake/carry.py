@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.bake.look_source import Source
-from circparam.bake.source_image import Floats, coded
+from circparam.bake.source_image import coded
 from circparam.bake.texels import Texels, corners_in_texels, density, find_texels, places_in
 from circparam.bake.write import png
 from circparam.core.arrays import unit
@@ -223,7 +223,9 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
                 found = image.blend(taps, k)
                 total[some] += found
                 if slot.covers and part.material.alpha != "OPAQUE":
-                    weight = _weight(found[:, 3:], part.material)
+                    alpha, cutoff = found[:, 3:], part.material.cutoff
+                    blends = part.material.alpha == "BLEND"
+                    weight = alpha if blends else (alpha >= cutoff).astype(np.float32)
                     seen[some] += np.concatenate([found[:, :3] * weight, weight], 1)
     for total, (_, slot) in zip(sums, wanted, strict=True):
         total /= part.samples**2
@@ -231,11 +233,6 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
             shown = seen[:, 3] > 0
             total[shown, :3] = seen[shown, :3] / seen[shown, 3:]
     return [total.astype(np.float64) for total in sums]
-
-
-def _weight(alpha: Floats, material: Material) -> Floats:
-    """Opacity of a colour with alpha."""
-    return alpha if material.alpha == "BLEND" else (alpha >= material.cutoff).astype(np.float32)
 
 
 def layout_of(source: Source, use: Use) -> tuple[object, ...]:

@@ -59,7 +59,14 @@ def write_baked(
     """
     check_target(path, kind)
     if path.suffix.lower() == ".png":
-        return write_files(_images(path, baked), overwrite=True), _tint_notes(baked)
+        # under the name given where there is one tile, else numbered as UDIM
+        tiles = sorted(baked.tiles.items(), key=lambda item: item[0][::-1])
+        numbers = [f".{FIRST_UDIM + u + 10 * v}" if len(tiles) > 1 else "" for (u, v), _ in tiles]
+        images = {
+            path.with_name(f"{path.stem}{number}{path.suffix}"): png(image)
+            for number, (_, image) in zip(numbers, tiles, strict=True)
+        }
+        return write_files(images, overwrite=True), _tint_notes(baked)
     if list(baked.tiles) != [(0, 0)]:
         raise OptionError(
             f"{path}: a GLB holds one image, the layout has several tiles: bake into .png"
@@ -107,17 +114,6 @@ def _gloss_notes(document: Document) -> list[str]:
         f"{counted(count, 'material')} of specular-glossiness became metallic-roughness: alpha, tint and "
         "glossiness are kept, specular colours and images are not"
     ]
-
-
-def _images(path: Path, baked: Baked) -> dict[Path, bytes]:
-    """The PNG files of all tiles: under the name given where there is one, else numbered as UDIM."""
-    if len(baked.tiles) == 1:
-        return {path: png(next(iter(baked.tiles.values())))}
-    tiles = sorted(baked.tiles.items(), key=lambda item: item[0][::-1])
-    return {
-        path.with_name(f"{path.stem}.{FIRST_UDIM + u + 10 * v}{path.suffix}"): png(image)
-        for (u, v), image in tiles
-    }
 
 
 def png(array: Texels, level: int = 7) -> bytes:

@@ -14,6 +14,7 @@ from circparam.core.arrays import (
     sorted_distinct,
 )
 from circparam.core.graph import components
+from circparam.core.plural import plural
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import point_corners, sort_by_edge
@@ -55,20 +56,21 @@ class Component:
             return "non-orientable"
         if self.pieces > 1:
             return f"{self.pieces} pieces that meet in points"
-        pinched = f", pinched at {_count(self.nonmanifold_vertices, 'vertex', 'vertices')}"
-        return self._shape() + (pinched if self.nonmanifold_vertices else "")
+        shape = f"genus {self.genus}, closed"
+        if self.boundaries:
+            shape = (
+                f"genus {self.genus} with {self.boundaries} {plural(self.boundaries, 'boundary')}"
+            )
+        if self.genus == 0 and self.boundaries < 2:
+            shape = "disk" if self.boundaries else "sphere"
+        if pinched := self.nonmanifold_vertices:
+            shape += f", pinched at {pinched} {plural(pinched, 'vertex')}"
+        return shape
 
     @property
     def is_disk(self) -> bool:
         """Whether it is one disk: manifold, one boundary, no handle."""
         return self.verdict == "disk"
-
-    def _shape(self) -> str:
-        if self.genus == 0 and self.boundaries < 2:
-            return "disk" if self.boundaries else "sphere"
-        if self.boundaries == 0:
-            return f"genus {self.genus}, closed"
-        return f"genus {self.genus} with {_count(self.boundaries, 'boundary', 'boundaries')}"
 
     def as_dict(self) -> dict[str, Any]:
         """For a report."""
@@ -313,7 +315,3 @@ def _boundaries(
     number = group_count(owner, n)
     parts = np.split(total[order], np.cumsum(number)[:-1])
     return number, [part.tolist() for part in parts]
-
-
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"

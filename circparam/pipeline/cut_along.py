@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge, stable_order
+from circparam.core.arrays import (
+    FloatArray,
+    IntArray,
+    edge_keys,
+    mask_of,
+    next_half_edge,
+    stable_order,
+)
 from circparam.core.graph import components, nearest
 from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales, chart_distortion
@@ -78,8 +85,7 @@ def _cut_paths(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]
     charts the whole path would tear off fragments."""
     flat = cut_mesh.faces.ravel()
     a, b = flat[h], flat[next_half_edge(h)]
-    rim = np.zeros(cut_mesh.n_vertices, bool)
-    rim[flat[cut_mesh.boundary]] = True
+    rim = mask_of(cut_mesh.n_vertices, flat[cut_mesh.boundary])
     k = len(path)
     at = np.concatenate([a, b])
     inner = np.flatnonzero(~rim[at])  # edges that share such a vertex belong together
@@ -90,7 +96,7 @@ def _cut_paths(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]
 
 
 def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:
-    """Edges of the cheapest way near a chord; None if there is none."""
+    """Edges of the cheapest way near a chord that avoids the boundary in between; None if there is none."""
     atlas, cut_mesh, uv = whole.atlas, whole.cut_mesh, whole.uv
     s, flat = atlas.surface, cut_mesh.faces.ravel()
     edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
@@ -105,27 +111,10 @@ def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArr
     starts, goals = (_beside(cut_mesh, uv, p, reach) for p in (chord.start, chord.end))
     if not len(edge) or not len(starts) or not len(goals):
         return None
-    return cheapest_way(cut_mesh, edge, (a, b), costs[edge], starts, goals)
-
-
-def cheapest_way(
-    cut_mesh: CutMesh,
-    edge: IntArray,
-    ends: tuple[IntArray, IntArray],
-    costs: FloatArray,
-    starts: IntArray,
-    goals: IntArray,
-) -> IntArray | None:
-    """The edges of the cheapest way from one of some vertices to one of others; None if there is none.
-
-    edge: (e,) usable edges, with their ends and costs. The path avoids the boundary in between.
-    """
-    a, b = ends
-    rim = np.zeros(cut_mesh.n_vertices, bool)
-    rim[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
-    # along the boundary it would tear fragments off: each vertex there costs more than any way round
-    costs = costs + costs.sum() * (rim[a].astype(float) + rim[b])
     n = cut_mesh.n_vertices
+    rim = mask_of(n, flat[cut_mesh.boundary])
+    # along the boundary it would tear fragments off: each vertex there costs more than any way round
+    costs = costs[edge] + costs[edge].sum() * (rim[a].astype(float) + rim[b])
     graph = sps.csr_matrix((costs, (a, b)), shape=(n, n))
     distance, before, _ = nearest(graph, starts, symmetric=False)
     path = [int(goals[np.argmin(distance[goals])])]

@@ -154,29 +154,19 @@ def prepare(
         if options.sorted_by is not None:
             groups = find_groups(document, options.sorted_by, options.pages_by is not None)
         surface, stacks = find_stacks(document, surface, report, options, tiles, groups)
-        surface, kept = _staying(document, surface, options, uvmap, tiles)
+        if options.lock is None:
+            surface, kept = find_only(document, surface, options)
+        elif uvmap is None or tiles is not None:
+            several = "the file has several atlases"
+            why = "it is an option of circparam pack" if uvmap is None else several
+            raise OptionError(f"--lock has no effect here: {why}")
+        else:
+            surface, kept = find_lock(document, surface, uvmap, options)
     check_texel_density(surface, options, document.source.name)
     return Job(
         document, options, target, surface, report, tiles, floaters, group_by, stacks, kept,
         density, groups,
     )  # fmt: skip
-
-
-def _staying(
-    document: Document,
-    surface: Surface,
-    options: Options,
-    uvmap: UVMap | None,
-    tiles: IntArray | None,
-) -> tuple[Surface, Kept | None]:
-    """The faces that are laid out, and the charts that stay. Raises OptionError for options that do not fit."""
-    if options.lock is None:
-        return find_only(document, surface, options)
-    if uvmap is None:
-        raise OptionError("--lock has no effect here: it is an option of circparam pack")
-    if tiles is not None:
-        raise OptionError("--lock has no effect here: the file has several atlases")
-    return find_lock(document, surface, uvmap, options)
 
 
 def given_atlas(surface: Surface, uvmap: UVMap, name: str) -> Atlas:

@@ -61,7 +61,9 @@ def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str
             mine.append(None if scene is None else len(layouts))
             if scene is not None:
                 look = PictureOptions(title=shown.title, up=shown.up)
-                layouts.append(PageLayout(row.name, scene, look, _figures(row), k))
+                known = [(COLUMNS[k], cell_text(k, row.figures.get(k))) for k in COLUMNS]
+                figures = [("status", row.status), *(pair for pair in known if pair[1] != "–")]
+                layouts.append(PageLayout(row.name, scene, look, figures, k))
         numbers.append(mine)
     sections = [_section(m, numbers[k]) for k, m in enumerate(meshes)]
     if sizes:
@@ -76,12 +78,6 @@ def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str
         "SCRIPT": viewer_file("sort.js") + (viewer_script() if layouts else ""),
     }
     return fill_in(viewer_file("compare.html"), fields)
-
-
-def _figures(row: MethodLayout) -> list[tuple[str, str]]:
-    """The figures of a row by the names of the table below."""
-    known = [(COLUMNS[k], cell_text(k, row.figures.get(k))) for k in COLUMNS]
-    return [("status", row.status), *((name, text) for name, text in known if text != "–")]
 
 
 def _section(shown: SideBySide, numbers: Sequence[int | None]) -> str:
@@ -199,7 +195,12 @@ def compare_plot(meshes: Sequence[SideBySide], columns: int = 5) -> Image.Image:
     """
     size, gap, margin, head = 280, 20, 40, 76
     drawn = [(m, draw_layouts(m, size)) for m in meshes]
-    cards = [_card_height(d) for _, d in drawn]
+    # room for a name, three pictures and a line of figures
+    cards = []
+    for _, rows in drawn:
+        each = [[i.height + 6 for i in row.images] for row in rows if row.images is not None]
+        tallest = max([max(h) if len(rows) == 1 else sum(h) for h in each], default=60)
+        cards.append(34 + tallest + 40)
     widest = max(3 if len(d) == 1 else min(columns, len(d)) for _, d in drawn)
     wide = max(2 * margin + widest * size + (widest - 1) * gap, 660)
     heights = [head + c * -(-len(d) // columns) for c, (_, d) in zip(cards, drawn, strict=True)]
@@ -215,13 +216,6 @@ def compare_plot(meshes: Sequence[SideBySide], columns: int = 5) -> Image.Image:
             _plot_card(page, draw, x, y + head + (k // columns) * card, row, len(rows) == 1)
         y += height
     return page
-
-
-def _card_height(rows: Sequence[DrawnLayout]) -> int:
-    """Room for a name, three pictures and a line of figures."""
-    each = [[i.height + 6 for i in row.images] for row in rows if row.images is not None]
-    tallest = [max(h) if len(rows) == 1 else sum(h) for h in each]
-    return 34 + max(tallest, default=60) + 40
 
 
 def _plot_card(
@@ -285,7 +279,11 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
     base = 1.0 if key == "distortion" else 0.0
     values = [row.figures.get(key) for row in rows]
     scale = scale_of([v - base for v in values if v is not None])
-    stages = _main_stages(rows) if key == "seconds" else []
+    # the stages that take most of the time over all rows, longest first
+    total: dict[str, float] = {}
+    for name, seconds in (s for row in rows for s in row.stages.items() if key == "seconds"):
+        total[name] = total.get(name, 0.0) + seconds
+    stages = sorted(total, key=lambda name: -total[name])[: len(STAGE_COLOURS)]
     left = 16 + LETTER_WIDTH * max((len(row.name) for row in rows), default=0)
     top = 60 if scale.logarithmic else 36
     bottom = top + len(rows) * ROW_UNITS
@@ -335,15 +333,6 @@ def _key(stages: Sequence[str], y: float) -> list[str]:
         out.append(f'<text x="{x + 18:g}" y="{y + 11:g}" class="muted">{html.escape(name)}</text>')
         x += 34 + LETTER_WIDTH * len(name)
     return out
-
-
-def _main_stages(rows: Sequence[MethodLayout]) -> list[str]:
-    """The stages that take most of the time over all rows, longest first; as many as there are colours."""
-    total: dict[str, float] = {}
-    for row in rows:
-        for name, seconds in row.stages.items():
-            total[name] = total.get(name, 0.0) + seconds
-    return sorted(total, key=lambda name: -total[name])[: len(STAGE_COLOURS)]
 
 
 def bar_parts(row: MethodLayout, stages: Sequence[str]) -> list[tuple[float, str]]:

@@ -77,10 +77,12 @@ def page(
     if before is not None:
         layouts = [before, *layouts]
     layouts = drawable(layouts)
+    drawn = layouts[-1].scene
+    part = "" if scene is drawn else f" · drawn with {len(drawn.faces):,} of the faces"
     fields = {
         "VERSION": __version__,
         "TITLE": escaped(options.title),
-        "NOTE": escaped(counts(scene, options) + _shown(scene, layouts[-1].scene)),
+        "NOTE": escaped(counts(scene, options) + part),
         "ASPECT": f"{aspect(layouts):.4g}",
         "STYLE": page_style("style.css"),
         "VIEWER": viewer(layouts, options.repairs, active=len(layouts) - 1),
@@ -124,13 +126,14 @@ def viewer(
     meta["layouts"] = [
         {**_meta(each), "sections": p.sections} for each, p in zip(layouts, packed, strict=True)
     ]
+    lines = "".join(f"<li>{escaped(line)}</li>" for line in repairs)
     fields = {
         "HINT": HINT,
         "LAYOUTS": _choice(layouts, meshes),
         "PANELS": "".join(_panels(k, each, len(layouts)) for k, each in enumerate(layouts)),
         "FIGURES": _table(layouts),
         "CHARTS_OF": ' · <span id="charts-of"></span>' if len(layouts) > 1 else "",
-        "REPAIRS": _list(repairs),
+        "REPAIRS": f"<ul>{lines}</ul>" if repairs else "<p>None.</p>",
         "MORPHS": "".join(
             f'<label class="tool morph"><span title="{escaped(name)}">{escaped(name)}</span> '
             f'<input type="range" id="morph-{k}" min="0" max="1" step="0.01" value="0"> '
@@ -227,11 +230,6 @@ def escaped(text: str) -> str:
     return html.escape(text.encode("utf-8", "replace").decode())
 
 
-def _shown(whole: Scene, scene: Scene) -> str:
-    """Number of drawn faces, if not all are drawn."""
-    return "" if scene is whole else f" · drawn with {len(scene.faces):,} of the faces"
-
-
 def aspect(layouts: Sequence[PageLayout]) -> float:
     """Width over height of the view of the layouts."""
     low_u, low_v, high_u, high_v = np.array([each.scene.once.bounds for each in layouts]).T
@@ -261,18 +259,30 @@ def _table(layouts: Sequence[PageLayout]) -> str:
     return head + "".join(rows)
 
 
-def _list(lines: Sequence[str]) -> str:
-    if not lines:
-        return "<p>None.</p>"
-    return "<ul>" + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"
-
-
 def _meta(layout: PageLayout) -> dict[str, Any]:
     """Everything of a layout's data that is not geometry."""
     scene, options = layout.scene, layout.options
     images, directions = options.images, options.directions
     if directions is None:
         directions = best_directions(scene, 1, options.up)
+    # how thick seams are drawn before anything is zoomed
+    h, flat = scene.seams, scene.faces.ravel()
+    along = scene.points[flat[next_half_edge(h)]] - scene.points[flat[h]]
+    on_surface = np.linalg.norm(along, axis=1).sum()
+    diagonal = max(float(np.linalg.norm(np.ptp(scene.used_points, axis=0))), 1e-300)
+    lines = {
+        # both sides of a seam are listed, and half of the surface is seen
+        "surface": round(col.line_weight(float(on_surface) / 4 / diagonal), 3),
+        "plane": round(layout_line_weight(scene.once), 3),
+    }
+    files: list[str] = []
+    ranges: list[dict[str, int]] = []  # runs of faces with one image, in the order of the faces
+    if images is not None:
+        coded = ((kind, base64.b64encode(data).decode()) for data, kind in images.files)
+        files = [f"data:{kind};base64,{text}" for kind, text in coded]
+        runs = np.unique(np.sort(images.face), return_index=True, return_counts=True)
+        keys = ("image", "first", "count")
+        ranges = [dict(zip(keys, map(int, run), strict=True)) for run in zip(*runs, strict=True)]
     return {
         "name": layout.name,
         "mesh": layout.mesh,
@@ -284,41 +294,12 @@ def _meta(layout: PageLayout) -> dict[str, Any]:
         "uvBox": [*scene.uv.min(0).tolist(), *uv_span(scene).tolist()],
         "bounds": list(scene.bounds),
         "cells": checker_cells(scene),
-        "lines": _line_weights(scene),
+        "lines": lines,
         "charts": _chart_figures(scene.once),
-        "images": []
-        if images is None
-        else [
-            f"data:{kind};base64,{base64.b64encode(data).decode()}" for data, kind in images.files
-        ],
+        "images": files,
         "imageNote": options.image_note,
-        "ranges": _ranges(images),
+        "ranges": ranges,
     }
-
-
-def _line_weights(scene: Scene) -> dict[str, float]:
-    """How thick seams are drawn before anything is zoomed, on the surface and in the layout."""
-    h, flat = scene.seams, scene.faces.ravel()
-    along = scene.points[flat[next_half_edge(h)]] - scene.points[flat[h]]
-    on_surface = np.linalg.norm(along, axis=1).sum()
-    diagonal = max(float(np.linalg.norm(np.ptp(scene.used_points, axis=0))), 1e-300)
-    return {
-        # both sides of a seam are listed, and half of the surface is seen
-        "surface": round(col.line_weight(float(on_surface) / 4 / diagonal), 3),
-        "plane": round(layout_line_weight(scene.once), 3),
-    }
-
-
-def _ranges(images: PageImages | None) -> list[dict[str, int]]:
-    """Runs of faces with the same image, in the order in which faces are stored."""
-    if images is None:
-        return []
-    face = np.sort(images.face)
-    values, first, count = np.unique(face, return_index=True, return_counts=True)
-    return [
-        {"image": int(v), "first": int(f), "count": int(c)}
-        for v, f, c in zip(values, first, count, strict=True)
-    ]
 
 
 def _chart_figures(scene: Scene) -> dict[str, list[float]]:

@@ -68,7 +68,10 @@ def draw_figure(
     draw.line((MARGIN_PIXELS, 80, 1600 - MARGIN_PIXELS, 80), fill=col.HAIRLINE, width=2)
     y = 128
     page.paste(to_image(plan.image), (MARGIN_PIXELS, y))
-    note = _tile_note(scene) + ("; hatched where it overlaps" if plan.overlap > 1e-4 else "")
+    u0, v0, u1, v1 = scene.bounds
+    beyond = f"outside the unit square: u {u0:.4g} to {u1:.4g}, v {v0:.4g} to {v1:.4g}"
+    note = beyond if scene.outside else "the unit square"
+    note += "; hatched where it overlaps" if plan.overlap > 1e-4 else ""
     _label(draw, MARGIN_PIXELS, y - 26, "Layout", note)
     ink = col.rgb(col.INK)
     for k, view in enumerate(views):
@@ -83,13 +86,6 @@ def draw_figure(
     _legend(page, draw, 1600 - MARGIN_PIXELS, y + high + 6, top, scene)
     _figures(draw, 905, figures if figures is not None else scene_figures(scene))
     return page
-
-
-def _tile_note(scene: Scene) -> str:
-    if not scene.outside:
-        return "the unit square"
-    u0, v0, u1, v1 = scene.bounds
-    return f"outside the unit square: u {u0:.4g} to {u1:.4g}, v {v0:.4g} to {v1:.4g}"
 
 
 def _label(draw: ImageDraw.ImageDraw, x: float, y: float, name: str, note: str) -> None:

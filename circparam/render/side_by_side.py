@@ -1,6 +1,7 @@
 """Layouts of one mesh side by side, for a comparison, with the same views and the same scale."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field
 from typing import Any
 
@@ -114,7 +115,9 @@ def draw_layouts(
             continue
         if view is None or camera is None:
             direction = best_directions(scene, 1, shown.up)[0]
-            height = _view_height(scene, look_from(scene, direction, shown.up), size)
+            trial, _ = look_from(scene, direction, shown.up).project(scene.used_points, 1000, 1000)
+            wide, high = np.ptp(trial, axis=0) + 1e-9
+            height = int(size * np.clip(1.06 * high / wide, 0.45, 1.0))  # little empty space
             camera = look_from(scene, direction, shown.up, size / height)
             view = see(scene, camera, size, height, samples)
         else:
@@ -130,25 +133,15 @@ def draw_layouts(
     return out
 
 
-def _view_height(scene: Scene, camera: Camera, size: int) -> int:
-    """Height of a view of width ``size`` with little empty space."""
-    xy, _ = camera.project(scene.used_points, 1000, 1000)
-    wide, high = np.ptp(xy, axis=0) + 1e-9
-    return int(size * np.clip(1.06 * high / wide, 0.45, 1.0))
-
-
 def scenes_of(shown: SideBySide) -> list[Scene | None]:
     """The scene of each row; None if it has no layout that can be drawn."""
-    return [_scene(shown.mesh, row) for row in shown.rows]
-
-
-def _scene(mesh: Mesh, row: MethodLayout) -> Scene | None:
-    if row.uvmap is None:
-        return None
-    try:
-        return make_scene(mesh.points, mesh.faces, row.uvmap.uv, row.uvmap.uv_faces)
-    except InputError:
-        return None
+    scenes: list[Scene | None] = [None] * len(shown.rows)
+    for k, row in enumerate(shown.rows):
+        if row.uvmap is not None:
+            mesh, layout = shown.mesh, row.uvmap
+            with suppress(InputError):
+                scenes[k] = make_scene(mesh.points, mesh.faces, layout.uv, layout.uv_faces)
+    return scenes
 
 
 def caption(row: MethodLayout, seconds: bool = True) -> str:

@@ -4,6 +4,8 @@ Three squares side by side, each a group of its own (``layout``, ``checker``, ``
 every chart is one path; in the last faces of one chart and of one step of the colour scale are.
 """
 
+import re
+
 import numpy as np
 
 from circparam.core.arrays import next_half_edge
@@ -96,7 +98,11 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
             inside if name == "distortion" else "",
             f'<g stroke="{col.INK}" stroke-width="{thin:g}" stroke-linejoin="round" '
             f'fill-rule="evenodd">',
-            *(fills if name != "distortion" else [_unfilled(d) for d in fills]),
+            *(
+                fills
+                if name != "distortion"
+                else [re.sub(' fill="[^"]*', ' fill="none', d) for d in fills]
+            ),
             "</g>",
             inside if name == "checker" else "",
             "</g>",
@@ -114,12 +120,6 @@ def _paths(scene: Scene, label: IntArray | None = None) -> dict[int, str]:
         points = " ".join(f"{x:.2f},{y:.2f}" for x, y in xy.tolist())
         parts.setdefault(piece, []).append(f"M{points}Z")
     return {piece: "".join(loops) for piece, loops in parts.items()}
-
-
-def _unfilled(path: str) -> str:
-    """The same outline without its fill."""
-    head, _, rest = path.partition(' fill="')
-    return f'{head} fill="none"{rest[rest.index(chr(34)) + 1 :]}'
 
 
 def _checker(scene: Scene) -> str:
