@@ -164,16 +164,26 @@ def _remote(address: str, prefix: str | None) -> Iterator[SourceFile]:
     try:
         if wild is not None and not address.startswith("http"):
             base = path[: wild.start()].rpartition("/")[0]
-            found: Iterable[tuple[str, dict[str, Any]]] = again(
-                store.glob, path, detail=True
-            ).items()
+            found: Iterable[Any] = again(store.glob, path, detail=True).items()
         else:
             info = again(store.info, path)
             if info.get("type") == "directory":
                 base, found = path.rstrip("/"), _walk(store, path)
             else:
                 base, found = path.rpartition("/")[0], [(path, info)]
-        yield from _named((store, address, tail), found, base, prefix)
+        known, any_file = suffixes(), False
+        for place, info in found:
+            if info.get("type") == "directory" or _suffix(place) not in known:
+                continue
+            any_file = True
+            name = place[len(base) :].lstrip("/") or place.rpartition("/")[2]
+            if prefix is not None:
+                name = prefix if _suffix(prefix) in known else f"{prefix}/{name}"
+            inner = f"{address.split('://')[0]}://{place}{tail}"
+            whole = inner if tail else str(store.unstrip_protocol(place))
+            yield SourceFile(whole, name, int(info.get("size") or 0), etag(info))
+        if not any_file:
+            raise InputError(f"{address}: no mesh file is there")
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{address}: there is no such file or folder") from None
     except (InputError, OptionError):
@@ -182,29 +192,6 @@ def _remote(address: str, prefix: str | None) -> Iterator[SourceFile]:
         raise InputError(
             f"{address}: cannot be listed ({type(error).__name__}: {' '.join(str(error).split())})"
         ) from None
-
-
-def _named(
-    place: tuple[Any, str, str],
-    found: Iterable[tuple[str, dict[str, Any]]],
-    base: str,
-    prefix: str | None,
-) -> Iterator[SourceFile]:
-    """place: the store, the address as given, the part behind ``::``."""
-    store, address, tail = place
-    known, any_file = suffixes(), False
-    for path, info in found:
-        if info.get("type") == "directory" or _suffix(path) not in known:
-            continue
-        any_file = True
-        name = path[len(base) :].lstrip("/") or path.rpartition("/")[2]
-        if prefix is not None:
-            name = prefix if _suffix(prefix) in known else f"{prefix}/{name}"
-        inner = address.split("://")[0]
-        whole = f"{inner}://{path}{tail}" if tail else str(store.unstrip_protocol(path))
-        yield SourceFile(whole, name, int(info.get("size") or 0), etag(info))
-    if not any_file:
-        raise InputError(f"{address}: no mesh file is there")
 
 
 def _walk(store: Any, path: str) -> Iterator[tuple[str, dict[str, Any]]]:

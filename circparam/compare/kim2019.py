@@ -63,24 +63,15 @@ class Size:
         return dataclasses.asdict(self)
 
 
-def timed_sizes(
-    sizes: tuple[int, ...] = tuple(PRINTED_TIMES),
-    repeats: int = RUNS,
-    monitor: Monitor | None = None,
-) -> list[Size]:
+def timed_sizes(sizes: tuple[int, ...] = tuple(PRINTED_TIMES), repeats: int = RUNS) -> list[Size]:
     """Time circle and floater on a bumped disk of each size, in turns, so that a drift hits both alike.
 
     sizes: numbers of vertices, from 8 on. repeats: from 1 on, after one that does not count. The time is
     that of weights, boundary, assembly and solve, from the cut mesh to uv. Raises OptionError for other values.
     """
-    monitor = monitor or Monitor()
     if min(sizes, default=0) < 8 or repeats < 1:
         raise OptionError("table 1 needs sizes from 8 vertices and at least one repeat")
-    rows = []
-    for k, n in enumerate(sizes):
-        monitor.update(k / len(sizes), f"table 1: {n} vertices")
-        rows.append(_row(n, bumped_disk(n), repeats, monitor))
-    return rows
+    return [_row(n, bumped_disk(n), repeats) for n in sizes]
 
 
 def bumped_disk(n: int) -> CutMesh:
@@ -100,12 +91,16 @@ def bumped_disk(n: int) -> CutMesh:
     return surface.cut_mesh(np.zeros(len(surface.edges), bool))
 
 
-def _row(n: int, cut_mesh: CutMesh, repeats: int, monitor: Monitor) -> Size:
+def _row(n: int, cut_mesh: CutMesh, repeats: int) -> Size:
     times: dict[str, list[tuple[float, float]]] = {TIMED_METHOD: [], TIMED_PEER: []}
     for turn in range(repeats + 1):
         for name in (TIMED_METHOD, TIMED_PEER) if turn % 2 else (TIMED_PEER, TIMED_METHOD):
-            monitor.check()
-            seconds = _time(cut_mesh, name)
+            # a cut mesh that remembers nothing
+            arrays = cut_mesh.faces, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges
+            fresh, monitor = CutMesh(*arrays), Monitor()
+            start = time.perf_counter()
+            METHODS[name].function(fresh, MethodOptions(), monitor)
+            seconds = monitor.seconds["weights"], time.perf_counter() - start
             times[name] += [seconds] * (turn > 0)
     circle_w, circle = map(_spread, zip(*times[TIMED_METHOD], strict=True))
     floater_w, floater = map(_spread, zip(*times[TIMED_PEER], strict=True))
@@ -114,15 +109,6 @@ def _row(n: int, cut_mesh: CutMesh, repeats: int, monitor: Monitor) -> Size:
         n, len(cut_mesh.faces), circle, floater, circle_w, floater_w, floater.median / circle.median,
         floater_w.median / circle_w.median, None if paper is None else paper[1] / paper[0],
     )  # fmt: skip
-
-
-def _time(cut_mesh: CutMesh, name: str) -> tuple[float, float]:
-    """(seconds of the weight stage, of everything) of one run on a cut mesh that remembers nothing."""
-    fresh = CutMesh(cut_mesh.faces, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges)
-    monitor = Monitor()
-    start = time.perf_counter()
-    METHODS[name].function(fresh, MethodOptions(), monitor)
-    return monitor.seconds["weights"], time.perf_counter() - start
 
 
 def _spread(seconds: Sequence[float]) -> Spread:

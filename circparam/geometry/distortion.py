@@ -162,16 +162,15 @@ class Measures:
         return {**counts, **self.whole, **worst}
 
 
-def measure(cut_mesh: CutMesh, uv: FloatArray, signs: IntArray | None = None) -> Measures:
+def measure(cut_mesh: CutMesh, uv: FloatArray) -> Measures:
     """Measure a layout.
 
-    uv: (n_vertices, 2), in any unit. signs: (m,) exact sign of each face's area in the layout, where known;
-    else the sign in floating-point numbers. A flipped face counts with the size of its singular values, as
-    one that is not flipped would. Counter-clockwise is the right way up.
+    uv: (n_vertices, 2), in any unit. Signs of areas are those in floating-point numbers. A flipped face counts
+    with the size of its singular values, as one that is not flipped would. Counter-clockwise is the right way
+    up.
     """
     live = _live(cut_mesh)
-    sign = np.sign(signed_areas(cut_mesh.faces, uv)) if signs is None else signs
-    flipped = live & (sign <= 0)
+    flipped = live & (signed_areas(cut_mesh.faces, uv) <= 0)
     large, small, surface = _singular(cut_mesh, uv, live)
     group = cut_mesh.chart[live]
     layout = float((surface * large * small).sum())

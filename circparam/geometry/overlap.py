@@ -88,20 +88,9 @@ def overlaps(
     return Overlaps(found, crossed, boundary, faces, uv, chart)
 
 
-def self_overlapping(
-    cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0, chamfers: bool = False
-) -> BoolArray:
-    """(n_charts,) bool, charts that overlap themselves; parts of a boundary that come too near count too.
-
-    uv: (n_vertices, 2). margin: share of the root of the chart's area in the layout. Two parts of its boundary
-    nearer than this are too near, except neighbours, parts less than 8 such distances apart along the boundary.
-    chamfers: see ``nearby``.
-    """
-    contacts = SelfContacts.of(cut_mesh, uv)
-    found = contacts.meets
-    if margin > 0:
-        found = found | (contacts.near(margin, ~found, chamfers) > 0)
-    return found
+def self_overlapping(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
+    """(n_charts,) bool, charts that overlap themselves. uv: (n_vertices, 2)."""
+    return SelfContacts.of(cut_mesh, uv).meets
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,22 +110,18 @@ class SelfContacts:
     def near(self, margin: float, which: BoolArray, chamfers: bool = False) -> IntArray:
         """(n,) number of pairs of boundary edges that are too near each other, in some charts ((n,) bool).
 
-        margin, chamfers: as in ``self_overlapping``.
+        margin: share of the root of the chart's area in the layout. Two parts of its boundary nearer than this
+        are too near, except neighbours, parts less than 8 such distances apart along the boundary. chamfers:
+        see ``nearby``.
         """
         i, _ = nearby(self._boundary, margin * self._boundary.size, which, chamfers)
         return group_count(self._boundary.chart[i], len(self.meets))
 
 
-def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArray:
-    """(p, 2) pairs of boundary half-edges of one chart that meet, or come nearer than the margin.
-
-    uv, margin: as in ``self_overlapping``. Pairs are in ascending order.
-    """
+def crossings(uv: FloatArray, cut_mesh: CutMesh) -> IntArray:
+    """(p, 2) pairs of boundary half-edges of one chart that meet, in ascending order. uv: (n_vertices, 2)."""
     boundary = boundary_in(cut_mesh, uv)
     i, j, _ = meeting(boundary, between=False)
-    if margin > 0:
-        first, second = nearby(boundary, margin * boundary.size, np.ones(cut_mesh.n_charts, bool))
-        i, j = np.r_[i, first], np.r_[j, second]
     a, b = boundary.half_edge[i], boundary.half_edge[j]
     n = 3 * len(cut_mesh.faces)
     return np.stack(np.divmod(sorted_distinct(edge_keys(a, b, n)), n), 1)

@@ -67,11 +67,7 @@ def checkpoint_path(job: Job) -> Path | None:
     """Where the seams of this mesh with these options are kept; None without --checkpoint."""
     if job.options.checkpoint is None:
         return None
-    return Path(job.options.checkpoint) / f"{_key(job)}.circparam.npz"
-
-
-def _key(job: Job) -> str:
-    """A hash of all that the seams depend on."""
+    # the name is a hash of all that the seams depend on
     document, mesh = job.document, job.document.mesh
     parts: list[object] = [f"circparam {__version__} {job.target}"]
     for name in specs(Options):
@@ -88,7 +84,7 @@ def _key(job: Job) -> str:
             digest.update(part.tobytes())
         else:
             digest.update(repr(part).encode())
-    return digest.hexdigest()[:32]
+    return Path(job.options.checkpoint) / f"{digest.hexdigest()[:32]}.circparam.npz"
 
 
 def _read(path: Path, job: Job) -> tuple[Seams | None, bool]:

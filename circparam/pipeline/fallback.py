@@ -59,15 +59,24 @@ def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
     return fault, flipped
 
 
-def settle(cascade: Cascade, monitor: Monitor, new: BoolArray | None = None) -> Cascade:
+def settle(cascade: Cascade, monitor: Monitor) -> Cascade:
     """Take faulty charts through the cascade until none is left, or no step may be taken.
 
-    new: (m,) bool, faces of charts that may be faulty; all where None.
+    Where seams may be added, charts above the bound are faulty too; single faces are always sound. Where time
+    is up, only charts that are far beyond any bound are too distorted: those begun too late.
     """
-    if new is None:
-        new = np.ones(len(cascade.tries), bool)
     with monitor.stage("check"):
-        fault = _all_faults(cascade, new, monitor)
+        cut_mesh, uv = cascade.open()
+        fault, _ = faults(cut_mesh, uv)
+        if cascade.rules.may_split:
+            bound, last = cascade.rules.bound, cascade.singles > 0
+            if monitor.hurried:
+                bound, last = max(bound, LATE_BOUND), last | (cascade.tries >= PROJECTED_TRIES)
+            may = (fault == SOUND) & (group_count(cut_mesh.chart[last], cut_mesh.n_charts) == 0)
+            if may.any():
+                part, vertices, _ = cut_mesh.subset(may)
+                high = chart_distortion(part, uv[vertices]) > bound
+                fault[may] = np.where(high, DISTORTED, SOUND)
     return settle_faulty(cascade, fault, monitor, settle)
 
 
@@ -87,30 +96,6 @@ def settle_faulty(
     faces = (fault > 0)[cascade.atlas.charts()[1]]
     after = advance(cascade.part(faces), fault[fault > 0], monitor)
     return cascade if after is None else cascade.put(faces, settled(after, monitor))
-
-
-def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
-    """(n_charts,) as ``faults``; also DISTORTED where seams may be added.
-
-    new: (m,) bool, faces of the charts to look at; others are known to be sound. Single faces are always sound.
-    Where time is up, only charts that are far beyond any bound are too distorted: those begun too late.
-    """
-    whole, uv = cascade.open()
-    out, looked = np.full(whole.n_charts, SOUND), np.zeros(whole.n_charts, bool)
-    looked[whole.chart[new]] = True
-    part, vertices, _ = whole.subset(looked)
-    out[looked], _ = faults(part, uv[vertices])
-    if not cascade.rules.may_split:
-        return out
-    bound, last = cascade.rules.bound, cascade.singles > 0
-    if monitor.hurried:
-        bound, last = max(bound, LATE_BOUND), last | (cascade.tries >= PROJECTED_TRIES)
-    may = looked & (out == SOUND) & (group_count(whole.chart[last], whole.n_charts) == 0)
-    if may.any():
-        part, vertices, _ = whole.subset(may)
-        high = chart_distortion(part, uv[vertices]) > bound
-        out[np.flatnonzero(may)[high]] = DISTORTED
-    return out
 
 
 def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | None:

@@ -144,7 +144,7 @@ def scenes_of(shown: SideBySide) -> list[Scene | None]:
     return scenes
 
 
-def caption(row: MethodLayout, seconds: bool = True) -> str:
+def caption(row: MethodLayout) -> str:
     """Charts, distortion and seconds of a row in a few words; unknown values are left out."""
     charts, distortion, time = (row.figures.get(k) for k in ("charts", "distortion", "seconds"))
     parts = []
@@ -152,7 +152,7 @@ def caption(row: MethodLayout, seconds: bool = True) -> str:
         parts.append(counted(int(charts), "chart"))
     if distortion is not None:
         parts.append(f"distortion {cell_text('distortion', distortion)}")
-    if time is not None and seconds:
+    if time is not None:
         parts.append(f"{cell_text('seconds', time)}\u00a0s")
     return " · ".join(parts)
 

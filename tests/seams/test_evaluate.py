@@ -5,7 +5,6 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
-from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
 from circparam.seams.segmentation.layout import lay_out_fresh
@@ -13,6 +12,7 @@ from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import cut_between, surface_of, uncut
+from tests.support.charts import too_near
 
 DEMANDS = Demands(1.05)
 LIMIT = np.array(1.05)
@@ -90,7 +90,7 @@ def test_parts_that_only_touch_are_pushed_apart() -> None:
     moves = spiral(2 * np.pi - 0.001)
     trial = tried(moves, DEMANDS)
     assert trial.good(LIMIT).all()
-    assert not self_overlapping(moves.cut_mesh, trial.uv, margin=DEMANDS.margin / 2).any()
+    assert not too_near(moves.cut_mesh, trial.uv, DEMANDS.margin / 2).any()
     assert chart_energies(moves.cut_mesh, trial.uv)[0] <= DEMANDS.bound
     assert not tried(moves, Demands(1.05, margin=0.5)).good(LIMIT).any(), "no room for that much"
 

@@ -10,7 +10,7 @@ from circparam.seams.segmentation.decide import ANY_BOUND
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.separate import push_apart
 from tests.support import shapes
-from tests.support.charts import patches_of
+from tests.support.charts import patches_of, too_near
 
 MARGIN = 0.002
 
@@ -33,7 +33,7 @@ def test_a_ring_that_overlaps_itself_a_little_is_separated_within_the_bound(beyo
     pushed, fine = push_apart(cut_mesh, uv, MARGIN, 1.05)
     np.testing.assert_array_equal(uv, before)
     assert fine.all()
-    assert not self_overlapping(cut_mesh, pushed, margin=MARGIN).any()
+    assert not too_near(cut_mesh, pushed, MARGIN).any()
     assert chart_energies(cut_mesh, pushed).max() <= 1.05
 
 
@@ -55,10 +55,10 @@ def test_without_a_bound_nothing_overflows() -> None:
 def test_ends_that_are_nearer_than_the_margin_are_separated_too() -> None:
     cut_mesh, uv = ring_of(2 * np.pi - 0.001)
     assert not self_overlapping(cut_mesh, uv).any()
-    assert self_overlapping(cut_mesh, uv, margin=MARGIN).all()
+    assert too_near(cut_mesh, uv, MARGIN).all()
     pushed, fine = push_apart(cut_mesh, uv, MARGIN, 1.05)
     assert fine.all()
-    assert not self_overlapping(cut_mesh, pushed, margin=MARGIN).any()
+    assert not too_near(cut_mesh, pushed, MARGIN).any()
 
 
 def test_what_has_no_room_under_the_bound_or_lies_deep_is_not_said_to_be_separate() -> None:

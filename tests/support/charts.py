@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from circparam.geometry.overlap import SelfContacts
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
@@ -15,6 +16,12 @@ def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
     points = np.empty((cut_mesh.n_vertices, 3))
     points[cut_mesh.faces.ravel()] = surface.points[surface.faces.ravel()]
     return cut_mesh, points
+
+
+def too_near(cut_mesh: CutMesh, uv: np.ndarray, margin: float) -> np.ndarray:
+    """(n_charts,) bool: overlaps itself, or has two parts of its boundary within that share of its size."""
+    contacts = SelfContacts.of(cut_mesh, uv)
+    return contacts.meets | (contacts.near(margin, ~contacts.meets) > 0)
 
 
 def complex_of(uv) -> np.ndarray:

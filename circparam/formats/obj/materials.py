@@ -6,7 +6,6 @@ stands behind a keyword such as ``map_Kd``, with options before its name. ``-s``
 """
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -223,27 +222,20 @@ def redressed(
     library = f"{stem}.mtl"
     extra = {library: text.encode("utf-8", "surrogateescape")}
     extra |= {names[page]: image for page, image in carried.pages.items()}
-    return b"".join(_with_names(data, library, renamed)), extra
+    libraries_left = [library]
 
-
-def _with_names(data: bytes, library: str, renamed: dict[str, str]) -> Iterator[bytes]:
-    """OBJ text that names one library, and materials by their present names."""
-    at, first = 0, True
-    line = re.compile(
-        rb"^[ \t]*(mtllib|usemtl)[ \t]+((?:\\\r?\n|[^\r\n])*)(\r\n|\r|\n|\Z)", re.MULTILINE
-    )
-    for found in line.finditer(data):
+    def named(found: re.Match[bytes]) -> bytes:
+        """A line that names the one library, or a material by its present name."""
         word, rest, newline = found.groups()
-        new = found[0]
+        name = rest.strip().decode("utf-8", "surrogateescape")
         if word == b"mtllib":
-            new = (
-                b"mtllib " + library.encode("utf-8", "surrogateescape") + newline if first else b""
-            )
-            first = False
-        else:
-            name = rest.strip().decode("utf-8", "surrogateescape")
-            if name in renamed:
-                new = b"usemtl " + renamed[name].encode("utf-8", "surrogateescape") + newline
-        yield data[at : found.start()] + new
-        at = found.end()
-    yield data[at:]
+            if not libraries_left:
+                return b""
+            name = libraries_left.pop()
+        elif name not in renamed:
+            return found[0]
+        new = renamed.get(name, name) if word == b"usemtl" else name
+        return word + b" " + new.encode("utf-8", "surrogateescape") + newline
+
+    line = rb"^[ \t]*(mtllib|usemtl)[ \t]+((?:\\\r?\n|[^\r\n])*)(\r\n|\r|\n|\Z)"
+    return re.sub(line, named, data, flags=re.MULTILINE), extra

@@ -5,7 +5,6 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands
 from circparam.seams.prices import edge_costs
@@ -16,9 +15,7 @@ PIECE_EDGES = 20  # of a piece that moves
 PIECE_SHIFTS = 3  # each with other ends of the pieces
 
 
-def move_seams(
-    atlas: Atlas, demands: Demands, monitor: Monitor, worker: Worker | None = None
-) -> None:
+def move_seams(atlas: Atlas, demands: Demands, monitor: Monitor) -> None:
     """Move pieces of seams to cheaper places, as far as every chart stays a good one.
 
     The number of charts stays, and no piece moves whose charts would not meet the demands.
@@ -28,7 +25,7 @@ def move_seams(
             return
         proposal = propose(atlas, pieces=(PIECE_EDGES, step * PIECE_EDGES // PIECE_SHIFTS))
         effort = Effort(work=WORK_PER_FACE * len(atlas.surface.faces) / PIECE_SHIFTS)
-        search(atlas, Reroute(atlas, proposal), demands, effort, monitor, worker)
+        search(atlas, Reroute(atlas, proposal), demands, effort, monitor)
 
 
 def shorten(atlas: Atlas, rings: int, pinned: BoolArray | None = None) -> None:

@@ -90,14 +90,14 @@ def embed_and_relax(
     return relax(cut_mesh, start, options).uv
 
 
-def judge(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> ChartLayouts:
+def judge(cut_mesh: CutMesh, uv: FloatArray) -> ChartLayouts:
     """Energies and overlaps of a layout."""
     energy = chart_energies(cut_mesh, uv)
     overlapping = ~np.isfinite(energy)
     fine = ~overlapping
     if fine.any():
         sub, vid, _ = cut_mesh.subset(fine)
-        overlapping[fine] = self_overlapping(sub, uv[vid], margin=margin)
+        overlapping[fine] = self_overlapping(sub, uv[vid])
     return ChartLayouts(cut_mesh, uv, energy, overlapping)
 
 

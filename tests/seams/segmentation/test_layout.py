@@ -29,8 +29,8 @@ def test_flips_stretches_and_overlaps_are_judged_chart_by_chart() -> None:
     assert judge(cut_mesh, uv).energy == pytest.approx(np.ones(3))
 
 
-def test_parts_nearer_than_the_margin_overlap() -> None:
-    """A ring with a narrow gap: good without a margin, and with one that is smaller than the gap."""
+def test_a_ring_overlaps_once_it_is_wound_further() -> None:
+    """A ring with a narrow gap is good as it lies."""
     t = np.linspace(0, 2 * np.pi - 0.02, 60)
     rim = [np.stack([r * np.cos(t), r * np.sin(t), 0 * t], 1) for r in (0.8, 1.0)]
     k = np.arange(59)
@@ -38,11 +38,7 @@ def test_parts_nearer_than_the_margin_overlap() -> None:
     atlas = as_it_lies(uncut(np.concatenate(rim), faces))
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
-    root = np.sqrt(cut_mesh.areas.sum())
     assert not judge(cut_mesh, uv).overlapping.any()
-    assert not judge(cut_mesh, uv, 0.5 * 0.016 / root).overlapping.any()
-    assert judge(cut_mesh, uv, 3 * 0.02 / root).overlapping.all()
-    # a turn more, and it lies on itself
     angle = np.arctan2(uv[:, 1], uv[:, 0]) % (2 * np.pi - 0.01)
     wound = np.linalg.norm(uv, axis=1)[:, None] * np.stack(
         [np.cos(1.2 * angle), np.sin(1.2 * angle)], 1
