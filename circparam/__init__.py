@@ -49,29 +49,22 @@ if TYPE_CHECKING:
     from circparam.render.show import view
 
 
-_HOME = {
-    "unwrap": "circparam.integrations.python",
-    "unwrap_together": "circparam.integrations.python",
-    "rebake": "circparam.bake.rebake",
-    "rebake_together": "circparam.bake.together",
-    "repack": "circparam.integrations.python",
-    "inspect": "circparam.integrations.python",
-    "map_surfaces": "circparam.integrations.python",
-    "transfer": "circparam.integrations.python",
-    "load_map": "circparam.maps",
-    "save_map": "circparam.maps",
-    "parametrize": "circparam.integrations.parametrize",
-    "Result": "circparam.pipeline.result",
-    "save": "circparam.integrations.python",
-    "Options": "circparam.pipeline.options",
-    "read": "circparam.integrations.python",
-    "write": "circparam.integrations.python",
-    "Document": "circparam.formats",
-    "summarise": "circparam.pipeline.summary",
-    "Mesh": "circparam.mesh.mesh",
-    "UVMap": "circparam.mesh.mesh",
-    "view": "circparam.render.show",
+_PYTHON = "inspect map_surfaces read repack save transfer unwrap unwrap_together write"
+# module → its public names
+_NAMES = {
+    "bake.rebake": "rebake",
+    "bake.together": "rebake_together",
+    "formats.document": "Document",
+    "integrations.parametrize": "parametrize",
+    "integrations.python": _PYTHON,
+    "maps": "load_map save_map",
+    "mesh.mesh": "Mesh UVMap",
+    "pipeline.options": "Options",
+    "pipeline.result": "Result",
+    "pipeline.summary": "summarise",
+    "render.show": "view",
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 _ROOMS = (
     *("samples", "errors", "methods", "seams", "packing", "formats", "pipeline"),
     *("xatlas", "bake", "compare"),
@@ -114,7 +107,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Load a public name, or a room of the package, when it is first asked for."""
     if name in _HOME:
-        value = getattr(importlib.import_module(_HOME[name]), name)
+        value = getattr(importlib.import_module(f"circparam.{_HOME[name]}"), name)
         globals()[name] = value
         return value
     if name in _ROOMS:

@@ -23,10 +23,11 @@ from circparam.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow
 from circparam.methods.conformal import at_surface_area, conformal_spectral, start_modes
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices
+from circparam.solvers.tutte.embed import require_boundary
 
 ABF_STEPS = 20
 CONVERGED_RADIANS = 1e-9  # largest violation of a constraint, in radians (or logarithm)

@@ -15,10 +15,11 @@ from circparam.core.registry import Row
 from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow
 from circparam.methods.pins import at_pins, check_pins, fit_pins
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.lbfgs import DescentOptions, Groups, descend
+from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.graded import embed_start
 
 ARAP_STEPS = 1000

@@ -12,20 +12,7 @@ from circparam.core.registry import Row
 from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.pins import Pins
-from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.outer import TutteOptions
-
-__all__ = [
-    "CHECKED",
-    "FREE",
-    "Layout",
-    "Method",
-    "MethodOptions",
-    "MethodRow",
-    "Pins",
-    "direct",
-    "require_boundary",
-]
 
 
 @dataclass(frozen=True)

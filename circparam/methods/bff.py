@@ -24,11 +24,12 @@ from circparam.geometry.intrinsic import (
     vertex_angle_sums,
 )
 from circparam.mesh.cut_mesh import CutMesh, close_holes
-from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow
 from circparam.methods.conformal import at_surface_area
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices, open_holes
 from circparam.solvers.poisson import from_jacobians
+from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.outer import OuterBoundary, outer_boundary
 
 DISK_ROUNDS = 40  # of the fixed point iteration for the disk

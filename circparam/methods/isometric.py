@@ -7,9 +7,10 @@ from circparam.core.registry import Row
 from circparam.core.types import BoolArray
 from circparam.errors import NoResultError, OptionError
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.base import FREE, Layout, MethodOptions, MethodRow
 from circparam.methods.pins import at_pins, check_pins, fit_pins
 from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.graded import embed_start
 from circparam.solvers.untangle import untangle
 

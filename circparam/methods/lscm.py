@@ -14,7 +14,7 @@ from circparam.core.registry import Row
 from circparam.core.types import BoolArray, ComplexArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow
 from circparam.methods.conformal import (
     at_surface_area,
     conformal_matrix,
@@ -23,6 +23,7 @@ from circparam.methods.conformal import (
 )
 from circparam.methods.pins import Pins, check_pins
 from circparam.methods.untangled import untangle_layout
+from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.outer import outer_boundary
 
 LSCM_FORMS = ("spectral", "pinned")
