@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from circparam.bake.look_source import Source
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray
 from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.formats.materials import srgb
@@ -39,15 +39,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def points_of(m: int) -> tuple[IntArray, FloatArray]:
-    rng = np.random.default_rng(1)
-    return rng.integers(0, m, 5000), rng.dirichlet([1, 1, 1], 5000)
-
-
 def shown(path: Path, page: str, m: int) -> FloatArray:
     """What the images of a slot, named by its page, show at points of the m faces of a file."""
     source = Source.of(read(path))
-    face, bary = points_of(m)
+    rng = np.random.default_rng(1)
+    face, bary = rng.integers(0, m, 5000), rng.dirichlet([1, 1, 1], 5000)
     out = np.zeros((len(face), 3))
     for k, material in enumerate(source.looks.materials):
         at = np.flatnonzero(source.looks.face[face] == k)

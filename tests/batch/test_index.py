@@ -14,11 +14,7 @@ from circparam.batch.store import Folder
 from circparam.errors import OptionError
 
 
-def there(name: str, size: int) -> bool:
-    return True
-
-
-def due(index: Index, *retry: str, options: str = "o", exists: Any = there) -> list[str]:
+def due(index: Index, *retry: str, options: str = "o", exists: Any = lambda *_: True) -> list[str]:
     index.data.execute("UPDATE file SET due = 0")
     index.mark_due(options, frozenset(retry), exists)
     return [item.target for item in index.items()]

@@ -200,11 +200,6 @@ def clusters_of(pid: int) -> list[int]:
     return [c for c in children(pid) if b"batch.local" in command_line(c)]
 
 
-def workers_of(cluster: int) -> list[int]:
-    """Processes of a cluster that are Dask's workers."""
-    return [c for c in children(cluster) if b"spawn_main" in command_line(c)]
-
-
 @pytest.mark.slow
 def test_a_mesh_that_is_ended_again_and_again_is_given_up(tmp_path: Path) -> None:
     source, out = write_poison(tmp_path / "src", 2, {"killed": 1}), tmp_path / "out"
@@ -225,7 +220,8 @@ class Killer:
     def __call__(self, line: dict[str, Any]) -> None:
         self.lines += 1
         if self.lines in self.after:
-            workers = [w for c in clusters_of(os.getpid()) for w in workers_of(c)]
+            started = [c for cluster in clusters_of(os.getpid()) for c in children(cluster)]
+            workers = [c for c in started if b"spawn_main" in command_line(c)]
             if workers:
                 os.kill(self.random.choice(workers), signal.SIGKILL)
                 self.killed += 1

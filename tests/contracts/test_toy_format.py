@@ -36,10 +36,6 @@ def read_toy(data, source):
     return PlainDocument(source, "toy", mesh, (0,) if layout else (), layout=layout)
 
 
-def round_toy(uv, document):
-    return np.round(uv * STEPS) / STEPS
-
-
 def to_toy(document, uvmap, options, stem):
     mesh = document.mesh
     if options.uv_set:
@@ -53,11 +49,10 @@ def to_toy(document, uvmap, options, stem):
     return Encoded("\n".join(lines).encode(), "toy", np.arange(n), np.arange(m))
 
 
-def is_toy(data):
-    return data.startswith(b"TOY\n")
-
-
-FORMAT = Format(read_toy, (".toy",), is_toy, export=to_toy, round_uv=round_toy)
+FORMAT = Format(
+    read_toy, (".toy",), lambda data: data.startswith(b"TOY\n"), export=to_toy,
+    round_uv=lambda uv, document: np.round(uv * STEPS) / STEPS,
+)  # fmt: skip
 
 
 @pytest.fixture(autouse=True)

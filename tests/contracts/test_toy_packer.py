@@ -33,11 +33,10 @@ def quincunx(task: PackTask) -> Placement:
     return Placement(side, np.array([np.pi / 4, 0, 0, 0, 0]), offset, np.zeros(N, np.int64))
 
 
-def five_squares(shapes: object, options: PackOptions) -> bool:
-    return options.rotate == "free"
-
-
-TOY = Row("quincunx", Packer(quincunx, five_squares), "five squares like the five of a die")
+TOY = Row(
+    "quincunx", Packer(quincunx, lambda shapes, options: options.rotate == "free"),
+    "five squares like the five of a die",
+)  # fmt: skip
 
 
 def is_quincunx(packed: Packed) -> bool:

@@ -16,19 +16,13 @@ def ball() -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(points / 2), faces.astype(np.int32)
 
 
-def left_of(into: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Faces that are no edge or point after the collapses."""
-    coarse = into[faces]
-    a, b, c = coarse.T
-    return coarse[(a != b) & (b != c) & (a != c)]
-
-
 def test_a_ball_keeps_its_shape_in_a_tenth_of_its_faces() -> None:
     points, faces = ball()
     moved, into = collapse.collapsed(points, faces, 500)
     assert into.shape == (len(points),)
     assert np.array_equal(np.unique(into), np.arange(len(moved)))
-    left = left_of(into, faces)
+    a, b, c = into[faces].T
+    left = into[faces][(a != b) & (b != c) & (a != c)]  # neither edges nor points
     assert 400 <= len(left) <= 500
     # closed, and as large and round as it was
     assert len(moved) - len(left) // 2 == 2

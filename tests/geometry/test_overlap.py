@@ -86,11 +86,6 @@ def test_overlap_of_two_charts_agrees_with_all_pairs_of_faces(first, second):
     assert got.pairs.tolist() == ([[0, 1]] if expected else [])
 
 
-def square(low, high):
-    uv = np.array([[low, low], [high, low], [high, high], [low, high]], float)
-    return uv, np.array([[0, 1, 2], [0, 2, 3]])
-
-
 def together(*charts):
     offset = np.cumsum([0] + [len(uv) for uv, _ in charts])
     uv = np.concatenate([uv for uv, _ in charts])
@@ -99,7 +94,9 @@ def together(*charts):
 
 
 def test_a_chart_fits_into_the_hole_of_another():
-    found = overlaps(*together(shapes.flat_ring(3, 5), square(-1, 1)))
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    square = corners, np.array([[0, 1, 2], [0, 2, 3]])
+    found = overlaps(*together(shapes.flat_ring(3, 5), square))
     assert len(found.pairs) == 0
     assert not found.self_overlapping.any()
 
@@ -131,18 +128,6 @@ def patches_of(uv, faces):
     return CutMesh(corners, rest_triangles, np.zeros(len(faces), np.int64), edges), place
 
 
-def strip(centre_line, width=0.3):
-    """Quads along a polyline, two vertices a point."""
-    d = np.gradient(centre_line, axis=0)
-    d /= np.linalg.norm(d, axis=1)[:, None]
-    side = np.stack([-d[:, 1], d[:, 0]], 1) * width / 2
-    uv = np.concatenate([centre_line - side, centre_line + side])
-    n = len(centre_line)
-    a = np.arange(n - 1)
-    faces = np.concatenate([np.stack([a, a + 1, a + 1 + n], 1), np.stack([a, a + 1 + n, a + n], 1)])
-    return uv, faces
-
-
 def horseshoe(gap):
     """Two long arms that are ``gap`` apart, as a grid without the cells between the arms."""
     x = np.array([0, 0.15, 0.3, 0.3 + gap, 0.45 + gap, 0.6 + gap])
@@ -168,7 +153,8 @@ def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
 
     monkeypatch.setattr(nearby, "MOST_PAIRS", 10)
     monkeypatch.setattr(nearby, "NEXT_IN_CELL", 0)
-    cut_mesh, uv = patches_of(*strip(np.stack([np.linspace(0, 1, 50), np.zeros(50)], 1)))
+    points, faces = shapes.grid(50, 2, 1.0, 0.3)
+    cut_mesh, uv = patches_of(points[:, :2], faces)
     assert self_overlapping(cut_mesh, uv)[0]
 
 

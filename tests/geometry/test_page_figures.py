@@ -19,19 +19,13 @@ def judged(points: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Verificatio
     return verify(surface, UVMap(uv, faces), resolution=SIDE)
 
 
-def band(length: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """A flat rectangle with a corner at the origin."""
-    points, faces = shapes.grid(9, 3)
-    points = points - points.min(0)
-    return points / points.max(0).clip(1e-9) * [length, width, 0], faces
-
-
 @pytest.mark.parametrize(("texels", "thin"), [(7.9, 1), (8.1, 0)])
 @pytest.mark.parametrize("turn", [0.0, 0.6])
 def test_a_band_is_thin_below_eight_texels_however_it_lies(
     texels: float, thin: int, turn: float
 ) -> None:
-    points, faces = band(0.6, texels / SIDE)
+    points, faces = shapes.grid(9, 3, 0.6, texels / SIDE)
+    points = points - points.min(0)
     c, s = np.cos(turn), np.sin(turn)
     v = judged(points, faces, points[:, :2] @ [[c, s], [-s, c]] + [0.1, 0.1])
     assert v.numbers()["thin"] == thin

@@ -12,29 +12,21 @@ from tests.support import pairs, shapes, tori
 from tests.support.baking import stored
 
 
-def chart_of(mesh: Mesh, points: np.ndarray, along: int, around: int) -> np.ndarray:
-    """(n, 2) how far into the charts places of a torus lie."""
-    return tori.angles(points) % (2 * np.pi) / (2 * np.pi) * [along, around]
-
-
-def beside(a: Mesh, b: Mesh) -> np.ndarray:
-    """Two landmarks inside charts of a torus."""
-    goals = [[0.3, 0.3], [1.9, 2.4]]
-    at = [tori.angles(m.points) for m in (a, b)]
-    return np.array([[int(np.linalg.norm(x - g, axis=1).argmin()) for x in at] for g in goals])
-
-
 @pytest.mark.parametrize("relax", [True, False])
 def test_charts_go_to_charts(tmp_path: Path, relax: bool) -> None:
     one, two = tori.patchwork(24, 12, 4, 3), tori.patchwork(32, 18, 4, 3, bump=0.2)
     a, b = (stored(tmp_path, n, *x) for n, x in (("a", one), ("b", two)))
-    marks = beside(a.mesh, b.mesh)
+    at, goals = [tori.angles(m.mesh.points) for m in (a, b)], ([0.3, 0.3], [1.9, 2.4])
+    marks = np.array([[np.linalg.norm(x - g, axis=1).argmin() for x in at] for g in goals])
     found = circparam.map_surfaces(a, b, landmarks=marks, charts=True, relax=relax)
     assert found.inversions == (0, 0)
     assert found.landmark_error == 0
     image = found.map.to_b.of(b.mesh.points, b.mesh.faces)
     assert np.isclose(tori.turns(image, a.mesh.faces).sum(), 1)
-    own, there = (chart_of(m, p, 4, 3) for m, p in ((a.mesh, a.mesh.points), (b.mesh, image)))
+    # how far into the charts, 4 along and 3 around, places lie
+    own, there = (
+        tori.angles(p) % (2 * np.pi) / (2 * np.pi) * [4, 3] for p in (a.mesh.points, image)
+    )
     if not relax:  # every vertex stays in its chart, those on seams on theirs
         inside = (np.abs(own - np.round(own)) > 1e-6).all(1)
         assert inside.sum() > 100

@@ -34,11 +34,6 @@ def conical(shape, half_angle=0.6, angle=2.0):
     return np.stack([flat * np.sin(a), flat * np.cos(a), r * np.cos(half_angle)], 1), f
 
 
-def holes_of(shape):
-    cut_mesh, _ = patches_of(shape)
-    return len(cut_mesh.loops.chart) - cut_mesh.n_charts
-
-
 @pytest.mark.parametrize("method", ["arap", "isometric"])
 @pytest.mark.parametrize("holes", [0, 3])
 def test_a_plane_figure_comes_back_by_iteration(method, holes):
@@ -102,4 +97,5 @@ def test_a_sphere_with_wide_holes_is_one_valid_chart(method, keywords, seed):
     result = circparam.unwrap(shape, method=method, cut="disk", **keywords)
     assert result.measures["flips"] == result.measures["overlap"] == 0
     assert result.measures["angle"] < 1.15  # with virtual faces over the holes bff reached 1.17
-    assert holes_of(shape) >= 2
+    cut_mesh, _ = patches_of(shape)
+    assert len(cut_mesh.loops.chart) - cut_mesh.n_charts >= 2

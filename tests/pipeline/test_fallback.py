@@ -13,14 +13,10 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
-from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade
+from circparam.pipeline.cascade import FAULTY_DISTORTION
 from circparam.pipeline.fallback import MOST_SINGLES, project_charts, take_to_pieces
 from tests.support import shapes, strategies
 from tests.support.cascades import flat, sound, start, surface_of
-
-
-def faulty(cascade: Cascade) -> list[bool]:
-    return (fallback.faults(*cascade.open())[0] > 0).tolist()
 
 
 def test_a_flipped_chart_is_mapped_again_and_others_are_left_alone() -> None:
@@ -110,7 +106,8 @@ def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
 def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
     s, corners = spiral_strip()
     cascade = start(s, corners, may_split=False)
-    assert faulty(fallback.settle(cascade, Monitor())) == [True]
+    settled = fallback.settle(cascade, Monitor())
+    assert (fallback.faults(*settled.open())[0] > 0).tolist() == [True]
     assert not cascade.atlas.cut.any()
 
 

@@ -70,17 +70,12 @@ def test_the_weight_of_an_edge_goes_before_those_of_its_vertices():
     assert np.array_equal(weights[1:], ((at_vertex[a] + at_vertex[b]) / 2)[1:])
 
 
-def painted(path: Path, colour: np.ndarray) -> Path:
-    """A ball with vertex colours."""
-    points, faces = shapes.icosphere(2)
-    return obj(path, (np.c_[points, colour], faces))
-
-
 def test_red_vertices_keep_their_faces_whole(tmp_path: Path):
-    points, _ = shapes.icosphere(2)
+    points, faces = shapes.icosphere(2)
     face = points[:, 0] > 0.6
     colour = np.where(face[:, None], [1.0, 0, 0], [0.5, 0.5, 0.5])
-    result = circparam.unwrap(painted(tmp_path / "b.obj", colour), seam_weights="colour", **QUICK)
+    painted = obj(tmp_path / "b.obj", (np.c_[points, colour], faces))
+    result = circparam.unwrap(painted, seam_weights="colour", **QUICK)
     pairs = seam_pairs(result)
     assert len(pairs)
     assert not np.isin(pairs, np.flatnonzero(face)).any()

@@ -26,10 +26,6 @@ numbers = st.floats(-2.0, 2.0) | st.sampled_from([0.0, 0.5, 1.0, 1 - 2.0**-24, 2
 seeds = st.integers(0, 2**20)
 
 
-def patch_of(p: np.ndarray, f: np.ndarray, name: str) -> Patch:
-    return Patch(f, p, needles.boundary_vertices(f, len(p)), ROUNDINGS[name])
-
-
 @given(
     st.sampled_from(["f4", "glb", "steps", "decimals"]),
     st.sampled_from([needles.crowd, needles.band]),
@@ -37,7 +33,7 @@ def patch_of(p: np.ndarray, f: np.ndarray, name: str) -> Patch:
 )  # fmt: skip
 def test_needles_are_upright_after_a_few_units(name, make, n: int, width: float, seed: int) -> None:
     p, f = make(np.random.default_rng(seed), n, 10.0**width)
-    patch = patch_of(p, f, name)
+    patch = Patch(f, p, needles.boundary_vertices(f, len(p)), ROUNDINGS[name])
     before = signs(patch.start, f) <= 0
     uv, spoilt = mend_faces(patch)
     np.testing.assert_array_equal(patch.rounding(uv), uv)

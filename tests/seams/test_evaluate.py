@@ -23,11 +23,6 @@ def tried(moves: Moves, demands: Demands) -> Trial:
     return try_moves(moves, demands, Worker(1), Monitor())
 
 
-def rotated(corners: np.ndarray, angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return corners @ np.array([[c, s], [-s, c]])
-
-
 def halves(*parts: tuple, angle: float = 0.8) -> Moves:
     """Every part cut in two at x = 0.5 of its own and laid out by itself, the right side turned and moved."""
     apart = [(p + np.array([0, 2.0 * k, 0]), f) for k, (p, f) in enumerate(parts)]
@@ -36,7 +31,8 @@ def halves(*parts: tuple, angle: float = 0.8) -> Moves:
     right = np.concatenate([p[f].mean(1)[:, 0] > 0.5 for p, f in parts])
     atlas = cut_between(surface, 2 * number + right)
     lay_out_fresh(atlas, None, FINE)
-    moved = rotated(atlas.corners, angle) + np.array([3.0, -2.0])
+    c, s = np.cos(angle), np.sin(angle)
+    moved = atlas.corners @ np.array([[c, s], [-s, c]]) + np.array([3.0, -2.0])
     corners = np.where(right[:, None, None], moved, atlas.corners)
     whole = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
     assert whole.n_charts == len(parts)

@@ -26,13 +26,9 @@ def test_opened_charts_are_disks_cut_along_a_tree(holes, seed):
     # no cut edge is there for nothing: gluing any of them leaves a second boundary or joins its two sides
     for k in np.flatnonzero(opened.cut)[:5]:
         edges = np.concatenate([opened.cut_mesh.edges, cut_mesh.edges[k : k + 1]])
-        glued = patches_with(cut_mesh, edges)
+        _, corners = corner_classes(len(cut_mesh.faces), edges)
+        glued = CutMesh(corners, cut_mesh.rest_triangles, cut_mesh.chart, edges)
         assert glued.euler().sum() < cut_mesh.n_charts or len(glued.loops.chart) > cut_mesh.n_charts
-
-
-def patches_with(cut_mesh, edges):
-    _, corners = corner_classes(len(cut_mesh.faces), edges)
-    return CutMesh(corners, cut_mesh.rest_triangles, cut_mesh.chart, edges)
 
 
 def test_the_cut_of_a_ring_is_as_long_as_the_ring_is_wide():

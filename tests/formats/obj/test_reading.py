@@ -47,10 +47,6 @@ def test_bad_files_are_named_with_their_line(text: bytes, says: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def scan(text: bytes) -> Scan:
-    return Scan(text, Source("x"))
-
-
 def test_the_highest_index_is_the_last_line() -> None:
     head = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
     assert read_data(head + b"f 1 2 -1\n").mesh.faces.tolist() == [[0, 1, 2]]
@@ -61,7 +57,7 @@ def test_the_highest_index_is_the_last_line() -> None:
 
 
 def test_libraries_are_named_once() -> None:
-    s = scan(b"mtllib a b.mtl\nmtllib c.mtl\nmtllib a b.mtl\nmtllib\nf 1\n")
+    s = Scan(b"mtllib a b.mtl\nmtllib c.mtl\nmtllib a b.mtl\nmtllib\nf 1\n", Source("x"))
     assert s.libraries() == ["a b.mtl", "c.mtl"]
 
 

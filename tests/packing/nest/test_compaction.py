@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -41,19 +39,13 @@ def growth_of(shapes, options, budget=None):
     return Growth(shapes, options, budget or Budget(1e9, lambda: False))
 
 
-def lone_square(options, scale=20.0):
-    shapes = rectangles([[1.0, 1.0]])
-    middle = np.full((1, 2), options.resolution / 2)
-    return shapes, Placement(scale, np.zeros(1), middle, np.zeros(1, int))
-
-
 @pytest.mark.parametrize("corner", [[0, 0], [0, 1], [1, 0], [1, 1]])
 def test_a_chart_grows_until_it_fills_the_page(corner):
     """From a corner of the page it has to move as it grows: all four sides of the page hold it."""
     options = PackOptions(resolution=256, padding=5, rotate="none")
-    shapes, start = lone_square(options, 40.0)
+    shapes = rectangles([[1.0, 1.0]])
     offset = np.where(np.array([corner]) == 1, 256 - 27.0, 27.0)
-    start = replace(start, offset=offset)
+    start = Placement(40.0, np.zeros(1), offset, np.zeros(1, int))
     after = Ascent(start, 256.0).climb(growth_of(shapes, options))
     room = options.resolution - 2 * options.border
     assert after.scale == pytest.approx(room, abs=0.1)

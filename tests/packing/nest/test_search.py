@@ -15,10 +15,6 @@ from tests.support.packing import blobs, edges_of
 GRID = SketchGrid(0.1, 0.0)
 
 
-def endless() -> Budget:
-    return Budget(1e12, lambda: False)
-
-
 def box(width: float, height: float) -> tuple[np.ndarray, np.ndarray]:
     """Edges of a rectangle."""
     corner = np.array([[0, 0], [width, 0], [width, height], [0, height]], float) + 0.25
@@ -65,7 +61,7 @@ def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
 
 def side_of(some: list[Sketch], below: int = 60, budget: Budget | None = None) -> int | None:
     """Side of the page that is found for some sketches, which is sound."""
-    page = least_page(some, below, 4, budget or endless())
+    page = least_page(some, below, 4, budget or Budget(1e12, lambda: False))
     if page is None:
         return None
     sound(Board([s.masks for s in some], [], page.side), page)

@@ -83,11 +83,6 @@ def test_locked_edges_are_never_cut() -> None:
 BOUND = 1.05
 
 
-def priced(atlas: Atlas, price: np.ndarray) -> Atlas:
-    surface = dataclasses.replace(atlas.surface, price=price)
-    return Atlas(surface, atlas.cut, atlas.corners)
-
-
 def halves(shape: tuple[np.ndarray, np.ndarray], wave: float, n: float = 5) -> Atlas:
     """A shape cut in two at y = 0.5, or along a wave round that, and laid out."""
     surface = surface_of(*shape)
@@ -96,12 +91,6 @@ def halves(shape: tuple[np.ndarray, np.ndarray], wave: float, n: float = 5) -> A
     atlas = cut_between(surface, (middle[:, 1] > 0.5 + wave * np.sin(n * middle[:, 0])).astype(int))
     lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-4, max_iterations=40))
     return atlas
-
-
-def heights(atlas: Atlas) -> np.ndarray:
-    """(e,) y of the middle of every edge."""
-    a, b = atlas.ends
-    return atlas.surface.vertex_points[np.stack([a, b])].mean(0)[:, 1]
 
 
 def test_a_winding_seam_gets_straight() -> None:
@@ -115,8 +104,10 @@ def test_a_winding_seam_gets_straight() -> None:
 def test_a_seam_moves_to_where_it_is_cheap() -> None:
     p, f = shapes.delaunay_square(900)
     plain = halves((np.c_[p[:, :2], 0.1 * p[:, 0] ** 2], f), 0.0)  # faces of a flat have one price
-    cheap = np.abs(heights(plain) - 0.58) < 0.05
-    atlas = priced(plain, np.where(cheap, 0.2, 1.0))
+    height = plain.surface.vertex_points[np.stack(plain.ends)].mean(0)[:, 1]
+    cheap = np.abs(height - 0.58) < 0.05
+    surface = dataclasses.replace(plain.surface, price=np.where(cheap, 0.2, 1.0))
+    atlas = Atlas(surface, plain.cut, plain.corners)
     cost = edge_costs(atlas)
     before = cost[atlas.cut].sum()
     move_seams(atlas, Demands(BOUND, 0.0), Monitor())

@@ -8,15 +8,10 @@ import pytest
 from circparam.core.graph import components
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.mesh.surface import Surface
 from circparam.seams.segmentation import grow
 from circparam.seams.segmentation.grow import dual_graph
 from tests.support import shapes
 from tests.support.atlases import cut_between, middles, surface_of, uncut
-
-
-def strip(n: int = 6) -> Surface:
-    return surface_of(*shapes.grid(n + 1, 2, float(n), 1.0))
 
 
 @pytest.mark.parametrize("rounds", [0, 1, 4])
@@ -34,7 +29,7 @@ def test_regions_are_connected_as_many_as_asked_and_nearest_to_their_middles(
 
 
 def test_first_charts_keep_the_seams_there_are() -> None:
-    surface = strip()
+    surface = surface_of(*shapes.grid(7, 2, 6.0, 1.0))
     middle = middles(surface)[:, 0]
     atlas = cut_between(surface, (middle > 3).astype(np.int64))
     before = atlas.cut.copy()
