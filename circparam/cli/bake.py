@@ -102,7 +102,10 @@ def command(mesh: str, **given: Any) -> None:
         report, warnings, notes = (_all if given["whole"] else _one)(mesh, given, look, listener)
     common.print_messages(given, f"{mesh}: ", warnings, notes)
     report = {"schema": "circparam/bake/1", "input": mesh, **report}
-    common.show(given, report, lambda: "\n".join(report["output"]))
+    lines = [*report["output"]]
+    if check := report.get("check"):
+        lines.append(common.tables.look_kept(check))
+    common.show(given, report, lambda: "\n".join(lines))
 
 
 def _one(

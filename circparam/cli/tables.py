@@ -94,6 +94,8 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
                 rows.append(
                     (name.replace("_", " "), f"{look[name + '_before']} before, {look[name]} now")
                 )
+        if check := look.get("check"):
+            rows.append(("look kept", look_kept(check)))
     rows.append(("time", f"{report['seconds']:.2f} s"))
     rows += [("repaired", line) for line in report["repairs"]]
     if verbose:
@@ -101,6 +103,11 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     if verbose > 1:
         rows += [("note", line) for line in report["notes"]]
     return facts(rows)
+
+
+def look_kept(check: dict[str, Any]) -> str:
+    """The figures of --check-look in one line."""
+    return f"PSNR {check['psnr']}, SSIM {check['ssim']} (worst channel or file)"
 
 
 def summary_table(reports: list[dict[str, Any]]) -> Table:
