@@ -9,6 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import relabel
 from circparam.core.limits import mip_level
+from circparam.core.plural import counted
 from circparam.core.types import IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
@@ -148,8 +149,8 @@ def check_scene(document: Document, o: Options) -> None:
         )
     if o.lightmap and document.instances and not o.unshare:
         raise OptionError(
-            f"{document.source.name}: {document.instances} nodes show a mesh that another node shows too, "
-            "so they would share their light: give --unshare to copy it for each node"
+            f"{document.source.name}: {counted(document.instances, 'further node')} would share the light of "
+            "a mesh that another node shows: give --unshare to copy it for each node"
         )
 
 
