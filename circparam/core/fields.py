@@ -92,14 +92,16 @@ def flag(name: str, spec: Spec) -> str:
 
 
 def check(options: Any) -> None:
-    """Check every option of an instance, None meaning "not given".
+    """Check every option of an instance, None meaning "not given": its field takes the default.
 
     Raises OptionError, in one line, for a value out of its range or none of its choices. An option without an
-    effect beside the others raises it too.
+    effect beside the others raises it too. A count given as a float, such as 512.0, becomes an integer.
     """
+    fields = {f.name: f for f in dataclasses.fields(options)}
     for name, spec in specs(options).items():
         value = getattr(options, name)
         if value is None:
+            object.__setattr__(options, name, fields[name].default)
             continue
         if spec.words and isinstance(value, str):
             if value not in spec.words:  # without a near word the shortest is suggested
@@ -113,6 +115,10 @@ def check(options: Any) -> None:
                 raise OptionError(f"{flag(name, spec)} {value!r}: give {spec.word} or a number")
         elif spec.bounds is not None:
             spec.bounds.check(flag(name, spec), value)
+            if "int" in str(fields[name].type).split(" | "):
+                if value != int(value):
+                    raise OptionError(f"{flag(name, spec)} {value!r}: give a whole number")
+                object.__setattr__(options, name, int(value))
         if spec.choices and value not in spec.choices:
             choices = ", ".join(spec.choices)
             raise OptionError(f"unknown {flag(name, spec)} {value!r}: choose one of {choices}")

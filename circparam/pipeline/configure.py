@@ -96,9 +96,9 @@ def seam_options(
         given["sharp"] = o.sharp * np.pi / 180
     if (labels := _cut_between(document, surface, o)) is not None:
         given |= {"groups": labels, "cut_groups": True}
-    for name, pairs in (("cut", o.seams), ("no_cut", o.no_seams)):
+    for name, flag, pairs in (("cut", "--seams", o.seams), ("no_cut", "--no-seams", o.no_seams)):
         if pairs is not None:
-            ends, n = np.asarray(pairs, np.int64).reshape(-1, 2), len(repair_report.weld)
+            ends, n = _vertex_pairs(pairs, flag), len(repair_report.weld)
             if len(bad := ends[(ends < 0) | (ends >= n)]):
                 raise OptionError(
                     f"a seam names vertex {int(bad[0])}: vertices are numbered 0 to {n - 1} (in l lines of an "
@@ -113,6 +113,17 @@ def seam_options(
             raise OptionError("--keep-uv-seams: the file has no uv to start from; leave it out")
         given["start"] = uv_seams(surface, uvmap)
     return SeamOptions(**given, search=Search(draft=o.draft))
+
+
+def _vertex_pairs(pairs: Any, flag: str) -> IntArray:
+    """(s, 2) vertices at the ends of edges. Raises OptionError for other values."""
+    try:
+        rows = np.asarray(pairs)
+    except ValueError:  # rows of different lengths
+        rows = np.empty(())
+    if rows.size and (rows.dtype.kind not in "iu" or rows.shape[-1:] != (2,)):
+        raise OptionError(f"{flag} needs (s, 2) integers, the two vertices of each edge")
+    return rows.astype(np.int64).reshape(-1, 2)
 
 
 def _cut_between(document: Document, surface: Surface, o: Options) -> IntArray | None:

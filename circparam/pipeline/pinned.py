@@ -25,7 +25,10 @@ PIN_TOLERANCE = 1e-6  # uv: distance of a vertex from its pin in the written fil
 
 def pin_rows(pins: FloatArray) -> tuple[IntArray, FloatArray]:
     """Vertices (p,) and places (p, 2) of rows (vertex, u, v). Raises OptionError for other rows."""
-    rows = np.asarray(pins, np.float64)
+    try:
+        rows = np.asarray(pins, np.float64)
+    except (TypeError, ValueError):  # a name, or rows of different lengths
+        rows = np.empty(())
     if rows.ndim != 2 or rows.shape[1] != 3 or not np.isfinite(rows).all():
         raise OptionError(f"--pin needs rows of a vertex, u and v, not shape {rows.shape}")
     vertices = rows[:, 0].astype(np.int64)

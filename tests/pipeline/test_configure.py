@@ -62,6 +62,19 @@ def test_a_seam_of_no_vertex(vertex: int) -> None:
     seams_of(shapes.grid(3, 3), seams=[[0, 8]])
 
 
+@pytest.mark.parametrize(
+    "pairs", ["seams.txt", [[0.0, 1.5]], [[0, 1, 2], [3, 4, 5]], [[0, 1], [2]], {}, None]
+)
+def test_seams_are_pairs_of_integers(pairs: object) -> None:
+    """A fraction was cut off, and rows of three were read as pairs."""
+    for name, flag in (("seams", "--seams"), ("no_seams", "--no-seams")):
+        if pairs is None:
+            assert seams_of(shapes.grid(3, 3), **{name: []}) is not None
+        else:
+            with pytest.raises(errors.OptionError, match=f"{flag} needs"):
+                seams_of(shapes.grid(3, 3), **{name: pairs})
+
+
 def test_options_that_do_not_fit_the_file() -> None:
     for keywords, word in (
         ({"cut_materials": True}, "one material"),

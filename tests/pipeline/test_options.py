@@ -190,6 +190,21 @@ def test_defaults_and_given() -> None:
     }
 
 
+def test_none_means_not_given_for_every_option() -> None:
+    """A wrapper hands its own None on; ``repair=None`` refused every repair."""
+    defaults = Options()
+    nothing = Options(**dict.fromkeys(specs(Options)))
+    assert all(getattr(nothing, name) == getattr(defaults, name) for name in specs(Options))
+
+
+@pytest.mark.parametrize("name", ["resolution", "pages", "padding", "max_charts", "jobs"])
+def test_counts_are_whole(name: str) -> None:
+    """Numbers from JSON or NumPy may be floats; a fraction is no count."""
+    assert repr(getattr(Options(**{name: 32.0}), name)) == "32"
+    with pytest.raises(OptionError, match="whole number"):
+        Options(**{name: 32.5})
+
+
 def test_older_names_keep_working() -> None:
     old = from_keywords({"method": "circle", "cut": "disk", "border": "square"})
     assert old.given() == Options(method="circle", cut="disk", boundary="square").given()

@@ -101,6 +101,7 @@ def test_pins_that_fold_the_chart_are_refused(tmp_path: Path) -> None:
         ([[0, 1]], "rows of a vertex, u and v"),
         ([[0, np.nan, 0]], "rows of a vertex, u and v"),
         ([1, 2, 3], "rows of a vertex, u and v"),
+        ("pins.txt", "rows of a vertex, u and v"),
         ([[0.5, 0, 0], [1, 1, 1]], "not an integer"),
         ([[0, 0, 0], [0, 1, 1]], "twice"),
         ([[0, 0, 0], [999, 1, 1]], "names vertex 999, which no face uses"),
