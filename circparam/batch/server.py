@@ -20,7 +20,7 @@ from typing import IO, Any
 
 from circparam.batch.mesh import unwrap_one
 from circparam.batch.settings import Settings, unpickled
-from circparam.core.memory import resident
+from circparam.core.memory import bound_process, resident
 from circparam.core.messages import message, send
 
 MEMORY_LOOK_SECONDS = 0.1  # seconds between two looks at the memory of a child
@@ -158,13 +158,9 @@ def _become_child(log: int, max_memory: int | None) -> None:
         ctypes.CDLL(None).prctl(PARENT_DEATH, signal.SIGKILL)
         with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as stream:
             stream.write("1000")
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    bound_process("CORE", 0)
     if max_memory is not None:
-        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        bound = max_memory if hard == resource.RLIM_INFINITY else min(max_memory, hard)
-        resource.setrlimit(resource.RLIMIT_AS, (bound, hard))
+        bound_process("AS", max_memory)
 
 
 def _kill(pid: int, group_only: bool = False) -> None:

@@ -18,7 +18,7 @@ from circparam.cli.paths import (
     without_outputs,
 )
 from circparam.core.imports import OnDemand, put_off
-from circparam.core.memory import room_for_libraries
+from circparam.core.memory import bound_process, room_for_libraries
 from circparam.core.workers import cores
 from circparam.errors import CircparamError, GateError, OptionError
 from circparam.pipeline.look_options import LookOptions
@@ -150,10 +150,7 @@ class _Run:
         self.place = (1, 1)  # number of the mesh, and of all
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         if given["max_memory"] is not None:
-            import resource
-
-            most = resource.getrlimit(resource.RLIMIT_AS)[1]
-            resource.setrlimit(resource.RLIMIT_AS, (memory_size(given["max_memory"]), most))
+            bound_process("AS", memory_size(given["max_memory"]))
             room_for_libraries(cores())
         put_off()  # before options that need the table of methods
         self.options = Options(**library_options_of(given))

@@ -64,6 +64,19 @@ def address_bound() -> tuple[int, int] | None:
     return None if bound[0] == resource.RLIM_INFINITY else bound
 
 
+def bound_process(kind: str, most: int) -> None:
+    """Set the soft limit of that name (AS: bytes of address space, CPU: seconds), up to the hard one.
+
+    Raises ImportError where the system has no such bounds, ValueError or OSError where it refuses.
+    """
+    import resource
+
+    number = getattr(resource, f"RLIMIT_{kind}")
+    hard = resource.getrlimit(number)[1]
+    low = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(number, (low, hard))
+
+
 def claim_work_space() -> None:
     """Have OpenBLAS take the work space that it keeps, while there is room: later it would end the process."""
     import numpy as np

@@ -12,7 +12,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from circparam.core.imports import put_off
-from circparam.core.memory import address_bound
+from circparam.core.memory import address_bound, bound_process
 from circparam.core.records import dataclass
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
         )
         ready = executor.submit(os.getpid)
     if limit is not None and share is not None:
-        _bound_memory((limit[0] - count * share, limit[1]))
+        _bound_memory(limit[0] - count * share)
     return Pool(executor, ready, lifeline, limit, count)
 
 
@@ -203,7 +203,7 @@ def _end(opening: _Opening | None) -> bool:
     with contextlib.suppress(Exception):
         pool.executor.shutdown(wait=False)
     if pool.limit is not None:
-        _bound_memory(pool.limit)
+        _bound_memory(pool.limit[0])
     return pool.limit is not None
 
 
@@ -225,11 +225,9 @@ def quiet_start() -> Iterator[None]:
             os.environ["PYTHONSAFEPATH"] = before
 
 
-def _bound_memory(limit: tuple[int, int]) -> None:
-    import resource
-
+def _bound_memory(size: int) -> None:
     with contextlib.suppress(OSError, ValueError):
-        resource.setrlimit(resource.RLIMIT_AS, limit)
+        bound_process("AS", size)
 
 
 def _begin(lifeline: Any, memory: int | None, modules: tuple[str, ...]) -> None:
@@ -249,9 +247,7 @@ def _begin(lifeline: Any, memory: int | None, modules: tuple[str, ...]) -> None:
 
     threading.Thread(target=listen, daemon=True).start()
     if memory is not None:
-        import resource
-
-        _bound_memory((memory, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        _bound_memory(memory)
     put_off()
     _import(*modules[:1])
     threading.Thread(target=_import, args=modules[1:], daemon=True).start()

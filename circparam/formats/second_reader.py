@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from circparam.core.memory import bound_process
 from circparam.core.messages import message, send
 from circparam.core.types import FloatArray, IntArray
 from circparam.core.workers import environment
@@ -142,25 +143,15 @@ def _resolver(folder: Path | None) -> Any:
     return Beside()
 
 
-def _bounded(seconds: int, size: int) -> None:
-    """Bound this process, where the system can."""
-    with contextlib.suppress(ImportError, OSError, ValueError):
-        import resource
-
-        for kind, bound in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, size)):
-            hard = resource.getrlimit(kind)[1]
-            low = bound if hard == resource.RLIM_INFINITY else min(bound, hard)
-            resource.setrlimit(kind, (low, hard))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
 def main() -> None:
     """In the process: a file on stdin; its arrays, or an error, on stdout."""
     kind, folder, seconds, size = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asks hears it too, and ends this process
     target = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # the reader of STEP prints from compiled code
-    _bounded(int(seconds), int(size))
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        for bound, most in (("CPU", seconds), ("AS", size), ("CORE", "0")):
+            bound_process(bound, int(most))
     packed = io.BytesIO()
     names: list[str] = []
     error = None

@@ -6,15 +6,29 @@ from pathlib import Path
 
 import pytest
 
+from circparam.cli.exits import TERMINATED
 from circparam.core import files
 from circparam.errors import OptionError, OutputError
+
+WATCHED = """
+import os, socket, sys, threading
+from circparam.cli import signals
+reader, writer = socket.socketpair()
+writer.send(bytes([signals.signal.SIGTERM]))
+signals.GRACE = 0.0
+os._exit = lambda code: print(code, *sys.modules)
+signals._watch(reader, threading.Event())
+"""
 
 
 def test_signals_do_not_import_what_writes_files() -> None:
     """The reason for the string: to handle a signal nothing is loaded that the work did not need."""
-    code = "import sys, circparam.cli.signals as s; s._remove_temporaries(); print(*sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "circparam.core.files" not in run.stdout.split()
+    run = subprocess.run(
+        [sys.executable, "-c", WATCHED], capture_output=True, text=True, check=True
+    )
+    code, *modules = run.stdout.split()
+    assert code == str(TERMINATED)
+    assert "circparam.core.files" not in modules
 
 
 KILLED = """
