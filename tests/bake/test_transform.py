@@ -46,8 +46,7 @@ def textured(transforms: list[dict[str, Any]]) -> Document:
         position = g.accessor(points + np.float32([6 * k, 0, 0]))
         attributes = {"POSITION": position, "TEXCOORD_0": places}
         primitives.append({"attributes": attributes, "indices": index, "material": k})
-    g.tree["meshes"] = [{"primitives": primitives}]
-    return read_data(g.scene({"mesh": 0}).glb())
+    return read_data(g.model(*primitives).glb())
 
 
 def by_the_extension(transform: dict[str, Any], uv: np.ndarray) -> np.ndarray:

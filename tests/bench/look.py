@@ -194,10 +194,9 @@ def five_maps(side: int = 2048) -> Painted:
         "POSITION": g.accessor(points.astype("f4")),
         "TEXCOORD_0": g.accessor(np.stack([u, v], 2).reshape(-1, 2).astype("f4")),
     }
-    faces = np.concatenate([np.c_[a, d, c], np.c_[a, c, b]]).astype("u2")
-    primitive = {"attributes": attributes, "indices": g.accessor(faces.ravel()), "material": 0}
-    g.tree |= {"materials": [material], "meshes": [{"primitives": [primitive]}]}
-    g.scene({"mesh": 0})
+    g.tree["materials"] = [material]
+    faces = np.concatenate([np.c_[a, d, c], np.c_[a, c, b]])
+    g.model(g.primitive(attributes, faces, material=0))
     return g
 
 

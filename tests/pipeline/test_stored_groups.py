@@ -40,8 +40,7 @@ def two_materials(images: bool = False) -> bytes:
             g.tree.setdefault("images", []).append(entry)
             g.tree.setdefault("textures", []).append({"source": k})
             material["pbrMetallicRoughness"] = {"baseColorTexture": {"index": k}}
-    g.tree["meshes"] = [{"primitives": primitives}]
-    return g.scene({"mesh": 0}).glb()
+    return g.model(*primitives).glb()
 
 
 def overlaps(document: Document, **options: str) -> int:

@@ -147,6 +147,16 @@ class GltfMaker:
         self.tree["accessors"].append(a)
         return len(self.tree["accessors"]) - 1
 
+    def primitive(self, attributes: dict[str, int], faces: np.ndarray, **entry: object) -> dict:
+        """Triangles (m, 3) of vertices with these accessors."""
+        indices = self.accessor(faces.ravel().astype("u2"))
+        return {"attributes": dict(attributes), "indices": indices, **entry}
+
+    def model(self, *primitives: dict) -> GltfMaker:
+        """One mesh of these primitives, which one node shows."""
+        self.tree["meshes"] = [{"primitives": list(primitives)}]
+        return self.scene({"mesh": 0})
+
     def scene(self, *nodes: dict) -> GltfMaker:
         self.tree |= {
             "nodes": list(nodes),

@@ -124,9 +124,7 @@ def instanced() -> GltfMaker:
 def small() -> GltfMaker:
     points, faces = grid(3)
     g = GltfMaker()
-    attributes = {"POSITION": g.accessor(points)}
-    index = g.accessor(faces.ravel().astype("u2"))
-    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
+    g.tree["meshes"] = [{"primitives": [g.primitive({"POSITION": g.accessor(points)}, faces)]}]
     return g.scene({"mesh": 0}, {"name": "empty"})
 
 

@@ -87,9 +87,7 @@ def model(materials: list[dict[str, Any]], g: Painted, sets: int = 2) -> Painted
         for number in range(sets):
             layout = turned(uv, 0.4 + k + number, 1.2, 0.3 * number)
             attributes[f"TEXCOORD_{number}"] = g.accessor(layout)
-        index = g.accessor(faces.ravel().astype("u2"))
-        primitive = {"attributes": attributes, "indices": index, "material": k}
-        meshes.append({"primitives": [primitive]})
+        meshes.append({"primitives": [g.primitive(attributes, faces, material=k)]})
         nodes.append({"mesh": k})
     g.tree |= {"materials": materials, "meshes": meshes}
     g.scene(*nodes)

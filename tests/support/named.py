@@ -21,8 +21,7 @@ def named_scene(folder: Path) -> tuple[Path, Path]:
     obj, glb = folder / "named.obj", folder / "named.glb"
     obj.write_text("\n".join(lines) + "\n")
     g = GltfMaker()
-    place, index = g.accessor(points.astype("f4")), g.accessor(faces.ravel().astype("u2"))
-    primitive = {"attributes": {"POSITION": place}, "indices": index}
+    primitive = g.primitive({"POSITION": g.accessor(points.astype("f4"))}, faces)
     g.tree["materials"] = [{"name": material} for material, _, _ in NAMES]
     g.tree["meshes"] = [
         {"name": group, "primitives": [{**primitive, "material": k}]}

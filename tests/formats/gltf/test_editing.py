@@ -50,8 +50,7 @@ def test_the_highest_index_of_a_type_is_never_used(vertices: int, kind: str) -> 
         "attributes": {"POSITION": g.accessor(points)},
         "indices": g.accessor(faces.ravel().astype(before)),
     }
-    g.tree["meshes"] = [{"primitives": [primitive]}]
-    document = read_data(g.scene({"mesh": 0}).glb())
+    document = read_data(g.model(primitive).glb())
     # a seam through vertex 0 alone: one vertex more, the last
     uv = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1], [0.5, 0.75]])
     data = encode(document, UVMap(uv, np.array([[0, 1, 2], [4, 2, 3]])), "glb").data
@@ -70,8 +69,7 @@ def test_a_strip_without_indices_gets_some_of_two_bytes() -> None:
     g = GltfMaker()
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "f4")
     strip = {"attributes": {"POSITION": g.accessor(points)}, "mode": 5}
-    g.tree["meshes"] = [{"primitives": [strip]}]
-    document = read_data(g.scene({"mesh": 0}).glb())
+    document = read_data(g.model(strip).glb())
     apart = UVMap(np.random.default_rng(0).random((6, 2)), np.arange(6).reshape(2, 3))
     data = encode(document, apart, "glb").data
     tree = tree_of(data)

@@ -62,9 +62,7 @@ def one_view(apart: str = "") -> bytes:
     for name, r in rows.items():
         attributes[name] = g.accessor(r, view, byteOffset=at)
         at += r.nbytes
-    index = g.accessor(faces.ravel().astype("u2"))
-    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
-    return g.scene({"mesh": 0}).glb()
+    return g.model(g.primitive(attributes, faces)).glb()
 
 
 def with_image(size: int) -> bytes:
@@ -82,17 +80,14 @@ def uv_first(before: bytes) -> bytes:
     uv = g.accessor(np.zeros((9, 2), "f4"))
     attributes = {"TEXCOORD_0": uv, "POSITION": g.accessor(points)}
     g.bin += b"and this"
-    index = g.accessor(faces.ravel().astype("u2"))
-    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
-    return g.scene({"mesh": 0}).glb()
+    return g.model(g.primitive(attributes, faces)).glb()
 
 
 def without_buffers() -> bytes:
     """Positions of zeros need no data; the new uv do."""
     g = GltfMaker()
     g.tree["accessors"] = [{"componentType": 5126, "type": "VEC3", "count": 3}]
-    g.tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}}]}]
-    return json.dumps(g.scene({"mesh": 0}).tree).encode()
+    return json.dumps(g.model({"attributes": {"POSITION": 0}}).tree).encode()
 
 
 def several_buffers() -> bytes:
@@ -101,9 +96,7 @@ def several_buffers() -> bytes:
     normals = np.random.default_rng(3).normal(size=(9, 3)).astype("f4")
     g = GltfMaker()
     attributes = {"POSITION": g.accessor(points), "NORMAL": g.accessor(normals)}
-    index = g.accessor(faces.ravel().astype("u2"))
-    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
-    tree = json.loads(g.scene({"mesh": 0}).gltf())
+    tree = json.loads(g.model(g.primitive(attributes, faces)).gltf())
     bodies = [points.tobytes(), b"????" + normals.tobytes(), faces.astype("u2").tobytes() + b"?"]
     tree["buffers"] = [
         {"byteLength": len(body), "uri": "data:;base64," + base64.b64encode(body).decode()}
@@ -137,8 +130,7 @@ def sparse() -> bytes:
         }
         for p in (position, uv + 1)
     ]
-    g.tree["meshes"] = [{"primitives": primitives}]
-    return g.scene({"mesh": 0}).glb()
+    return g.model(*primitives).glb()
 
 
 def interleaved(quantised: bool = False, webp: bool = False) -> bytes:
@@ -168,7 +160,7 @@ def interleaved(quantised: bool = False, webp: bool = False) -> bytes:
     if quantised:
         place = g.tree["accessors"][attributes["POSITION"]]
         place |= {k: getattr(columns["POSITION"], k)(0).tolist() for k in ("min", "max")}
-    primitive = {"attributes": attributes, "indices": g.accessor(faces.ravel().astype("u2"))}
+    primitive = g.primitive(attributes, faces)
     if webp:
         image = io.BytesIO()
         Image.new("RGB", (2, 2), "red").save(image, "WEBP")
@@ -178,8 +170,7 @@ def interleaved(quantised: bool = False, webp: bool = False) -> bytes:
         g.tree["extensionsUsed"] = [*g.tree.get("extensionsUsed", []), "EXT_texture_webp"]
         g.tree["extensionsRequired"] = g.tree["extensionsUsed"]
         primitive["material"] = 0
-    g.tree["meshes"] = [{"primitives": [primitive]}]
-    return g.scene({"mesh": 0}).glb()
+    return g.model(primitive).glb()
 
 
 INPUTS = {

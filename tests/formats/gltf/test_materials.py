@@ -20,16 +20,8 @@ def two_primitives(**second: object) -> GltfMaker:
     points, faces = grid(3)
     g = GltfMaker()
     attributes = {"POSITION": g.accessor(points)}
-    parts = [g.accessor(f.ravel().astype("u2")) for f in (faces[:3], faces[3:])]
-    g.tree["meshes"] = [
-        {
-            "primitives": [
-                {"attributes": attributes, "indices": parts[0]},
-                {"attributes": dict(attributes), "indices": parts[1], **second},
-            ]
-        }
-    ]
-    return g.scene({"mesh": 0})
+    first = g.primitive(attributes, faces[:3])
+    return g.model(first, g.primitive(attributes, faces[3:], **second))
 
 
 def test_colours_are_linear_light_and_white_where_a_mesh_has_none() -> None:
@@ -37,11 +29,11 @@ def test_colours_are_linear_light_and_white_where_a_mesh_has_none() -> None:
     g = two_primitives()
     linear = np.random.default_rng(0).integers(0, 256, (9, 4)).astype("u1")
     assert read_data(g.glb()).colours() is None
-    g.tree["meshes"].append(
-        {"primitives": [{"attributes": {"POSITION": g.accessor(points),
-                                        "COLOR_0": g.accessor(linear, normalized=True)},
-                         "indices": g.accessor(faces.ravel().astype("u2"))}]}
-    )  # fmt: skip
+    attributes = {
+        "POSITION": g.accessor(points),
+        "COLOR_0": g.accessor(linear, normalized=True),
+    }
+    g.tree["meshes"].append({"primitives": [g.primitive(attributes, faces)]})
     colours = read_data(g.scene({"mesh": 0}, {"mesh": 1}).glb()).colours()
     assert (colours[:8] == 1).all()
     np.testing.assert_allclose(colours[8:], srgb(linear[:, :3] / 255)[faces])

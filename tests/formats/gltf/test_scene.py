@@ -27,8 +27,7 @@ def test_strips_fans_and_unindexed(mode: int, indexed: bool) -> None:
     if indexed:
         primitive["indices"] = g.accessor(order.astype("u4"))
     k = order if indexed else np.arange(9)
-    g.tree["meshes"] = [{"primitives": [primitive]}]
-    document = read_data(g.scene({"mesh": 0}).glb())
+    document = read_data(g.model(primitive).glb())
     expected = {
         4: [k[i : i + 3] for i in range(0, 9, 3)],
         5: [k[[i + i % 2, i + 1 - i % 2, i + 2]] for i in range(7)],
@@ -84,19 +83,12 @@ def test_primitives_that_share_their_vertices_keep_sharing_them() -> None:
     points, faces = grid(4)
     g = GltfMaker()
     attributes = {"POSITION": g.accessor(points), "NORMAL": g.accessor(points * 2)}
-    halves = [g.accessor(f.ravel().astype("u2")) for f in (faces[:7], faces[7:])]
-    lines = {"attributes": attributes, "mode": 1, "indices": g.accessor(np.arange(4).astype("u2"))}
-    g.tree["meshes"] = [
-        {
-            "primitives": [
-                {"attributes": dict(attributes), "indices": i, "material": 1 - k}
-                for k, i in enumerate(halves)
-            ]
-            + [lines]
-        }
+    halves = [
+        g.primitive(attributes, f, material=1 - k) for k, f in enumerate((faces[:7], faces[7:]))
     ]
+    lines = g.primitive(attributes, np.arange(4), mode=1)
     g.tree["materials"] = [{"name": "a"}, {}]
-    document = read_data(g.scene({"mesh": 0}).glb())
+    document = read_data(g.model(*halves, lines).glb())
     assert len(document.mesh.points) == 16
     assert document.mesh.groups is not None
     assert document.mesh.groups.tolist() == [0] * 7 + [1] * 11
@@ -150,8 +142,7 @@ def test_indices_end_at_the_last_vertex() -> None:
     for last, ok in ((2, True), (3, False)):
         index = g.accessor(np.array([0, 1, last], "u1"))
         primitive = {"attributes": {"POSITION": position}, "indices": index}
-        g.tree["meshes"] = [{"primitives": [primitive]}]
-        data = g.scene({"mesh": 0}).glb()
+        data = g.model(primitive).glb()
         if ok:
             assert read_data(data).mesh.faces.tolist() == [[0, 1, 2]]
         else:
