@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED_FACES, Worker
 from circparam.errors import OutOfTimeError
@@ -35,6 +35,7 @@ from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
+from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.starts import DIRECT_FACES
 from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
@@ -268,7 +269,10 @@ def grown_where_cheaper(
         ratio = COST.of_components(grown, flat) / COST.of_components(part, flat)
         creased = edges_inside(part.surface, creased_flats(part.surface))
         more = _seam_within(grown, creased) > _seam_within(part, creased)
-        ratio = np.where(more, 2 * ratio, ratio)[part.surface.components[1]]
+        ratio = np.where(more, 2 * ratio, ratio)
+        # where seams are forbidden, grown charts may keep a distortion that the others do not have
+        worse = _breaks_bound(grown, bound) & ~_breaks_bound(part, bound)
+        ratio = np.where(worse, np.inf, ratio)[part.surface.components[1]]
         if (ratio < 1).any():
             cheaper = _those_of(faces, ratio < 1)
             atlas.put(cheaper, grown.part(ratio < 1))
@@ -278,6 +282,14 @@ def grown_where_cheaper(
         if not faces.any() or monitor.expired:
             break
     return out
+
+
+def _breaks_bound(atlas: Atlas, bound: float) -> BoolArray:
+    """(components,) bool: a chart of the component is bad or above the bound."""
+    cut_mesh, uv = atlas.open()
+    n, component = atlas.surface.components
+    bad = judge(cut_mesh, uv).bad(bound)[cut_mesh.chart]
+    return mask_of(n, component[bad])
 
 
 def _seam_within(atlas: Atlas, edges: BoolArray) -> FloatArray:

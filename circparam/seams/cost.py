@@ -50,12 +50,14 @@ class AtlasCost:
         """(components,) what each component adds to the cost of the whole surface.
 
         flat: (e,) bool, edges inside flats; None where there are none. relaxed: the layout is, so that its
-        distortion and its tail count.
+        distortion and its tail count. Where the user weighs seams, their lengths count times their prices.
         """
         surface = atlas.surface
         n, component = surface.components
         on = surface.edges[atlas.cut, 0] // 3
         length = surface.edge_lengths[atlas.cut] / surface.unit
+        if surface.weighted and surface.price is not None:
+            length = length * surface.price[atlas.cut]
         if flat is not None:
             length = length * (1 + self.flat * flat[atlas.cut])
         _, first = np.unique(atlas.charts()[1], return_index=True)

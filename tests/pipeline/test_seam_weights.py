@@ -9,6 +9,7 @@ import circparam
 from circparam.errors import InputError, OptionError
 from circparam.formats.memory import from_arrays
 from circparam.formats.sidecars import read_weights
+from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.seam_weights import edge_weights
@@ -53,6 +54,22 @@ def test_seams_go_where_they_are_free_and_leave_what_is_dear():
     assert share(dear, back) < plain
     assert free.verification.valid
     assert dear.verification.valid
+
+
+@pytest.mark.parametrize("weight", [10.0, np.inf])
+def test_a_tube_is_opened_along_the_line_that_is_left_free(weight: float) -> None:
+    """Rounding decides which creases of 30° count as sharp; no weight counted where one seam is enough."""
+    side = np.arange(12)
+    walls = np.stack([2 * side, 2 * side + 1, (2 * side + 3) % 24, (2 * side + 2) % 24], 1)
+    turn = np.repeat(np.pi / 6 * side, 2)
+    p = np.stack([np.sin(turn), np.cos(turn), np.tile([-1.0, 1.0], 12)], 1)
+    f = np.concatenate([walls[:, [0, 1, 2]], walls[:, [0, 2, 3]]])
+    mesh = Mesh(p, f, polygons=np.tile(side, 2))
+    for free in (0, 2, 8, 14):
+        others = np.setdiff1d(np.arange(24), [free, free + 1])
+        result = circparam.unwrap(mesh, seam_weights=rows(others, weight), **QUICK)
+        assert result.status == "ok"
+        assert np.sort(seam_pairs(result), 1).tolist() == [[free, free + 1]]
 
 
 def test_the_weight_of_an_edge_goes_before_those_of_its_vertices():
