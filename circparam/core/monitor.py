@@ -70,15 +70,14 @@ class Monitor:
     @property
     def expired(self) -> bool:
         """Whether time is up for the current work: a loop with a valid result stops then."""
-        up = self.deadline is not None and time.monotonic() >= self.deadline - self.reserved
+        up = self.short(0.0)
         self.late |= up
         return up
 
     def short(self, seconds: float) -> bool:
         """Whether fewer seconds than these are left for the current work: optional work is left out."""
-        if self.deadline is None:
-            return False
-        return time.monotonic() + seconds >= self.deadline - self.reserved
+        left = self.left
+        return left is not None and left <= seconds
 
     @property
     def left(self) -> float | None:
@@ -93,17 +92,19 @@ class Monitor:
     @property
     def last(self) -> float | None:
         """The moment at which work without a result is broken off: a little after the loops stop."""
-        if self.deadline is None or self.timeout is None:
-            return None
-        return self.deadline - self.reserved + GRACE_SHARE * max(self.timeout, 0.0) + GRACE_SECONDS
+        return None if self.deadline is None else self.deadline - self.reserved + self._grace
+
+    @property
+    def _grace(self) -> float:
+        """Seconds that work without a result has after the loops have stopped."""
+        return GRACE_SHARE * max(self.timeout or 0.0, 0.0) + GRACE_SECONDS
 
     @contextmanager
     def holding(self, seconds: float, least: float = 0.0) -> Iterator[None]:
         """Inside, reserve this many more seconds for later, except a share ``least`` of the rest."""
-        reserved = self.reserved
-        if self.deadline is not None:
-            rest = self.deadline - reserved - time.monotonic()
-            self.reserved += min(seconds, max((1 - least) * rest, 0.0))
+        reserved, left = self.reserved, self.left
+        if left is not None:
+            self.reserved += min(seconds, max((1 - least) * left, 0.0))
         try:
             yield
         finally:
@@ -138,11 +139,10 @@ class Monitor:
 
         seconds: least time of the remaining work, if known; a little lateness is accepted then.
         """
-        late = self.deadline is not None and time.monotonic() >= self.deadline
-        if seconds > 0 and self.deadline is not None and self.timeout is not None:
-            end = time.monotonic() + seconds
-            late |= end > self.deadline + 2 * (GRACE_SHARE * max(self.timeout, 0.0) + GRACE_SECONDS)
-        if late:
+        if self.deadline is None:
+            return
+        now = time.monotonic()
+        if now >= self.deadline or now + seconds > self.deadline + 2 * self._grace:
             raise OutOfTimeError(
                 f"out of time during {self._stage or 'the work'} with no valid result yet: "
                 "give a longer --timeout"

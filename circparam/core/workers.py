@@ -166,9 +166,8 @@ class DeferredTask:
 
 def _submitted(pool: Pool, packed: bytes, m: Monitor) -> "Future[bytes] | None":
     """A task on its way to a process; None if the pool is broken, or at the end of the interpreter."""
-    soft = None if m.deadline is None else m.deadline - m.reserved - time.monotonic()
     try:
-        future: Future[bytes] = pool.executor.submit(_work, packed, soft, clock.left())
+        future: Future[bytes] = pool.executor.submit(_work, packed, m.left, clock.left())
     except Exception:
         return None
     return future
