@@ -1,7 +1,7 @@
 """From the mesh of a file to the oriented manifold that is solved on."""
 
 from dataclasses import field, replace
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -117,29 +117,21 @@ def repair(
     duplicate = (first != np.arange(len(welded))) & ~bad
     if mesh.polygons is not None:
         duplicate &= ~_part_of_another_polygon(mesh.polygons, first, duplicate, bad)
-    again = np.flatnonzero(duplicate)
-    aside = _Aside(np.flatnonzero(~bad & ~duplicate), np.flatnonzero(bad), again, first[again])
-    if len(aside.kept) == 0:
+    kept, again = np.flatnonzero(~bad & ~duplicate), np.flatnonzero(duplicate)
+    if len(kept) == 0:
         raise InputError(
             f"its {counted(len(welded), 'face')} {plural(len(welded), 'is')} degenerate (no area): "
             "there is nothing to unwrap"
         )
-    surface, pairs, orientation = _joined(mesh, points, welded, aside.kept, uv, options.by_position)
+    surface, pairs, orientation = _joined(mesh, points, welded, kept, uv, options.by_position)
     fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~orientation.keep, 0]])
-    messages = _messages(mesh, surface, near, aside, pairs, fans, orientation)
-    if messages and not options.allow:
-        raise TopologyError(
-            "the mesh needs repair: "
-            + "; ".join(messages)
-            + ". Allow it by leaving out --no-repair"
-        )
-    return surface, RepairReport(
+    report = RepairReport(
         weld=weld,
         scale=scale,
         kept=surface.source,
-        degenerate=aside.degenerate,
-        duplicates=aside.duplicates,
-        duplicate_of=aside.duplicate_of,
+        degenerate=np.flatnonzero(bad),
+        duplicates=again,
+        duplicate_of=first[again],
         n_reversed=int(orientation.reversed_faces.sum()),
         near_vertices=near,
         nonmanifold_edges=len(pairs.crowded),
@@ -147,8 +139,15 @@ def repair(
         non_orientable=orientation.one_sided,
         mobius_edges=int((~orientation.keep).sum()),
         unreferenced=int((np.bincount(mesh.faces.ravel(), minlength=len(points)) == 0).sum()),
-        messages=messages,
     )
+    report.messages.extend(_messages(mesh, surface, report, pairs, fans))
+    if report.messages and not options.allow:
+        raise TopologyError(
+            "the mesh needs repair: "
+            + "; ".join(report.messages)
+            + ". Allow it by leaving out --no-repair"
+        )
+    return surface, report
 
 
 def _corner_uv(uvmap: UVMap | None) -> FloatArray | None:
@@ -159,15 +158,6 @@ def _corner_uv(uvmap: UVMap | None) -> FloatArray | None:
     return np.where(
         index[..., None] >= 0, uvmap.uv[np.maximum(index, 0)].astype(np.float64), np.nan
     )
-
-
-class _Aside(NamedTuple):
-    """Faces solved on, and those set aside; duplicate_of: the face each duplicate repeats."""
-
-    kept: IntArray
-    degenerate: IntArray
-    duplicates: IntArray
-    duplicate_of: IntArray
 
 
 def _joined(
@@ -266,29 +256,23 @@ def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:
 
 
 def _messages(
-    mesh: Mesh,
-    surface: Surface,
-    near: int,
-    aside: _Aside,
-    pairs: Pairs,
-    fans: IntArray,
-    orientation: Orientation,
+    mesh: Mesh, surface: Surface, report: RepairReport, pairs: Pairs, fans: IntArray
 ) -> list[str]:
     """One line for each kind of repair: what does not count for itself, what was split, what was turned."""
     out = []
-    if near:
+    if n := report.near_vertices:
         out.append(
-            f"{counted(near, 'vertex')} within the weld tolerance of another "
-            f"{'counts' if near == 1 else 'count'} as one"
+            f"{counted(n, 'vertex')} within the weld tolerance of another "
+            f"{'counts' if n == 1 else 'count'} as one"
         )
-    if n := len(aside.degenerate):
-        first = mesh.face_number(aside.degenerate[0])
+    if n := len(report.degenerate):
+        first = mesh.face_number(report.degenerate[0])
         out.append(
             f"{counted(n, 'degenerate face')} set aside (the first is face {first}); "
             f"{'it takes the uv of its' if n == 1 else 'they take the uv of their'} points"
         )
-    if n := len(aside.duplicates):
-        first, same = (mesh.face_number(k[0]) for k in (aside.duplicates, aside.duplicate_of))
+    if n := len(report.duplicates):
+        first, same = (mesh.face_number(k[0]) for k in (report.duplicates, report.duplicate_of))
         out.append(
             f"{counted(n, 'duplicate face')} set aside (the first is face {first}, the same three points as "
             f"face {same}); {'it takes' if n == 1 else 'they take'} its uv"
@@ -299,14 +283,14 @@ def _messages(
     if n := len(fans):
         first = mesh.vertex_number(fans[0])
         out.append(f"{counted(n, 'non-manifold vertex')} split (the first is vertex {first})")
-    if n := int(orientation.reversed_faces.sum()):
-        first = mesh.face_number(surface.source[orientation.reversed_faces].min())
+    if n := report.n_reversed:
+        first = mesh.face_number(surface.source[surface.reversed_faces].min())
         out.append(
             f"{counted(n, 'face')} oriented against {'its' if n == 1 else 'their'} neighbours, reversed "
             f"for the solve (the first is face {first}); the file keeps its winding"
         )
-    if n := orientation.one_sided:
-        edges = counted(int((~orientation.keep).sum()), "edge")
+    if n := report.non_orientable:
+        edges = counted(report.mobius_edges, "edge")
         out.append(
             f"{counted(n, 'component')} with only one side ({plural(n, 'Möbius strip')}) cut along {edges}"
         )

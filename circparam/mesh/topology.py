@@ -240,12 +240,11 @@ def _component_list(
     point_component = np.full(len(points), -1)
     point_component[faces.ravel()] = corner
     # (n_points,) number of fans at each point
-    solid = np.repeat(edges.solid, 3)
     at = np.full(int(fan.max()) + 1, -1)
     at[fan[solid]] = faces.ravel()[solid]
     pinched = group_count(point_component[group_count(at[at >= 0], len(points)) > 1], n)
     # an edge of more than two faces splits into one edge for each face
-    loose = np.repeat(edges.solid, 3)
+    loose = solid.copy()
     loose[edges.pairs[:, 1]] = False
     euler = vertices - group_count(corner[loose], n) + group_count(component[edges.solid], n)
     crowded = group_count(component[edges.crowded // 3], n)
