@@ -28,6 +28,7 @@ from circparam.core.workers import cores
 from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use
 from circparam.geometry.shading import Frames
 from circparam.mesh.mesh import UVMap
+from circparam.pipeline.look_options import LookOptions
 
 MAGNIFIED_DENSITY = 0.5  # texels of an old image along a new one, below which samples hardly differ
 # the same, above which twice as many samples are taken: 2 × 2 lose 10 dB of a weave at 4.5
@@ -38,15 +39,6 @@ FILL = {
     "normal": (0.5, 0.5, 1.0),
     "direction": (1.0, 0.5, 1.0),
 }  # texels where a material has no image
-
-
-@dataclass(frozen=True)
-class CarryOptions:
-    """size: texels a side of the page. samples: of a texel along each side. merge: make materials one."""
-
-    size: int = 2048
-    samples: int = 2
-    merge: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,24 +55,25 @@ def carry(
     source: Source,
     layout: UVMap,
     uv_set: int,
-    options: CarryOptions,
+    size: int,
+    look: LookOptions,
     monitor: Monitor | None = None,
 ) -> tuple[Carried, Texels]:
     """The images of a source in a layout of one page, and the texels of the layout.
 
-    layout: over the faces of the source. uv_set: its number in the file. Raises InputError if no texel lies
-    in a face.
+    layout: over the faces of the source. uv_set: its number in the file. size: texels a side of the page.
+    Raises InputError if no texel lies in a face.
     """
     monitor = monitor or Monitor()
-    groups = groups_of(source.looks, options.merge, source.kept)
-    texels = find_texels(layout, options.size)
+    groups = groups_of(source.looks, look.merge, source.kept)
+    texels = find_texels(layout, size)
     slots = {slot for group in groups for slot in group.shown}
     turns = any(slot.kind in ("normal", "direction") for slot in slots)
     uv = layout.uv[np.maximum(layout.uv_faces, 0)]
     new = source.frames(uv) if turns else None
-    xy = np.nan_to_num(corners_in_texels(layout, options.size))
+    xy = np.nan_to_num(corners_in_texels(layout, size))
     work = Work(source, texels, xy, new)
-    parts = list(_parts(work, groups, options.samples))
+    parts = list(_parts(work, groups, look.samples or 2))
     pages = _painted(work, parts, slots, monitor)
     tangents = None
     if new is not None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from circparam.bake.bake import tiles_of
-from circparam.bake.carry import CarryOptions, carry
+from circparam.bake.carry import carry
 from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
@@ -74,13 +74,14 @@ class Look:
 
     def as_dict(self) -> dict[str, Any]:
         """The figures for JSON."""
+        before, after = self.draw_calls or (None, None)
         return {
             "size": self.size,
             "images": list(self.pages),
             "materials_before": self.materials[0],
             "materials": self.materials[1],
-            "draw_calls_before": None if self.draw_calls is None else self.draw_calls[0],
-            "draw_calls": None if self.draw_calls is None else self.draw_calls[1],
+            "draw_calls_before": before,
+            "draw_calls": after,
             "covered": self.covered,
             **({} if self.checked is None else {"check": self.checked}),
             "textures": [
@@ -212,9 +213,9 @@ def carried_looks(
 ) -> tuple[Carried, Look]:
     """The images of a source on the page of a result, and their figures."""
     o, layout = result.options, UVMap(result.uv, result.uv_faces)
-    how = CarryOptions(o.resolution or DEFAULT_RESOLUTION, look.samples or 2, look.merge)
+    size = o.resolution or DEFAULT_RESOLUTION
     with monitor.stage("textures"):
-        carried, texels = carry(source, layout, o.target_set or 0, how, monitor)
+        carried, texels = carry(source, layout, o.target_set or 0, size, look, monitor)
     return carried, _look(source, layout, carried, texels)
 
 
@@ -227,11 +228,9 @@ def as_written(
         return carried_look
     after = [read(path).draw_calls for path in paths if path is not None]
     known = [call for call in after if call is not None]
-    return (
-        replace(carried_look, draw_calls=(before, sum(known)))
-        if len(known) == len(after)
-        else carried_look
-    )
+    if len(known) < len(after):
+        return carried_look
+    return replace(carried_look, draw_calls=(before, sum(known)))
 
 
 def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
@@ -291,10 +290,9 @@ def bake_all(
         raise document.source.error("its layout has several tiles: --all carries into one page")
     found = Source.of(origin, bool(look.keep_tiled))
     size = look.fixed_size or needed_size(found, layout)
-    how = CarryOptions(size, look.samples or 2, look.merge)
     monitor = monitor or Monitor()
     with monitor.stage("bake"):
-        carried, texels = carry(found, layout, uv_set, how, monitor)
+        carried, texels = carry(found, layout, uv_set, size, look, monitor)
     carried_look = _look(found, layout, carried, texels)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)

@@ -43,8 +43,7 @@ class Development:
 
     @cached_property
     def _number(self) -> IntArray:
-        number = positions_in(len(self.mesh.faces), self.special)
-        return number
+        return positions_in(len(self.mesh.faces), self.special)
 
     def of(self, corner: IntArray) -> FloatArray:
         """(k, 3, 3) the matrices of corners 3f + k."""

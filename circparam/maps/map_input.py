@@ -21,7 +21,7 @@ class MapInput:
     name: for messages. surface: in the winding of the solve. closed: the surface with closed boundaries, the
     vertices of the surface first. tips (b,): the vertex that closes each boundary. loops: the vertices of each
     boundary, in order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 if no face
-    uses it. winding (m, 3): the corner of the file that each corner of a face is. notes: repairs.
+    uses it. notes: repairs.
     """
 
     name: str
@@ -31,9 +31,8 @@ class MapInput:
     tips: IntArray
     loops: list[IntArray]
     vertex: IntArray
-    winding: IntArray
     notes: list[str]
-    genus: int = 0
+    genus: int
 
     @property
     def n(self) -> int:
@@ -112,18 +111,8 @@ def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
     vertex[surface.from_file(mesh.faces)] = solved
     missing = (vertex < 0) & (report.weld != np.arange(len(vertex)))
     vertex[missing] = vertex[report.weld[missing]]
-    return MapInput(
-        name,
-        mesh,
-        surface,
-        closed,
-        tips,
-        loops,
-        vertex,
-        surface.file_corners,
-        list(report.messages),
-        genus,
-    )
+    notes = list(report.messages)
+    return MapInput(name, mesh, surface, closed, tips, loops, vertex, notes, genus)
 
 
 def _closed(

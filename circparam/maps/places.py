@@ -82,5 +82,5 @@ def for_file(places: Places, source: MapInput, target: MapInput) -> Places:
 def on_file(places: Places, side: MapInput) -> Places:
     """Places on the faces of a surface as places on the faces of its file."""
     out = np.empty_like(places.weights)
-    np.put_along_axis(out, side.winding[places.face], places.weights, 1)
+    np.put_along_axis(out, side.surface.file_corners[places.face], places.weights, 1)
     return Places(side.surface.source[places.face], out)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.bake.carry import CarryOptions, carry
+from circparam.bake.carry import carry
 from circparam.bake.look_source import Source
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError
@@ -15,6 +15,7 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import encode, read_data
 from circparam.mesh.mesh import UVMap
+from circparam.pipeline.look_options import LookOptions
 from tests.support.looks import (
     Painted,
     bumps,
@@ -28,6 +29,7 @@ from tests.support.looks import (
     waves,
 )
 
+PLAIN = LookOptions()
 MOVED = {"KHR_texture_transform": {"offset": [0.1, 0.3], "rotation": 0.7, "scale": [2.0, 1.5]}}
 
 
@@ -46,10 +48,12 @@ def page(document: GltfDocument) -> UVMap:
     return UVMap(uv, document.mesh.faces)
 
 
-def carried(document: GltfDocument, size: int = 512, uv_set: int = 0, **how: Any) -> GltfDocument:
+def carried(
+    document: GltfDocument, size: int = 512, uv_set: int = 0, look: LookOptions = PLAIN
+) -> GltfDocument:
     """A document after its images went into ``page``, written and read back."""
     layout = page(document)
-    made, _ = carry(Source.of(document), layout, uv_set, CarryOptions(size, **how))
+    made, _ = carry(Source.of(document), layout, uv_set, size, look)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     out = read_data(encode(document.dressed(made), layout, "glb", options=options).data)
     assert isinstance(out, GltfDocument)
@@ -78,20 +82,20 @@ def all_maps(g: Painted, seed: int, **other: Any) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("merge", [True, False], ids=["merged", "apart"])
-def test_each_map_keeps_40_db(merge: bool) -> None:
+@pytest.mark.parametrize("merge", ["auto", "none"])
+def test_each_map_keeps_40_db(merge: str) -> None:
     """Two materials with all maps and one with factors alone, beside an independent look-up."""
     g = Painted()
     plain = {
         "pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.5, 0.1, 1.0], "roughnessFactor": 0.3}
     }
     before = read_model([all_maps(g, 1), all_maps(g, 11), plain], g)
-    after = carried(before, merge=merge)
+    after = carried(before, look=LookOptions(merge_materials=merge))
     face, bary = surface_points(before)
     old, new = seen(before, face, bary), seen(after, face, bary)
     levels = {name: psnr(old[name], new[name]) for name in old}
     assert min(levels.values()) >= 40, levels
-    assert len(after.tree.json["materials"]) == (1 if merge else 3)
+    assert len(after.tree.json["materials"]) == (1 if merge == "auto" else 3)
     assert len(after.tree.json["images"]) == 3  # base colour; occlusion, roughness, metal; emissive
 
 
@@ -239,7 +243,7 @@ def test_what_is_not_seen_gives_no_colour(mode: str) -> None:
     texture = {"index": g.texture(image, magFilter=9728)}
     material = {"pbrMetallicRoughness": {"baseColorTexture": texture}, "alphaMode": mode}
     before = read_model([material, dict(material)], g)
-    made, _ = carry(Source.of(before), page(before), 0, CarryOptions(128))
+    made, _ = carry(Source.of(before), page(before), 0, 128, PLAIN)
     out = np.asarray(Image.open(BytesIO(made.pages["base_color"])))
     some = (out[..., 3] > 0) & (out[..., 3] < 255)
     assert some.mean() > 0.2
@@ -299,7 +303,7 @@ def test_the_whole_page_is_filled() -> None:
     red = np.tile(np.uint8([200, 30, 40]), (8, 8, 1))
     colour = {"baseColorTexture": {"index": g.texture(red)}}
     before = read_model([{"pbrMetallicRoughness": colour}], g)
-    made, texels = carry(Source.of(before), page(before), 0, CarryOptions(64))
+    made, texels = carry(Source.of(before), page(before), 0, 64, PLAIN)
     image = np.asarray(Image.open(BytesIO(made.pages["base_color"])))
     assert texels.covered < 64 * 64
     assert (image == [200, 30, 40]).all()
