@@ -97,6 +97,11 @@ def find_mirror(surface: Surface, asked: str) -> Mirror:
         first = np.minimum(np.arange(n), images.cells)
         alone = images.cells == np.arange(n)
         side = alone | (side[first] == (first == np.arange(n)))
+    elif side.all() or not side.any():
+        raise OptionError(
+            f"--symmetry {asked}: the mesh is not symmetric; all of its faces lie on one side of {axis} = "
+            f"{at:.6g}: leave it out"
+        )
     return Mirror(axis, at, side[cell], images)
 
 

@@ -104,6 +104,9 @@ def test_a_mesh_without_a_mirror_plane_is_refused(tmp_path: Path) -> None:
     for axis in ("x", "auto"):
         with pytest.raises(OptionError, match=f"symmetry='{axis}'.*counterpart"):
             circparam.unwrap((p, f), tmp_path / "o.obj", symmetry=axis)
+    bent = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0.3], [0, 1, 0]])
+    with pytest.raises(OptionError, match="all of its faces lie on one side of z"):
+        circparam.unwrap((bent, np.array([[0, 1, 2], [0, 2, 3]])), symmetry="z")
     with pytest.raises(OptionError, match="not symmetric"):
         circparam.unwrap(bumpy(6), symmetry="y")
     with pytest.raises(OptionError, match="has no effect"):
