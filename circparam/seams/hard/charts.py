@@ -69,7 +69,7 @@ def hard_atlas(
 def quick_atlas(surface: Surface, bound: float, monitor: Monitor) -> Atlas:
     """Charts of any surface at once, sound but many: what there is before a search has come to a component."""
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
-    first_regions(atlas, dual_graph(surface, atlas.flat), bound, Worker(1), monitor)
+    first_regions(atlas, bound, monitor)
     return atlas
 
 
@@ -82,9 +82,8 @@ def _decided(
     notes: list[str],
 ) -> Atlas:
     """Cut and lay out a hard surface that has no seams yet, all components at the same time."""
-    graph = dual_graph(atlas.surface, atlas.flat)
     with monitor.stage("charts"):
-        first_regions(atlas, graph, bound, worker, monitor)
+        graph = first_regions(atlas, bound, monitor)
         work = WORK_PER_FACE * len(atlas.surface.faces)
         merging = MergeOptions(bound, MARGIN, work=work)
         merge(atlas, merging, monitor, worker=worker)
@@ -113,21 +112,30 @@ def unrolls_whole(surface: Surface) -> bool:
     return not (turns(surface)[0] >= SHARP).any() and not slits(atlas).any()
 
 
-def first_regions(
-    atlas: Atlas, graph: DualGraph, bound: float, worker: Worker, monitor: Monitor
-) -> None:
-    """Cut along sharp edges, open what does not unroll, and split what still breaks the bound."""
+def first_regions(atlas: Atlas, bound: float, monitor: Monitor) -> DualGraph:
+    """Cut along sharp edges, open what does not unroll, and split what still breaks the bound.
+
+    Flats stay whole, and are cells of the graph that is returned. Where faces are folded over, one may lie over
+    itself in space: it is no flat of the design, and is split like the rest.
+    """
+    prices = edge_prices(atlas.surface) if atlas.prices is None else atlas.prices
+    graph = dual_graph(atlas.surface, prices.flat)
     layouts = creased_regions(atlas, graph, bound)
     while not monitor.expired:
         monitor.keep(atlas, sound=False)
-        bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
+        chart = layouts.cut_mesh.chart
+        bad = layouts.bad(bound) & (np.bincount(chart) > 1)
         if not bad.any():
             break
-        todo = bad[layouts.cut_mesh.chart]
-        new = split_charts(atlas, graph, layouts.cut_mesh.chart, bad)
-        if not new.any():
-            break
-        layouts = _laid_out(atlas, graph, todo, bound)
+        if not split_charts(atlas, graph, chart, bad).any():
+            over = prices.flat & bad[chart[atlas.surface.sides]].all(0)
+            if not over.any():
+                break
+            atlas.prices = prices = dataclasses.replace(prices, flat=prices.flat & ~over)
+            graph = dual_graph(atlas.surface, prices.flat)
+            split_charts(atlas, graph, chart, bad)
+        layouts = _laid_out(atlas, graph, bad[chart], bound)
+    return graph
 
 
 def creased_regions(

@@ -18,7 +18,7 @@ from circparam.seams import charts as module
 from circparam.seams.hard.charts import hard_atlas, unrolls_whole
 from circparam.seams.hard.regions import hard_components
 from circparam.seams.hard.unroll import unroll
-from circparam.seams.options import SeamOptions
+from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
@@ -146,6 +146,22 @@ def test_a_flanged_pipe_keeps_the_number_of_its_charts_whatever_its_tubes_have()
         found.append((atlas.charts()[0], atlas.seam_length))
     assert abs(found[0][0] - found[1][0]) <= 2
     assert found[0][1] == pytest.approx(found[1][1], rel=0.25)
+
+
+@pytest.mark.parametrize("search", [Search(draft=True), Search()])
+def test_a_level_sheet_that_lies_over_itself_is_cut_where_it_does(search) -> None:
+    """As folded faces of decimated parts do: a ring that goes on for a quarter turn too much."""
+    turn = np.linspace(0, 2.5 * np.pi, 11)
+    ring = (1 + 0.01 * turn) * np.exp(1j * turn)
+    flat = np.concatenate([ring, 2 * ring])
+    points = np.stack([flat.real, flat.imag, np.zeros(len(flat))], 1)
+    k = np.arange(10)
+    faces = np.concatenate([np.stack([k, k + 11, k + 12], 1), np.stack([k, k + 12, k + 1], 1)])
+    surface = surface_of(points, faces)
+    seams = module.charts(surface, SeamOptions(search=search), Monitor())
+    atlas = Atlas(surface, seams.cut, seams.uv)
+    assert_promises(atlas, 1.05)
+    assert 2 <= atlas.charts()[0] <= 3
 
 
 def test_workers_change_nothing() -> None:
