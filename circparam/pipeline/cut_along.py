@@ -8,7 +8,9 @@ import scipy.sparse as sps
 from circparam.core.arrays import (
     FloatArray,
     IntArray,
+    cross2,
     edge_keys,
+    group_sum,
     mask_of,
     next_half_edge,
     stable_order,
@@ -96,7 +98,7 @@ def _cut_paths(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]
 
 
 def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:
-    """Edges of the cheapest way near a chord that avoids the boundary in between; None if there is none."""
+    """Edges of the cheapest way near a chord; None if there is none."""
     atlas, cut_mesh, uv = whole.atlas, whole.cut_mesh, whole.uv
     s, flat = atlas.surface, cut_mesh.faces.ravel()
     edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
@@ -111,10 +113,48 @@ def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArr
     starts, goals = (_beside(cut_mesh, uv, p, reach) for p in (chord.start, chord.end))
     if not len(edge) or not len(starts) or not len(goals):
         return None
+    return cheapest_way(cut_mesh, edge, (a, b), costs[edge], starts, goals)
+
+
+def slit_open(whole: Opened, costs: FloatArray) -> Opened | None:
+    """The atlas of one chart whose largest hole is joined to the outer loop; None if there is no way.
+
+    costs: (e,) as for ``cut_along``. The chart stays one and keeps its layout; a ring can be cut across then.
+    """
+    atlas, cut_mesh = whole.atlas, whole.cut_mesh
+    loops, flat = cut_mesh.loops, cut_mesh.faces.ravel()
+    vertex, ahead = flat[loops.half_edges], flat[next_half_edge(loops.half_edges)]
+    area = group_sum(cross2(whole.uv[vertex], whole.uv[ahead]), loops.loop_of, len(loops.chart))
+    hole = int(np.where(loops.outer, -np.inf, np.abs(area)).argmax())
+    edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
+    h = atlas.surface.edges[edge, 0]
+    starts, goals = vertex[loops.loop_of == hole], vertex[loops.outer[loops.loop_of]]
+    ends = flat[h], flat[next_half_edge(h)]
+    path = cheapest_way(cut_mesh, edge, ends, costs[edge], starts, goals)
+    if path is None:
+        return None
+    cut = atlas.cut.copy()
+    cut[path] = True
+    return Opened.of(Atlas(atlas.surface, cut, atlas.corners, atlas.prices))
+
+
+def cheapest_way(
+    cut_mesh: CutMesh,
+    edge: IntArray,
+    ends: tuple[IntArray, IntArray],
+    costs: FloatArray,
+    starts: IntArray,
+    goals: IntArray,
+) -> IntArray | None:
+    """The edges of the cheapest way from one of some vertices to one of others; None if there is none.
+
+    edge: (e,) usable edges, with their ends and costs. The path avoids the boundary in between.
+    """
+    a, b = ends
     n = cut_mesh.n_vertices
-    rim = mask_of(n, flat[cut_mesh.boundary])
+    rim = mask_of(n, cut_mesh.faces.ravel()[cut_mesh.boundary])
     # along the boundary it would tear fragments off: each vertex there costs more than any way round
-    costs = costs[edge] + costs[edge].sum() * (rim[a].astype(float) + rim[b])
+    costs = costs + costs.sum() * (rim[a].astype(float) + rim[b])
     graph = sps.csr_matrix((costs, (a, b)), shape=(n, n))
     distance, before, _ = nearest(graph, starts, symmetric=False)
     path = [int(goals[np.argmin(distance[goals])])]

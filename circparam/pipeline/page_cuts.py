@@ -16,7 +16,7 @@ from circparam.geometry.intersect import properly_cross
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.outlines import ANGLE_STEPS
-from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
+from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along, slit_open
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import hard_components
 from circparam.seams.prices import edge_prices
@@ -53,6 +53,12 @@ class Outline:
         """Area inside, holes left out."""
         start, end = self.edges
         return float(cross2(start, end).sum() / 2)
+
+    @property
+    def ring(self) -> bool:
+        """Whether a hole is larger than what lies round it."""
+        around = [cross2(hole, np.roll(hole, -1, axis=0)).sum() / 2 for hole in self.holes]
+        return bool(np.abs(around).max(initial=0.0) > self.area)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,18 +170,31 @@ class Cutter:
         opened = cut_along(ground.opened, chord, ground.costs, self.limits)
         parts: list[Part] = []
         if opened is not None:
-            after, label = opened.atlas, opened.cut_mesh.chart
             for c in (0, 1):
-                piece = ground.part(after, label == c)
+                piece = ground.part(opened.atlas, opened.cut_mesh.chart == c)
                 parts += self._parts(piece.opened, np.zeros(1, np.int64), piece)
-            new = after.cut & ~ground.opened.atlas.cut
-            length = after.surface.priced_lengths[new]
-            if not self.through_flats:
-                length = length * (1 + COST.flat * ground.flat[new])
             if len(parts) == 2:
-                return parts, float(length.sum())
+                return parts, self._priced(ground, opened)
         part.failed.add(k)
         return None
+
+    def slit(self, part: Part) -> tuple[Part, float] | None:
+        """(a ring that is opened, length of the slit at the user's prices), or None."""
+        ground = part.ground or self._ground(part.outline.chart)
+        opened = slit_open(ground.opened, ground.costs)
+        if opened is None:
+            return None
+        whole = ground.part(opened.atlas, np.ones(len(ground.faces), bool))
+        parts = self._parts(whole.opened, np.zeros(1, np.int64), whole)
+        return (parts[0], self._priced(ground, opened)) if parts else None
+
+    def _priced(self, ground: Ground, after: Opened) -> float:
+        """Length of the seams that are new on a ground, at the user's prices."""
+        new = after.atlas.cut & ~ground.opened.atlas.cut
+        length = after.atlas.surface.priced_lengths[new]
+        if not self.through_flats:
+            length = length * (1 + COST.flat * ground.flat[new])
+        return float(length.sum())
 
     def _parts(self, opened: Opened, which: IntArray, ground: Ground | None) -> list[Part]:
         """Some charts of an atlas, that of a ground if there is one."""

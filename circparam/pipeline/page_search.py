@@ -94,6 +94,8 @@ class Search:
         charts = self.cutter.charts
         plans = [Plan(charts, 0.0, 0, self._log_share(charts) if self.sketches else log_share)]
         best = plans[0]
+        if (opened := self._without_rings(best)).seam > 0:
+            plans.append(opened)
         while plans[-1].cuts < min(best.cuts + AHEAD, self.most) and not self.budget.over:
             after = self._following(plans[-1])
             if after is None:
@@ -102,15 +104,28 @@ class Search:
             best = min(best, after, key=lambda plan: plan.cost)
         return plans
 
+    def _without_rings(self, plan: Plan) -> Plan:
+        """The plan with rings slit open: the page is the same, but chords can cut across them then."""
+        parts, seam = [], plan.seam
+        for part in plan.parts:
+            while part.outline.ring and not self.budget.over:
+                self.budget.spend(self._faces(part))
+                done = self.cutter.slit(part)
+                if done is None:
+                    break
+                part = done[0]
+                seam += done[1] / self.cutter.root
+            parts.append(part)
+        return replace(plan, parts=parts, seam=seam)
+
     def _following(self, plan: Plan) -> Plan | None:
         """The plan with the best cut more; None if no chord is left that can be cut."""
         while trials := self._apart(plan, self._trials(plan)):
             if self.sketches:
                 trials = self._sketched(plan, trials)
             for trial in trials:
-                part, chart = plan.parts[trial.n], self.cutter.whole.cut_mesh.chart
-                whole = chart == part.outline.chart if part.ground is None else part.ground.faces
-                self.budget.spend(float(whole.sum() if part.ground is None else len(whole)))
+                part = plan.parts[trial.n]
+                self.budget.spend(self._faces(part))
                 done = self.cutter.cut(part, trial.k)
                 if done is not None:
                     parts = [*plan.parts[: trial.n], *plan.parts[trial.n + 1 :], *done[0]]
@@ -120,6 +135,12 @@ class Search:
             if not trials or self.budget.over:
                 break
         return None
+
+    def _faces(self, part: Part) -> float:
+        """Faces of a part."""
+        if part.ground is not None:
+            return float(len(part.ground.faces))
+        return float((self.cutter.whole.cut_mesh.chart == part.outline.chart).sum())
 
     def _log_share(self, parts: list[Part]) -> float:
         """Logarithm of the covered share of a page of some parts."""
@@ -136,10 +157,14 @@ class Search:
 
     def _sketched_share(self, outlines: list[Outline], below: float) -> float:
         """Logarithm of the covered share of the smallest page that is found for some outlines; −∞ if it has not
-        fewer cells a side than ``below``, or than the widest outline and a quarter of the page covered need."""
+        fewer cells a side than ``below``.
+
+        Squares fit into a square of twice their area (Moon and Moser 1967), so some page is found below ∞.
+        """
         sketches = [self._grid.sketch(*o.edges) for o in outlines]
         if below == np.inf:
-            below = max(2 * CELLS, max(s.least for s in sketches) + 2)
+            squares = sum((s.least + 1) ** 2 for s in sketches)
+            below = max(2 * CELLS, int(np.sqrt(2 * squares)) + 2)
         budget = Budget(np.inf, lambda: self.monitor.expired)
         page = least_page(sketches, int(below), TRIES, budget)
         return -np.inf if page is None else 2 * float(np.log(CELLS / page.side))

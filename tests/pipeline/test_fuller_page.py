@@ -132,6 +132,24 @@ def test_charts_that_no_sketch_of_a_page_holds_are_packed_as_they_are(seed: int)
     assert not result.verification.flipped.any()
 
 
+def test_thin_rings_are_opened_where_the_page_pays_for_it() -> None:
+    """No chord crosses a ring, whose hole fills the page with nothing."""
+    ring = shapes.annulus(60, along=1, inner=0.9)
+    corners, sides = shapes.cube(1)
+    shape = shapes.join(ring, (0.1 * corners, sides))
+    whole, cut = (circparam.unwrap(shape, resolution=512, pack_splits=k) for k in (0, "auto"))
+    prices = [
+        r.measures["seam_length"]
+        + COST.chart * r.measures["charts"]
+        - COST.page * np.log(r.measures["pack"])
+        for r in (whole, cut)
+    ]
+    assert whole.measures["pack"] < 0.2
+    assert prices[1] < prices[0] - 2
+    assert not cut.verification.flipped.any()
+    assert cut.verification.overlap == 0
+
+
 def test_what_may_not_be_a_seam_is_none() -> None:
     before = roll()
     locked = replace(before.surface, locked=np.ones(len(before.surface.edges), bool))
