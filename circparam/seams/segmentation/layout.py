@@ -1,5 +1,7 @@
 """Lay charts out anew after their seams have moved, from the layout they had."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from circparam.core.arrays import (
@@ -7,6 +9,7 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     group_count,
+    group_sum,
 )
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -14,12 +17,15 @@ from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.newton import RelaxOptions, relax
-from circparam.solvers.objective import chart_energies
+from circparam.seams.accuracy import TRIAL
+from circparam.solvers import dirichlet
+from circparam.solvers.newton import BAD_START, RelaxOptions, relax
+from circparam.solvers.objective import Objective, chart_energies, in_units_of_faces
 from circparam.solvers.preconditioner import SMALL_CHART
+from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
-from circparam.solvers.untangle import untangle
+from circparam.solvers.untangle import FEW_FLIPS_RINGS, untangle
 
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
@@ -155,4 +161,30 @@ def lay_out_part(
         if left.any():
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
+    if options.local is not None:
+        uv = eased(cut_mesh, uv, options.local)
     return relax(cut_mesh, uv, options, monitor).uv
+
+
+def eased(cut_mesh: CutMesh, uv: FloatArray, local: int) -> FloatArray:
+    """The layout with the worst faces of some charts relaxed beside what is near; all other vertices stay.
+
+    A few faces that nearly collapsed may hold most of the excess of a chart that was carried from another surface.
+    Newton's model foresees a third of what they gain, so whole charts would take a step for each third. Charts
+    where such faces hold less stay as they are. local: as ``RelaxOptions`` has it.
+    """
+    work, scaled, _ = in_units_of_faces(cut_mesh, uv)
+    objective = Objective(work, None, 0.0)
+    energy, jacobian = objective.energies(scaled)
+    of_face = dirichlet.energy(jacobian, 0.0)
+    worst = (of_face > BAD_START) & np.isfinite(energy)[work.chart]
+    held = group_sum((objective.weight * of_face)[worst], work.chart[worst], work.n_charts)
+    worst &= (held > (energy - 1) / 2)[work.chart]
+    if not worst.any():
+        return uv
+    region = grow(cut_mesh, worst, FEW_FLIPS_RINGS[0])
+    part, source, fixed = cut_out(cut_mesh, region, np.zeros(len(uv), bool))
+    moved = relax(part, uv[source], replace(TRIAL, fixed=fixed, local=local)).uv
+    out = uv.copy()
+    out[source[~fixed]] = moved[~fixed]
+    return out
