@@ -145,6 +145,11 @@ def dot2(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
 
 
+def dot3(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Scalar products of vectors in space, over the last axis, as ``dot2``."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
 def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
     """z component of the cross product of plane vectors, over the last axis."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
@@ -157,7 +162,11 @@ def cross_areas(corners: FloatArray) -> FloatArray:
 
 def normals_of(corners: FloatArray) -> FloatArray:
     """(m, 3) normals of triangles (m, 3, 3), twice their area long."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    ax, ay, az = (corners[:, 1] - corners[:, 0]).T
+    bx, by, bz = (corners[:, 2] - corners[:, 0]).T
+    out = np.empty((len(corners), 3))
+    out[:, 0], out[:, 1], out[:, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return out
 
 
 def unit(vectors: FloatArray) -> FloatArray:

@@ -64,7 +64,8 @@ def jacobians(
     a, b, c = cut_mesh.faces[faces].T
     g = cut_mesh.gradients[faces].transpose(1, 2, 0)
     out = np.empty((2, 2, len(a)))  # in memory, for operations over whole arrays
-    for i, values in enumerate(np.ascontiguousarray(uv.T)):
+    for i in (0, 1):
+        values = uv[:, i]
         corner = values[a]
         d1, d2 = values[b] - corner, values[c] - corner
         for j in (0, 1):

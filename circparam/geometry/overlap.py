@@ -191,6 +191,6 @@ def _inner_points(faces: IntArray, uv: FloatArray, chart: IntArray) -> tuple[Int
     """A point inside each chart (the centre of its largest face): (charts, (k, 2) points)."""
     p = uv[faces]
     area = np.abs(cross_areas(p))
-    order = np.lexsort((np.arange(len(faces)), -area, chart))
+    order = np.lexsort((-area, chart))
     best = order[first_of_runs(chart[order])]
     return chart[best], p[best].mean(1)

@@ -84,11 +84,16 @@ class Mesh:
     @cached_property
     def _positions(self) -> tuple[IntArray, IntArray]:
         """The lowest vertex at each position, positions in ascending order; and the position of each vertex."""
-        with np.errstate(invalid="ignore"):
-            _, first, inverse = np.unique(
-                self.points + 0.0, axis=0, return_index=True, return_inverse=True
-            )
-        return first.astype(np.int64), inverse.reshape(-1).astype(np.int64)
+        x, y, z = self.points.T + 0.0
+        order = np.lexsort((z, y, x))
+        new = np.ones(len(order), bool)
+        new[1:] = False
+        for values in (x, y, z):
+            ordered = values[order]
+            new[1:] |= ordered[1:] != ordered[:-1]
+        rank = np.empty(len(order), np.int64)
+        rank[order] = np.cumsum(new) - 1
+        return order[new], rank
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, normals_of
 from circparam.core.plural import counted, plural
 from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
@@ -199,8 +199,7 @@ def _joined(
                 f"face {number} repeats its corners until it encloses nothing: no uv can show it whole. "
                 "Name each corner once"
             )
-    p = points[faces]
-    orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
+    orientation = orient(normals_of(points[faces]), pairs)
     # the surface wound as ``orientation`` says; reversing a face swaps its half-edges 0 and 2
     back = orientation.reversed_faces
     solved = np.where(

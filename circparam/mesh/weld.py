@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import doubled_areas, first_of_runs, mask_of, sorted_distinct
+from circparam.core.arrays import dot3, doubled_areas, first_of_runs, mask_of, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.graph import components
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -48,16 +48,14 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
 def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     """(m,) bool: a repeated point, or an area <= 1e-12 x longest edge².
 
-    Also faces 1e50 times smaller than the largest, whose squares underflow in float64.
+    points: (n, 3), scaled as ``mesh_scale`` has it. Also faces 1e50 times smaller than the largest, whose
+    squares underflow in float64.
     """
     p = points[faces]
     e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    span = np.maximum(np.abs(e1).max(1), np.abs(e2).max(1))
-    # a power of two for each face: exact, so the areas are those of the plain formula where it works
-    exponent = np.frexp(np.maximum(span, 1e-300))[1]
-    e1, e2 = np.ldexp(e1, -exponent[:, None]), np.ldexp(e2, -exponent[:, None])
+    span = np.abs([*e1.T, *e2.T]).max(0)
     area = 0.5 * doubled_areas(e1, e2)
-    longest = np.max([(e1**2).sum(1), (e2**2).sum(1), ((e2 - e1) ** 2).sum(1)], 0)
+    longest = np.max([dot3(e, e) for e in (e1, e2, e2 - e1)], 0)
     tiny = span <= TINY_EDGE_SHARE * span.max(initial=0.0)
     a, b, c = faces.T
     return (area <= DEGENERATE_AREA_SHARE * longest) | tiny | (a == b) | (b == c) | (c == a)

@@ -10,6 +10,7 @@ from circparam.core.arrays import (
     group_count,
     group_sum,
     norms3,
+    numbered,
     slices,
 )
 from circparam.core.graph import nearest, undirected
@@ -38,13 +39,13 @@ def separate(
     sure = np.flatnonzero((near >= 0) & clear[near])
     label = coarse_chart[near[sure]]
     width = int(coarse_chart.max()) + 1
-    pairs, inverse = np.unique(chart[sure] * width + label, return_inverse=True)
-    area = group_sum(fine.surface.areas[sure], inverse.reshape(-1), len(pairs))
+    pairs, inverse = numbered(chart[sure] * width + label)
+    area = group_sum(fine.surface.areas[sure], inverse, len(pairs))
     whole = np.zeros(width)
     np.maximum.at(whole, pairs % width, area)
     much = area >= 0.3 * np.maximum(whole[pairs % width], 1e-300)
     several = group_count((pairs // width)[much], int(chart.max()) + 1) > 1
-    seed = sure[much[inverse.reshape(-1)] & several[chart[sure]]]
+    seed = sure[much[inverse] & several[chart[sure]]]
     if len(seed) == 0:
         return
     before = fine.cut.copy()
@@ -116,8 +117,8 @@ def match_charts(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> Transfe
     ok = label >= 0
     # not as a table of both: thousands of components would make millions of pairs
     width = int(coarse_chart.max()) + 1
-    pairs, inverse = np.unique(chart[ok] * width + label[ok], return_inverse=True)
-    shared = group_sum(fine.surface.areas[ok], inverse.reshape(-1), len(pairs))
+    pairs, inverse = numbered(chart[ok] * width + label[ok])
+    shared = group_sum(fine.surface.areas[ok], inverse, len(pairs))
     of = pairs // width
     order = np.lexsort((-shared, of))
     best = order[first_of_runs(of[order])]
@@ -222,8 +223,7 @@ def cells_in_charts(fine: Surface, cut_mesh: CutMesh, proxy: Proxy) -> IntArray:
     vertex = np.zeros(cut_mesh.n_vertices, np.int64)
     vertex[cut_mesh.faces.ravel()] = fine.corner_vertex.ravel()
     key = cut_mesh.vertex_chart * (len(proxy.surface.points) + 1) + proxy.cell[vertex] + 1
-    label: IntArray = np.unique(key, return_inverse=True)[1].reshape(-1)
-    return label
+    return numbered(key)[1]
 
 
 def take_over(fine: Atlas, coarse: Atlas, proxy: Proxy, near: IntArray) -> BoolArray:

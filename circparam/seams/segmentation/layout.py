@@ -21,7 +21,7 @@ from circparam.seams.accuracy import TRIAL
 from circparam.solvers import dirichlet
 from circparam.solvers.newton import BAD_START, RelaxOptions, relax
 from circparam.solvers.objective import Objective, chart_energies, in_units_of_faces
-from circparam.solvers.preconditioner import SMALL_CHART
+from circparam.solvers.preconditioner import DIRECT_LIMIT, SMALL_CHART
 from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
@@ -161,7 +161,9 @@ def lay_out_part(
         if left.any():
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
-    if options.local is not None:
+    if (
+        options.local is not None and cut_mesh.n_vertices > DIRECT_LIMIT
+    ):  # else whole steps take no longer
         uv = eased(cut_mesh, uv, options.local)
     return relax(cut_mesh, uv, options, monitor).uv
 
@@ -169,9 +171,9 @@ def lay_out_part(
 def eased(cut_mesh: CutMesh, uv: FloatArray, local: int) -> FloatArray:
     """The layout with the worst faces of some charts relaxed beside what is near; all other vertices stay.
 
-    A few faces that nearly collapsed may hold most of the excess of a chart that was carried from another surface.
-    Newton's model foresees a third of what they gain, so whole charts would take a step for each third. Charts
-    where such faces hold less stay as they are. local: as ``RelaxOptions`` has it.
+    A few faces that nearly collapsed may hold most of the excess of a chart that was carried from another
+    surface. Newton's model foresees a third of what they gain: whole charts would take a step for each third.
+    Charts where such faces hold less stay as they are. local: as ``RelaxOptions`` has it.
     """
     work, scaled, _ = in_units_of_faces(cut_mesh, uv)
     objective = Objective(work, None, 0.0)

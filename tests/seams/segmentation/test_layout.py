@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.layout import eased, judge
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, middles, surface_of, uncut
 
@@ -44,3 +44,22 @@ def test_a_ring_overlaps_once_it_is_wound_further() -> None:
         [np.cos(1.2 * angle), np.sin(1.2 * angle)], 1
     )
     assert judge(cut_mesh, wound).overlapping.all()
+
+
+def test_nearly_collapsed_faces_are_relaxed_and_what_is_far_stays() -> None:
+    atlas = as_it_lies(uncut(*shapes.grid(20, 20)))
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
+    middle = int(np.linalg.norm(uv - uv.mean(0), axis=1).argmin())
+    a, b, c = next(f for f in cut_mesh.faces.tolist() if middle in f)
+    other = next(v for v in (a, b, c) if v != middle)
+    crushed = uv.copy()
+    crushed[middle] += 0.99 * (uv[other] - uv[middle])
+    before, after = judge(cut_mesh, crushed), judge(cut_mesh, eased(cut_mesh, crushed, 8))
+    assert np.isfinite(before.energy).all()
+    assert after.energy[0] - 1 < (before.energy[0] - 1) / 10
+    far = np.linalg.norm(uv - uv[middle], axis=1) > 0.5 * np.ptp(uv[:, 0])
+    assert far.any()
+    np.testing.assert_array_equal(after.uv[far], uv[far])
+    # without such faces all stays
+    np.testing.assert_array_equal(eased(cut_mesh, uv, 8), uv)
