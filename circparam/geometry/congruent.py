@@ -10,6 +10,7 @@
 
 from collections.abc import Iterator
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from circparam.core.arrays import (
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.geometry.congruent_flats import Flats, find_flats, same_flats
+from circparam.geometry.congruent_flats import Copies, Flats, find_flats, same_flats
 
 ALIKE_RADII = 2e-5  # of the radius of a component: how far points of copies may lie apart
 # of the largest coordinate: the error of two points by single precision and a rotation
@@ -80,8 +81,7 @@ class _Parts:
         return find_flats(self.points, self.vertex, self.slack[self.component], self.label)
 
 
-@dataclass(frozen=True, eq=False)
-class _Frames:
+class _Frames(NamedTuple):
     """Two vertices of each leader, ``base`` and ``side`` (n,), −1 for components that lead nothing."""
 
     base: IntArray
@@ -191,21 +191,9 @@ def _classes(parts: _Parts) -> IntArray:
     return group
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """component: (c,) that are copies; face: (k,) their faces, corner (k, 3) of the leader, turned (k,).
-    uneven: (u,) components of these with other triangles than their leader."""
-
-    component: IntArray
-    face: IntArray
-    corner: IntArray
-    turned: BoolArray
-    uneven: IntArray
-
-
 def _copies_of(
     parts: _Parts, leader: IntArray, asked: BoolArray, mirror: bool, flats: bool
-) -> _Found:
+) -> Copies:
     """Which of the components ``asked`` ((n,) bool) are copies of their leaders (n,)."""
     n = len(leader)
     leads = mask_of(n, leader[asked])
@@ -240,13 +228,8 @@ def _copies_of(
                 )
                 left[found[-1].component] = False
     none = np.zeros(0, np.int64)
-    found.append(_Found(none, none, none.reshape(0, 3), none.astype(bool), none))
-    return _Found(
-        *(
-            np.concatenate([getattr(some, name) for some in found])
-            for name in ("component", "face", "corner", "turned", "uneven")
-        )
-    )
+    found.append(Copies(none, none, none.reshape(0, 3), none.astype(bool), none))
+    return Copies(*(np.concatenate(x) for x in zip(*found, strict=True)))
 
 
 def _apart(points: FloatArray, leader: IntArray) -> FloatArray:
@@ -378,7 +361,7 @@ def _same_faces(
     faces: tuple[IntArray, IntArray],
     mirror: bool,
     flats: bool,
-) -> _Found:
+) -> Copies:
     """Of components whose vertices match those of their leaders, the ones whose faces or flats do as well.
 
     match: (v,) vertex of the leader. faces: numbers of the faces by component and vertices, and where each
@@ -400,7 +383,7 @@ def _same_faces(
     odds = group_count(which[odd], count)
     good = (group_count(which[bad], count) == 0) & ((odds == 0) | (mirror & (odds == size)))
     keep = good[which]
-    exact = _Found(
+    exact = Copies(
         own[good], face[keep], 3 * theirs[keep][:, None] + place[keep], odd[keep], own[:0]
     )
     if good.all() or not flats:
@@ -409,10 +392,4 @@ def _same_faces(
     level = same_flats(
         parts.flats, parts.vertex, parts.component, parts.label, (rest, leader[rest]), match, mirror
     )
-    return _Found(
-        np.r_[exact.component, level.own],
-        np.r_[exact.face, level.face],
-        np.r_[exact.corner, level.corner],
-        np.r_[exact.turned, level.turned],
-        level.own,
-    )
+    return Copies(*(np.concatenate(x) for x in zip(exact, level, strict=True)))

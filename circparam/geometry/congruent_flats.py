@@ -1,5 +1,7 @@
 """Flats of components: copies whose triangles run another way across their flats."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from circparam.core.arrays import (
@@ -15,6 +17,7 @@ from circparam.core.arrays import (
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
+from circparam.mesh.halfedge import boundary_half_edges, sort_by_edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +34,9 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     points: (v, 3). vertex: (m, 3). slack: (m,) how far from a plane the points of a face may lie. kind: (m,)
     label that the faces of a flat share. A face in no larger flat is one.
     """
-    m = len(vertex)
-    flat = vertex.ravel()
-    h = np.arange(3 * m)
-    a, b = flat[h], flat[next_half_edge(h)]
-    key = np.minimum(a, b) * len(points) + np.maximum(a, b)
-    order = np.argsort(key, kind="stable")
-    _, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    i, j = order[first[count == 2]], order[first[count == 2] + 1]
+    m, flat = len(vertex), vertex.ravel()
+    pairs = sort_by_edge(vertex, len(points)).pairs
+    i, j = pairs.T
     corner = points[vertex]
     cross = normals_of(corner)
     size = np.linalg.norm(cross, axis=1)
@@ -48,7 +46,8 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     back = points[flat[next_half_edge(next_half_edge(i))]] - points[flat[i]]
     level = np.abs((away * normal[f]).sum(1)) <= slack[f]
     level &= np.abs((back * normal[g]).sum(1)) <= slack[g]
-    level &= ((normal[f] * normal[g]).sum(1) > 0) & (kind[f] == kind[g]) & (a[i] == b[j])
+    level &= ((normal[f] * normal[g]).sum(1) > 0) & (kind[f] == kind[g])
+    level &= flat[i] == flat[next_half_edge(j)]
     n, label = components(m, f[level], g[level])
     # finely bent surfaces are level from face to face and no flats
     mean = unit(np.stack([group_sum(cross[:, k], label, n) for k in range(3)], 1))
@@ -57,23 +56,19 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     bent = (spread > 2 * group_max(slack, label, n))[label]
     label = np.where(bent, n + np.arange(m), label)
     label = np.unique(label, return_inverse=True)[1].reshape(-1)
-    inner = np.zeros(3 * m, bool)
-    same = label[f] == label[g]
-    inner[i[same]] = inner[j[same]] = True
-    return Flats(label, np.flatnonzero(~inner))
+    return Flats(label, boundary_half_edges(m, pairs[label[f] == label[g]]))
 
 
-@dataclass(frozen=True, eq=False)
-class SameFlats:
-    """own: (k,) components whose flats are those of their leaders. face: (f,) their faces; corner: (f, 3) a
-    corner of the leader at the same vertex of the same flat; turned: (f,) bool, flats with the opposite
-    winding.
-    """
+class Copies(NamedTuple):
+    """component: (c,) that are copies of their leaders. face: (k,) their faces; corner: (k, 3) of the leader,
+    at the same vertex of the same face or flat; turned: (k,) bool, with the opposite winding. uneven: (u,)
+    components of these with other triangles than their leader."""
 
-    own: IntArray
+    component: IntArray
     face: IntArray
     corner: IntArray
     turned: BoolArray
+    uneven: IntArray
 
 
 def same_flats(
@@ -84,7 +79,7 @@ def same_flats(
     pairs: tuple[IntArray, IntArray],
     match: IntArray,
     mirror: bool,
-) -> SameFlats:
+) -> Copies:
     """Components whose flats have the outlines of those of their leaders.
 
     vertex: (m, 3), component, kind: (m,). pairs: components (k,), each once, and their leaders (k,). match:
@@ -151,7 +146,7 @@ def _corners(
     found: tuple[IntArray, BoolArray, BoolArray],
     match: IntArray,
     to: IntArray,
-) -> SameFlats:
+) -> Copies:
     """The faces of components (k,) that are good (k,), with a corner of the leader for each of theirs.
 
     match: vertex of the leader of each vertex; to: flat of the leader of each flat.
@@ -166,5 +161,5 @@ def _corners(
     asked = to[label[face]][:, None] * n + match[vertex[face]]
     at = order[np.minimum(np.searchsorted(key[order], asked), len(order) - 1)]
     lost = mask_of(len(own), of_face[face[(key[at] != asked).any(1)]])
-    keep = ~lost[of_face[face]]
-    return SameFlats(own[good & ~lost], face[keep], at[keep], turned[of_face[face[keep]]])
+    keep, left = ~lost[of_face[face]], own[good & ~lost]
+    return Copies(left, face[keep], at[keep], turned[of_face[face[keep]]], left)

@@ -7,9 +7,9 @@ moves the rest by the least drift (``least_drift``). The few faces that it canno
 (``_lay_anew``).
 """
 
-import dataclasses
 import functools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sps
@@ -52,8 +52,7 @@ LOOSENING_ROUNDS = 3  # rounds in which faces at fault are let go
 PAIRS_AT_ONCE = 4_000_000  # of triangles and faces, whose boxes are compared
 
 
-@dataclass(frozen=True, eq=False)
-class SurfacePoints:
+class SurfacePoints(NamedTuple):
     """Points of a surface. face: (p,). bary: (p, 3). distance: (p,) from the places they were sought for."""
 
     face: IntArray
@@ -66,13 +65,12 @@ class SurfacePoints:
 
     def put(self, rows: IntArray, new: "SurfacePoints") -> None:
         """Replace some rows by other points, in place."""
-        self.face[rows], self.bary[rows], self.distance[rows] = new.face, new.bary, new.distance
+        for mine, theirs in zip(self, new, strict=True):
+            mine[rows] = theirs
 
 
 def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
-    return SurfacePoints(
-        *(np.concatenate(x) for x in zip(*map(dataclasses.astuple, parts), strict=True))
-    )
+    return SurfacePoints(*(np.concatenate(x) for x in zip(*parts, strict=True)))
 
 
 def _in_blocks(find: Callable[..., SurfacePoints]) -> Callable[..., SurfacePoints]:
