@@ -18,21 +18,13 @@ import click
 from circparam._version import __version__
 from circparam.cli import exits, signals
 from circparam.core.memory import room_for_libraries
-from circparam.core.records import dataclass
 from circparam.core.workers import cores
 
 ALONE = {"-h", "--help", "-V", "--version"}  # options without a command need no library
 
 
-@dataclass(frozen=True)
-class CommandEntry:
-    """One command. module: where its click command, called ``command``, is. summary: a line of the help."""
-
-    module: str
-    summary: str
-
-
-_SUMMARIES = {
+# a line of the help for each command, which is ``command`` in ``circparam.cli.NAME``
+COMMANDS = {
     "unwrap": "Give meshes a uv layout: cut, flatten, pack, write the file back.",
     "batch": "Unwrap thousands of files on all cores or a cluster; continue when stopped.",
     "check": "Report topology and the quality of uv.",
@@ -47,7 +39,7 @@ _SUMMARIES = {
     "samples": "List the bundled meshes, or save one.",
     "blender": "Save the add-on for Blender.",
 }
-COMMANDS = {name: CommandEntry(f"circparam.cli.{name}", text) for name, text in _SUMMARIES.items()}
+
 _EPILOG = """\b
 Examples:
   circparam unwrap mesh.obj
@@ -73,7 +65,7 @@ class LazyGroup(click.Group):
         """Import a command; None if there is none of that name."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(COMMANDS[cmd_name].module)
+        module = importlib.import_module(f"circparam.cli.{cmd_name}")
         command: click.Command = module.command
         if not any(p.name == "debug" for p in command.params):
             command.params.append(click.Option(["--debug"], **_DEBUG))
@@ -95,7 +87,7 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The summaries of the table, without importing a command."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, entry.summary) for name, entry in COMMANDS.items()])
+            formatter.write_dl(list(COMMANDS.items()))
 
     def main(
         self,
