@@ -29,38 +29,37 @@ if TYPE_CHECKING:
     from circparam.bake.rebake import rebake
     from circparam.bake.together import rebake_together
     from circparam.formats.document import Document
+    from circparam.formats.io import read, write
     from circparam.integrations.parametrize import parametrize
-    from circparam.integrations.python import (
-        inspect,
-        map_surfaces,
-        read,
-        repack,
-        save,
-        transfer,
-        unwrap,
-        unwrap_together,
-        write,
-    )
+    from circparam.integrations.python import repack, unwrap, unwrap_together
     from circparam.maps import load_map, save_map
+    from circparam.maps.lods import transfer
+    from circparam.maps.map_surfaces import map_surfaces
     from circparam.mesh.mesh import Mesh, UVMap
+    from circparam.pipeline.inspect import inspect
     from circparam.pipeline.options import Options
     from circparam.pipeline.result import Result
+    from circparam.pipeline.save import save
     from circparam.pipeline.summary import summarise
     from circparam.render.show import view
 
 
-_PYTHON = "inspect map_surfaces read repack save transfer unwrap unwrap_together write"
 # module → its public names
 _NAMES = {
     "bake.rebake": "rebake",
     "bake.together": "rebake_together",
     "formats.document": "Document",
+    "formats.io": "read write",
     "integrations.parametrize": "parametrize",
-    "integrations.python": _PYTHON,
+    "integrations.python": "repack unwrap unwrap_together",
     "maps": "load_map save_map",
+    "maps.lods": "transfer",
+    "maps.map_surfaces": "map_surfaces",
     "mesh.mesh": "Mesh UVMap",
+    "pipeline.inspect": "inspect",
     "pipeline.options": "Options",
     "pipeline.result": "Result",
+    "pipeline.save": "save",
     "pipeline.summary": "summarise",
     "render.show": "view",
 }
@@ -105,9 +104,16 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name, or a room of the package, when it is first asked for."""
+    """Load a public name, or a room of the package, when it is first asked for.
+
+    Errors of functions name keywords instead of flags.
+    """
     if name in _HOME:
         value = getattr(importlib.import_module(f"circparam.{_HOME[name]}"), name)
+        if isinstance(value, type(__getattr__)):
+            from circparam.integrations.words import python_words
+
+            value = python_words(value)
         globals()[name] = value
         return value
     if name in _ROOMS:

@@ -1,5 +1,6 @@
 """Rooms that are functions too: ``circparam.bake`` is a package, and ``circparam.bake(mesh, ...)`` works."""
 
+import importlib
 import sys
 import types
 from collections.abc import Callable
@@ -12,5 +13,8 @@ def make_callable(name: str, function: Callable[[], Callable[..., Any]]) -> None
     class Room(types.ModuleType):
         def __call__(self, *args: Any, **keywords: Any) -> Any:
             return function()(*args, **keywords)
+
+        def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
+            return importlib.import_module, (name,)  # so that a pool of processes can call it
 
     sys.modules[name].__class__ = Room

@@ -6,12 +6,7 @@ import inspect as introspection
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
-from circparam.formats import io
 from circparam.integrations.words import python_words
-from circparam.maps import lods
-from circparam.maps import map_surfaces as mapping
-from circparam.pipeline import inspect as looking
-from circparam.pipeline import save as saving
 from circparam.pipeline import together
 from circparam.pipeline import unwrap as unwrapping
 from circparam.pipeline.options import Options
@@ -46,10 +41,4 @@ def _notebook(result: Result) -> str:
 unwrap = with_options(python_words(unwrapping.unwrap))
 unwrap_together = with_options(python_words(together.unwrap_together))
 repack = with_options(python_words(unwrapping.repack))
-inspect = python_words(looking.inspect)
-read = python_words(io.read)
-write = python_words(io.write)
-save = python_words(saving.save)
 Result._repr_html_ = _notebook  # type: ignore[attr-defined]  # drawn by a room above its own
-map_surfaces = python_words(mapping.map_surfaces)
-transfer = python_words(lods.transfer)

@@ -61,7 +61,12 @@ def _keyword(found: re.Match[str]) -> str:
 
 
 def python_words(function: Callable[P, T]) -> Callable[P, T]:
-    """A function whose errors name keywords instead of flags; class and cause stay."""
+    """A public function whose errors name keywords instead of flags; class and cause stay.
+
+    Its place is the package, so that it can be pickled: ``pool.map(circparam.unwrap, files)``.
+    """
+    if function.__module__ == "circparam":
+        return function
 
     @functools.wraps(function)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -73,4 +78,5 @@ def python_words(function: Callable[P, T]) -> Callable[P, T]:
                 raise
             raise type(error)(said).with_traceback(error.__traceback__) from error.__cause__
 
+    wrapped.__module__ = "circparam"
     return wrapped

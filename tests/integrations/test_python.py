@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import pickle
 
 import pytest
 
@@ -20,6 +21,13 @@ def test_signatures_list_every_option(name: str) -> None:
     parameters = inspect.signature(getattr(circparam, name)).parameters
     assert {f.name for f in dataclasses.fields(circparam.Options)} <= set(parameters)
     assert all(p.kind is not p.VAR_KEYWORD for p in parameters.values())
+
+
+@pytest.mark.parametrize("name", [*circparam.__all__, "bake", "compare"])
+def test_a_pool_of_processes_takes_every_public_name(name: str) -> None:
+    """``pool.map(circparam.unwrap, files)``: what is public is found again under its name."""
+    value = getattr(circparam, name)
+    assert pickle.loads(pickle.dumps(value)) == value
 
 
 def test_sharp_is_degrees() -> None:

@@ -1,9 +1,11 @@
 """Errors name keywords where a Python caller reads them, flags where a shell user does."""
 
+from pathlib import Path
+
 import pytest
 
 import circparam
-from circparam.errors import CircparamError
+from circparam.errors import CircparamError, OptionError
 from circparam.integrations.words import in_python
 from circparam.pipeline.unwrap import unwrap as of_the_pipeline
 from tests.support import shapes
@@ -40,3 +42,18 @@ def test_the_command_line_keeps_its_flags_and_python_its_keywords() -> None:
         circparam.unwrap(mesh, padding=5000)
     assert type(shell.value) is type(python.value)
     assert "--" not in str(python.value)
+
+
+def test_every_public_function_speaks_python(tmp_path: Path) -> None:
+    """rebake and view named flags that their callers do not have."""
+    points, faces = shapes.cube(1)
+    mesh, there = tmp_path / "m.obj", tmp_path / "there.png"
+    circparam.unwrap((points, faces), mesh, effort="draft", jobs=1)
+    there.touch()
+    for call in (
+        lambda: circparam.view(mesh, there),
+        lambda: circparam.rebake(mesh, tmp_path / "n.obj", padding=5000),
+    ):
+        with pytest.raises(OptionError) as error:
+            call()
+        assert "--" not in str(error.value)
