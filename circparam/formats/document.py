@@ -300,8 +300,12 @@ class Document:
             return replace(encoded, notes=[text, *encoded.notes])
         if self.carried is not None:  # the images go along
             return encoded
-        keep = "" if self.only_first else ", or keep that set with --lightmap"
-        cure = f"carry them over with circparam unwrap --rebake{keep}"
+        # packing and levels of detail come here too, which have neither --rebake nor --lightmap
+        keep = "" if self.only_first else ", or keeps that set with --lightmap"
+        cure = (
+            f"carry them over with circparam bake --all --source {self.source.name}; "
+            f"circparam unwrap does it with --rebake{keep}"
+        )
         warning = f"{text}, which its textures use: {cure}"
         return replace(encoded, warnings=[warning, *encoded.warnings])
 

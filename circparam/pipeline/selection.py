@@ -40,7 +40,7 @@ def nearest_names(name: str, known: Iterable[str]) -> str:
     return (
         f"did you mean {' or '.join(near)}?"
         if near
-        else f"there are {', '.join(known[:NAMES_SHOWN])}"
+        else f"the file has {', '.join(known[:NAMES_SHOWN])}"
     )
 
 

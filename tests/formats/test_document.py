@@ -110,6 +110,7 @@ def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> N
     assert not notes
     assert "uv set 0" in warning
     assert "--rebake" in warning
+    assert "bake --all --source" in warning  # pack has no --rebake
     assert "--lightmap" not in warning  # OBJ has one set only
     glb = read_data(full_mesh().glb())  # a normal map on set 0, nothing on set 1
     layout = smooth_layout(glb)
