@@ -74,6 +74,8 @@ def checkpoint_path(job: Job) -> Path | None:
         if name not in _NO_MATTER:
             parts += [name, getattr(job.options, name)]
     parts += [mesh.points, mesh.faces, mesh.polygons, mesh.groups, job.surface.density]
+    if isinstance(job.options.seam_weights, str):  # painted in the file
+        parts.append(document.colours())
     for number in document.uv_sets:
         uvmap = document.uv(number)
         parts += [] if uvmap is None else [uvmap.uv, uvmap.uv_faces]

@@ -9,6 +9,9 @@ import pytest
 import circparam
 from circparam.core.monitor import Monitor
 from circparam.errors import OutputError
+from circparam.pipeline.checkpoint import checkpoint_path
+from circparam.pipeline.job import prepare
+from circparam.pipeline.options import Options
 from circparam.pipeline.unwrap import open_source, unwrap_document
 from tests.support import shapes
 from tests.support.command_line import obj
@@ -55,6 +58,20 @@ def test_it_goes_on_with_the_same_bytes(suffix: str, mesh: Path, tmp_path: Path)
     assert not found_seams(mesh, folder, again, jobs=1)
     assert again.read_bytes().replace(b"b.mtl", b"a.mtl") == whole.read_bytes()
     assert not list(folder.iterdir())
+
+
+def test_other_paint_is_another_mesh(tmp_path: Path) -> None:
+    """Seams of --seam-weights colour depend on the colours of the file."""
+    points, faces = shapes.torus(12, 6)
+    names = set()
+    for red in (0.0, 1.0):
+        rows = [f"v {x!r} {y!r} {z!r} {red} 0 0\n" for x, y, z in points.tolist()]
+        rows += [f"f {a} {b} {c}\n" for a, b, c in (faces + 1).tolist()]
+        (tmp_path / "m.obj").write_text("".join(rows))
+        options = Options(checkpoint=str(tmp_path), seam_weights="colour")
+        document = open_source(tmp_path / "m.obj", options)
+        names.add(checkpoint_path(prepare(document, None, options, Monitor())))
+    assert len(names) == 2
 
 
 def test_another_mesh_option_or_version_is_never_mistaken_for_it(
