@@ -287,7 +287,8 @@ class Document:
     ) -> Encoded | None:
         """The file again with uv, in ``format``; None if this document can't write that format itself.
 
-        A set that is replaced is noted, and is a warning where images of the file use that one.
+        A set that is replaced is noted, and is a warning where images of the file use that one and lose their
+        place.
         """
         if not self.check_target(options, format):
             return None
@@ -296,7 +297,7 @@ class Document:
         if number not in self.uv_sets:
             return encoded
         text = f"uv set {number} of the file was replaced"
-        if number not in self.textured_sets():
+        if number not in self.textured_sets() or not self._moves(uvmap, number):
             return replace(encoded, notes=[text, *encoded.notes])
         if self.carried is not None:  # the images go along
             return encoded
@@ -308,6 +309,15 @@ class Document:
         )
         warning = f"{text}, which its textures use: {cure}"
         return replace(encoded, warnings=[warning, *encoded.warnings])
+
+    def _moves(self, uvmap: UVMap, number: int) -> bool:
+        """Whether a corner that has uv in a set gets others: where all keep theirs, no texture is lost."""
+        old = self.require_uv(number)
+        if not len(old.uv) or not len(uvmap.uv):
+            return False
+        before = old.uv[np.maximum(old.uv_faces, 0)]
+        after = uvmap.uv[np.maximum(uvmap.uv_faces, 0)]
+        return bool(((old.uv_faces >= 0) & (before != after).any(2)).any())
 
     def check_edit(self, options: WriteOptions, format: str) -> None:
         """Raise OptionError for options that this file has no place for."""

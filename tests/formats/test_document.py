@@ -101,9 +101,7 @@ def test_what_changes_the_looks_is_a_warning(tmp_path: Path) -> None:
 
 def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> None:
     (tmp_path / "m.mtl").write_text("newmtl a\n\tmap_Kd\tt.png\n")
-    text = (
-        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n"
-    )
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 .5\nusemtl a\nf 1/1 2/2 3/3\n"
     (tmp_path / "m.obj").write_text(text)
     obj = read(tmp_path / "m.obj")
     ((notes, (warning,)),) = replaced(obj, WriteOptions())
@@ -112,6 +110,8 @@ def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> N
     assert "--rebake" in warning
     assert "bake --all --source" in warning  # pack has no --rebake
     assert "--lightmap" not in warning  # OBJ has one set only
+    same = obj.rewrite(obj.require_uv(), WriteOptions(), "obj", "")
+    assert not same.warnings  # as with --only, where other faces get new uv
     glb = read_data(full_mesh().glb())  # a normal map on set 0, nothing on set 1
     layout = smooth_layout(glb)
     for options, count in ((WriteOptions(), 1), (WriteOptions(uv_set=1, overwrite_uv=True), 0)):
