@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, normals_of
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, mask_of, normals_of
 from circparam.core.plural import counted, plural
 from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
@@ -234,8 +234,7 @@ def _part_of_another_polygon(
 
     A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its duplicate lies.
     """
-    own = np.zeros(int(polygons.max()) + 1, bool)
-    own[polygons[~duplicate & ~bad]] = True
+    own = mask_of(int(polygons.max()) + 1, polygons[~duplicate & ~bad])
     return own[polygons] & (polygons != polygons[first])
 
 

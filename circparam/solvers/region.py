@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, numbered
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, numbered, positions_in
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.geometry.intrinsic import signed_areas
@@ -86,8 +86,7 @@ def cut_out(
     label = np.where(fixed, -1, components(cut_mesh.n_vertices, pairs[:, 0], pairs[:, 1])[1])
     chart = label[cut_mesh.faces[fid]].max(1)  # fixed vertices have label −1
     _, chart = numbered(chart + 1)
-    local = np.full(len(cut_mesh.faces), -1)
-    local[fid] = np.arange(len(fid))
+    local = positions_in(len(cut_mesh.faces), fid)
     i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
     both = region[i // 3] & region[j // 3]
     edges = renumbered(cut_mesh.edges[both], local)

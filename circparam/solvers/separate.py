@@ -18,8 +18,10 @@ from circparam.core.arrays import (
     first_of_runs,
     group_count,
     group_sum,
+    mask_of,
     next_half_edge,
     numbered,
+    positions_in,
 )
 from circparam.core.compiled import kd_tree
 from circparam.core.linalg import SparseMatrix
@@ -228,8 +230,7 @@ def _in_part(springs: _Springs, whole: CutMesh, part: CutMesh, source: IntArray)
     One whose other side lies outside is left to a later, wider part. Energies are means over charts, so that
     the weights grow by the share of the chart that the part is.
     """
-    place = np.full(whole.n_vertices, -1)
-    place[source] = np.arange(len(source))
+    place = positions_in(whole.n_vertices, source)
     ends = np.stack([place[x] for x in (springs.vertex, springs.tail, springs.head)])
     inside = (ends >= 0).all(0)
     vertex, tail, head = ends[:, inside]
@@ -285,8 +286,7 @@ def _find(
     order = np.flatnonzero(keep)
     order = order[np.lexsort((b[order], distance[order], a[order]))]
     k = order[first_of_runs(a[order])]
-    lost = np.zeros(len(todo), bool)
-    lost[boundary.chart[np.setdiff1d(beyond, a[k])]] = True
+    lost = mask_of(len(todo), boundary.chart[np.setdiff1d(beyond, a[k])])
     if lost.any():
         k = k[~lost[boundary.chart[a[k]]]]
     # the mean of both normals: at two tips that touch, that of the nearest segment alone would jump about
@@ -313,8 +313,7 @@ def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArra
     none = np.zeros(0, np.int64)
     if len(vertex) == 0:
         return none, none
-    charts = np.zeros(len(boundary.size), bool)
-    charts[boundary.chart[vertex]] = True
+    charts = mask_of(len(boundary.size), boundary.chart[vertex])
     segment = np.flatnonzero(charts[boundary.chart])
     middle = (boundary.start[segment] + boundary.end[segment]) / 2
     half = np.linalg.norm(boundary.end[segment] - boundary.start[segment], axis=1) / 2

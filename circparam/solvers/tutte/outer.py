@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.arrays import FloatArray, IntArray, group_sum, mask_of
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import corner_angles
@@ -108,9 +108,7 @@ def outer_boundary(cut_mesh: CutMesh, spacing: str = "arc-length") -> OuterBound
 
 def _angles_at(cut_mesh: CutMesh, vertices: IntArray) -> FloatArray:
     """(k,) sum of the corner angles at these vertices, from the faces that touch them only."""
-    asked = np.zeros(cut_mesh.n_vertices, bool)
-    asked[vertices] = True
-    near = np.flatnonzero(asked[cut_mesh.faces].any(1))
+    near = np.flatnonzero(mask_of(cut_mesh.n_vertices, vertices)[cut_mesh.faces].any(1))
     part = CutMesh(
         cut_mesh.faces[near],
         cut_mesh.rest_triangles[near],

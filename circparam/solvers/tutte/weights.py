@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum, stable_order
+from circparam.core.arrays import FloatArray, IntArray, group_sum, positions_in, stable_order
 from circparam.core.graph import cycles
 from circparam.core.registry import Row, Table
 from circparam.geometry.intrinsic import corner_angles as angles_of
@@ -102,8 +102,7 @@ def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
     inner = np.ones(cut_mesh.n_vertices, bool)
     inner[flat[cut_mesh.boundary]] = False
     h = np.flatnonzero(inner[flat])
-    entry = np.full(len(flat), -1)
-    entry[h] = np.arange(len(h))
+    entry = positions_in(len(flat), h)
     follower = entry[twin[np.where(h % 3 == 0, h + 2, h - 1)]]
     number = np.cumsum(inner) - 1
     ring = number[flat[h]]
