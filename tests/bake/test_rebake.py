@@ -12,7 +12,7 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import read
 from tests.bake.test_carry import all_maps
-from tests.support.command_line import run
+from tests.support.command_line import done, report, run
 from tests.support.gltf_files import unused_entries
 from tests.support.looks import Painted, bumps, model, psnr, seen, surface_points, waves
 from tests.support.validator import validate
@@ -64,12 +64,10 @@ def looks_alike(old: Path, new: Path) -> dict[str, float]:
 
 def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
     out = painted / "new.glb"
-    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *FAST)
-    assert result.exit_code == 0, result.stderr
-    report = json.loads(result.stdout)
-    assert report["flips"] == 0
-    assert report["overlap"] == 0
-    look = report["look"]
+    told = report("unwrap", painted / "model.glb", "--rebake", "-o", out, *FAST)
+    assert told["flips"] == 0
+    assert told["overlap"] == 0
+    look = told["look"]
     assert look["materials_before"] == 2
     assert look["materials"] == 1
     assert look["images"] == ["base_color", "emissive", "normal", "orm"]
@@ -123,8 +121,7 @@ def test_a_look_that_is_lost_is_told(painted: Path) -> None:
 def test_gltf_keeps_its_images_beside_it(painted: Path) -> None:
     out = painted / "sub" / "new.gltf"
     out.parent.mkdir()
-    result = run("unwrap", painted / "model.glb", "--rebake", "--size", 512, "-o", out, *FAST)
-    assert result.exit_code == 0, result.stderr
+    done("unwrap", painted / "model.glb", "--rebake", "--size", 512, "-o", out, *FAST)
     names = sorted(p.name for p in out.parent.iterdir() if p.suffix == ".png")
     assert names == [f"new_{page}.png" for page in ("base_color", "emissive", "normal", "orm")]
     tree = json.loads(out.read_text())
@@ -138,8 +135,7 @@ def test_a_new_buffer_may_have_the_name_of_the_old_one(painted: Path) -> None:
     for folder, source in ((first, painted / "model.glb"), (second, first / "model.gltf")):
         folder.mkdir()
         rebake = ("--rebake", "--size", 64, "--padding", 1) if folder == second else ()
-        result = run("unwrap", source, *rebake, "-o", folder / "model.gltf", *FAST)
-        assert result.exit_code == 0, result.stderr
+        done("unwrap", source, *rebake, "-o", folder / "model.gltf", *FAST)
     assert {p.suffix for p in second.iterdir()} == {".gltf", ".bin", ".png"}
     old, new = read(first / "model.gltf"), read(second / "model.gltf")
     np.testing.assert_array_equal(old.mesh.points[old.mesh.faces], new.mesh.points[new.mesh.faces])
@@ -148,9 +144,7 @@ def test_a_new_buffer_may_have_the_name_of_the_old_one(painted: Path) -> None:
 def test_bake_all_takes_the_layout_of_another_file(painted: Path) -> None:
     plain, out = painted / "plain.glb", painted / "new.glb"
     words = ("--all", "--source", painted / "model.glb", "-o", out, "--json")
-    result = run("bake", plain, *words)
-    assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["materials"] == 1
+    assert report("bake", plain, *words)["materials"] == 1
     assert min(looks_alike(painted / "model.glb", out).values()) >= 40
 
 
@@ -159,8 +153,7 @@ def test_images_move_to_another_set_of_the_same_file(painted: Path) -> None:
     both, out = painted / "both.glb", painted / "new.glb"
     words = ("--uv-set", 2, "-o", both, *FAST)
     assert run("unwrap", painted / "model.glb", *words).exit_code == 0
-    result = run("bake", both, "--all", "--uv-set", 2, "-o", out)
-    assert result.exit_code == 0, result.stderr
+    done("bake", both, "--all", "--uv-set", 2, "-o", out)
     assert min(looks_alike(painted / "model.glb", out).values()) >= 40
     new = read(out)
     assert new.textured_sets() == {2}
@@ -178,8 +171,7 @@ def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> Non
     assert "bake --all" in result.stderr
     assert result.stderr.count("\n") == 1
     assert not (painted / "new.glb").exists()
-    result = run(*words, "-o", painted / "new.png")
-    assert result.exit_code == 0, result.stderr
+    result = done(*words, "-o", painted / "new.png")
     assert "bake --all" in result.stderr
 
 
@@ -208,11 +200,9 @@ def test_faces_without_an_image_take_a_few_texels(tmp_path: Path) -> None:
     plain = {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.7, 0.4, 1.0]}}
     (tmp_path / "m.glb").write_bytes(model([shown, plain, plain], g).glb())
     words = ("--rebake", "--size", 256, "--padding", 2, "-o", tmp_path / "new.glb")
-    result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
-    assert result.exit_code == 0, result.stderr
-    report = json.loads(result.stdout)
-    assert report["distortion_max_chart"] <= 1.05
-    assert (report["cut"], report["status"], report["look"]["materials"]) == ("charts", "ok", 1)
+    told = report("unwrap", tmp_path / "m.glb", *words, *FAST)
+    assert told["distortion_max_chart"] <= 1.05
+    assert (told["cut"], told["status"], told["look"]["materials"]) == ("charts", "ok", 1)
     new = read(tmp_path / "new.glb")
     layout = new.uv()
     uv = 256 * layout.uv[layout.uv_faces].reshape(3, -1, 3, 2)
@@ -266,12 +256,10 @@ def test_patterns_that_repeat_can_stay_as_they_are(tmp_path: Path) -> None:
     (tmp_path / "m.glb").write_bytes(made.glb())
     out = tmp_path / "n.glb"
     words = ("--rebake", "--keep-tiled", "--check-look", "-o", out)
-    result = run("unwrap", tmp_path / "m.glb", *words, *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
-    report = json.loads(result.stdout)
-    assert report["psnr"] == report["look"]["check"]["psnr"] >= 50
-    assert set(report["look"]["check"]["channels"]) == {"base colour", "normal"}
-    assert not any(t["tiled"] for t in report["look"]["textures"])
+    told = report("unwrap", tmp_path / "m.glb", *words, *UPRIGHT)
+    assert told["psnr"] == told["look"]["check"]["psnr"] >= 50
+    assert set(told["look"]["check"]["channels"]) == {"base colour", "normal"}
+    assert not any(t["tiled"] for t in told["look"]["textures"])
     assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
     new = read(out)
     kept, carried = new.tree.json["materials"]
@@ -296,10 +284,8 @@ def test_charts_get_texels_by_what_they_show(tmp_path: Path) -> None:
     (tmp_path / "m.glb").write_bytes(model(materials, g).glb())
     out = tmp_path / "n.glb"
     words = ("--rebake", "--density", "source", "-o", out)
-    result = run("unwrap", tmp_path / "m.glb", *words, *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
-    report = json.loads(result.stdout)
-    assert (report["flips"], report["overlap"]) == (0, 0)
+    told = report("unwrap", tmp_path / "m.glb", *words, *UPRIGHT)
+    assert (told["flips"], told["overlap"]) == (0, 0)
     assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
     new = read(out)
     layout = new.uv()
@@ -317,9 +303,7 @@ def test_auto_takes_the_smallest_page_that_keeps_nine_tenths(tmp_path: Path) -> 
     colour = {"baseColorTexture": {"index": g.texture(waves(1, 700))}}
     made = model([{"pbrMetallicRoughness": colour}], g)
     (tmp_path / "m.glb").write_bytes(made.glb())
-    result = run("unwrap", tmp_path / "m.glb", "--rebake", *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
-    look = json.loads(result.stdout)["look"]
+    look = report("unwrap", tmp_path / "m.glb", "--rebake", *UPRIGHT)["look"]
     assert look["textures"][0]["density_kept"] >= 0.9
     half = ("--size", look["size"] // 2, "--overwrite", *UPRIGHT)
     smaller = run("unwrap", tmp_path / "m.glb", "--rebake", *half)

@@ -1,6 +1,5 @@
 """OBJ with MTL, and PLY with TextureFile: their images go along as those of glTF do."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from circparam.formats.materials import srgb
 from circparam.mesh.mesh import UVMap
 from tests.bake.test_rebake import UPRIGHT
 from tests.support.baking import sheet, write_obj
-from tests.support.command_line import run
+from tests.support.command_line import done, report, run
 from tests.support.looks import bumps, psnr, waves
 
 
@@ -66,9 +65,8 @@ def test_an_obj_keeps_its_images(
     out = folder / "out" / "new.obj"
     out.parent.mkdir()
     size = ("--rebake", "--size", 256, "-o", out)
-    result = run("unwrap", folder / "m.obj", *size, *words, *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["look"]["materials"] == materials
+    told = report("unwrap", folder / "m.obj", *size, *words, *UPRIGHT)
+    assert told["look"]["materials"] == materials
     assert ("usemtl second" in out.read_text()) == (materials == 2)
     library = (out.parent / "new.mtl").read_text()
     assert "map_Kd old.png" in library  # of a material that no face has
@@ -98,8 +96,7 @@ def test_a_ply_keeps_its_image(tmp_path: Path) -> None:
     (tmp_path / "m.ply").write_text("\n".join([*head, *rows]) + "\n")
     Image.fromarray(waves(3)).save(tmp_path / "skin.png")
     out = tmp_path / "new.ply"
-    result = run("unwrap", tmp_path / "m.ply", "--rebake", "--size", 256, "-o", out, *UPRIGHT)
-    assert result.exit_code == 0, result.stderr
+    done("unwrap", tmp_path / "m.ply", "--rebake", "--size", 256, "-o", out, *UPRIGHT)
     assert b"comment TextureFile new_texture.png" in out.read_bytes()
     assert psnr(*(shown(path, "texture", len(faces)) for path in (tmp_path / "m.ply", out))) >= 40
 
@@ -136,6 +133,5 @@ def test_the_colour_that_one_image_carries_is_not_left_behind(folder: Path, suff
     points, faces = sheet(8)
     write_obj(new, points, UVMap(0.1 + 0.8 * points[:, :2], faces), faces, mtl="m.mtl")
     words = ("--from", "texture", "--source", folder / "m.obj", "--size", 32)
-    result = run("bake", new, *words, "-o", folder / f"out.{suffix}")
-    assert result.exit_code == 0, result.stderr
+    result = done("bake", new, *words, "-o", folder / f"out.{suffix}")
     assert "bake --all" not in result.stderr

@@ -10,7 +10,7 @@ from circparam.formats.io import read
 from circparam.maps.surface_map import save_map
 from circparam.mesh.mesh import UVMap
 from tests.support.baking import charts, picture, sheet, smooth, write_obj
-from tests.support.command_line import one_line_error, report, run
+from tests.support.command_line import done, one_line_error, report, run
 from tests.support.maps import same_map
 
 
@@ -64,8 +64,7 @@ def test_colours_are_vertex_colours_and_maps_are_read(folder: Path):
         ("colours.obj", "vertex-colors", ()), ("colours.obj", "colours", ()), ("new.obj", "colours", across),
     ):  # fmt: skip
         out = folder / f"{len(images)}.png"
-        result = run("bake", folder / name, "--from", kind, *words, "--size", 64, "-o", out)
-        assert result.exit_code == 0, result.stderr
+        result = done("bake", folder / name, "--from", kind, *words, "--size", 64, "-o", out)
         assert result.stdout.strip() == str(out)
         images.append(np.asarray(Image.open(out)).astype(int))
         assert images[-1].shape == (64, 64, 3)

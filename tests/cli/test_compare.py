@@ -7,15 +7,14 @@ import pytest
 
 from circparam import samples
 from circparam.compare import kim2019
-from tests.support.command_line import one_line_error, report, run
+from tests.support.command_line import done, one_line_error, report, run
 from tests.support.full_disk import fill_up
 
 RIBBON = samples.path("ribbon")
 
 
 def test_table_fits_and_names_every_method() -> None:
-    result = run("compare", RIBBON, "--methods", "circle,lscm")
-    assert result.exit_code == 0, result.stderr
+    result = done("compare", RIBBON, "--methods", "circle,lscm")
     lines = result.stdout.splitlines()
     assert all(len(line) <= 80 or line == str(RIBBON) for line in lines)
     for name in ("circle", "lscm"):

@@ -8,7 +8,7 @@ from circparam.formats.io import read
 from circparam.maps.surface_map import save_map
 from tests.support.baking import write_obj
 from tests.support.bumps import belt
-from tests.support.command_line import one_line_error, report, run
+from tests.support.command_line import done, one_line_error, report, run
 from tests.support.maps import known_map
 
 
@@ -29,8 +29,7 @@ def test_a_morph_and_its_figures(tmp_path: Path):
         "-o",
         out,
     )
-    result = run(*words)
-    assert result.exit_code == 0, result.stderr
+    result = done(*words)
     assert result.stdout.strip() == str(out)
     first = out.read_bytes()
     one_line_error(run(*words), 2, "--overwrite")

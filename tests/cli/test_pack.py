@@ -6,7 +6,7 @@ import numpy as np
 
 from circparam.formats.io import read
 from tests.support import shapes
-from tests.support.command_line import QUICK, obj, one_line_error, report, run
+from tests.support.command_line import QUICK, done, obj, one_line_error, report, run
 from tests.support.formats_tools import grid
 from tests.support.gltf_files import small
 
@@ -45,8 +45,7 @@ def test_a_further_uv_set_is_packed_in_its_place(tmp_path: Path) -> None:
     attributes |= {"TEXCOORD_0": uv, "TEXCOORD_1": uv}
     mesh, out = tmp_path / "m.glb", tmp_path / "o.glb"
     mesh.write_bytes(scene.glb())
-    result = run("pack", mesh, "--uv-set", "1", "-o", out, *QUICK)
-    assert result.exit_code == 0, result.stderr
+    done("pack", mesh, "--uv-set", "1", "-o", out, *QUICK)
     before, after = read(mesh).uv(0), read(out)
     kept, packed = after.uv(0), after.uv(1)
     np.testing.assert_array_equal(kept.uv[kept.uv_faces], before.uv[before.uv_faces])

@@ -7,13 +7,12 @@ import pytest
 from circparam import samples
 from circparam.core.registry import TAGS
 from circparam.methods import METHODS
-from tests.support.command_line import one_line_error, report, run
+from tests.support.command_line import done, one_line_error, report, run
 
 
 @pytest.mark.parametrize("command", ["samples", "methods"])
 def test_the_list_names_all_within_80_columns(command: str) -> None:
-    result = run(command)
-    assert result.exit_code == 0
+    result = done(command)
     names = samples.names() if command == "samples" else METHODS.names()
     lines = result.stdout.splitlines()
     assert {line.split()[0] for line in lines if line} >= set(names)

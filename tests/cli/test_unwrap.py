@@ -14,7 +14,7 @@ import trimesh
 from circparam.formats.io import read
 from circparam.pipeline import job
 from tests.support import shapes
-from tests.support.command_line import CONVEX, QUICK, obj, one_line_error, report, run
+from tests.support.command_line import CONVEX, QUICK, done, obj, one_line_error, report, run
 
 KEYS = (
     *("schema", "input", "output", "status", "method", "charts", "faces", "flips", "overlap"),
@@ -140,8 +140,7 @@ def test_gates_exit_6_and_the_file_is_written(disk: Path, tmp_path: Path) -> Non
 def test_degraded_warns_and_exits_0(tmp_path: Path) -> None:
     """A bound that one chart cannot reach."""
     mesh = obj(tmp_path / "ball.obj", shapes.icosphere(2))
-    result = run("unwrap", mesh, "--max-charts", 1, "--max-distortion", 1.001, *QUICK, "--json")
-    assert result.exit_code == 0, result.stderr
+    result = done("unwrap", mesh, "--max-charts", 1, "--max-distortion", 1.001, *QUICK, "--json")
     got = json.loads(result.stdout)
     assert got["status"] == "degraded"
     assert any("bound" in reason for reason in got["reasons"])
@@ -241,8 +240,7 @@ def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
         assert picture.stat().st_size > 1000
     page, plot, table = (tmp_path / f"{name}-c.{kind}" for kind in ("html", "png", "csv"))
     extra = ("--report", page, "--plot", plot, "--csv", table)
-    result = run("compare", mesh, "--methods", "mean-value", "--cut", "none", *extra, "--json")
-    assert result.exit_code == 0, result.stderr
+    result = done("compare", mesh, "--methods", "mean-value", "--cut", "none", *extra, "--json")
     for said in (result.stdout_bytes, run("check", mesh, "--json").stdout_bytes):
         assert "\\udcff" in said.decode("utf-8")
         json.loads(said)
@@ -253,8 +251,7 @@ def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
 
 
 def test_through_standard_streams(disk: Path) -> None:
-    result = run("unwrap", "-", "--format", "obj", *CONVEX, input=disk.read_bytes())
-    assert result.exit_code == 0, result.stderr
+    result = done("unwrap", "-", "--format", "obj", *CONVEX, input=disk.read_bytes())
     assert b"\nvt " in result.stdout_bytes
 
 

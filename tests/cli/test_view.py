@@ -14,7 +14,7 @@ from circparam.formats.source import Source
 from circparam.maps.morph import morph
 from tests.support.baking import write_obj
 from tests.support.bumps import belt
-from tests.support.command_line import run
+from tests.support.command_line import done, run
 from tests.support.maps import same_map
 
 QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -32,15 +32,13 @@ def quad(tmp_path: Path) -> Path:
 def page_of(mesh: Path, *words: object) -> str:
     """The text of a page, whose making went well."""
     out = mesh.parent / "page.html"
-    result = run("view", mesh, "-o", out, *words)
-    assert result.exit_code == 0, result.stderr
+    result = done("view", mesh, "-o", out, *words)
     assert "outside" not in result.stderr  # uv that repeat are shown, not complained of
     return out.read_text("utf-8")
 
 
 def test_each_kind_of_file(quad: Path):
-    result = run("view", quad)
-    assert result.exit_code == 0, result.stderr
+    result = done("view", quad)
     picture = quad.with_name("quad_view.png")
     assert result.stdout.strip() == str(picture)
     assert Image.open(picture).size == (1600, 1010)

@@ -1,6 +1,5 @@
 """One layout for all levels of detail: known answers on sheets and tubes, and what is refused."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.pipeline.verify import corners_of
 from tests.support import shapes
 from tests.support.baking import stored
-from tests.support.command_line import obj, run
+from tests.support.command_line import obj, report, run
 
 
 def hill(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -183,12 +182,10 @@ def test_the_command_writes_all_or_nothing(tmp_path: Path):
     assert not (tmp_path / "a_uv.obj").exists()
     drifted = run(*words, "--max-drift", -1)
     assert drifted.exit_code == 2
-    done = run(*words, tmp_path / "b.obj", "--json")
-    assert done.exit_code == 0, done.stderr
-    report = json.loads(done.stdout)
-    assert report["schema"] == "circparam/transfer/1"
-    assert [row["faces"] for row in report["targets"]] == [200, 72]
-    for row in report["targets"]:
+    told = report(*words, tmp_path / "b.obj")
+    assert told["schema"] == "circparam/transfer/1"
+    assert [row["faces"] for row in told["targets"]] == [200, 72]
+    for row in told["targets"]:
         assert row["flips"] == 0
-        assert row["drift"] <= report["max_drift"]
+        assert row["drift"] <= told["max_drift"]
         assert read(row["output"]).uv() is not None

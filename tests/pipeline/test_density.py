@@ -1,6 +1,5 @@
 """Density by what a face is: asked is got, names that are none are refused, parts never share a chart."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from circparam.pipeline.result import Result
 from circparam.pipeline.summary import summarise
 from circparam.pipeline.unwrap import repack
 from tests.support import shapes
-from tests.support.command_line import obj, run
+from tests.support.command_line import obj, report, run
 
 QUICK: dict[str, Any] = {"effort": "draft", "resolution": 512, "pack_splits": 0, "hide_seams": 0}
 BRACKET = samples.path("bracket")
@@ -154,9 +153,8 @@ def test_the_command_line_has_a_table_and_a_code(tmp_path: Path) -> None:
     numbers = tmp_path / "numbers.txt"
     numbers.write_text("1\n2  # the sole\n")
     words = ("unwrap", path, "-o", tmp_path / "out.obj", "--resolution", 128)
-    done = run(*words, "--density", numbers, "--json", "-q")
-    assert done.exit_code == 0
-    assert [row["asked"] for row in json.loads(done.stdout)["density"]] == [1.0, 2.0]
+    told = report(*words, "--density", numbers, "-q")
+    assert [row["asked"] for row in told["density"]] == [1.0, 2.0]
     shown = run(*words, "--overwrite", "--density", "sole=2")
     assert "density 2.000, 2.000 asked" in shown.stdout
     refused = run(*words, "--overwrite", "--density", "sole=0")

@@ -1,6 +1,5 @@
 """A page in use: what is selected gets new charts where room is, every other corner stays to the last bit."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.summary import summarise
 from tests.support import shapes
-from tests.support.command_line import run
+from tests.support.command_line import report, run
 from tests.support.named import named_scene
 
 QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
@@ -181,9 +180,7 @@ def test_the_command_line_reads_faces_from_a_file_and_ends_with_the_documented_c
     out, faces = tmp_path / "o.obj", tmp_path / "faces.txt"
     faces.write_text("# a patch\n0 1, 2\n3\n")
     words = ("unwrap", cube / "a.obj", "-o", out, "--resolution", 512, "--effort", 0, "--json")
-    done = run(*words, "--only", faces)
-    assert done.exit_code == 0, done.stderr
-    assert json.loads(done.stdout)["kept"]["faces"] == 4
+    assert report(*words, "--only", faces)["kept"]["faces"] == 4
     faces.write_text("0 one 2\n")
     wrong = run(*words, "--only", faces, "--overwrite")
     assert (wrong.exit_code, "line 1" in wrong.stderr) == (3, True)

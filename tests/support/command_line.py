@@ -20,11 +20,16 @@ def run(*words: object, **keywords: Any) -> Result:
     return CliRunner().invoke(cli, [str(word) for word in words], **keywords)
 
 
-def report(*words: object) -> dict[str, Any]:
-    """The document that a command prints with --json; the run must have gone well."""
-    result = run(*words, "--json")
+def done(*words: object, **keywords: Any) -> Result:
+    """The result of a command line that must go well."""
+    result = run(*words, **keywords)
     assert result.exit_code == 0, result.stderr
-    document: dict[str, Any] = json.loads(result.stdout)
+    return result
+
+
+def report(*words: object) -> dict[str, Any]:
+    """The document that a command prints with --json; it must go well."""
+    document: dict[str, Any] = json.loads(done(*words, "--json").stdout)
     return document
 
 
