@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.errors import CircparamError, InputError
+from circparam.errors import CircparamError
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.io import encode, read_data
 from circparam.formats.memory import from_arrays
-from tests.support.formats_tools import grid, smooth_layout
+from tests.support.formats_tools import grid, refused, smooth_layout
 from tests.support.gltf_files import small
 
 
@@ -181,5 +181,4 @@ def test_signalling_nans_are_told_like_any_other(format: str) -> None:
         place = data.find(np.float32(1.0).tobytes(), place)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(InputError, match="NaN"):
-            read_data(bytes(data), format=format)
+        refused(bytes(data), "NaN", format)

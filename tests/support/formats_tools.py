@@ -10,6 +10,7 @@ import os
 import numpy as np
 import pytest
 
+from circparam.errors import InputError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument
@@ -183,3 +184,10 @@ def grid(n: int = 4) -> tuple[np.ndarray, np.ndarray]:
     a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
     faces = np.stack([np.stack([a, b, c], 2), np.stack([a, c, d], 2)], 2).reshape(-1, 3)
     return points, faces
+
+
+def refused(data: bytes, says: str = "", format: str | None = None) -> None:
+    """Data that no document is made of: an error of one line says why."""
+    with pytest.raises(InputError, match=says or None) as caught:
+        read_data(data, format=format)
+    assert "\n" not in str(caught.value)

@@ -7,13 +7,10 @@ import json
 import struct
 
 import numpy as np
-import pytest
 
-from circparam.errors import InputError
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.unused import accessor_slots, view_slots
-from circparam.formats.io import read_data
 from tests.support.formats_tools import GltfMaker, grid
 
 
@@ -126,9 +123,3 @@ def small() -> GltfMaker:
     g = GltfMaker()
     g.tree["meshes"] = [{"primitives": [g.primitive({"POSITION": g.accessor(points)}, faces)]}]
     return g.scene({"mesh": 0}, {"name": "empty"})
-
-
-def refused(data: bytes, says: str, format: str | None = None) -> None:
-    with pytest.raises(InputError, match=says) as caught:
-        read_data(data, format=format)
-    assert "\n" not in str(caught.value)

@@ -11,9 +11,10 @@ from tests.support.formats_tools import (
     assert_round_trip,
     grid,
     layout_with_seams,
+    refused,
     smooth_layout,
 )
-from tests.support.gltf_files import instanced, refused, small, tree_of
+from tests.support.gltf_files import instanced, small, tree_of
 
 
 @pytest.mark.parametrize("mode", [4, 5, 6])

@@ -9,7 +9,7 @@ import pytest
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
-from tests.support.formats_tools import layout_with_seams
+from tests.support.formats_tools import layout_with_seams, refused
 from tests.support.ply_files import ORDERS, build, naive, plain, sample
 
 
@@ -35,8 +35,10 @@ def test_a_comment_over_several_lines_is_one(encoding: str) -> None:
     np.testing.assert_array_equal(document.mesh.points, read_data(data).mesh.points)
     out = encode(document, layout_with_seams(document), "ply").data
     assert b"comment source file: a\ncomment b.blend\ncomment c\ncomment made" in out
-    with pytest.raises(InputError, match=r"line 3: 'b\.blend' is not a PLY header line"):
-        read_data(data.replace(b"comment made", b"b.blend\ncomment made", 1))
+    refused(
+        data.replace(b"comment made", b"b.blend\ncomment made", 1),
+        r"line 3: 'b\.blend' is not a PLY header line",
+    )
 
 
 @pytest.mark.parametrize(
@@ -60,9 +62,7 @@ def test_a_comment_over_several_lines_is_one(encoding: str) -> None:
 def test_headers_that_lie(old: bytes, new: bytes, says: str, encoding: str) -> None:
     data = sample(encoding)
     assert old in data
-    with pytest.raises(InputError, match=says) as caught:
-        read_data(data.replace(old, new, 1), format="ply")
-    assert "\n" not in str(caught.value)
+    refused(data.replace(old, new, 1), says, "ply")
 
 
 @pytest.mark.parametrize("encoding", ORDERS)
@@ -74,8 +74,7 @@ def test_cut_files(encoding: str) -> None:
     })  # fmt: skip
     read_data(data)
     for end in range(len(data) - (1 if encoding != "ascii" else 2)):
-        with pytest.raises(InputError):
-            read_data(data[:end], format="ply")
+        refused(data[:end], "", "ply")
 
 
 def triangles(count: int) -> bytes:
@@ -93,8 +92,7 @@ def triangles(count: int) -> bytes:
 def test_a_download_that_stopped_ends_in_zeros(kept: int) -> None:
     data = triangles(10_000)
     end = len(data) - 13 * (10_000 - kept)
-    with pytest.raises(InputError, match="not filled to its end"):
-        read_data(data[:end] + bytes(len(data) - end), format="ply")
+    refused(data[:end] + bytes(len(data) - end), "not filled to its end", "ply")
 
 
 def test_an_end_of_zeros_is_a_stopped_download_in_rows_with_lists_alone(tmp_path: Path) -> None:
@@ -109,8 +107,7 @@ def test_an_end_of_zeros_is_a_stopped_download_in_rows_with_lists_alone(tmp_path
         return build("binary_little_endian", {name: elements[name] for name in order})
 
     stopped = file("vertex", "other", "face")[:-5000] + bytes(5000)
-    with pytest.raises(InputError, match="not filled to its end"):
-        read_data(stopped, format="ply")
+    refused(stopped, "not filled to its end", "ply")
     path = tmp_path / "origin.ply"
     large = file("face", "other", "vertex").replace(b"vertex 3\n", b"vertex 1400003\n")
     path.write_bytes(large + bytes(12 * 1_400_000))
@@ -143,8 +140,7 @@ def test_a_negative_length_is_refused(kind: str) -> None:
             bad = body.replace(b"3 0 1 2", b"-3 0 1 2")
         else:
             bad = body[:36] + b"\xff" * size + body[36 + size :]
-        with pytest.raises(InputError):
-            read_data(head + mark + bad)
+        refused(head + mark + bad, "")
 
 
 def test_the_last_vertex_may_be_named_and_strips_restart_at_minus_one() -> None:
@@ -159,8 +155,7 @@ def test_the_last_vertex_may_be_named_and_strips_restart_at_minus_one() -> None:
 
     assert read_data(file([0, 1, 2], [2, 1, 0, -1])).mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
     for face, strip in (([0, 1, 3], [0]), ([0, 1, -1], [0]), ([0, 1, 2], [3]), ([0, 1, 2], [-2])):
-        with pytest.raises(InputError, match="a face names vertex"):
-            read_data(file(face, strip))
+        refused(file(face, strip), "a face names vertex")
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats.io import read, read_data
+from circparam.formats.io import read
 from circparam.formats.usd.stage import MAX_CLIP_FILES, package_bytes
+from tests.support.formats_tools import refused
 
 pytest.importorskip("pxr", reason="usd-core is not installed (the extra usd)")
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes are of POSIX")
@@ -130,8 +131,7 @@ def test_layers_outside_the_folder_are_refused_by_name(folder: Path) -> None:
             read(path)
         assert str(caught.value).startswith(f"{path}: ")
         assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="outside"):
-        read_data(named("sublayer", folder.parent / "outer" / "part.usda").encode())
+    refused(named("sublayer", folder.parent / "outer" / "part.usda").encode(), "outside")
 
 
 READ_ALL = """
