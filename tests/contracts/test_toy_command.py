@@ -9,7 +9,6 @@ import pytest
 from click.testing import CliRunner, Result
 
 from circparam.cli import COMMANDS, cli, common
-from circparam.cli.group import CommandEntry
 from circparam.errors import TopologyError
 from tests.tools import reference
 
@@ -30,10 +29,10 @@ def command(times: int, **given: Any) -> int:
 
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = ModuleType("toy_module_of_the_tests")
+    module = ModuleType("circparam.cli.toy")
     module.command = command
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(COMMANDS, "toy", CommandEntry(module.__name__, "Say a word."))
+    monkeypatch.setitem(COMMANDS, "toy", "Say a word.")
 
 
 def run(*words: str) -> Result:
