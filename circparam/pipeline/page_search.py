@@ -94,10 +94,8 @@ class Search:
         charts = self.cutter.charts
         plans = [Plan(charts, 0.0, 0, self._log_share(charts) if self.sketches else log_share)]
         best = plans[0]
-        if (opened := self._without_rings(best)).seam > 0:
-            plans.append(opened)
         while plans[-1].cuts < min(best.cuts + AHEAD, self.most) and not self.budget.over:
-            after = self._following(plans[-1])
+            after = self._following(self._without_rings(plans[-1]))
             if after is None:
                 break
             plans.append(after)
@@ -105,10 +103,12 @@ class Search:
         return plans
 
     def _without_rings(self, plan: Plan) -> Plan:
-        """The plan with rings slit open: the page is the same, but chords can cut across them then."""
+        """The plan with rings slit open that are wider than all else: its page is the same, and chords can
+        cross them."""
         parts, seam = [], plan.seam
+        widest = max((p.square for p in plan.parts if not p.outline.ring), default=0.0)
         for part in plan.parts:
-            while part.outline.ring and not self.budget.over:
+            while part.outline.ring and part.square > widest and not self.budget.over:
                 self.budget.spend(self._faces(part))
                 done = self.cutter.slit(part)
                 if done is None:
@@ -159,15 +159,24 @@ class Search:
         """Logarithm of the covered share of the smallest page that is found for some outlines; −∞ if it has not
         fewer cells a side than ``below``.
 
-        Squares fit into a square of twice their area (Moon and Moser 1967), so some page is found below ∞.
+        Where that is ∞ some page is found: a quarter of most is covered, and squares fit into a square of twice
+        their area (Moon and Moser 1967). Outlines smaller than a cell go into gaps, of which the sketch has too
+        few.
         """
-        sketches = [self._grid.sketch(*o.edges) for o in outlines]
+        cell = (self.cutter.root / CELLS) ** 2
+        shown = [o for o in outlines if o.area > cell] or outlines
+        sketches = [self._grid.sketch(*o.edges) for o in shown]
+        budget = Budget(np.inf, lambda: self.monitor.expired)
+        sides = [below]
         if below == np.inf:
             squares = sum((s.least + 1) ** 2 for s in sketches)
-            below = max(2 * CELLS, int(np.sqrt(2 * squares)) + 2)
-        budget = Budget(np.inf, lambda: self.monitor.expired)
-        page = least_page(sketches, int(below), TRIES, budget)
-        return -np.inf if page is None else 2 * float(np.log(CELLS / page.side))
+            widest = max(s.least for s in sketches)
+            sides = [max(2 * CELLS, widest + 2), np.sqrt(2 * squares) + 2]
+        for side in sides:
+            page = least_page(sketches, int(side), TRIES, budget)
+            if page is not None:
+                return 2 * float(np.log(CELLS / page.side))
+        return -np.inf
 
     def _estimate(
         self, parts: list[Part], box: FloatArray | float, square: FloatArray | float
