@@ -161,9 +161,8 @@ def lay_out_part(
         if left.any():
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
-    if (
-        options.local is not None and cut_mesh.n_vertices > DIRECT_LIMIT
-    ):  # else whole steps take no longer
+    # whole steps of systems that are factored take no longer
+    if options.local is not None and cut_mesh.n_vertices > DIRECT_LIMIT:
         uv = eased(cut_mesh, uv, options.local)
     return relax(cut_mesh, uv, options, monitor).uv
 
