@@ -27,7 +27,7 @@ from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import edge_prices
 from circparam.seams.search import WORK_PER_FACE
-from circparam.seams.segmentation.enforce import enforce
+from circparam.seams.segmentation.enforce import enforce, unstick
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
 from circparam.seams.segmentation.small import absorb, small_note
@@ -128,6 +128,8 @@ def first_regions(atlas: Atlas, bound: float, monitor: Monitor) -> DualGraph:
         if not bad.any():
             break
         if not split_charts(atlas, graph, chart, bad).any():
+            layouts = unstick(atlas, layouts, bound, monitor, bad)  # sides of a slit may touch
+            bad &= layouts.bad(bound)
             over = prices.flat & bad[chart[atlas.surface.sides]].all(0)
             if not over.any():
                 break
