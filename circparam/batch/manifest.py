@@ -119,9 +119,8 @@ class Manifest:
             self._synced = now
             os.fsync(self._stream.fileno())
         if self.folder.remote and now - self._uploaded > self._pause:
-            with contextlib.suppress(
-                OSError, OutputError
-            ):  # the journal has the lines; later, then
+            # the journal has the lines; later, then
+            with contextlib.suppress(OSError, OutputError):
                 self.upload()
 
     def upload(self) -> None:

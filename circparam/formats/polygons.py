@@ -228,10 +228,10 @@ class Ears:
         self._make_boxes(q)
 
     def _make_boxes(self, q: FloatArray) -> None:
-        """A heap of boxes: boxes 2 k and 2 k + 1 lie in box k. Leaves hold runs of corners that can be in the
-        way.
+        """Make a heap of boxes, where boxes 2 k and 2 k + 1 lie in box k.
 
-        Runs follow a curve through the plane and not the outline: boxes round spikes would be as long as these.
+        Leaves hold runs of corners that can be in the way. Runs follow a curve through the plane and not the
+        outline: boxes round spikes would be as long as these.
         """
         blocks = np.flatnonzero(self.blocks)
         blocks = blocks[_along_a_curve(q[blocks])]

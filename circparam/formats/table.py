@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -78,12 +77,7 @@ class Format:
 
 def _begins(pattern: bytes) -> Callable[[bytes], bool]:
     """Whether a text begins with a pattern, behind a byte order mark and blanks."""
-
-    def begins(data: bytes) -> bool:
-        text = data[:SNIFFED_BYTES].removeprefix(BYTE_ORDER_MARK).lstrip(b" \t\r\n")
-        return re.match(pattern, text, re.S) is not None
-
-    return begins
+    return lambda data: re.match(pattern, _text(data), re.S) is not None
 
 
 def _zipped(name: bytes) -> Callable[[bytes], bool]:
@@ -109,33 +103,51 @@ def _is_ply(data: bytes) -> bool:
     return re.match(rb"ply[ \t]*[\r\n]", data[:SNIFFED_BYTES]) is not None
 
 
-# how formats round uv, apart from PLY
-_as_it_is: RoundUV = lambda uv, document: uv  # noqa: E731
-_as_float32: RoundUV = lambda uv, document: uv.astype(np.float32).astype(np.float64)  # noqa: E731
-_as_gltf: RoundUV = lambda uv, document: stored_uv(uv)  # noqa: E731
+def _always(head: bytes) -> bool:
+    return True
 
 
-def _foreign(name: str, sniff: Callable[[bytes], bool], rank: int = 0, **known: Any) -> Format:
-    """A format that trimesh reads: geometry and uv only. also: further suffixes."""
-    suffixes = (f".{name}", *known.pop("also", ()))
+def _text(data: bytes) -> bytes:
+    """The beginning of a file without byte order mark and blanks."""
+    return data[:SNIFFED_BYTES].removeprefix(BYTE_ORDER_MARK).lstrip(b" \t\r\n")
+
+
+def _as_it_is(uv: FloatArray, document: Document | None) -> FloatArray:
+    return uv
+
+
+def _as_float32(uv: FloatArray, document: Document | None) -> FloatArray:
+    return uv.astype(np.float32).astype(np.float64)
+
+
+def _as_gltf(uv: FloatArray, document: Document | None) -> FloatArray:
+    return stored_uv(uv)
+
+
+def _foreign(
+    name: str,
+    sniff: Callable[[bytes], bool],
+    rank: int = 0,
+    up: str = "",
+    also: tuple[str, ...] = (),
+) -> Format:
+    """A format that trimesh reads: geometry and uv only."""
     read = partial(read_through_trimesh, kind=name)
-    return Format(read, suffixes, sniff, rank, output="glb", **known)
+    return Format(read, (f".{name}", *also), sniff, rank, output="glb", up=up)
 
 
 def _usd(
-    kind: str, suffixes: tuple[str, ...], sniff: Callable[[bytes], bool], **known: Any
+    kind: str, suffixes: tuple[str, ...], sniff: Callable[[bytes], bool], also: tuple[str, ...] = ()
 ) -> Format:
     """A kind of USD file, read and written with usd-core."""
-    export = partial(to_usd, kind=kind)
-    return Format(
-        read_usd, suffixes, sniff, export=export, round_uv=_as_float32, require=require_usd, **known
-    )
+    return Format(read_usd, suffixes, sniff, export=partial(to_usd, kind=kind), round_uv=_as_float32,
+                  also=also, require=require_usd)  # fmt: skip
 
 
 FORMATS: Table[Format] = Table(
     "format",
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is,
-                      lined=lambda head: True),
+                      lined=_always),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
     Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
                       round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
@@ -155,7 +167,7 @@ FORMATS: Table[Format] = Table(
                       peek=look_ahead_stl, lined=is_text_stl, up="z"),
         "STL: no place for uv, written as GLB"),
     Row("off", Format(read_off, (".off", ".coff"), _begins(rb"(?:ST)?C?N?OFF\b"), output="glb",
-                      lined=lambda head: True),
+                      lined=_always),
         "OFF: no place for uv, written as GLB"),
     Row("3mf", _foreign("3mf", _zipped(b".model"), up="z"), "3MF through trimesh, written as GLB"),
     Row("dae", _foreign("dae", _begins(rb".*<COLLADA\b"), 1), "COLLADA through trimesh, written as GLB"),

@@ -33,9 +33,8 @@ ABF_STEPS = 20
 CONVERGED_RADIANS = 1e-9  # largest violation of a constraint, in radians (or logarithm)
 PATIENCE_STEPS = 4  # steps without progress after which a chart is given up
 MOST_CG_STEPS = 15  # conjugate gradient steps, each about a twentieth of a factorisation
-LEAST_ANGLE_RADIANS = (
-    1e-8  # targets stay so far from 0 and π; angles above a twentieth of their target
-)
+# targets stay so far from 0 and π; angles above a twentieth of their target
+LEAST_ANGLE_RADIANS = 1e-8
 
 
 def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:

@@ -33,9 +33,8 @@ from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.outer import OuterBoundary, outer_boundary
 
 DISK_ROUNDS = 40  # of the fixed point iteration for the disk
-LEAST_EDGE_SHARE = (
-    1e-3  # of its target length, that a boundary edge keeps when the boundary is closed
-)
+# of its target length, that a boundary edge keeps when the boundary is closed
+LEAST_EDGE_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

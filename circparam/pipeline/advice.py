@@ -13,9 +13,8 @@ from circparam.pipeline.options import Options
 HALF_EMPTY_SHARE = 0.5
 GAIN_PAGE_SHARE = 0.05  # share of the page that they must cover more
 CUT_TRIALS = 10  # that are tried
-LEAST_ADVISED_FACES = (
-    500  # faces: a smaller surface is unwrapped in less time than cuts take to try
-)
+# faces: a smaller surface is unwrapped in less time than cuts take to try
+LEAST_ADVISED_FACES = 500
 
 
 def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:

@@ -146,9 +146,8 @@ def clamp_stretch(jacobian: FloatArray, low: float) -> FloatArray:
     e, f, g, h = (a + d) / 2, (a - d) / 2, (c + b) / 2, (c - b) / 2
     q, r = np.hypot(e, h), np.hypot(f, g)
     s1, s2 = np.clip(q + r, low, 1 / low), np.clip(q - r, low, 1 / low)
-    with np.errstate(
-        all="ignore"
-    ):  # a pure reflection has no rotation to scale, a similarity no reflection
+    # a pure reflection has no rotation to scale, a similarity no reflection
+    with np.errstate(all="ignore"):
         turn, bend = (s1 + s2) / 2 / q, (s1 - s2) / 2 / r
         e, h = np.where(q > 0, e * turn, (s1 + s2) / 2), np.where(q > 0, h * turn, 0.0)
         f, g = np.where(r > 0, f * bend, 0.0), np.where(r > 0, g * bend, 0.0)

@@ -52,9 +52,8 @@ class Layer:
         layer = Sdf.Layer.CreateAnonymous(f".{kind}")
         with opened(self.data, self.source) as stage:
             root = stage.GetRootLayer().pseudoRoot
-            for key in sorted(
-                root.ListInfoKeys()
-            ):  # USD lists them in another order in each process
+            # USD lists them in another order in each process
+            for key in sorted(root.ListInfoKeys()):
                 if key not in NOT_COPIED:
                     layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
             del stage, root

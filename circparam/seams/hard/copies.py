@@ -9,9 +9,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import FLAT, NOISE, extent, turns
 
-SIDES = (
-    2 * 2 * NOISE
-)  # of the extent of all: sides of copies differ by what noise does to their four ends
+# of the extent of all: sides of copies differ by what noise does to their four ends
+SIDES = 2 * 2 * NOISE
 
 Hashes = npt.NDArray[np.uint64]
 
