@@ -99,7 +99,7 @@ bench-atlas: $(VENV)/.dev ## charts, seams and distortion of whole atlases, on a
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench atlas
 
 bench-hard: $(VENV)/.dev ## hard surfaces beside xatlas: seams, charts, seams in flats
-	env -u OMP_NUM_THREADS $(RUN) -m tests.bench hard
+	env -u OMP_NUM_THREADS $(RUN) -m tests.bench atlas --hard
 
 bench-front: $(VENV)/.dev ## the table at the head of README, beside xatlas, UVAtlas and Blender
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench front

@@ -3,10 +3,19 @@
 import importlib
 import sys
 
-NAMES = (
-    *("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps", "look"),
-    *("noise", "hand"),
-)
+NAMES = [
+    "solve",
+    "atlas",
+    "packing",
+    "speed",
+    "scale",
+    "batch",
+    "front",
+    "maps",
+    "look",
+    "noise",
+    "hand",
+]
 
 
 def main() -> None:

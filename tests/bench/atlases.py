@@ -206,13 +206,15 @@ def arguments(text: str | None, peers: str) -> argparse.ArgumentParser:
 
 
 def parsed(
-    parser: argparse.ArgumentParser, names: Iterable[str], made: bool = False
-) -> tuple[argparse.Namespace, list[Path], list[str]]:
-    """(the command line; its meshes, or those of these names that the corpus has; its peers).
+    parser: argparse.ArgumentParser,
+    chosen: argparse.Namespace,
+    names: Iterable[str],
+    made: bool = False,
+) -> tuple[list[Path], list[str]]:
+    """(the meshes of a command line, or those of these names that the corpus has; its peers).
 
     made: the benchmark makes meshes of its own, so there may be none of the corpus.
     """
-    chosen = parser.parse_args()
     meshes = chosen.meshes or [CORPUS / n for n in names if (CORPUS / n).exists()]
     if not meshes and not made:
         parser.error("no meshes: name some, or set CIRCPARAM_CORPUS to a folder that has them")
@@ -221,7 +223,7 @@ def parsed(
         if not PYTHONS.get(name):
             parser.error(f"no Python for peer {name!r}: see the head of tests/bench/atlases.py")
     print("\n".join(common.machine()), flush=True)
-    return chosen, meshes, peers
+    return meshes, peers
 
 
 def line_of(name: str, found: list[float], which: str, wanted: str) -> Line:

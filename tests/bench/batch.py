@@ -1,6 +1,6 @@
 """``make bench-batch``: rates, memory and overhead of a batch; writes docs/benchmarks/batch.md.
 
-    python -m tests.bench batch [rate] [empty] [--meshes N] [--tasks N] [--note TEXT] [--no-report]
+    python -m tests.bench batch [rate] [empty] [--meshes N] [--tasks N] [--no-report]
 
 rate: generated meshes of 300 to 3,000 faces on two workers, beside one warm process and beside
 ``xargs -P2 circparam unwrap``, both on every so many-th of them. Seconds of the clock say something on a quiet
@@ -225,7 +225,7 @@ def page(chosen: argparse.Namespace) -> tuple[str, str, str]:
     """File, title and intro of the report."""
     intro = (
         f"{chosen.meshes} generated meshes of 300 to 3,000 faces, {chosen.tasks} tasks that do nothing. "
-        f"Made by `make bench-batch`. {chosen.note}"
+        "Made by `make bench-batch`."
     )
     return "batch.md", "Batch", intro
 
@@ -235,7 +235,6 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--meshes", type=int, default=1000)
     parser.add_argument("--tasks", type=int, default=100_000)
-    parser.add_argument("--note", default="", help="a sentence on the machine, for the report")
     run_cases(parser, {"rate": rate, "empty": empty}, page)
 
 

@@ -100,12 +100,9 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
     return lines + ["| " + " | ".join(row) + " |" for row in rows]
 
 
-def write(
-    name: str, title: str, intro: str, blocks: Iterable[list[str]], folder: Path = REPORTS
-) -> Path:
-    """Write a report, into docs/benchmarks if no other folder is named."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / name
+def write(name: str, title: str, intro: str, blocks: Iterable[list[str]]) -> Path:
+    """Write a report into docs/benchmarks."""
+    path = REPORTS / name
     parts = [f"# {title}", "", intro, "", *machine(), ""]
     for block in blocks:
         parts += [*block, ""]

@@ -155,7 +155,8 @@ def main() -> None:
     """Run the set, write table, picture and report; nothing where meshes are named."""
     parser = arguments(__doc__, ",".join(PEERS))
     parser.add_argument("--more", nargs="*", type=Path, default=[], help="meshes beside the set")
-    chosen, meshes, names = parsed(parser, SET)
+    chosen = parser.parse_args()
+    meshes, names = parsed(parser, chosen, SET)
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(Path(folder), chosen.judge)
         rows = [measure(path, names, bench) for path in [*meshes, *chosen.more]]

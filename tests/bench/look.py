@@ -1,6 +1,6 @@
 """``make bench-look``: textured models before and after ``unwrap --rebake``; writes docs/benchmarks/look.md.
 
-    python -m tests.bench look [--no-report] [--pixels 512] [--only NAME ...] [--keep FOLDER]
+    python -m tests.bench look [--no-report] [--only NAME ...]
 
 Source and result are rendered by three.js in headless Chromium from 12 directions, lit by two lights
 (look.cjs); PSNR is that of whole pictures of 8 bit. Each map alone is compared in texel space with look-ups
@@ -10,7 +10,6 @@ playwright-core (make node), and Chromium.
 
 import json
 import os
-import pickle
 import shutil
 import subprocess
 import sys
@@ -39,7 +38,7 @@ MODELS = (
 # npm package of the models of controllers, and where they lie in it
 PACKAGE = "@webxr-input-profiles/assets@1.0.20"
 INSIDE = "package/dist/profiles/{}/left.glb"
-VIEWS = 12
+VIEWS, PIXELS = 12, 512
 POINTS = 10_000  # texels that are compared
 
 
@@ -127,13 +126,13 @@ def marbled(path: Path, side: int = 1024) -> None:
     Image.fromarray(np.round(255 * rgb).astype(np.uint8)).save(path)
 
 
-def render(models: list[Path], folder: Path, pixels: int) -> dict[str, dict]:
+def render(models: list[Path], folder: Path) -> dict[str, dict]:
     """Pictures K_VIEW.png of each model in a folder; draw calls and materials by path."""
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
     chromium = os.environ.get("CHROMIUM") or browser
     if chromium is None:
         sys.exit("chromium is not installed: name it with CHROMIUM=...")
-    words = [str(Path(__file__).with_name("look.cjs")), chromium, str(pixels), str(folder)]
+    words = [str(Path(__file__).with_name("look.cjs")), chromium, str(PIXELS), str(folder)]
     env = {**os.environ, "NODE_PATH": str(modules("three"))}
     words = ["node", *words, *map(str, models)]
     run = subprocess.run(words, capture_output=True, text=True, check=False, env=env)
@@ -149,19 +148,19 @@ def view_levels(folder: Path) -> np.ndarray:
     return np.array([psnr(load(a), load(b)) for a, b in names])
 
 
-def measure(name: str, folder: Path, pixels: int, extra: list[str]) -> Row:
+def measure(name: str, folder: Path) -> Row:
     """Unwrap, render and compare one model."""
     source = staged(name, folder / "in")
     target, index = folder / "out" / name, folder / "map.npz"
     target.parent.mkdir()
     words = [sys.executable, "-m", "circparam", "unwrap", str(source), "--rebake", "--json"]
-    words += ["--map", str(index), *extra, "-o", str(target)]
+    words += ["--map", str(index), "-o", str(target)]
     start = os.times().children_user
     run = subprocess.run(words, capture_output=True, text=True, check=False)
     if run.returncode:
         sys.exit(run.stderr)
     processor, report = os.times().children_user - start, json.loads(run.stdout)
-    drawn = render([source, target], folder, pixels)
+    drawn = render([source, target], folder)
     draws = drawn[str(source)]["draws"], drawn[str(target)]["draws"]
     old, new, maps = read(source), read(target), {}
     if isinstance(old, GltfDocument) and isinstance(new, GltfDocument):
@@ -228,23 +227,15 @@ HEAD = (
 def main() -> None:
     """Measure, print, and write the report."""
     parser = common.options(__doc__)
-    parser.add_argument("--pixels", type=int, default=512)
     parser.add_argument("--only", nargs="*", default=list(MODELS))
-    parser.add_argument("--keep", type=Path, help="models measured here before are not again")
-    parser.add_argument("--options", default="", help="further options of unwrap")
     given = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as place:
         lines = seconds_of_five_maps(Path(place))
         for name in given.only:
-            folder = (given.keep or Path(place)) / Path(name).stem
-            known = folder / "row.pickle"
-            if not known.exists():
-                shutil.rmtree(folder, ignore_errors=True)
-                folder.mkdir(parents=True)
-                row = measure(name, folder, given.pixels, given.options.split())
-                known.write_bytes(pickle.dumps(row))
-            rows.append(pickle.loads(known.read_bytes()))
+            folder = Path(place) / Path(name).stem
+            folder.mkdir()
+            rows.append(measure(name, folder))
             lines += rows[-1].lines()
             print(" | ".join(rows[-1].cells), flush=True)
     blocks = [common.table(HEAD, (row.cells for row in rows)), common.wanted(lines)]
@@ -252,7 +243,7 @@ def main() -> None:
         return
     intro = (
         "Made by `make bench-look`. Source and result are rendered by three.js in headless Chromium "
-        f"at {given.pixels} × {given.pixels} pixels from {VIEWS} directions, with two lights; PSNR of whole "
+        f"at {PIXELS} × {PIXELS} pixels from {VIEWS} directions, with two lights; PSNR of whole "
         f"pictures. Maps are compared texel by texel with the mean of {FINE} × {FINE} look-ups of its own "
         f"in the source, at {POINTS:,} texels that lie in one face. The controllers are those of the npm "
         f"package {PACKAGE}. "

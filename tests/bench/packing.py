@@ -1,7 +1,6 @@
 """Full pages: atlases with and without cuts for them; identical charts packed beside xatlas and sparrow.
 
-    python -m tests.bench.packing [FILE...] [--no-report] [--atlases-only | --charts-only]
-        [--xatlas-seconds 300] [--sparrow PYTHON] [--sparrow-seconds 20] [--known FILE]
+    python -m tests.bench.packing [FILE...] [--no-report] [--sparrow PYTHON]
 
 Every mesh is unwrapped at the defaults and with ``--pack-splits 0``: charts, length of the seams, covered share
 at 2048 texels and padding 4, and what packing takes of all seconds. Files that are named replace the corpus.
@@ -10,14 +9,12 @@ Then identical charts, those of ``--pack-splits 0`` and those of files with uv, 
 of padding: by circparam; by xatlas with brute force, which tries every texel of the page and so gets one of 512
 with a padding of 1 (the same in shares of the page; at 2048 it does not end in minutes); and by sparrow, whose
 strip is as high as it comes out wide. All are measured alike: share of the unit square covered, on a raster of
-2048. Peers run in processes of their own (``peers.py``). ``--known`` keeps their figures, by charts.
+2048. Peers run in processes of their own (``peers.py``).
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
 import os
 import subprocess
 import sys
@@ -46,6 +43,7 @@ RESOLUTION, PADDING = 2048, 4
 LARGE = 25_000_000  # bytes
 FEW = 20  # charts up to which as much is asked as sparrow reaches
 SPARROW_UP_TO = 300
+XATLAS_SECONDS, SPARROW_SECONDS = 30.0, 20.0  # of the search; each is ended after ten times as long
 WITH_UV = (
     "spot.obj", "beast.obj", "fuze.obj", "maze.obj", "bunny10k_textured.ply", "SheenCloth.glb",
 )  # fmt: skip
@@ -78,47 +76,20 @@ class Charts:
         return pack(self.faces, self.uv, self.chart, options).uv[self.faces]
 
 
-@dataclass(frozen=True, eq=False)
-class Peers:
-    """Other packers. pythons: of each that there is. seconds: bound on xatlas, and what sparrow is given.
-
-    known: file with figures by the charts they are of.
-    """
-
-    pythons: dict[str, str]
-    seconds: dict[str, float]
-    known: Path | None
-
-    def figures(self, name: str, charts: Charts) -> dict[str, Any] | None:
-        """Covered share and what the peer says; None where it did not end in time or failed."""
-        if name not in self.pythons:
+def peer(name: str, python: str, charts: Charts, seconds: float) -> dict[str, Any] | None:
+    """Covered share by another packer and what it says; None where it did not end in time or failed."""
+    given = charts.arrays | {"seconds": seconds}
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            out, said = run_peer(name, python, given, Path(folder), 10 * seconds)
+        except (subprocess.TimeoutExpired, RuntimeError):
             return None
-        given = charts.arrays | {"seconds": self.seconds[name]}
-        digest = hashlib.sha256(name.encode())
-        for value in given.values():
-            digest.update(np.ascontiguousarray(value).tobytes())
-        table = json.loads(self.known.read_text()) if self.known and self.known.exists() else {}
-        key = digest.hexdigest()[:16]
-        if key not in table:
-            table[key] = self._run(name, given)
-            if self.known:
-                self.known.write_text(json.dumps(table))
-        found: dict[str, Any] | None = table[key]
-        return found
-
-    def _run(self, name: str, given: dict[str, Any]) -> dict[str, Any] | None:
-        bound = self.seconds[name] * (10 if name == "sparrow" else 1)
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                out, said = run_peer(name, self.pythons[name], given, Path(folder), bound)
-            except (subprocess.TimeoutExpired, RuntimeError):
-                return None
-        corners = out["uv"][out["faces"]] * RESOLUTION
-        grid, _ = owner_raster(corners, np.zeros(len(corners), np.int64), RESOLUTION)
-        return {**said, "share": float((grid >= 0).mean())}
+    corners = out["uv"][out["faces"]] * RESOLUTION
+    grid, _ = owner_raster(corners, np.zeros(len(corners), np.int64), RESOLUTION)
+    return {**said, "share": float((grid >= 0).mean())}
 
 
-def measure(charts: Charts, peers: Peers) -> dict[str, Any]:
+def measure(charts: Charts, sparrow: str | None) -> dict[str, Any]:
     """One row of the table of identical charts."""
     start = time.perf_counter()
     corners = charts.packed() * RESOLUTION
@@ -126,24 +97,22 @@ def measure(charts: Charts, peers: Peers) -> dict[str, Any]:
     grid, _ = owner_raster(corners, charts.chart, RESOLUTION)
     gap, border = smallest_gap(grid, PADDING + 1)[0], free_border(grid)
     count = int(charts.chart.max()) + 1
-    nested = 1 < count <= SPARROW_UP_TO
+    nested = sparrow if 1 < count <= SPARROW_UP_TO else None
     return {
         "file": charts.name,
         "charts": count,
         "ours": float((grid >= 0).mean()),
         "seconds": seconds,
         "kept": gap >= PADDING + 1 and border >= PADDING,
-        "pack-xatlas": peers.figures("pack-xatlas", charts),
-        "sparrow": peers.figures("sparrow", charts) if nested else None,
+        "pack-xatlas": peer("pack-xatlas", sys.executable, charts, XATLAS_SECONDS),
+        "sparrow": peer("sparrow", nested, charts, SPARROW_SECONDS) if nested else None,
     }
 
 
-def atlas(path: Path, only_whole: bool = False) -> tuple[dict[str, Any], Charts]:
+def atlas(path: Path) -> tuple[dict[str, Any], Charts]:
     """One mesh unwrapped with charts left whole, and at the defaults; and the whole charts."""
     whole = unwrap(path, pack_splits=0)
     charts = Charts.of(path.name, UVMap(whole.uv, whole.uv_faces))
-    if only_whole:
-        return {}, charts
     full = unwrap(path)
     keys = ("charts", "seam_length", "pack")
     row = {k: (whole.measures[k], full.measures[k]) for k in keys}
@@ -225,40 +194,31 @@ def main() -> int:
     """Measure the files, print the tables and write the page."""
     parser = options(__doc__)
     parser.add_argument("files", nargs="*", type=Path, help="meshes; the corpus if left out")
-    parser.add_argument("--atlases-only", action="store_true", help="nothing beside other packers")
-    parser.add_argument("--charts-only", action="store_true", help="only beside other packers")
-    parser.add_argument(
-        "--xatlas-seconds", type=float, default=300.0, help="after them it is ended"
-    )
     parser.add_argument("--sparrow", help="a Python that has spyrrow and shapely")
-    parser.add_argument("--sparrow-seconds", type=float, default=20.0, help="that it is given")
-    parser.add_argument("--known", type=Path, help="file that keeps the figures of other packers")
     chosen = parser.parse_args()
-    seconds = {"pack-xatlas": chosen.xatlas_seconds, "sparrow": chosen.sparrow_seconds}
-    pythons = {"pack-xatlas": sys.executable, "sparrow": chosen.sparrow}
-    peers = Peers({k: v for k, v in pythons.items() if v}, seconds, chosen.known)
     atlases, charts = [], []
     for path in sources(chosen):
-        row, whole = atlas(path, chosen.charts_only)
-        atlases += [row] if row else []
+        row, whole = atlas(path)
+        atlases.append(row)
         charts.append(whole)
-        print(row or path.name, flush=True)
+        print(row, flush=True)
     for path in [] if chosen.files else [CORPUS / n for n in WITH_UV if (CORPUS / n).exists()]:
         charts.append(Charts.of(f"{path.name} (its own)", formats.read(path).uv()))
     rows = []
-    for some in [] if chosen.atlases_only else charts:
-        rows.append(measure(some, peers))
+    for some in charts:
+        rows.append(measure(some, chosen.sparrow))
         print(rows[-1], flush=True)
-    parts = [atlas_report(atlases)] if atlases else []
-    parts += [report(rows)] if rows else []
+    if not rows:
+        parser.error("no meshes: name some, or set CIRCPARAM_CORPUS to a folder that has them")
+    parts = [atlas_report(atlases), report(rows)]
     print("\n".join(line for part in parts for line in part))
-    if parts and not chosen.no_report:
+    if not chosen.no_report:
         intro = (
             f"Pages of {RESOLUTION} texels, padding {PADDING}: covered texels as a share of the unit "
             "square. First whole atlases, with `--pack-splits 0` and at the defaults; then identical "
             "charts, those of `--pack-splits 0` and those of files with uv, beside xatlas (`add_uv_mesh`, "
             "bruteForce on a page of 512 with a padding of 1, since at 2048 it does not end in minutes) and "
-            f"sparrow ({chosen.sparrow_seconds:g} s of a processor for the strip, and twice a fifth of that "
+            f"sparrow ({SPARROW_SECONDS:g} s of a processor for the strip, and twice a fifth of that "
             "before to find the height at which it is square; outlines without holes, 2 to "
             f"{SPARROW_UP_TO} charts). Written by `make bench-packing`."
         )

@@ -1,21 +1,16 @@
 """``make bench-scale``: rough meshes with floaters and an inner shell; docs/benchmarks/scale.md.
 
-    python -m tests.bench.scale [--sizes 0.09,0.33,0.66,1.2,4.7,10] [--seed 1] [--floaters 20000]
-                                [--holes 20000] [--keep FOLDER] [--judge COMMAND]
+    python -m tests.bench.scale [--sizes 0.09,0.33,0.66,1.2,4.7,10] [--floaters 20000] [--holes 20000]
 
 Every mesh is made here: a ball with limbs, displaced by waves and by noise of a quarter of an edge, an inner
 shell and 40 floaters, some of them open. Each is unwrapped to PLY by the command line in a process of its own;
 figures are those of its JSON; processor seconds are those of its workers too, peak memory is its own.
 --floaters adds a body among so many floaters, --holes a sheet with so many holes, each beside its clean twin.
---keep: a folder that each mesh's JSON is written to as soon as it is there. --judge: a command that gets each
-written file, for an opinion of its own. 4.7 and 10 million faces take minutes and 7 and 17 GB.
+4.7 and 10 million faces take minutes and 7 and 17 GB.
 """
 
-import argparse
-import dataclasses
 import json
 import os
-import shlex
 import subprocess
 import sys
 import tempfile
@@ -48,7 +43,6 @@ class Run:
     wall: float
     processor: float
     memory: float
-    judged: str
 
 
 def ball(side: int) -> shapes.Shape:
@@ -116,7 +110,7 @@ def sheet(holes: int, side: int = 0) -> shapes.Shape:
     return shapes.compact(np.stack([x, y, z], 1) / n, squares(i[keep], j[keep], n))
 
 
-def unwrap(name: str, shape: shapes.Shape, folder: Path, judge: str | None) -> Run:
+def unwrap(name: str, shape: shapes.Shape, folder: Path) -> Run:
     """The command line on one mesh in float32, as scanners write it."""
     source, target = folder / "in.ply", folder / "out.ply"
     source.write_bytes(ply_binary(shape[0].astype(np.float32), shape[1]))
@@ -130,11 +124,7 @@ def unwrap(name: str, shape: shapes.Shape, folder: Path, judge: str | None) -> R
     if process.returncode not in (0, 6):
         raise SystemExit(f"{name}: circparam ended with code {process.returncode}")
     processor = sum(after[2:4]) - sum(before[2:4])
-    judged = ""
-    if judge is not None:
-        said = subprocess.run([*shlex.split(judge), str(target)], capture_output=True, text=True)
-        judged = " ".join(said.stdout.split())
-    return Run(name, json.loads(text), wall, processor, usage.ru_maxrss / 2**20, judged)
+    return Run(name, json.loads(text), wall, processor, usage.ru_maxrss / 2**20)
 
 
 def row(run: Run) -> list[str]:
@@ -146,13 +136,13 @@ def row(run: Run) -> list[str]:
         f"{run.processor / t['faces'] * 1e6:.0f}", f"{run.memory:.2f}", str(t["charts"]),
         f"{t['seam_length']:.2f}", f"{t['distortion']:.4f}",
         f"{t['flips']} / {t['mirrored']} / {t['overlap']:g}",
-        ", ".join(f"{name} {seconds:.1f}" for name, seconds in stages), run.judged,
+        ", ".join(f"{name} {seconds:.1f}" for name, seconds in stages),
     ]  # fmt: skip
 
 
 HEAD = (
     "mesh", "faces", "seconds", "processor s", "µs a face", "GB", "charts", "seam", "SD",
-    "flips / mirrored / overlap", "longest stages", "judge",
+    "flips / mirrored / overlap", "longest stages",
 )  # fmt: skip
 
 
@@ -169,37 +159,25 @@ def beside_twin(name: str, many: Run, twin: Run) -> Line:
     return Line(f"{name}, a face, over the clean twin", share, "", f"<= {TWIN:g}")
 
 
-def parse() -> argparse.Namespace:
-    """The command line."""
-    parser = common.options(__doc__)
-    parser.add_argument("--sizes", default=",".join(f"{s:g}" for s in SIZES), help="million faces")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--floaters", type=int, default=0, help="of another mesh, with its twin")
-    parser.add_argument("--holes", type=int, default=0, help="of a sheet, with its twin")
-    parser.add_argument("--keep", type=Path, help="a folder for the JSON of each mesh")
-    parser.add_argument("--judge", help="a command that gets each written file")
-    return parser.parse_args()
-
-
 def main() -> None:
     """Make the meshes, unwrap them, write the report."""
-    given = parse()
+    parser = common.options(__doc__)
+    parser.add_argument("--sizes", default=",".join(f"{s:g}" for s in SIZES), help="million faces")
+    parser.add_argument("--floaters", type=int, default=0, help="of another mesh, with its twin")
+    parser.add_argument("--holes", type=int, default=0, help="of a sheet, with its twin")
+    given = parser.parse_args()
     runs: list[Run] = []
     lines: list[Line] = []
     with tempfile.TemporaryDirectory(prefix="circparam-") as name:
 
         def told(what: str, shape: shapes.Shape) -> Run:
             """The command line on one more mesh."""
-            runs.append(unwrap(what, shape, Path(name), given.judge))
-            if given.keep is not None:
-                given.keep.mkdir(parents=True, exist_ok=True)
-                text = json.dumps(dataclasses.asdict(runs[-1]), indent=1)
-                (given.keep / f"{what}.json").write_text(text + "\n")
+            runs.append(unwrap(what, shape, Path(name)))
             print(*row(runs[-1]), sep="  ", flush=True)
             return runs[-1]
 
         for size in (float(s) for s in given.sizes.split(",") if s):
-            lines += lines_of(size, told(f"{size:g}M", scan(int(size * 1e6), given.seed)))
+            lines += lines_of(size, told(f"{size:g}M", scan(int(size * 1e6), 1)))
         if given.floaters:
             many = told("floaters", scan(20_000, 1, given.floaters))
             twin = told("twin", scan(many.told["faces"], 1, 0))
@@ -210,7 +188,7 @@ def main() -> None:
             lines.append(beside_twin(f"{given.holes} holes", many, twin))
     blocks = [common.table(HEAD, map(row, runs)), common.wanted(lines)]
     if not given.no_report:
-        intro = f"Made by `make bench-scale` with seed {given.seed}, by tests/bench/scale.py."
+        intro = "Made by `make bench-scale`, by tests/bench/scale.py."
         print(f"written: {common.write('scale.md', 'Large meshes', intro, blocks)}")
 
 

@@ -1,6 +1,6 @@
 """``make bench-speed``: how long whole atlases take beside peers in one run; writes docs/benchmarks/speed.md.
 
-    python -m tests.bench speed [MESH...] [--peers xatlas,uvatlas] [--profile N] [--report FOLDER]
+    python -m tests.bench speed [MESH...] [--peers xatlas,uvatlas]
 
 Meshes: files, or all of the corpus folder (CIRCPARAM_CORPUS) when none is given. Compared are the stages
 without reading and writing with the compute time that a peer tells of itself, each in a process of its own.
@@ -143,10 +143,10 @@ INTRO = (
 def main() -> None:
     """Run the set."""
     parser = arguments(__doc__, "xatlas,uvatlas")
-    parser.add_argument("--profile", type=int, default=len(PROFILED), help="how many are profiled")
-    parser.add_argument("--report", type=Path, default=common.REPORTS, help="folder of speed.md")
     every = sorted(CORPUS.iterdir()) if CORPUS.is_dir() else []
-    chosen, meshes, names = parsed(parser, [p.name for p in every if p.suffix.lower() in SUFFIXES])
+    chosen = parser.parse_args()
+    whole = [p.name for p in every if p.suffix.lower() in SUFFIXES]
+    meshes, names = parsed(parser, chosen, whole)
     start, load = time.monotonic(), f"- load when it began: {os.getloadavg()[0]:.1f}"
     with tempfile.TemporaryDirectory() as name:
         bench = Bench(Path(name))
@@ -157,7 +157,7 @@ def main() -> None:
         tried = [measure(path, names, bench) for path in meshes]
         runs = sorted((r for r in tried if r.own.ok), key=lambda r: r.faces)
         picked = chosen.meshes or [p for p in meshes if p.name in PROFILED]
-        hot = [hot_spots(p, bench.folder) for p in picked[: chosen.profile]]
+        hot = [hot_spots(p, bench.folder) for p in picked]
         rows = [row(r) for r in runs]
     failed = ", ".join(r.name for r in tried if not r.own.ok)
     took = f"- the whole run took {(time.monotonic() - start) / 60:.1f} minutes"
@@ -177,7 +177,7 @@ def main() -> None:
         section("Hot spots", common.table(["mesh", "functions"], hot)),
     ]
     title = "Speed of whole atlases"
-    print(f"written: {common.write('speed.md', title, INTRO, blocks, chosen.report)}")
+    print(f"written: {common.write('speed.md', title, INTRO, blocks)}")
 
 
 if __name__ == "__main__":

@@ -231,22 +231,10 @@ def options() -> None:
             save(f"artists-{name}.png", compare_plot([beside(file, results)]))
 
 
-PICTURES = {
-    f.__name__: f
-    for f in (
-        surfaces,
-        parts,
-        flats,
-        creature,
-        methods,
-        straighten,
-        grid,
-        align,
-        only,
-        lock,
-        options,
-    )
-}
+MAKERS = (
+    surfaces, parts, flats, creature, methods, straighten, grid, align, only, lock, options,
+)  # fmt: skip
+PICTURES = {make.__name__: make for make in MAKERS}
 
 
 def main() -> int:

@@ -228,14 +228,10 @@ def main() -> int:
     parser.add_argument("--sample", type=int, default=20, help="mutants of each room")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=60.0, help="no mutant begins after them")
-    parser.add_argument("--list", action="store_true", help="show the sample and run nothing")
     chosen = parser.parse_args()
     mutants = planned(chosen.rooms or list(ROOMS), chosen.sample, chosen.seed)
     if not mutants:
         sys.exit(f"no module to mutate in {' '.join(chosen.rooms)}")
-    if chosen.list:
-        print("\n".join(map(line_of, mutants)))
-        return 0
     found = tried(mutants, chosen.minutes)
     if not found:
         sys.exit(f"no mutant was tried within {chosen.minutes:g} minutes")

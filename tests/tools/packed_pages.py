@@ -18,7 +18,7 @@ from circparam import samples, unwrap
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.picture import png_bytes
 from tests.bench.atlases import PYTHONS, run_peer
-from tests.bench.packing import RESOLUTION, Charts
+from tests.bench.packing import RESOLUTION, SPARROW_SECONDS, Charts
 from tests.support.machined import MACHINED
 from tests.support.packing import owner_raster
 from tests.support.parts import PARTS
@@ -49,14 +49,12 @@ def run(python: str, peer: str, given: dict[str, object]) -> tuple[np.ndarray, n
     return charts.uv[charts.faces], charts.chart
 
 
-def pages(
-    mesh: Mesh, pythons: dict[str, str], seconds: float
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def pages(mesh: Mesh, pythons: dict[str, str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Corners and charts of the page of each packer that there is."""
     whole = unwrap((mesh.points, mesh.faces), pack_splits=0)
     charts = Charts.of("", UVMap(whole.uv, whole.uv_faces))
     found = {"circparam": (charts.packed(), charts.chart)}
-    given = charts.arrays | {"seconds": seconds}
+    given = charts.arrays | {"seconds": SPARROW_SECONDS}
     if pythons["sparrow"] and charts.chart.max() > 0:
         found["sparrow"] = run(pythons["sparrow"], "sparrow", given)
     found["xatlas"] = run(sys.executable, "pack-xatlas", given)
@@ -106,12 +104,11 @@ def main() -> int:
     """Pack, draw and write the picture."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--sparrow", default="", help="a Python that has spyrrow and shapely")
-    parser.add_argument("--sparrow-seconds", type=float, default=20.0)
     chosen = parser.parse_args()
     pythons = {"sparrow": chosen.sparrow, "uvatlas": PYTHONS["uvatlas"]}
     shown = {}
     for name, mesh in meshes().items():
-        shown[name] = pages(mesh, pythons, chosen.sparrow_seconds)
+        shown[name] = pages(mesh, pythons)
         print(name, list(shown[name]), flush=True)
     small = drawn(shown).quantize(128, dither=Image.Dither.NONE)
     data = png_bytes(small)
