@@ -1,5 +1,6 @@
 """Verification finds every planted fault, and trusts nothing but the layout it is given."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -40,38 +41,52 @@ def test_a_right_layout_has_no_fault() -> None:
     assert set(n) <= set(LAYOUT)
 
 
+def touching(uv: np.ndarray) -> None:
+    """Charts that share a side of the plane do not overlap: seen on the raster only."""
+    uv[25:] -= [uv[25, 0] - uv[:25, 0].max(), 0]
+
+
+def flattened(uv: np.ndarray) -> None:
+    uv[25:] = (uv[25:] - uv[25]) * [1, 0.5] + uv[25]
+
+
+def mirrored(uv: np.ndarray) -> None:
+    uv[25:, 0] = 1.5 - uv[25:, 0]
+
+
+def moved(far: float) -> Callable[[np.ndarray], object]:
+    return lambda uv: np.subtract(uv, [far, 0], out=uv)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "promised", "said"),
+    [
+        (mirrored, Promise(), ["chart 1 mirrored"]),
+        (touching, Promise(None, 2), ["texels apart"]),
+        (moved(0.03), Promise(None, 4), ["at the border"]),
+        (moved(0.1), Promise(None, 4), ["outside", "at the border"]),
+        (flattened, Promise(1.05), ["above the bound 1.05"]),
+        (flattened, Promise(None), []),
+    ],
+)
+def test_a_planted_fault_is_named_and_no_other(
+    spoil: Callable[[np.ndarray], object], promised: Promise, said: list[str]
+) -> None:
+    surface, uv, f = two_squares()
+    spoil(uv)
+    v = verify(surface, UVMap(uv, f), resolution=256, padding=4)
+    found = reasons(v, promised)
+    assert len(found) == len(said), found
+    assert all(word in line for word, line in zip(said, found, strict=True))
+    assert (v.charts, v.flips, v.overlap) == (2, 0, 0)
+
+
 def test_one_turned_face_is_one_flip() -> None:
     surface, uv, f = two_squares()
-    inner = 6  # an inner vertex of the first square: pulling it over the next one turns faces
-    uv[inner] += [0.4 / 4 * 1.2, 0.4 / 4 * 1.2]
+    uv[6] += 0.12  # an inner vertex of the first square, pulled over the next one
     v = verify(surface, UVMap(uv, f))
-    q = uv[f]
-    area = (q[:, 1, 0] - q[:, 0, 0]) * (q[:, 2, 1] - q[:, 0, 1]) - (q[:, 1, 1] - q[:, 0, 1]) * (
-        q[:, 2, 0] - q[:, 0, 0]
-    )
-    assert v.flips == (area <= 0).sum() > 0
+    assert v.flips == (shapes.areas(uv[f]) <= 0).sum() > 0
     assert any("flipped" in line and "chart 0" in line for line in reasons(v, Promise()))
-
-
-def test_a_mirrored_chart_is_no_flip_but_named() -> None:
-    surface, uv, f = two_squares()
-    uv[25:, 0] = 1.5 - uv[25:, 0]
-    v = verify(surface, UVMap(uv, f))
-    assert v.flips == 0
-    assert v.mirrored.tolist() == [1]
-    assert reasons(v, Promise()) == ["chart 1 mirrored"]
-
-
-def test_charts_that_share_a_point_of_the_plane_count_as_two() -> None:
-    """Touching charts do not overlap, but their gap is 0: seen on the raster only."""
-    surface, uv, f = two_squares()
-    uv[25:] -= [uv[25, 0] - uv[:25, 0].max(), 0]
-    v = verify(surface, UVMap(uv, f), resolution=128, padding=2)
-    assert v.cut_mesh.n_charts == 2
-    assert v.overlap == 0
-    why = reasons(v, Promise(None, 2))
-    assert len(why) == 1
-    assert "texels apart" in why[0]
 
 
 def test_a_gap_along_the_diagonal_is_found() -> None:
@@ -92,23 +107,6 @@ def test_atlases_of_different_density_are_each_at_their_own_best_scale() -> None
     together, apart = verify(surface, UVMap(uv, f)), verify(surface, UVMap(uv, f), tiles=tiles)
     assert apart.measures.sd == pytest.approx(1)
     assert together.measures.sd > 1.5
-
-
-def test_near_the_border_of_the_page() -> None:
-    surface, uv, f = two_squares()
-    v = verify(surface, UVMap(uv - [0.03, 0], f), resolution=256, padding=4)
-    assert any("at the border" in line for line in reasons(v, Promise(None, 4)))
-    v = verify(surface, UVMap(uv - [0.1, 0], f), resolution=256, padding=4)
-    assert any("outside" in line for line in reasons(v, Promise(None, 4)))
-
-
-def test_the_bound_holds_for_each_chart() -> None:
-    surface, uv, f = two_squares()
-    uv[25:] = (uv[25:] - uv[25]) * [1, 0.5] + uv[25]
-    v = verify(surface, UVMap(uv, f))
-    assert v.measures.sd_max_chart > 1.05
-    assert any("above the bound 1.05" in line for line in reasons(v, Promise(1.05)))
-    assert reasons(v, Promise(None)) == []
 
 
 def test_the_stretch_that_was_asked_for_holds_but_for_a_thousandth() -> None:
@@ -154,11 +152,9 @@ def test_seams_that_open_a_surface_of_one_side_count(shape: shapes.Shape) -> Non
     apart = same & (sides[a] != sides[b]).any((1, 2))
     edge = ends[a[apart]]
     length = np.linalg.norm(p[edge[:, 0]] - p[edge[:, 1]], axis=1).sum()
-    area = (
-        np.linalg.norm(np.cross(p[f[:, 1]] - p[f[:, 0]], p[f[:, 2]] - p[f[:, 0]]), axis=1).sum() / 2
-    )
     assert length > 0
-    assert result.measures["seam_length"] == pytest.approx(length / np.sqrt(area))
+    in_areas = length / np.sqrt(shapes.areas(p[f]).sum())
+    assert result.measures["seam_length"] == pytest.approx(in_areas)
     assert seam_pairs(result).tolist() == np.unique(edge, axis=0).tolist()
     again = circparam.unwrap((p, f), seams=seam_pairs(result), effort=0.01)  # as they were exported
     assert again.measures["flips"] == 0

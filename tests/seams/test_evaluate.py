@@ -5,13 +5,12 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
-from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
-from tests.support.atlases import cut_between, surface_of, uncut
+from tests.support.atlases import cut_between, surface_of, uncut, whole
 from tests.support.charts import too_near
 
 DEMANDS = Demands(1.05)
@@ -34,9 +33,9 @@ def halves(*parts: tuple, angle: float = 0.8) -> Moves:
     c, s = np.cos(angle), np.sin(angle)
     moved = atlas.corners @ np.array([[c, s], [-s, c]]) + np.array([3.0, -2.0])
     corners = np.where(right[:, None, None], moved, atlas.corners)
-    whole = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
-    assert whole.n_charts == len(parts)
-    return Moves.joining(whole, corners, right.astype(np.int64))
+    joined = whole(surface).cut_mesh()
+    assert joined.n_charts == len(parts)
+    return Moves.joining(joined, corners, right.astype(np.int64))
 
 
 def hill(height: float) -> tuple[np.ndarray, np.ndarray]:
@@ -61,18 +60,11 @@ def test_a_union_is_good_where_its_best_is_below_the_bound(share: float, good: b
 
 def spiral(turn: float) -> Moves:
     """Both halves of a flat ring of an angle; beyond a full turn the union covers itself."""
-    t, r = np.meshgrid(np.linspace(0, turn, 80), np.linspace(0.7, 1, 4), indexing="ij")
-    t, r = t.ravel(), r.ravel()
-    p = np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1)
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(79), np.arange(3), indexing="ij"))
-    a, b, c, d = 4 * i + j, 4 * i + j + 1, 4 * i + j + 5, 4 * i + j + 4
-    faces = np.r_[np.stack([a, b, c], 1), np.stack([a, c, d], 1)][:, ::-1]
-    surface = surface_of(p, np.ascontiguousarray(faces))
-    right = np.r_[i, i] > 40
-    atlas = cut_between(surface, right.astype(np.int64))
+    surface = surface_of(*shapes.wound(turn, 80))
+    right = (np.arange(len(surface.faces)) // 6 > 40).astype(np.int64)
+    atlas = cut_between(surface, right)
     lay_out_fresh(atlas, None, FINE)
-    whole = Atlas(surface, np.zeros(len(surface.edges), bool)).cut_mesh()
-    return Moves.joining(whole, atlas.corners, right.astype(np.int64))
+    return Moves.joining(whole(surface).cut_mesh(), atlas.corners, right)
 
 
 @pytest.mark.parametrize(("turn", "good"), [(5.5, True), (8.0, False)])

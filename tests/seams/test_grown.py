@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
-from circparam.mesh.atlas import Atlas
-from circparam.seams import SEAMS, finish, grown, stretch
 from circparam.seams import charts as module
+from circparam.seams import finish, grown, stretch
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
-from circparam.seams.options import SeamOptions, Search
+from circparam.seams.options import Search
 from circparam.seams.segmentation.grow import dual_graph
 from tests.support import shapes
-from tests.support.atlases import assert_promises, surface_of
+from tests.support.atlases import assert_promises, charts_of, surface_of, whole
 
 BOUND = 1.05
 
@@ -36,26 +34,24 @@ def rough(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.usefixtures("small_levels")
 def test_charts_of_a_level_are_good_charts_of_the_surface() -> None:
     surface = surface_of(*rough())
-    seams = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
-    assert_promises(Atlas(surface, seams.cut, seams.uv), BOUND)
+    assert_promises(charts_of(surface), BOUND)
 
 
 @pytest.mark.usefixtures("small_levels")
 def test_a_level_leads_to_seams_as_short_as_without_one(monkeypatch: pytest.MonkeyPatch) -> None:
     surface = surface_of(*rough(1))
-    by_level = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
+    by_level = charts_of(surface)
     monkeypatch.undo()
-    direct = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
-    a, b = (Atlas(surface, s.cut, s.uv) for s in (by_level, direct))
-    assert a.seam_length <= 1.25 * b.seam_length
-    assert a.charts()[0] <= b.charts()[0] + 2
+    direct = charts_of(surface)
+    assert by_level.seam_length <= 1.25 * direct.seam_length
+    assert by_level.charts()[0] <= direct.charts()[0] + 2
 
 
 def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
     """Closed balls with a slit through many edges: on the mesh they have the seams and the uv of the level."""
     surface = surface_of(*rough(3))
     level = grown.decimate(surface, 4_000)
-    coarse = Atlas(level.surface, np.zeros(len(level.surface.edges), bool))
+    coarse = whole(level.surface)
     _, component = level.surface.components
     balls = np.isin(component, np.flatnonzero(np.bincount(component) == 80))
     part = coarse.part(balls)
@@ -69,7 +65,7 @@ def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
     # the rest needs any layout: each face as it lies, cut from all others
     coarse.cut[~balls[coarse.surface.edges[:, 0] // 3]] = True
     coarse.corners[~balls] = coarse.surface.rest_triangles[~balls]
-    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
+    fine = whole(surface)
     near = nearest_coarse_face(surface, level)
     taken = take_over(fine, coarse, level, near)
     assert taken.sum() == balls.sum()
@@ -77,9 +73,9 @@ def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
     inside = taken[surface.edges[:, 0] // 3]
     assert fine.cut[inside].sum() == part.cut.sum() > 30
     assert not fine.cut[~inside].any()
-    whole = from_level(surface, dual_graph(surface), coarse, level, near)
-    assert np.array_equal(whole.corners[taken], coarse.corners[near[taken]])
-    assert np.array_equal(whole.cut[inside], fine.cut[inside])
+    carried = from_level(surface, dual_graph(surface), coarse, level, near)
+    assert np.array_equal(carried.corners[taken], coarse.corners[near[taken]])
+    assert np.array_equal(carried.cut[inside], fine.cut[inside])
     p = surface.points[surface.faces[taken]]
     assert np.array_equal(p, level.surface.points[level.surface.faces[near[taken]]])
 
@@ -90,5 +86,4 @@ def test_small_components_that_no_level_shrinks_need_none() -> None:
     balls = [(points + np.array([3.0 * k, 0, 0]), faces[40:]) for k in range(199)]
     surface = surface_of(*shapes.join(*balls))
     assert len(surface.faces) > grown.DRAFT_LEVEL_FACES
-    seams = SEAMS["charts"].function(surface, SeamOptions(search=Search(draft=True)), Monitor())
-    assert_promises(Atlas(surface, seams.cut, seams.uv), BOUND)
+    assert_promises(charts_of(surface, search=Search(draft=True)), BOUND)

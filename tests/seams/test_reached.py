@@ -15,7 +15,7 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.unwrap import Result, unwrap_document
 from circparam.seams.reached import Reached, in_time
 from tests.support import parts, shapes
-from tests.support.atlases import surface_of
+from tests.support.atlases import cut_between, middles, surface_of
 from tests.support.clock import Clock
 
 FRACTIONS = (0.1, 0.4, 1.1)
@@ -27,9 +27,7 @@ def assembly() -> tuple[np.ndarray, np.ndarray]:
     ball = ball * (1 + 0.3 * np.sin(5 * ball[:, :1]))
     pieces = [(p.points, p.faces) for p in (parts.bracket(), parts.letters())]
     pieces.append((ball, faces))
-    starts = np.cumsum([0, *(len(p) for p, _ in pieces)])
-    points = np.concatenate([p + np.array([4.0 * k, 0, 0]) for k, (p, _) in enumerate(pieces)])
-    return points, np.concatenate([f + s for (_, f), s in zip(pieces, starts, strict=False)])
+    return shapes.join(*((p + np.array([4.0 * k, 0, 0]), f) for k, (p, f) in enumerate(pieces)))
 
 
 @pytest.fixture
@@ -66,15 +64,12 @@ def test_what_was_reached_is_given_and_a_longer_limit_is_never_worse(
 
 def two_balls() -> Surface:
     points, faces = shapes.icosphere(1)
-    both = np.concatenate([points, points + 5]), np.concatenate([faces, faces + len(points)])
-    return surface_of(*both)
+    return surface_of(*shapes.join((points, faces), (points + 5, faces)))
 
 
 def halved(surface: Surface, extra: int = 0) -> Atlas:
     """Every ball cut in two along its equator, some edges more of the first face."""
-    below = surface.points[surface.faces].mean(1)[:, 2] % 5 > 2
-    side = below[surface.edges // 3]
-    cut = side[:, 0] != side[:, 1]
+    cut = cut_between(surface, middles(surface)[:, 2] % 5 > 2).cut
     cut[np.flatnonzero(~cut)[:extra]] = True
     uv = np.random.default_rng(extra).random((surface.faces.max() + 1, 2))
     return Atlas(surface, cut, uv[surface.faces])

@@ -7,21 +7,16 @@ from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.moves.glue import Glue, MergeOptions, merge
 from circparam.seams.search import Effort, search
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
+from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
+from tests.support.atlases import as_it_lies, cut_between, judged, middles, surface_of
 
 
 def merge_with(
     atlas: Atlas, fixed: np.ndarray | None = None, time: Monitor | None = None, **options
 ) -> None:
     merge(atlas, MergeOptions(**{"bound": 1.05, **options}), time or Monitor(), fixed)
-
-
-def judged(atlas: Atlas) -> ChartLayouts:
-    cut_mesh = atlas.cut_mesh()
-    return judge(cut_mesh, atlas.gather(cut_mesh))
 
 
 def halves_of_a_ring() -> Atlas:

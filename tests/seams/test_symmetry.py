@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
-from circparam.seams.options import SeamOptions
 from circparam.seams.symmetry import find_mirror
 from tests.support import shapes
+from tests.support.atlases import charts_of, surface_of
 
 
 def bumpy(n: int = 12) -> shapes.Shape:
@@ -28,9 +24,8 @@ def bumpy(n: int = 12) -> shapes.Shape:
 
 
 def seams_of(shape: shapes.Shape, **options: object) -> tuple[Surface, np.ndarray]:
-    surface = repair(Mesh(*shape))[0]
-    wanted = SeamOptions(**options)
-    return surface, SEAMS["charts"].function(surface, wanted, Monitor()).cut
+    surface = surface_of(*shape)
+    return surface, charts_of(surface, **options).cut
 
 
 def ends(surface: Surface, cut: np.ndarray) -> np.ndarray:
@@ -63,21 +58,18 @@ def test_faces_across_the_plane_are_their_own_image(columns: int) -> None:
     p, f = shapes.grid(columns + 1, 9, 2.0, 2.0)
     p[:, 2] = 1.5 * np.abs(p[:, 1] - 1) + np.cos(3 * (p[:, 0] - 1))
     quads = np.arange(len(f)) // 2
-    surface = repair(Mesh(p, f, polygons=quads))[0]
-    wanted = SeamOptions(max_distortion=1.0005, symmetry="x")
-    seams = SEAMS["charts"].function(surface, wanted, Monitor())
-    edges = ends(surface, seams.cut)
+    surface = surface_of(p, f, quads)
+    edges = ends(surface, charts_of(surface, max_distortion=1.0005, symmetry="x").cut)
     assert len(edges)
     assert as_set(edges) == as_set(edges * [-1, 1, 1] + [2, 0, 0])
 
 
 def test_forced_seams_are_mirrored_too() -> None:
-    surface = repair(Mesh(*bumpy()))[0]
+    surface = surface_of(*bumpy())
     flat = surface.faces.ravel()
     h = surface.edges[len(surface.edges) // 3, 0]
     pair = np.array([[flat[h], surface.faces[:, [1, 2, 0]].ravel()[h]]])
-    wanted = SeamOptions(symmetry="x", cut=pair)
-    edges = ends(surface, SEAMS["charts"].function(surface, wanted, Monitor()).cut)
+    edges = ends(surface, charts_of(surface, symmetry="x", cut=pair).cut)
     assert as_set(surface.points[pair]) <= as_set(edges)
     assert as_set(edges) == as_set(edges * [-1, 1, 1] + [1, 0, 0])
 
@@ -89,7 +81,7 @@ def test_a_mesh_that_is_nearly_mirrored_gets_seams_that_nearly_are() -> None:
     length = np.linalg.norm(p[f[:, 0]] - p[f[:, 1]], axis=1).mean()
     left = p[:, 0] < 0.5 - 1e-6
     p[left] += 0.08 * length * rng.normal(size=(int(left.sum()), 3))
-    mirror = find_mirror(repair(Mesh(p, f))[0], "auto")
+    mirror = find_mirror(surface_of(p, f), "auto")
     assert (mirror.axis, mirror.images) == ("x", None)
     surface, cut = seams_of((p, f), max_distortion=1.03, symmetry="x")
     middle = ends(surface, cut).mean(1)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from circparam.core.graph import nearest, undirected
+from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
@@ -10,8 +11,11 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
+from circparam.seams import SEAMS
+from circparam.seams.options import SeamOptions
+from circparam.seams.prices import SeamPrices
 from circparam.seams.segmentation.grow import dual_graph, make_disks
-from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.solvers.newton import RelaxOptions, relax
 
 
@@ -24,8 +28,7 @@ def surface_of(
 
 def uncut(points: np.ndarray, faces: np.ndarray) -> Atlas:
     """The atlas of a mesh without any seam."""
-    surface = surface_of(points, faces)
-    return Atlas(surface, np.zeros(len(surface.edges), bool))
+    return whole(surface_of(points, faces))
 
 
 def cut_between(surface: Surface, label: np.ndarray) -> Atlas:
@@ -84,13 +87,20 @@ def energies(cut_mesh, uv) -> np.ndarray:
     return relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
 
 
-def coil(turns: float = 2.5, n: int = 200, width: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
-    """The flank of a screw: a strip that unrolls to a ring it runs through more than once."""
-    t = np.linspace(0, 2 * np.pi * turns, n)
-    rim = [np.stack([r * np.cos(t), r * np.sin(t), 0.02 * t], 1) for r in (1.0, 1.0 + width)]
-    k = np.arange(n - 1)
-    faces = np.concatenate([np.stack([k, n + k, n + k + 1], 1), np.stack([k, n + k + 1, k + 1], 1)])
-    return np.concatenate(rim), faces
+def whole(surface: Surface, prices: SeamPrices | None = None) -> Atlas:
+    """The atlas of a surface without any seam."""
+    return Atlas(surface, np.zeros(len(surface.edges), bool), prices=prices)
+
+
+def charts_of(surface: Surface, **options: object) -> Atlas:
+    """The charts that a search with these options of seams finds."""
+    seams = SEAMS["charts"].function(surface, SeamOptions(**options), Monitor())
+    return Atlas(surface, seams.cut, seams.uv)
+
+
+def judged(atlas: Atlas) -> ChartLayouts:
+    """The layout that an atlas has, judged."""
+    return judge(*atlas.open())
 
 
 def relaxed(shape: tuple[np.ndarray, np.ndarray]) -> tuple[Atlas, float]:

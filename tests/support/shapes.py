@@ -175,6 +175,15 @@ def spiked_disk(n: int = 400, ratio: float = 20.0, seed: int = 0) -> Shape:
     return np.stack([p[:, 0], p[:, 1], z], 1), f
 
 
+def wound(turn: float, around: int = 60, along: int = 4, inner: float = 0.7) -> Shape:
+    """A flat ring of radii ``inner`` to 1 that runs through an angle: beyond a full turn it lies over itself,
+    each turn a little higher."""
+    t, r = _mesh_grid(np.linspace(0, turn, around), np.linspace(inner, 1, along))
+    return np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1), _grid_faces(around, along)[
+        :, ::-1
+    ]
+
+
 # several borders -----------------------------------------------------------------------------------
 
 
@@ -499,3 +508,11 @@ def noisy(points: np.ndarray, faces: np.ndarray, amount: float = 0.02, seed: int
     e = points[faces[:, 1]] - points[faces[:, 0]]
     step = amount * np.linalg.norm(e, axis=1).mean()
     return points + step * np.random.default_rng(seed).normal(size=points.shape), faces
+
+
+def areas(corners: np.ndarray) -> np.ndarray:
+    """Areas of triangles (..., 3, 3), or signed ones of triangles in the plane (..., 3, 2)."""
+    a, b = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+    if corners.shape[-1] == 3:
+        return np.linalg.norm(np.cross(a, b), axis=-1) / 2
+    return (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2

@@ -12,8 +12,6 @@ from hypothesis import strategies as st
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
 from circparam.seams import charts as module
 from circparam.seams.hard.charts import hard_atlas, unrolls_whole
 from circparam.seams.hard.regions import hard_components
@@ -22,23 +20,17 @@ from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
-from tests.support.atlases import assert_promises, surface_of
+from tests.support.atlases import assert_promises, charts_of, surface_of, uncut
 from tests.support.machined import housing, perforated, shaft
 from tests.support.parts import PARTS, Part, circle, extrude, lathe, rectangle, rounded_box, shaken
 
 
-def atlas_of(part: Part, bound: float = 1.05) -> tuple[Surface, Atlas]:
-    """The charts of a part, checked for everything that is promised of any."""
-    surface = surface_of(part.points, part.faces)
-    seams = SEAMS["charts"].function(surface, SeamOptions(max_distortion=bound), Monitor())
-    atlas = Atlas(surface, seams.cut, seams.uv)
-    assert_promises(atlas, bound)
-    return surface, atlas
-
-
 def check_whole(part: Part, bound: float = 1.05) -> Atlas:
-    """No seam runs inside a flat, and each flat and tube is in one chart."""
-    surface, atlas = atlas_of(part, bound)
+    """All that is promised of charts; no seam runs inside a flat, and each flat and tube is in one chart."""
+    surface = surface_of(part.points, part.faces)
+    assert hard_components(surface).all()
+    atlas = charts_of(surface, max_distortion=bound)
+    assert_promises(atlas, bound)
     label = part.surface[surface.source]
     ends = label[surface.edges // 3]
     inside = (ends[:, 0] == ends[:, 1]) & part.flat[ends[:, 0]]
@@ -58,9 +50,7 @@ def test_flats_and_tubes_of_parts_stay_whole(name) -> None:
 @pytest.mark.parametrize("make", [partial(perforated, 2), housing, shaft])
 def test_however_a_part_lies_in_space(make) -> None:
     """Which of forty alike lines opens a tube is up to rounding, so one chart more or less may merge."""
-    part = make()
-    assert hard_components(surface_of(part.points, part.faces)).all()
-    counts = []
+    part, counts = make(), []
     for turn in (np.eye(3), shapes.rotation(1)):
         points = part.points @ turn.T
         whole = check_whole(Part(points, part.faces, part.surface, part.flat, part.tube))
@@ -70,9 +60,7 @@ def test_however_a_part_lies_in_space(make) -> None:
 
 @pytest.mark.parametrize("bound", [1.05, 1.01])
 def test_flats_of_a_part_without_any_sharp_edge_stay_whole(bound) -> None:
-    part = rounded_box()
-    assert hard_components(surface_of(part.points, part.faces)).all()
-    check_whole(part, bound)
+    check_whole(rounded_box(), bound)
 
 
 @pytest.mark.parametrize(("name", "scale"), [("flanged pipe", 1e-3), ("letters", 25.4)])
@@ -101,10 +89,7 @@ def test_organic_components_are_laid_out_as_without_the_hard_ones() -> None:
     ball = shapes.noisy(*shapes.icosphere(2), amount=0.02)
     part = PARTS["bracket"]()
     both = surface_of(*shapes.join(ball, (part.points + np.array([5.0, 0, 0]), part.faces)))
-    alone = surface_of(*ball)
-    find = SEAMS["charts"].function
-    together = find(both, SeamOptions(hide_seams=0.0), Monitor())
-    single = find(alone, SeamOptions(hide_seams=0.0), Monitor())
+    together, single = (charts_of(s, hide_seams=0.0) for s in (both, surface_of(*ball)))
     sphere = ~hard_components(both)[both.edges[:, 0] // 3]
     assert np.array_equal(together.cut[sphere], single.cut)
 
@@ -114,12 +99,7 @@ def test_a_pocket_that_is_stretched_too_much_is_cut_off_along_its_rim() -> None:
     pocket = (circle(13, 0.09375, -1.2), 0.25)
     part = extrude(rectangle(4.0, 1.5), [], 0.75, [pocket])
     surface = surface_of(part.points, part.faces)
-    found = []
-    for stretch in (1e6, 2.0):
-        options = SeamOptions(max_stretch=stretch)
-        seams = module.charts(surface, options, Monitor())
-        found.append(Atlas(surface, seams.cut, seams.uv))
-    loose, held = found
+    loose, held = (charts_of(surface, max_stretch=stretch) for stretch in (1e6, 2.0))
     assert held.seam_length < 1.5 * loose.seam_length
     assert held.charts()[0] <= loose.charts()[0] + 3
     assert not held.cut[edge_prices(surface).flat].any()
@@ -151,15 +131,10 @@ def test_a_flanged_pipe_keeps_the_number_of_its_charts_whatever_its_tubes_have()
 @pytest.mark.parametrize("search", [Search(draft=True), Search()])
 def test_a_level_sheet_that_lies_over_itself_is_cut_where_it_does(search) -> None:
     """As folded faces of decimated parts do: a ring that goes on for a quarter turn too much."""
-    turn = np.linspace(0, 2.5 * np.pi, 11)
-    ring = (1 + 0.01 * turn) * np.exp(1j * turn)
-    flat = np.concatenate([ring, 2 * ring])
-    points = np.stack([flat.real, flat.imag, np.zeros(len(flat))], 1)
-    k = np.arange(10)
-    faces = np.concatenate([np.stack([k, k + 11, k + 12], 1), np.stack([k, k + 12, k + 1], 1)])
-    surface = surface_of(points, faces)
-    seams = module.charts(surface, SeamOptions(search=search), Monitor())
-    atlas = Atlas(surface, seams.cut, seams.uv)
+    points, faces = shapes.wound(2.5 * np.pi, 11, 2, 0.5)
+    turn = np.repeat(np.arange(11), 2)[:, None] * np.pi / 4
+    level = points * [1, 1, 0] * (1 + 0.01 * turn)  # no point lies on another
+    atlas = charts_of(surface_of(level, faces), search=search)
     assert_promises(atlas, 1.05)
     assert 2 <= atlas.charts()[0] <= 3
 
@@ -197,5 +172,5 @@ def test_what_unrolls_whole_needs_no_seam(shape: shapes.Shape, whole: bool) -> N
     surface = surface_of(*shape)
     assert unrolls_whole(surface) == whole
     if whole:
-        cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+        cut_mesh = uncut(*shape).cut_mesh()
         assert chart_energies(cut_mesh, unroll(cut_mesh)) == pytest.approx(1, abs=1e-6)

@@ -6,13 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
-from circparam.seams import SEAMS
 from circparam.seams.hard.copies import find_copies, spread_copies
-from circparam.seams.options import SeamOptions
 from tests.support import shapes
-from tests.support.atlases import surface_of
+from tests.support.atlases import charts_of, surface_of
 from tests.support.parts import PARTS
 
 
@@ -27,7 +24,7 @@ def test_copies_of_a_part_get_the_same_charts() -> None:
     copies = find_copies(surface)
     m = len(part.faces)
     assert np.array_equal(copies.original, np.r_[np.arange(m), np.arange(m), 2 * m + np.arange(m)])
-    atlas = Atlas(surface, SEAMS["charts"].function(surface, SeamOptions(), Monitor()).cut)
+    atlas = charts_of(surface)
     n = len(atlas.cut) // 3
     assert np.array_equal(atlas.cut[:n], atlas.cut[n : 2 * n])
     _, chart = atlas.charts()

@@ -5,67 +5,51 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.mesh.atlas import Atlas
 from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
-from tests.support.atlases import energies, surface_of
+from tests.support.atlases import energies, surface_of, whole
 
 
-def test_a_tube_is_unrolled_along_a_straight_line() -> None:
-    """An open tube of quads in rings: one slit from end to end, as long as the tube, and no distortion."""
-    surface = surface_of(*shapes.cylinder(around=24, along=6, height=2.0))
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
+def slit(shape) -> tuple[np.ndarray, float]:
+    """The unrolled layout of a shape with the slits that it needs, without distortion, and their length."""
+    surface = surface_of(*shape)
+    atlas = whole(surface, edge_prices(surface))
     atlas.cut |= slits(atlas)
-    assert surface.edge_lengths[atlas.cut].sum() == pytest.approx(2.0)
     cut_mesh = atlas.cut_mesh()
     uv = unroll(cut_mesh)
-    assert energies(cut_mesh, uv) == pytest.approx([1.0], abs=1e-9)
+    assert energies(cut_mesh, uv) == pytest.approx(np.ones(cut_mesh.n_charts), abs=1e-9)
+    return uv, float(surface.edge_lengths[atlas.cut].sum())
+
+
+@pytest.mark.parametrize(
+    ("shape", "length"),
+    [
+        (shapes.cylinder(around=24, along=6, height=2.0), 2.0),  # one slit from end to end
+        (shapes.cube(2), 7.0),  # a tree through all eight corners, along sharp edges
+        (shapes.cone(24, 3), np.hypot(1, 1.5)),  # one tip and one boundary, hence one slit
+        (shapes.annulus(), 0.0),
+        (shapes.grid(5, 5), 0.0),
+    ],
+)
+def test_slits_join_tips_and_boundaries_and_what_is_flat_needs_none(shape, length: float) -> None:
+    assert slit(shape)[1] == pytest.approx(length)
+
+
+def test_a_tube_is_unrolled_to_a_rectangle() -> None:
+    uv, _ = slit(shapes.cylinder(around=24, along=6, height=2.0))
     size = np.sort(np.ptp((uv - uv.mean(0)) @ np.linalg.svd(uv - uv.mean(0))[2].T, axis=0))
     assert size == pytest.approx([2.0, 24 * 2 * np.sin(np.pi / 24)], rel=1e-6)
-
-
-def test_holes_in_a_plane_need_no_slit_and_cone_tips_do() -> None:
-    plane = surface_of(*shapes.annulus())
-    atlas = Atlas(plane, np.zeros(len(plane.edges), bool), prices=edge_prices(plane))
-    assert not slits(atlas).any()
-    cone = surface_of(*shapes.cone())
-    atlas = Atlas(cone, np.zeros(len(cone.edges), bool), prices=edge_prices(cone))
-    atlas.cut |= slits(atlas)
-    cut_mesh = atlas.cut_mesh()
-    assert energies(cut_mesh, unroll(cut_mesh)) == pytest.approx([1.0], abs=1e-9)
 
 
 def test_bent_sheets_are_rolled_out_exactly() -> None:
     """Every chart by itself, at whatever scale."""
     strip = shapes.half_cylinder(12, 4, 2.0)
     cone = shapes.cone(16, 4, slit=True)
-    surface = surface_of(*shapes.join(strip, (cone[0] * 10 + np.array([30.0, 0, 0]), cone[1])))
-    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    both = shapes.join(strip, (cone[0] * 10 + np.array([30.0, 0, 0]), cone[1]))
+    cut_mesh = whole(surface_of(*both)).cut_mesh()
     uv = unroll(cut_mesh)
     assert energies(cut_mesh, uv) == pytest.approx([1.0, 1.0], abs=1e-9)
     first = uv[cut_mesh.vertex_chart == 0]
     diagonal = np.linalg.norm(first[:, None] - first, axis=2).max()
     assert diagonal == pytest.approx(np.hypot(1.0, 24 * np.sin(1 / 12)), rel=1e-9)
-
-
-def uncut_hard(shape) -> Atlas:
-    surface = surface_of(*shape)
-    return Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
-
-
-def test_a_closed_tube_is_slit_to_both_tips_and_a_box_between_its_corners() -> None:
-    """Every tip of curvature is joined; what is flat inside needs nothing."""
-    atlas = uncut_hard(shapes.cube(2))
-    new = slits(atlas)
-    atlas.cut |= new
-    cut_mesh = atlas.cut_mesh()
-    # a tree through all eight corners, along sharp edges: seven of them
-    assert atlas.surface.edge_lengths[new].sum() == pytest.approx(7.0)
-    assert energies(cut_mesh, unroll(cut_mesh)) == pytest.approx([1.0], abs=1e-9)
-    # a cap alone: one tip and one boundary, hence one slit
-    cap = uncut_hard(shapes.cone(24, 3))
-    new = slits(cap)
-    assert cap.surface.edge_lengths[new].sum() == pytest.approx(np.hypot(1, 1.5))
-    flat = uncut_hard(shapes.grid(5, 5))
-    assert not slits(flat).any()

@@ -6,7 +6,7 @@ import pytest
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.layout import eased, judge
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, middles, surface_of, uncut
+from tests.support.atlases import as_it_lies, cut_between, judged, middles, surface_of, uncut
 
 
 def three() -> Atlas:
@@ -31,19 +31,8 @@ def test_flips_stretches_and_overlaps_are_judged_chart_by_chart() -> None:
 
 def test_a_ring_overlaps_once_it_is_wound_further() -> None:
     """A ring with a narrow gap is good as it lies."""
-    t = np.linspace(0, 2 * np.pi - 0.02, 60)
-    rim = [np.stack([r * np.cos(t), r * np.sin(t), 0 * t], 1) for r in (0.8, 1.0)]
-    k = np.arange(59)
-    faces = np.r_[np.stack([k, 60 + k, 61 + k], 1), np.stack([k, 61 + k, k + 1], 1)]
-    atlas = as_it_lies(uncut(np.concatenate(rim), faces))
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
-    assert not judge(cut_mesh, uv).overlapping.any()
-    angle = np.arctan2(uv[:, 1], uv[:, 0]) % (2 * np.pi - 0.01)
-    wound = np.linalg.norm(uv, axis=1)[:, None] * np.stack(
-        [np.cos(1.2 * angle), np.sin(1.2 * angle)], 1
-    )
-    assert judge(cut_mesh, wound).overlapping.all()
+    for turn, overlaps in ((2 * np.pi - 0.02, False), (2.4 * np.pi, True)):
+        assert judged(as_it_lies(uncut(*shapes.wound(turn)))).overlapping.all() == overlaps
 
 
 def test_nearly_collapsed_faces_are_relaxed_and_what_is_far_stays() -> None:

@@ -6,20 +6,19 @@ from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import ROUGH
 from circparam.seams.moves.glue import MergeOptions
-from circparam.seams.segmentation.layout import judge, lay_out_fresh
+from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.small import absorb, small_note
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
+from tests.support.atlases import as_it_lies, cut_between, judged, middles, surface_of
 
 
 def straddled() -> Atlas:
     """A sphere in two charts and a third, of a few faces, across the seam between them."""
     surface = surface_of(*shapes.icosphere(3))
-    middle = surface.points[surface.faces].mean(1)
-    half = (middle[:, 2] > 0).astype(np.int64)
-    half[np.linalg.norm(middle - [1.0, 0, 0], axis=1) < 0.25] = 2
-    e = surface.edges // 3
-    atlas = Atlas(surface, half[e[:, 0]] != half[e[:, 1]])
+    middle = middles(surface)
+    label = (middle[:, 2] > 0).astype(np.int64)
+    label[np.linalg.norm(middle - [1.0, 0, 0], axis=1) < 0.25] = 2
+    atlas = cut_between(surface, label)
     assert atlas.charts()[0] == 3
     lay_out_fresh(atlas, None, ROUGH)
     return atlas
@@ -34,10 +33,8 @@ def test_small_charts_join_their_neighbours_face_by_face() -> None:
     assert absorb(atlas, MergeOptions(1.6, chart=np.inf), few + 1, Monitor()) == 0
     n, chart = atlas.charts()
     assert np.bincount(chart).min() > few
-    cut_mesh = atlas.cut_mesh()
-    laid = judge(cut_mesh, atlas.gather(cut_mesh))
     assert n == 2
-    assert not laid.bad(1.6).any()
+    assert not judged(atlas).bad(1.6).any()
 
 
 def test_small_charts_that_nobody_takes_stay_as_they_were() -> None:

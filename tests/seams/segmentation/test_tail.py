@@ -6,27 +6,16 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import Tail, face_stretch
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import repair
-from circparam.seams import SEAMS
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.glue import MergeOptions, merge
-from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits
 from circparam.solvers.newton import relax
 from tests.support import shapes
-from tests.support.atlases import assert_promises, middles, voronoi
+from tests.support.atlases import assert_promises, charts_of, middles, surface_of, voronoi
 
-NONE = 1e6  # a stretch that nothing reaches
 SPIKE = shapes.spiked_disk(400, 2.0)
 TUBE = shapes.tube(3.0)
-
-
-def charts_of(shape, **options):
-    surface, _ = repair(Mesh(*shape))
-    seams = SEAMS["charts"].function(surface, SeamOptions(**options), Monitor())
-    return Atlas(surface, seams.cut, seams.uv)
 
 
 def share_over(atlas, most):
@@ -43,9 +32,9 @@ def fewest(shape):
     return atlas
 
 
-def held(loose, most, **how):
+def held(loose, most, slits=True, **how):
     atlas = Atlas(loose.surface, loose.cut, loose.corners)
-    limit_stretch(atlas, Limits(1.05, most, **how), Monitor())
+    limit_stretch(atlas, Limits(1.05, most, **how), Monitor(), slits=slits)
     return atlas
 
 
@@ -58,34 +47,29 @@ def test_weights_alone_hold_the_default():
     assert_promises(better, 1.05)
 
 
+DRAFT = {"local": 8, "cuts_off": True}  # parts are cut off, no chart is split
+
+
+@pytest.mark.parametrize("how", [{}, DRAFT], ids=["full", "draft"])
 @pytest.mark.parametrize(
     ("shape", "most"), [(SPIKE, 1.5), (TUBE, 1.5), (TUBE, 1.25), (shapes.icosphere(3), 1.25)]
 )
-def test_seams_hold_what_weights_cannot(shape, most):
+def test_seams_hold_what_weights_cannot(shape, most, how):
     loose = fewest(shape)
-    better = held(loose, most)
+    better = held(loose, most, **how)
     assert share_over(loose, most) > 1e-3
     assert share_over(better, most) <= 1e-3
     assert better.seam_length > loose.seam_length
     assert_promises(better, 1.05)
 
 
-@pytest.mark.parametrize(
-    ("shape", "most"), [(SPIKE, 1.5), (TUBE, 1.25), (shapes.icosphere(3), 1.25)]
-)
-def test_a_draft_cuts_off_what_weights_cannot_hold(shape, most):
-    loose = fewest(shape)
-    better = held(loose, most, local=8, cuts_off=True)
-    assert share_over(loose, most) > 1e-3
-    assert share_over(better, most) <= 1e-3
-    assert_promises(better, 1.05)
-
-
-def test_what_is_cut_off_leaves_locked_edges_whole():
+@pytest.mark.parametrize(("locked", "how"), [(True, {}), (True, DRAFT), (False, {"slits": False})])
+def test_no_seam_is_added_where_none_may_be(locked, how):
     loose = fewest(SPIKE)
-    loose.surface.locked[~loose.cut] = True
-    better = held(loose, 1.5, local=8, cuts_off=True)
+    loose.surface.locked[~loose.cut] = locked
+    better = held(loose, 1.5, **how)
     assert np.array_equal(loose.cut, better.cut)
+    assert_promises(better, 1.05)
 
 
 def test_a_chart_without_a_tail_stays_whole_beside_one_that_is_split():
@@ -98,23 +82,6 @@ def test_a_chart_without_a_tail_stays_whole_beside_one_that_is_split():
 
 
 def test_charts_are_not_split_where_their_number_counts():
-    free = charts_of(SPIKE, max_stretch=1.2)
-    few = charts_of(SPIKE, max_stretch=1.2, max_charts=1)
-    assert free.charts()[0] > 1
-    assert few.charts()[0] == 1
-
-
-def test_no_seam_is_added_where_none_may_be():
-    atlas = charts_of(SPIKE, max_stretch=NONE)
-    before = atlas.cut.copy()
-    limit_stretch(atlas, Limits(1.05, 1.5), Monitor(), slits=False)
-    assert np.array_equal(atlas.cut, before)
-    assert_promises(atlas, 1.05)
-
-
-def test_locked_edges_stay_whole():
-    atlas = charts_of(SPIKE, max_stretch=NONE)
-    atlas.surface.locked[:] = True
-    before = atlas.cut.copy()
-    limit_stretch(atlas, Limits(1.05, 1.5), Monitor(), splits=False)
-    assert np.array_equal(atlas.cut, before)
+    surface = surface_of(*SPIKE)
+    assert charts_of(surface, max_stretch=1.2).charts()[0] > 1
+    assert charts_of(surface, max_stretch=1.2, max_charts=1).charts()[0] == 1

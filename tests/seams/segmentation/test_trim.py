@@ -5,9 +5,9 @@ import pytest
 
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import dual_graph
-from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.trim import Boxes, trim_overlaps
-from tests.support.atlases import as_it_lies, surface_of
+from tests.support import shapes
+from tests.support.atlases import as_it_lies, judged, uncut
 
 
 def flat_ring(turn: float, gaps: int = 0) -> Atlas:
@@ -15,27 +15,14 @@ def flat_ring(turn: float, gaps: int = 0) -> Atlas:
 
     gaps: quads that are missing from the middle of the ring at its far end, which leaves two ends.
     """
-    t, r = np.meshgrid(np.linspace(0, turn, 60), np.linspace(0.7, 1, 4), indexing="ij")
-    t, r = t.ravel(), r.ravel()
-    p = np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1)
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(59), np.arange(3), indexing="ij"))
-    there = ~((j == 1) & (i >= 59 - gaps))
-    i, j = i[there], j[there]
-    a = 4 * i + j
-    b, c, d = a + 1, a + 5, a + 4
-    surface = surface_of(p, np.r_[np.stack([a, c, b], 1), np.stack([a, d, c], 1)])
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    as_it_lies(atlas)
-    d = atlas.corners[:, 1:] - atlas.corners[:, :1]
-    area = (d[:, 0, 0] * d[:, 1, 1] - d[:, 0, 1] * d[:, 1, 0]).sum()
-    atlas.corners = atlas.corners * [np.sign(area), 1]
-    return atlas
+    points, faces = shapes.wound(turn)
+    i, j = np.divmod(np.arange(len(faces)) // 2, 3)
+    return as_it_lies(uncut(points, faces[(j != 1) | (i < 59 - gaps)]))
 
 
 def trimmed(atlas: Atlas) -> bool:
     """Whether its one chart lost what lay on the rest."""
-    cut_mesh, uv = atlas.open()
-    laid = judge(cut_mesh, uv)
+    laid = judged(atlas)
     assert laid.overlapping.all()
     return bool(trim_overlaps(atlas, dual_graph(atlas.surface), laid, np.ones(1, bool))[0])
 
@@ -51,7 +38,7 @@ def test_an_end_that_lies_on_the_other_is_cut_off(over: float) -> None:
     assert count == 2
     # by the angle, and two columns of faces at either side of its end
     assert np.bincount(chart).min() <= 6 * (59 * over / (2 * np.pi) + 2)
-    assert not judge(*atlas.open()).overlapping.any()
+    assert not judged(atlas).overlapping.any()
 
 
 def test_two_parts_that_lie_on_others_are_left_to_a_cut_in_two() -> None:
@@ -64,9 +51,8 @@ def test_two_parts_that_lie_on_others_are_left_to_a_cut_in_two() -> None:
 def test_charts_that_are_not_asked_for_stay() -> None:
     """The layout is not looked at elsewhere."""
     atlas = flat_ring(2 * np.pi + 0.15)
-    cut_mesh, uv = atlas.open()
-    laid = judge(cut_mesh, uv)
-    assert not trim_overlaps(atlas, dual_graph(atlas.surface), laid, np.zeros(1, bool)).any()
+    laid, none = judged(atlas), np.zeros(1, bool)
+    assert not trim_overlaps(atlas, dual_graph(atlas.surface), laid, none).any()
     assert not atlas.cut.any()
 
 
