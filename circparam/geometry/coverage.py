@@ -1,9 +1,9 @@
 """Texels that charts cover: scan conversion from the boundary alone, covered share, and the gaps between
 charts.
 
-A chart without flips and overlaps is the inside of its boundary. The covered texels follow from the crossings
-of boundary segments with texel rows, at the cost of the boundary, not of the faces. A chart that is folded is
-taken apart at its folds: its upright faces and its reversed ones have a boundary each.
+A chart covers a point as often as its boundary winds about the point. The covered texels follow from the
+crossings of boundary segments with texel rows, at the cost of the boundary, not of the faces. A chart that is
+folded is taken apart at its folds: its upright faces and its reversed ones have a boundary each.
 """
 
 import numpy as np
@@ -15,6 +15,9 @@ from circparam.geometry.raster import LabelGrid, free_border, row_crossings, sma
 from circparam.mesh.cut_mesh import CutMesh
 
 LAST_PAGE = 2**52  # float64 has no fractions beyond
+# texels: a centre this close to an edge counts as covered; far above the rounding of the check (1e-12), far
+# below the distance that matters
+EDGE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -88,36 +91,57 @@ def chart_boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArr
 def label_grid(
     cut_mesh: CutMesh, uv: FloatArray, resolution: int, charts: BoolArray | None = None
 ) -> LabelGrid:
-    """(resolution, resolution) int32, chart whose inside holds each texel centre, −1 if there is none.
+    """(resolution, resolution) chart whose inside holds each texel centre, −1 if there is none.
 
-    Row 0 is v = 0. Where charts overlap, the one that begins first in a row is seen. charts: (n_charts,)
-    bool, those to draw.
+    Row 0 is v = 0. charts: (n_charts,) bool, those to draw.
     """
     flat = cut_mesh.faces.ravel()
-    q = uv[cut_mesh.faces]
-    reversed_faces = cross_areas(q) < 0
+    reversed_faces = cross_areas(uv[cut_mesh.faces]) < 0
     side = reversed_faces[cut_mesh.edges // 3]
     folds = cut_mesh.edges[side[:, 0] != side[:, 1]]
     h = np.concatenate([cut_mesh.boundary, folds.ravel()])
     if charts is not None:
         h = h[charts[cut_mesh.chart[h // 3]]]
-    a, b = (uv[flat[k]] * resolution - 0.5 for k in (h, next_half_edge(h)))
-    edge, row, x = row_crossings(a, b, resolution, 0.0)
-    part = 2 * cut_mesh.chart[h[edge] // 3] + reversed_faces[h[edge] // 3]
-    order = np.lexsort((x, row, part))
-    x, row, chart = x[order], row[order], part[order] // 2
-    # of each chart, a row is inside from its first crossing to its second, and so on
-    begin = np.clip(np.ceil(x[0::2]), 0, resolution).astype(np.int64) + row[0::2] * resolution
-    end = np.clip(np.floor(x[1::2]) + 1, 0, resolution).astype(np.int64) + row[1::2] * resolution
+    a, b = (uv[flat[k]] * resolution for k in (h, next_half_edge(h)))
+    return painted(a, b, 2 * cut_mesh.chart[h // 3] + reversed_faces[h // 3], resolution)
+
+
+def painted(start: FloatArray, end: FloatArray, part: IntArray, side: int) -> LabelGrid:
+    """(side, side) label of the texels that closed outlines enclose, −1 for the others; row 0 is y = 0.
+
+    start, end: (b, 2) edges in texels. part: (b,) label · 2, and 1 more for reversed faces: the edges of each
+    part are closed. A centre within ``EDGE`` of an edge is covered. Where labels overlap, the one that begins
+    first in a row is seen.
+    """
+    edge, row, x = row_crossings(start, end, side)
+    order = np.lexsort((x, row, part[edge]))
+    edge, row, x = edge[order], row[order], x[order]
+    # every row of a part is crossed up as often as down, so one sum serves all of them
+    winding = np.cumsum(np.where(end[edge, 1] > start[edge, 1], 1, -1))
+    inside = np.flatnonzero(winding[:-1])
+    # a row is crossed where the upper end lies above: centres at the height of a vertex, and on edges along a
+    # row, may be missed
+    height = [np.rint(p[:, 1] - 0.5) for p in (start, end)]
+    level = [np.abs(p[:, 1] - 0.5 - h) <= EDGE for p, h in zip((start, end), height, strict=True)]
+    along = np.flatnonzero(level[0] & level[1] & (height[0] == height[1]))
+    tip = np.flatnonzero(level[0])
+    ends = np.stack([start[along, 0], end[along, 0]])
+    low = np.concatenate([x[inside], ends.min(0), start[tip, 0]])
+    high = np.concatenate([x[inside + 1], ends.max(0), start[tip, 0]])
+    rows = np.concatenate([row[inside], height[0][along], height[0][tip]]).astype(np.int64)
+    label = part[np.concatenate([edge[inside], along, tip])] // 2
+    first = np.clip(np.ceil(low - 0.5 - EDGE), 0, side).astype(np.int64)
+    stop = np.clip(np.floor(high - 0.5 + EDGE) + 1, 0, side).astype(np.int64)
+    on = np.flatnonzero((stop > first) & (rows >= 0) & (rows < side))
+    begin, stop, label = (rows * side + first)[on], (rows * side + stop)[on], label[on]
     # the grid out of runs of texels, counted row after row
-    label = chart[0::2]
-    order = np.lexsort((end, begin))
-    begin, end, label = begin[order], end[order], label[order]
-    reached = np.maximum.accumulate(np.r_[0, end])
+    order = np.lexsort((stop, begin))
+    begin, stop, label = begin[order], stop[order], label[order]
+    reached = np.maximum.accumulate(np.r_[0, stop])
     begin = np.maximum(begin, reached[:-1])
-    end = np.maximum(begin, end)
-    length = np.stack([begin - np.r_[0, end[:-1]], end - begin], 1)
-    value = np.stack([np.full(len(label), -1, np.int32), label.astype(np.int32)], 1)
-    rest = resolution * resolution - int(length.sum())
-    drawn = np.repeat(np.append(value, np.int32(-1)), np.append(length, rest))
-    return drawn.reshape(resolution, resolution)
+    ends = np.stack([begin, np.maximum(begin, stop)], 1).ravel()
+    kind = np.int16 if label.max(initial=0) < np.iinfo(np.int16).max else np.int32
+    value = np.full(2 * len(label) + 1, -1, kind)
+    value[1::2] = label
+    drawn: LabelGrid = np.repeat(value, np.diff(np.r_[0, ends, side * side]))
+    return drawn.reshape(side, side)

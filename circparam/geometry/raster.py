@@ -1,10 +1,8 @@
 """Scan conversion, a z-buffer and gaps between labels in plain NumPy: no loop over faces or pixels.
 
-Two rules decide which texels a triangle covers, and both are needed. ``fragments`` samples: each centre belongs
-to exactly one of two faces that share an edge, as a picture wants it. ``covered_runs`` is conservative:
-triangles on both sides cover a centre on an edge, or near it within rounding. A check that promises free texels
-needs this rule. ``row_crossings`` is the scan conversion of closed boundaries, where the inside is found by
-counting. Pixels and texels have their centres at k + ½ unless said otherwise.
+``fragments`` samples triangles: each centre belongs to one of two faces that share an edge, as a picture
+wants it. ``row_crossings`` is the scan conversion of closed boundaries, where the inside is found by counting.
+Pixels and texels have their centres at k + ½.
 """
 
 from collections.abc import Iterator
@@ -13,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import blocks, cross_areas, ranges, slices, sorted_distinct
+from circparam.core.arrays import ranges, slices, sorted_distinct
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -25,9 +23,6 @@ CHUNK_FRAGMENTS = 4_000_000  # fragments at once: bounds the memory at about 0.3
 BAND_ROWS = 32
 # texels: a gap looked for up to here is found offset by offset, beyond by trees, in less time there
 NEAR_TEXELS = 16
-# texels: a centre this close to an edge counts as covered; far above the rounding of the check (1e-12), far
-# below the distance that matters
-EDGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,48 +148,6 @@ def barycentric(xy: FloatArray, face: IntArray, pixel: IntArray, width: int) -> 
     return out
 
 
-def covered_runs(corners: FloatArray, height: int) -> Iterator[tuple[IntArray, ...]]:
-    """Runs of covered texels of triangles, centres on an edge included: corners (m, 3, 2) in texels.
-
-    ``fragments`` gives a centre on an edge to one side only. This function errs to the safe side: a centre
-    within EDGE of a triangle is covered, so two triangles may both claim it.
-
-    Yields (triangle, row, first column, number of columns) of the runs that are not empty, block by block.
-    Rows outside 0..height-1 are left out; columns are not clipped.
-    """
-    p = corners - 0.5
-    clockwise = cross_areas(p) < 0
-    p = np.where(clockwise[:, None, None], p[:, ::-1], p)
-    low = np.maximum(np.ceil(p[:, :, 1].min(1) - EDGE), 0).astype(np.int64)
-    high = np.minimum(np.floor(p[:, :, 1].max(1) + EDGE), height - 1).astype(np.int64)
-    count = np.maximum(high - low + 1, 0)
-    for k in blocks(count):
-        triangle = k.start + np.repeat(np.arange(k.stop - k.start), count[k])
-        row = low[triangle] + ranges(count[k])
-        first, length = _run(p, triangle, row)
-        keep = length > 0
-        yield triangle[keep], row[keep], first[keep], length[keep]
-
-
-def _run(p: FloatArray, triangle: IntArray, row: IntArray) -> tuple[IntArray, IntArray]:
-    """(first column, number of columns) of counter-clockwise triangles in rows; centres at whole numbers."""
-    left = np.full(len(triangle), -np.inf)
-    right = np.full(len(triangle), np.inf)
-    for k in range(3):
-        a, b = p[triangle, k], p[triangle, (k + 1) % 3]
-        dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
-        # only the edges that reach the row bound it, clamped so that none reaches beyond its ends
-        t = (row - a[:, 1]) / np.where(dy == 0, 1.0, dy)
-        reaches = np.abs(row - (a[:, 1] + b[:, 1]) / 2) <= np.abs(dy) / 2 + EDGE
-        x = a[:, 0] + np.clip(t, 0.0, 1.0) * dx
-        left = np.where((dy < 0) & reaches, np.maximum(left, x), left)
-        right = np.where((dy > 0) & reaches, np.minimum(right, x), right)
-    ok = np.isfinite(left) & np.isfinite(right)
-    first = np.ceil(np.where(ok, left, 0.0) - EDGE).astype(np.int64)
-    last = np.floor(np.where(ok, right, -1.0) + EDGE).astype(np.int64)
-    return first, last - first + 1
-
-
 def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: IntArray) -> int:
     """Number of texels that the outlines of two charts run through, or one where another chart covers.
 
@@ -222,21 +175,21 @@ def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: In
 
 
 def row_crossings(
-    start: FloatArray, end: FloatArray, height: int, centre: float = 0.5
+    start: FloatArray, end: FloatArray, height: int
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Where edges cross the lines through the centres of rows 0..height−1, y = row + centre.
+    """Where edges cross the lines through the centres of rows 0..height−1, y = row + ½.
 
     start, end: (e, 2). An edge crosses a row if its lower end is at or below the row's line and its upper end
     above. A shared end point then counts once, so a closed boundary crosses each row an even number of times.
     Returns (edge (k,), row (k,), x (k,)), edges in ascending order.
     """
     low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
-    first = np.clip(np.ceil(low - centre), 0, height).astype(np.int64)
-    last = np.clip(np.ceil(high - centre), 0, height).astype(np.int64)
+    first = np.clip(np.ceil(low - 0.5), 0, height).astype(np.int64)
+    last = np.clip(np.ceil(high - 0.5), 0, height).astype(np.int64)
     count = last - first
     edge = np.repeat(np.arange(len(start)), count)
     row = first[edge] + ranges(count)
-    t = (row + centre - start[edge, 1]) / (end[edge, 1] - start[edge, 1])
+    t = (row + 0.5 - start[edge, 1]) / (end[edge, 1] - start[edge, 1])
     return edge, row, start[edge, 0] + t * (end[edge, 0] - start[edge, 0])
 
 

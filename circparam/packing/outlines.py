@@ -5,11 +5,19 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    cross_areas,
+    group_sum,
+    next_half_edge,
+)
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.mesh.halfedge import run_opposite, sort_by_edge
+from circparam.mesh.halfedge import boundary_half_edges, shared_edges, sort_by_edge
 
 _QUARTER = np.pi / 2
 
@@ -48,31 +56,18 @@ class Shapes:
         return len(self.area)
 
     @cached_property
-    def simple(self) -> BoolArray:
-        """(n,) charts with area, no face of which is reversed, whose edges have two faces of one orientation.
+    def rim(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Edges round the upright faces of each chart and round its reversed ones: (b,) vertices at the start
+        and the end; (b,) part, the number of the chart · 2, and 1 more for reversed faces.
 
-        The winding number of their outlines at a point is the number of faces over the point.
+        The winding number of the edges of a part at a point is the number of its faces over the point.
         """
-        signed = self._doubled
-        runs = sort_by_edge(self.faces, len(self.points))
-        crowded = runs.order[runs.head[runs.size > 2]]
-        against = runs.pairs[~run_opposite(self.faces, runs.pairs)].ravel()
-        result = self.area > 0
-        result[np.intersect1d(self.chart[signed > 0], self.chart[signed < 0])] = False
-        result[self.chart[np.concatenate([crowded, against]) // 3]] = False
-        return result
-
-    @cached_property
-    def scanned(self) -> BoolArray:
-        """(m,) faces whose texels outlines do not give: faces of charts that are not simple, and faces without
-        area."""
-        return np.asarray(~self.simple[self.chart] | (self._doubled == 0))
-
-    @cached_property
-    def _doubled(self) -> FloatArray:
-        """(m,) twice the signed areas."""
-        q = self.points[self.faces]
-        return cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+        sign = np.sign(cross_areas(self.points[self.faces]))
+        inner = shared_edges(self.faces)
+        one, other = sign[inner.T // 3]
+        h = boundary_half_edges(len(self.faces), inner[(one == other) & (one != 0)])
+        flat, part = self.faces.ravel(), 2 * self.chart + (sign < 0)
+        return flat[h], flat[next_half_edge(h)], part[h // 3]
 
     @cached_property
     def perimeter(self) -> float:

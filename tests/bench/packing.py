@@ -85,7 +85,7 @@ def peer(name: str, python: str, charts: Charts, seconds: float) -> dict[str, An
         except (subprocess.TimeoutExpired, RuntimeError):
             return None
     corners = out["uv"][out["faces"]] * RESOLUTION
-    grid, _ = owner_raster(corners, np.zeros(len(corners), np.int64), RESOLUTION)
+    grid = owner_raster(corners, np.zeros(len(corners), np.int64), RESOLUTION)
     return {**said, "share": float((grid >= 0).mean())}
 
 
@@ -94,7 +94,7 @@ def measure(charts: Charts, sparrow: str | None) -> dict[str, Any]:
     start = time.perf_counter()
     corners = charts.packed() * RESOLUTION
     seconds = time.perf_counter() - start
-    grid, _ = owner_raster(corners, charts.chart, RESOLUTION)
+    grid = owner_raster(corners, charts.chart, RESOLUTION)
     gap, border = smallest_gap(grid, PADDING + 1)[0], free_border(grid)
     count = int(charts.chart.max()) + 1
     nested = sparrow if 1 < count <= SPARROW_UP_TO else None

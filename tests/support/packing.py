@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from circparam.packing.coverage import face_runs, painted
+from circparam.geometry.coverage import painted
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
@@ -33,8 +33,10 @@ def blobs(n, seed, spread=0.8):
 
 
 def owner_raster(corners, owner, side):
-    """Owner of each texel of a page, −1 if empty, by its faces (m, 3, 2) alone; and texels with two owners."""
-    return painted(face_runs(corners, owner, side), side)
+    """Owner of each texel of a page, −1 if empty, by each of its faces (m, 3, 2) alone."""
+    part = np.repeat(2 * np.arange(len(corners)), 3)
+    face = painted(corners.reshape(-1, 2), np.roll(corners, -1, 1).reshape(-1, 2), part, side)
+    return np.where(face < 0, -1, owner[face])
 
 
 def edges_of(faces, uv):

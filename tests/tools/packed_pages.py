@@ -66,7 +66,7 @@ def pages(mesh: Mesh, pythons: dict[str, str]) -> dict[str, tuple[np.ndarray, np
 
 def page_image(corners: np.ndarray, chart: np.ndarray) -> tuple[Image.Image, float]:
     """One page, and the share of it that is covered."""
-    grid, _ = owner_raster(corners * RESOLUTION, chart, RESOLUTION)
+    grid = owner_raster(corners * RESOLUTION, chart, RESOLUTION)
     rng = np.random.default_rng(7)
     hue = np.r_[rng.permutation(COLOURS) / COLOURS]
     colour = 0.62 + 0.3 * np.cos(2 * np.pi * (hue[:, None] + [0.0, 1 / 3, 2 / 3]))
