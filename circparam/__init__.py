@@ -111,7 +111,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOME:
         value = getattr(importlib.import_module(f"circparam.{_HOME[name]}"), name)
         if isinstance(value, type(__getattr__)):
-            from circparam.integrations.words import python_words
+            from circparam.pipeline.words import python_words
 
             value = python_words(value)
         globals()[name] = value

@@ -25,6 +25,7 @@ from circparam.bake.sampling import (
     texture_paint,
 )
 from circparam.core.arrays import group_max, group_min
+from circparam.core.fields import Range, shown
 from circparam.core.monitor import Monitor
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
@@ -41,6 +42,7 @@ from circparam.mesh.mesh import UVMap
 SHAPE_KINDS = ("normals", "height")  # kinds that tell the shape of the source, not its colours
 KINDS = ("vertex-colors", "texture", *SHAPE_KINDS)
 MAX_SIDE_TEXELS = 16384
+SIDE_TEXELS = Range(1, MAX_SIDE_TEXELS, f"1 to {MAX_SIDE_TEXELS} texels a side", whole=True)
 # sizes of the mesh from which its closest points are doubtful, and meaningless
 DOUBTFUL_SIZES, LOST_SIZES = 0.1, 1.0
 Texels: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -78,8 +80,7 @@ def bake(
     Raises OptionError for a size outside 1..16384, InputError if the layout has no uv, NaN uv, or a chart
     that leaves its unit tile.
     """
-    if not 1 <= size <= MAX_SIDE_TEXELS:
-        raise OptionError(f"size {size}: give 1 to {MAX_SIDE_TEXELS} texels a side")
+    SIDE_TEXELS.check("size", size)
     monitor = monitor or Monitor()
     tile = tiles_of(layout)
     images: dict[tuple[int, int], Texels] = {}
@@ -197,7 +198,8 @@ def bake_document(
     belongs to other meshes.
     """
     if kind not in KINDS:
-        raise OptionError(f"--from {kind!r} is unknown: choose {' or '.join(KINDS)}")
+        raise OptionError(f"unknown --from {kind!r}: choose one of {', '.join(KINDS)}")
+    SIDE_TEXELS.check("--size", size)
     across = across or Across()
     check_across(kind, source is not None, across)
     layout = document.require_uv(uv_set)
@@ -258,6 +260,9 @@ def check_across(kind: str, has_source: bool, across: Across) -> None:
             raise OptionError("--map needs another mesh: name it with --source")
         if kind in SHAPE_KINDS:
             raise OptionError(f"--from {kind} needs the mesh whose shape is baked: --source OTHER")
+    by = across.by
+    if by is not None and not isinstance(by, SurfaceMap) and by != "nearest":
+        raise OptionError(f"--map {shown(by)}: give nearest, or a map between the two surfaces")
     if across.cage is not None:
         if across.by != "nearest" and (across.by is not None or kind not in SHAPE_KINDS):
             raise OptionError("--cage needs --map nearest: give it, or leave --cage out")

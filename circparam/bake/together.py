@@ -23,7 +23,7 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import output_format, read
 from circparam.formats.joined import image_name, join
-from circparam.pipeline.configure import open_source
+from circparam.pipeline.configure import open_sources
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.options import Options
@@ -52,7 +52,7 @@ def rebake_together(
     options, look = options_of(keywords, options)
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
-        documents = [open_source(source, options) for source in sources]
+        documents = open_sources(sources, "sources", options)
     outputs = outputs_in(folder, documents, names)
     return rebake_documents(documents, outputs, options, look, monitor)
 

@@ -4,7 +4,7 @@ import io
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,11 +19,13 @@ from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.slots import GLOSS
-from circparam.formats.io import encode, read
+from circparam.formats.io import encode
 from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.formats.table import up_of
 from circparam.formats.upright import turned, y_up
+from circparam.maps.surface_map import SurfaceMap
+from circparam.pipeline.configure import open_source
 
 # channels that --from texture carries, by their names in glTF, OBJ and PLY
 ONE = ("base colour", "diffuse", "map_kd", "texture")
@@ -230,21 +232,21 @@ def _plain(texture: dict[str, int], kind: str) -> dict[str, Any]:
 
 
 def bake_mesh(
-    mesh: str | os.PathLike[str] | Document,
+    mesh: Any,
     kind: str,
     output: str | os.PathLike[str] | None = None,
     *,
-    source: str | os.PathLike[str] | Document | None = None,
+    source: Any = None,
     overwrite: bool = False,
-    across: Across | None = None,
+    across: Across | SurfaceMap | Literal["nearest"] | None = None,
     **keywords: Any,
 ) -> Baked:
     """Carry colours, a texture, normals or heights into the uv of a mesh.
 
-    mesh: a file or a ``Document`` with uv. kind: texture, vertex-colors, normals or height. output: an image
-    (.png) or the mesh with the image inside (.glb); None writes nothing. source: the mesh with the colours or
-    the shape, None for the mesh itself. across: how places are found on the source. keywords: uv_set, size in
-    texels, monitor, see ``bake_document``.
+    mesh: as for ``circparam.unwrap``, with uv. kind: texture, vertex-colors, normals or height. output: an
+    image (.png) or the mesh with the image inside (.glb); None writes nothing. source: the mesh with the
+    colours or the shape, None for the mesh itself. across: how places are found on it, or ``by`` alone.
+    keywords: uv_set, size in texels, monitor, see ``bake_document``.
 
     Returns the images by tile and the notes on them. Raises OptionError, InputError, OutputError.
     """
@@ -253,8 +255,10 @@ def bake_mesh(
         check_target(target, kind)
         if target.exists() and not overwrite:
             raise OptionError(f"{target}: the file exists; replace it with --overwrite")
-    document = mesh if isinstance(mesh, Document) else read(mesh)
-    other = source if source is None or isinstance(source, Document) else read(source)
+    if not isinstance(across, Across):
+        across = Across(across)
+    document = open_source(mesh)
+    other = None if source is None else open_source(source)
     number = keywords.get("uv_set", 0)
     left = [] if target is None else check_left_behind(target, document, other, kind, number)
     baked = bake_document(document, kind, source=other, across=across, **keywords)

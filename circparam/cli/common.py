@@ -14,7 +14,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from circparam.cli import exits, progress
-from circparam.core.fields import Spec, specs
+from circparam.core.fields import Spec, specs, types_of
 from circparam.core.imports import OnDemand
 from circparam.core.registry import unknown_name
 from circparam.errors import GateError
@@ -183,7 +183,7 @@ MESH = click.Path(dir_okay=True, allow_dash=True, readable=False)
 FILE = click.Path(readable=False)
 
 # options of the library ------------------------------------------------------------------------------
-_TYPES: dict[str, Any] = {"int": int, "float": float, "str": str}  # every other type is in a file
+_TYPES = (int, float, str)  # every other type is in a file
 
 
 def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
@@ -193,12 +193,12 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
     """
     spec = specs(fields)[name]
     own = next(f for f in dataclasses.fields(fields) if f.name == name)
-    base = str(own.type).split(" |")[0]  # as it is written, without None
+    types = types_of(fields)[name]
     section = next((s for s, stages in SECTIONS.items() if spec.stage in stages), INFORMATION)
     flag = spec.flag or "--" + name.replace("_", "-")
     words = filter(None, (spec.short, _parameter(name, spec)))
     known: dict[str, Any] = {"metavar": spec.metavar}
-    if base == "bool":
+    if bool in types:
         known["is_flag"] = True
         if "/" in spec.flag:
             known["default"] = own.default
@@ -209,7 +209,8 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
     elif spec.names is not None:
         known["type"] = Name(name, spec.names)
     else:
-        known["type"] = click.Choice(spec.choices) if spec.choices else _TYPES.get(base, FILE)
+        plain = next((kind for kind in _TYPES if kind in types), FILE)
+        known["type"] = click.Choice(spec.choices) if spec.choices else plain
     text = other.pop("help", spec.text)
     return value(flag, text, *words, section=section, **(known | other))
 

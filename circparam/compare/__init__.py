@@ -11,8 +11,9 @@ from circparam.core.callable_room import make_callable
 
 def _function() -> Callable[..., Any]:
     from circparam.compare.compare import compare
+    from circparam.pipeline.words import python_words
 
-    return compare
+    return python_words(compare)
 
 
 make_callable(__name__, _function)

@@ -30,7 +30,7 @@ from circparam.pipeline.configure import method_options, open_source
 from circparam.pipeline.flatten import find_seams
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.jobs import start_for
-from circparam.pipeline.options import DEFAULT_METHOD, Options
+from circparam.pipeline.options import DEFAULT_METHOD, Options, from_keywords
 from circparam.pipeline.place import Placed, chart_signs, place
 from circparam.pipeline.verify import verify
 from circparam.seams import SEAMS
@@ -157,7 +157,8 @@ def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, 
         method = name if name in METHODS else DEFAULT_METHOD
         accepted = METHODS[name].accepts if name in METHODS else ()
         mine = {k: v for k, v in given.items() if k not in for_methods or k in accepted}
-        out[name] = Options(method=method, cut="charts" if cut == "auto" else cut, **mine)
+        mine |= {"method": method, "cut": "charts" if cut == "auto" else cut}
+        out[name] = from_keywords(mine)
     return out
 
 

@@ -6,15 +6,17 @@ same ``Spec``. So an option is added with one field.
 
 import dataclasses
 import difflib
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import field
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args, get_type_hints
 
 from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 
+LONGEST_VALUE = 80  # characters of a value that a message repeats
 KEY = "option"  # under which the metadata of a field hold its Spec
 
 # (all options, name of the field) → why it has no effect beside the others; None if it has one
@@ -23,11 +25,15 @@ Condition: TypeAlias = Callable[[Any, str], str | None]
 
 @dataclass(frozen=True)
 class Range:
-    """The values of a number, both ends included; ``meaning`` gives its kind and unit."""
+    """The values of a number, both ends included; ``meaning`` gives its kind and unit.
+
+    whole: whether only whole numbers are values.
+    """
 
     low: float
     high: float
     meaning: str
+    whole: bool = False
 
     def __contains__(self, value: object) -> bool:
         if isinstance(value, bool) or not isinstance(value, Real):
@@ -37,7 +43,9 @@ class Range:
     def check(self, name: str, value: object) -> None:
         """Raise OptionError if a value is not a number of the range; ``name`` as the user wrote it."""
         if value not in self:
-            raise OptionError(f"{name} {value!r}: give {self.meaning}")
+            raise OptionError(f"{name} {shown(value)}: give {self.meaning}")
+        if self.whole and value != int(value):  # type: ignore[call-overload]
+            raise OptionError(f"{name} {value!r}: give a whole number")
 
 
 @dataclass(frozen=True)
@@ -91,6 +99,29 @@ def flag(name: str, spec: Spec) -> str:
     return spec.flag.split("/")[0] or "--" + name.replace("_", "-")
 
 
+@functools.cache
+def types_of(options: Any) -> dict[str, frozenset[Any]]:
+    """Name of the field → the types that it may hold, for every field of a dataclass."""
+    hints = get_type_hints(options)
+    return {f.name: frozenset(get_args(hints[f.name]) or {hints[f.name]})
+            for f in dataclasses.fields(options)}  # fmt: skip
+
+
+def shown(value: object) -> str:
+    """A value that was given, in one short line: arrays and other containers by their shape or length."""
+    if (shape := getattr(value, "shape", None)) is not None and shape != ():
+        return f"(an array of shape {shape})"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}…"
+
+
+def _switch(name: str, value: object) -> bool:
+    """A value as True or False; OptionError for a word, of which any would count as true."""
+    if isinstance(value, str) or value not in (True, False):
+        raise OptionError(f"{name} {shown(value)}: give True or False")
+    return bool(value)
+
+
 def check(options: Any) -> None:
     """Check every option of an instance, None meaning "not given": its field takes the default.
 
@@ -98,6 +129,7 @@ def check(options: Any) -> None:
     effect beside the others raises it too. A count given as a float, such as 512.0, becomes an integer.
     """
     fields = {f.name: f for f in dataclasses.fields(options)}
+    types = types_of(options.__class__)
     for name, spec in specs(options).items():
         value = getattr(options, name)
         if value is None:
@@ -114,15 +146,17 @@ def check(options: Any) -> None:
             if value != spec.word:
                 raise OptionError(f"{flag(name, spec)} {value!r}: give {spec.word} or a number")
         elif spec.bounds is not None:
-            spec.bounds.check(flag(name, spec), value)
-            if "int" in str(fields[name].type).split(" | "):
-                if value != int(value):
-                    raise OptionError(f"{flag(name, spec)} {value!r}: give a whole number")
+            whole = int in types[name] or spec.bounds.whole
+            dataclasses.replace(spec.bounds, whole=whole).check(flag(name, spec), value)
+            if int in types[name]:
                 object.__setattr__(options, name, int(value))
-        if spec.choices and value not in spec.choices:
+        elif types[name] <= {bool, type(None)}:
+            object.__setattr__(options, name, _switch(flag(name, spec), value))
+        if spec.choices and not (isinstance(value, str) and value in spec.choices):
             choices = ", ".join(spec.choices)
-            raise OptionError(f"unknown {flag(name, spec)} {value!r}: choose one of {choices}")
-        if spec.names is not None and value not in (names := spec.names()):
+            raise OptionError(f"unknown {flag(name, spec)} {shown(value)}: choose one of {choices}")
+        names = spec.names() if spec.names is not None else None
+        if names is not None and not (isinstance(value, str) and value in names):
             raise OptionError(unknown_name(name, str(value), names))
     for name, spec in specs(options).items():
         if spec.applies is None or getattr(options, name) is None:

@@ -10,10 +10,10 @@ from circparam.core.monitor import Listener
 from circparam.errors import InputError, OptionError
 from circparam.formats.memory import from_arrays
 from circparam.integrations.python import with_options
-from circparam.integrations.words import python_words
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.options import Options
 from circparam.pipeline.unwrap import unwrap
+from circparam.pipeline.words import python_words
 
 # options that say how a file is read or written
 FILES = {name for name, spec in specs(Options).items() if spec.stage in ("writing", "files")} - {

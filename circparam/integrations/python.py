@@ -6,11 +6,11 @@ import inspect as introspection
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
-from circparam.integrations.words import python_words
 from circparam.pipeline import together
 from circparam.pipeline import unwrap as unwrapping
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Result
+from circparam.pipeline.words import python_words
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -25,7 +25,7 @@ from circparam.maps.carried_charts import (
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.configure import open_source
+from circparam.pipeline.configure import open_source, open_sources
 from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.options import from_keywords
 from circparam.pipeline.result import Result
@@ -109,16 +109,18 @@ def transfer(
     if keywords.get("uv_set") is not None:
         keywords = {**keywords, "overwrite_uv": True}
     options = from_keywords({**keywords, "cut": "none", "normalize": False})
-    outputs = [None] * len(targets) if outputs is None else list(outputs)
-    if len(outputs) != len(targets):
-        raise OptionError(f"{len(targets)} targets have {len(outputs)} outputs: give one for each")
     monitor = Monitor(listener, None, 1)
     with monitor.stage("read"):
         document = open_source(source, options)
         uvmap = document.require_uv(options.uv_set or 0)
         surface, _ = repair(document.mesh, RepairOptions(0.0, True, by_position=True), uvmap)
         charts = SourceCharts(given_atlas(surface, uvmap, document.source.name))
-        documents = [open_source(target, options) for target in targets]
+        documents = open_sources(targets, "targets", options)
+    outputs = [None] * len(documents) if outputs is None else list(outputs)
+    if len(outputs) != len(documents):
+        raise OptionError(
+            f"{len(documents)} targets have {len(outputs)} outputs: give one for each"
+        )
     jobs = [prepare(d, o, options, monitor) for d, o in zip(documents, outputs, strict=True)]
     carried = []
     with monitor.stage("transfer"):

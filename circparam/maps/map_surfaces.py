@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import Any, TypeAlias, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,6 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.io import read
 from circparam.formats.sidecars import read_landmarks, read_paths
 from circparam.maps import landmarks as marking
 from circparam.maps.charts import add_charts
@@ -25,15 +24,12 @@ from circparam.maps.overlay import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
 from circparam.maps.solution import Distortion, MapSolution, distortion, face_energies, solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
-from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline.configure import open_source
 from circparam.solvers.tutte.weights import WEIGHTS
 
 POOR_DISTORTION = 1.5  # mean above which more landmarks are advised
 POSITIVE_TAG = "positive"  # tag that a row of WEIGHTS needs for maps that are one to one
-
-Surface: TypeAlias = (
-    "Mesh | Document | str | os.PathLike[str] | tuple[npt.ArrayLike, npt.ArrayLike]"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +77,8 @@ class Keywords(TypedDict, total=False):
 
 
 def map_surfaces(
-    a: Surface,
-    b: Surface,
+    a: Any,
+    b: Any,
     *,
     landmarks: npt.ArrayLike | str | os.PathLike[str] | None = None,
     paths: Sequence[Sequence[int]] | None = None,
@@ -92,7 +88,7 @@ def map_surfaces(
 ) -> MapResult:
     """A one-to-one map between two connected surfaces with as many handles and boundaries.
 
-    a, b: a file, a Document, a Mesh, or (points, faces). landmarks: (k, 2) pairs of vertices of a and b,
+    a, b: as for ``circparam.unwrap``. landmarks: (k, 2) pairs of vertices of a and b,
     counted from 0, or a file with a pair on each line. The map takes them to each other exactly. None:
     alignment gives some to surfaces in similar poses. paths: sequences of vertices of a that are landmarks. The
     shortest paths between them are the first cuts on both surfaces (a file of landmarks may hold lines ``path 1
@@ -113,6 +109,7 @@ def map_surfaces(
     method, mirrored = keywords.get("method", "mean-value"), keywords.get("mirrored", False)
     relax = keywords.get("relax", True)
     pairs, routes = _pairs(landmarks, paths)
+    a, b = open_source(a), open_source(b)
     layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
     good = [name for name in WEIGHTS.names() if POSITIVE_TAG in WEIGHTS[name].tags]
     if method not in good:
@@ -122,7 +119,7 @@ def map_surfaces(
         )
     monitor = Monitor(listener)
     with monitor.stage("repair"):
-        side_a, side_b = map_input_of(_mesh(a), "A"), map_input_of(_mesh(b), "B", mirrored)
+        side_a, side_b = map_input_of(a.mesh, "A"), map_input_of(b.mesh, "B", mirrored)
         require_same(side_a, side_b)
     with monitor.stage("landmarks"):
         marks = _landmarks(pairs, routes, layouts, side_a, side_b, mirrored)
@@ -244,21 +241,9 @@ def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
     ]
 
 
-def _layout(surface: Surface, name: str) -> UVMap:
+def _layout(surface: Document, name: str) -> UVMap:
     """The first uv set of a document."""
-    if isinstance(surface, (str, os.PathLike)):
-        surface = read(surface)
-    found = surface.uv() if isinstance(surface, Document) else None
+    found = surface.uv() if surface.uv_sets else None
     if found is None:
         raise InputError(f"{name}: it has no uv, and --charts needs the charts of both surfaces")
     return found
-
-
-def _mesh(surface: Surface) -> Mesh:
-    if isinstance(surface, Mesh):
-        return surface
-    if isinstance(surface, Document):
-        return surface.mesh
-    if isinstance(surface, tuple):
-        return Mesh(np.asarray(surface[0], np.float64), np.asarray(surface[1], np.int64))
-    return read(surface).mesh

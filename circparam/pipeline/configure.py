@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import relabel
+from circparam.core.fields import shown
 from circparam.core.limits import mip_level
 from circparam.core.plural import counted
 from circparam.core.types import IntArray
@@ -30,8 +31,9 @@ from circparam.pipeline.verify import uv_seams
 from circparam.seams.options import SeamOptions, Search
 
 
-def open_source(source: Any, options: Options) -> Document:
-    """A document from any source of ``unwrap``."""
+def open_source(source: Any, options: Options | None = None) -> Document:
+    """A document from any source of ``unwrap``; options: those of reading."""
+    options = options or Options()
     if isinstance(source, Document):
         return source
     if isinstance(source, (str, os.PathLike)):
@@ -42,7 +44,7 @@ def open_source(source: Any, options: Options) -> Document:
         return from_arrays(*source)
     if hasattr(source, "geometry") and hasattr(source, "graph"):
         if not any(hasattr(part, "faces") for part in source.geometry.values()):
-            raise InputError("the trimesh Scene has no faces to unwrap")
+            raise InputError("the trimesh Scene has no faces")
         data = source.export(file_type="glb")
         return read_data(
             data, Source("the trimesh Scene"), format="glb", unshare=bool(options.unshare)
@@ -50,9 +52,19 @@ def open_source(source: Any, options: Options) -> Document:
     if hasattr(source, "vertices") and hasattr(source, "faces"):
         return from_trimesh(source)
     raise InputError(
-        f"cannot unwrap a {type(source).__name__}: give a path, arrays (points, faces), a Mesh, "
+        f"a {type(source).__name__} is no mesh: give a path, arrays (points, faces), a Mesh, "
         "a Document, a trimesh.Trimesh or a Scene"
     )
+
+
+def open_sources(sources: Any, what: str, options: Options | None = None) -> list[Document]:
+    """Documents from a list of sources of ``unwrap``; ``what`` names the list for messages.
+
+    Raises OptionError for a single source in place of a list.
+    """
+    if isinstance(sources, (str, os.PathLike, Document, Mesh)) or hasattr(sources, "vertices"):
+        raise OptionError(f"{what} {shown(sources)}: give a list of meshes, even of one")
+    return [open_source(source, options) for source in sources]
 
 
 def target_format(

@@ -1,7 +1,7 @@
 """Inspection of a mesh without changes: its topology, its uv, and their quality."""
 
 from dataclasses import field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from circparam.geometry.coverage import LAST_PAGE
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.topology import TopologyReport, describe
+from circparam.pipeline.configure import open_source
 from circparam.pipeline.stored_groups import verify_set
 from circparam.pipeline.verify import Promise, Verification, reasons
 
@@ -37,7 +38,7 @@ class Inspection:
 
 
 def inspect(
-    document: Document,
+    source: Any,
     *,
     uv_set: int | None = None,
     weld: float = 0.0,
@@ -45,16 +46,17 @@ def inspect(
     padding: int | Literal["auto"] = 4,
     group_by: str | None = None,
 ) -> Inspection:
-    """Describe a document; with ``uv_set`` judge that set at a resolution in texels. padding: in texels, or
-    'auto', which grows with the resolution. group_by: owner of an atlas: 'primitive', 'mesh' or 'scene'; None
-    as the file says (see ``verify_set``).
+    """Describe a mesh; with ``uv_set`` judge that set at a resolution in texels. source: as for ``unwrap``.
+    padding: in texels, or 'auto', which grows with the resolution. group_by: owner of an atlas: 'primitive',
+    'mesh' or 'scene'; None as the file says (see ``verify_set``).
 
-    Raises InputError if the set does not exist, or no face has uv in it, OptionError for a resolution or
-    padding (texels) out of range.
+    Raises InputError if the source is no mesh, the set does not exist, or no face has uv in it. Raises
+    OptionError for a resolution or padding (texels) out of range.
     """
     RESOLUTION.check("--resolution", resolution)
     padding = auto_padding(resolution) if padding == "auto" else padding
     PADDING.check("--padding", padding)
+    document = open_source(source)
     topology = describe(document.mesh, weld)
     notes = list(document.notes)
     if uv_set is None:

@@ -2,8 +2,6 @@
 
 from typing import Any, Literal, TypedDict
 
-import numpy.typing as npt
-
 
 class Keywords(TypedDict, total=False):
     """Keywords of ``unwrap``, ``repack`` and ``parametrize``: the fields of ``Options``."""
@@ -11,10 +9,10 @@ class Keywords(TypedDict, total=False):
     method: str
     start: str | None
     boundary: str | None
-    polygon: npt.ArrayLike | None
+    polygon: Any
     spacing: Literal["arc-length", "uniform"] | None
     clamp: bool | None
-    pins: npt.ArrayLike | None
+    pins: Any
     tolerance: float | None
     blend: float | None
     lscm: Literal["spectral", "pinned"] | None

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import hashlib
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from circparam.core import limits
 from circparam.core.fields import Range, check, option, specs
@@ -21,9 +22,6 @@ from circparam.core.workers import cores
 from circparam.errors import OptionError
 from circparam.pipeline import applies
 from circparam.pipeline.named_numbers import EVEN, check_density_words
-
-if TYPE_CHECKING:  # importing this module loads no NumPy: the command line reads it for its help
-    from circparam.core.types import FloatArray
 
 # names that options had before; they keep working
 ALIASES = {"border": "boundary", "bff_border": "bff_boundary"}
@@ -88,7 +86,7 @@ class Options:
         "flattening", "Boundary of convex methods: circle, square, virtual, polygon FILE.",
         metavar="NAME", shown="circle", names=_boundaries, applies=applies.accepted,
     )
-    polygon: FloatArray | None = option(
+    polygon: Any = option(
         "corners", "Corners of --boundary polygon.", flag="--boundary polygon", applies=applies.with_polygon
     )
     spacing: str | None = option(
@@ -98,7 +96,7 @@ class Options:
     clamp: bool | None = option(
         "flattening", "Raise negative weights, so that no face can flip.", applies=applies.accepted
     )
-    pins: FloatArray | None = option(
+    pins: Any = option(
         "flattening", "Fixed points, one a line: vertex (from 0) u v. Nothing is packed.",
         flag="--pin", metavar="FILE", applies=applies.accepted,
     )
@@ -437,13 +435,27 @@ class Options:
         return DEFAULT_PADDING if self.padding is None else int(self.padding)
 
     def given(self) -> dict[str, Any]:
-        """The options that differ from their defaults, for a report."""
-        defaults = {f.name: f.default for f in dataclasses.fields(self)}
-        values = {name: getattr(self, name) for name in defaults}
-        plain = {k: v for k, v in values.items() if isinstance(v, (str, int, float, bool))}
-        out = {k: v for k, v in plain.items() if v is not None and v != defaults[k]}
+        """The options that differ from their defaults, for a report; arrays by shape and digest."""
+        out: dict[str, Any] = {}
+        for f in dataclasses.fields(self):
+            value = getattr(self, f.name)
+            if value is None or value is f.default:
+                continue
+            if not isinstance(value, (str, int, float, bool)):
+                out[f.name] = _described(value)
+            elif value != f.default:
+                out[f.name] = value
         # readers of older reports find their names too
         return out | {old: out[name] for old, name in ALIASES.items() if name in out}
+
+
+def _described(value: Any) -> dict[str, Any]:
+    """An array that was given, for a report: its shape and a digest of its numbers."""
+    import numpy as np  # importing this module loads no NumPy: the command line reads it for its help
+
+    array = np.asarray(value)
+    digest = hashlib.sha256(repr(array.tolist()).encode()).hexdigest()
+    return {"shape": list(array.shape), "sha256": digest}
 
 
 def from_keywords(keywords: Mapping[str, Any], options: Options | None = None) -> Options:

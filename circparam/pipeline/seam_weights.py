@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import edge_keys, next_half_edge
+from circparam.core.fields import shown
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
@@ -32,11 +33,16 @@ def edge_weights(
         return np.asarray((at_vertex[a] + at_vertex[b]) / 2)
     n = len(repairs.weld)
     try:
-        rows = np.asarray(given, np.float64).reshape(-1, 3)
+        rows = np.asarray(given, np.float64)
     except (TypeError, ValueError):
+        rows = np.full(1, np.nan)
+    if not rows.size:
+        rows = np.empty((0, 3))
+    if rows.ndim != 2 or rows.shape[1] != 3 or np.isnan(rows[:, :2]).any():
         raise OptionError(
-            f"--seam-weights {given!r}: give 'colour', or rows of two vertices and a weight"
-        ) from None
+            f"--seam-weights {shown(given)}: give 'colour', or rows of two vertices (−1 as the second for the "
+            "weight of one) and a weight"
+        )
     if not (rows[:, 2] >= 0).all():
         raise InputError("--seam-weights: a weight is a number from 0 (free) to inf (never)")
     vertices = rows[:, :2]
@@ -71,7 +77,7 @@ def _ends(row: FloatArray) -> str:
 def _painted(document: Document, surface: Surface, word: str) -> FloatArray:
     """(n,) weight of every point by its colour: grey 1, the greener the less down to 0, red up to inf."""
     if word != COLOUR:
-        raise OptionError(f"--seam-weights {word!r}: give a file, or '{COLOUR}'")
+        raise OptionError(f"--seam-weights {shown(word)}: give a file, or '{COLOUR}'")
     colours = document.colours()
     if colours is None:
         raise OptionError(

@@ -26,7 +26,7 @@ from circparam.formats.joined import JoinedDocument, join, joined_layout
 from circparam.formats.table import output_suffix, takes_unshare
 from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.configure import open_source, write_options
+from circparam.pipeline.configure import open_sources, write_options
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.named_numbers import EVEN, SOURCE
@@ -116,7 +116,7 @@ def unwrap_together(
     options = from_keywords(keywords, options)
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
-        documents = [open_source(source, options) for source in sources]
+        documents = open_sources(sources, "sources", options)
     outputs = outputs_in(folder, documents, names)
     return unwrap_documents(documents, outputs, options, monitor)
 

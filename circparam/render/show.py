@@ -15,11 +15,11 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.io import read
 from circparam.formats.materials import decode, media_type
 from circparam.formats.table import up_of
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
+from circparam.pipeline.configure import open_source
 from circparam.pipeline.result import Result
 from circparam.pipeline.stored_groups import VerifiedSet, laid_apart, verify_set
 from circparam.render.colours import END
@@ -211,7 +211,7 @@ def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes,
 
 
 def view(
-    source: str | os.PathLike[str] | Document | Result,
+    source: Any,
     output: str | os.PathLike[str],
     *,
     overwrite: bool = False,
@@ -219,9 +219,9 @@ def view(
 ) -> Path:
     """Draw the uv of a file, a document or a result of ``unwrap``; returns where.
 
-    output: a name that ends in .png, .svg or .html. look: fields of ``Look``, and ``before``, a path or a
-    document. A result that is not a file is drawn as by ``--preview`` and takes none. Raises OptionError,
-    InputError, OutputError.
+    source: a result of ``unwrap``, or a mesh with uv as for ``unwrap``. output: a name that ends in .png, .svg
+    or .html. look: fields of ``Look``, and ``before``, a mesh as for ``unwrap``. A result that is not a file is
+    drawn as by ``--preview`` and takes none. Raises OptionError, InputError, OutputError.
     """
     path = Path(output)
     check_kind(path)
@@ -233,10 +233,9 @@ def view(
         save_result(path, source, os.path.basename(source.path or "in memory"))
         return path
     place = source.path if isinstance(source, Result) else source
-    document = place if isinstance(place, Document) else read(str(place))
-    before = look.get("before")
-    if before is not None and not isinstance(before, Document):
-        look["before"] = read(os.fspath(before))
+    document = open_source(place)
+    if look.get("before") is not None:
+        look["before"] = open_source(look["before"])
     view_document(document, path, **look)
     return path
 

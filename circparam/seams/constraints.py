@@ -4,7 +4,15 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    edge_keys,
+    group_count,
+    next_half_edge,
+)
+from circparam.core.plural import counted
 from circparam.errors import OptionError
 from circparam.mesh.surface import Surface
 from circparam.seams.options import SeamOptions
@@ -35,7 +43,8 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
 
     Returns (the surface with the forbidden edges locked as well, (e,) bool edges that must be seams, notes).
     A polygon is never cut open: an edge inside one is left out of the seams, and the notes say so. Raises
-    OptionError where an edge is both demanded and forbidden, or names no edge of the mesh.
+    OptionError where an edge is both demanded and forbidden, or names no edge of the mesh, and where the edges
+    that are left cut nothing open.
     """
     notes: list[str] = []
     locked = surface.locked
@@ -67,7 +76,25 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
                 "them out of one"
             )
         forced |= asked & ~surface.locked
+    if options.no_cut is not None or options.weights is not None:
+        _check_open(surface, locked)
     return dataclasses.replace(surface, locked=locked), forced, notes
+
+
+def _check_open(surface: Surface, locked: BoolArray) -> None:
+    """Raise OptionError where faces joined by locked edges cannot be laid flat, whatever else is cut."""
+    patches = surface.cut_mesh(~locked)
+    rims = group_count(patches.loops.chart, patches.n_charts)
+    handles = (2 - patches.euler() - rims) // 2
+    bad = (rims == 0) | (handles > 0)
+    if bad.any():
+        faces = bad[patches.chart]
+        first = int(surface.source[faces].min())
+        why = "without a boundary" if (rims[bad] == 0).any() else "with a handle"
+        raise OptionError(
+            f"--no-seams and weights of inf leave {counted(int(faces.sum()), 'face')} {why} (the first is "
+            f"face {first}), which cannot be laid flat: allow seams along some of their edges"
+        )
 
 
 def seam_prices(surface: Surface, options: SeamOptions) -> FloatArray | None:

@@ -78,7 +78,7 @@ def disk(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     crossed = int((cut & surface.locked).sum())
     if crossed:
         notes.append(
-            f"{crossed} edges of polygons or --no-seams are cut, since no disk is reached without them"
+            f"{crossed} edges inside polygons are cut, since no disk is reached without them"
         )
     return Seams(cut, None, notes)
 

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from circparam.core.fields import Range
+from circparam.core.fields import Range, shown, types_of
 from circparam.core.limits import check_page
 from circparam.errors import OptionError
+from circparam.pipeline.options import Options
 
 ROOM = Range(1, 10, "a room from 1 to 10")
 
@@ -25,6 +26,36 @@ def test_what_is_outside_or_no_number(value: object) -> None:
     assert value not in ROOM
     with pytest.raises(OptionError, match=r"^--room .*: give a room from 1 to 10$"):
         ROOM.check("--room", value)
+
+
+def test_a_count_is_whole() -> None:
+    rooms = Range(1, 10, "a room from 1 to 10", whole=True)
+    rooms.check("--room", 3.0)
+    with pytest.raises(OptionError, match=r"--room 1\.5: give a whole number"):
+        rooms.check("--room", 1.5)
+
+
+def test_types_are_those_of_the_fields() -> None:
+    """A type that only holds the word int, such as Interval, was taken for a count."""
+    found = types_of(Options)
+    assert found["pages"] == {int, type(None)}
+    assert found["padding"] == {int, str, type(None)}
+    assert found["overwrite"] <= {bool, type(None)}
+
+
+def test_a_switch_is_no_word() -> None:
+    """``repair="no"`` repaired."""
+    with pytest.raises(OptionError, match="--repair 'no': give True or False"):
+        Options(repair="no")
+    switched = Options(overwrite=1, repair=np.False_)
+    assert (switched.overwrite, switched.repair) == (True, False)
+
+
+def test_values_in_messages_are_short_lines() -> None:
+    assert shown(np.zeros((3, 2))) == "(an array of shape (3, 2))"
+    assert shown("draft") == "'draft'"
+    assert "\n" not in shown([np.zeros((3, 3))] * 9)
+    assert len(shown(list(range(10**4)))) < 100
 
 
 @pytest.mark.parametrize(("resolution", "padding"), [(1, 0), (3, 1), (64, 31), (65, 32)])

@@ -30,6 +30,44 @@ def test_compare_and_bake_are_called_by_their_names(tmp_path: Path) -> None:
         circparam.bake(tmp_path / "u.ply", "vertex-colors", tmp_path / "c.png", size=64)
 
 
+def test_every_function_takes_what_unwrap_takes(tmp_path: Path) -> None:
+    """inspect wanted a Document, view, bake and map_surfaces a path, and said so by tracebacks."""
+    points, faces = shapes.icosphere(1)
+    uv = np.random.default_rng(1).random((len(points), 2))
+    solid = trimesh.Trimesh(points, faces, process=False)
+    dressed = trimesh.Trimesh(
+        points, faces, visual=trimesh.visual.TextureVisuals(uv=uv), process=False
+    )
+    for mesh in (solid, (points, faces), circparam.Mesh(points, faces)):
+        assert len(circparam.inspect(mesh).document.mesh.faces) == 80
+    assert circparam.inspect(dressed, uv_set=0).uv is not None
+    assert circparam.view(dressed, tmp_path / "v.svg").stat().st_size > 0
+    there = circparam.map_surfaces(solid, (points, faces), landmarks=[[0, 0], [1, 1], [2, 2]])
+    assert there.a_to_b.mean == pytest.approx(1, abs=1e-6)
+    laid = circparam.unwrap(solid, tmp_path / "m.obj", **QUICK)
+    assert circparam.bake(tmp_path / "m.obj", "normals", source=solid, size=16).covered > 0
+    assert len(circparam.transfer(tmp_path / "m.obj", [solid])) == 1
+    for wrong in (None, b"bytes", laid):
+        with pytest.raises(circparam.InputError, match="is no mesh: give a path, arrays"):
+            circparam.inspect(wrong)
+
+
+def test_one_mesh_in_place_of_a_list(tmp_path: Path) -> None:
+    """The letters of its name were taken for files."""
+    for call in (
+        lambda: circparam.transfer("mesh.obj", "lod.obj"),
+        lambda: circparam.unwrap_together("lod.obj", tmp_path),
+        lambda: circparam.rebake_together(tmp_path / "lod.obj", tmp_path),
+        lambda: circparam.transfer("mesh.obj", trimesh.creation.box()),
+    ):
+        with pytest.raises(
+            circparam.CircparamError, match=r"give a list of meshes|mesh\.obj: no such"
+        ):
+            call()
+    with pytest.raises(circparam.OptionError, match=r"sources .*: give a list of meshes"):
+        circparam.unwrap_together("lod.obj", tmp_path)
+
+
 def test_they_stay_packages_and_functions_whatever_was_imported_first() -> None:
     code = (
         "import circparam.bake.bake, circparam.compare.rows, circparam;"

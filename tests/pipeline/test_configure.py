@@ -32,7 +32,7 @@ def test_every_kind_of_source_is_a_document() -> None:
         np.testing.assert_array_equal(open_source(source, Options()).mesh.faces, f)
     for source in (path, str(path), document):
         assert len(open_source(source, Options()).mesh.faces) == len(document.mesh.faces)
-    with pytest.raises(errors.InputError, match="cannot unwrap a list"):
+    with pytest.raises(errors.InputError, match="a list is no mesh: give a path"):
         open_source([1, 2, 3], Options())
 
 

@@ -165,6 +165,7 @@ def test_what_a_method_accepts_is_an_option_with_a_reason() -> None:
     for name in names - {"polygon"}:
         other = next(row for row in METHODS if name not in row.accepts)
         value = {"start": "uniform", "boundary": "square", "spacing": "uniform", "lscm": "pinned"}
+        value |= {"clamp": True, "linear": True}
         with pytest.raises(OptionError, match=r"has no effect here: .*; leave it out"):
             Options(method=other.name, **{name: value.get(name, 0.5)})
 
@@ -174,6 +175,15 @@ def test_importing_the_options_is_light() -> None:
     code = "import sys, circparam.pipeline.options; print('numpy' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "False\n"
+
+
+def test_arrays_are_reported_by_shape_and_digest() -> None:
+    """A report left them out, as if they had not been given."""
+    pairs = [[0, 1], [1, 2]]
+    first = Options(seams=pairs).given()["seams"]
+    assert first["shape"] == [2, 2]
+    assert Options(seams=np.array(pairs)).given()["seams"] == first
+    assert Options(seams=pairs[::-1]).given()["seams"]["sha256"] != first["sha256"]
 
 
 def test_defaults_and_given() -> None:

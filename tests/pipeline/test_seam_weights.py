@@ -134,3 +134,13 @@ def test_what_the_mesh_does_not_have(tmp_path: Path):
             circparam.unwrap(ball, seam_weights=given, **QUICK)
     with pytest.raises(InputError, match="a weight is a number"):
         circparam.unwrap(ball, seam_weights=rows(np.array([0]), -1.0), **QUICK)
+
+
+@pytest.mark.parametrize(
+    "given", [np.ones(80), [(0, 2.0), (1, 2.0), (2, 2.0)], [(0, np.nan, 1.0)], "x" * 9999]
+)
+def test_rows_of_another_length_are_refused_in_a_short_line(given: object) -> None:
+    """Three rows of two were read as two rows of three."""
+    with pytest.raises(OptionError, match=r"give 'colour', or|give a file, or") as error:
+        circparam.unwrap(shapes.icosphere(1), seam_weights=given, **QUICK)
+    assert len(str(error.value)) < 200

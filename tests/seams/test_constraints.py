@@ -39,6 +39,22 @@ def test_named_edges() -> None:
         constrain(surface, SeamOptions(cut=np.array([[5, 6]]), no_cut=np.array([[6, 5]])))
 
 
+@pytest.mark.parametrize("option", ["no_cut", "weights"])
+def test_edges_that_leave_no_way_to_open_a_surface(option: str) -> None:
+    """The error advised another cut, which did not help either."""
+    surface = surface_of(*shapes.icosphere(1))
+    one = np.arange(len(surface.edges)) == 7
+    for allowed, works in ((np.zeros_like(one), False), (one, True)):
+        weights = np.where(allowed, 1.0, np.inf)
+        given = {"no_cut": pairs_of(surface)[~allowed], "weights": weights}[option]
+        asked = SeamOptions(**{option: given})
+        if works:
+            assert (~constrain(surface, asked)[0].locked == one).all()
+            continue
+        with pytest.raises(OptionError, match=r"80 faces without a boundary .* is face 0"):
+            constrain(surface, asked)
+
+
 def roof(degrees: float) -> Surface:
     """Two triangles that meet in one edge, their normals at an angle."""
     a = np.radians(degrees)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from circparam.core.arrays import next_half_edge
 from circparam.core.monitor import Monitor
-from circparam.errors import InputError, TopologyError
+from circparam.errors import InputError, OptionError, TopologyError
 from circparam.mesh.cut_mesh import close_holes
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
@@ -109,7 +109,7 @@ def test_polygons_stay_whole():
         assert not (seams.cut & surface.locked).any()
 
 
-def test_forbidden_edges_are_cut_only_where_there_is_no_other_way():
+def test_forbidden_edges_are_never_cut():
     surface = surface_of(shapes.torus())
     free = cut_disk(surface)
     a = surface.faces.ravel()[surface.edges[:, 0]]
@@ -118,9 +118,8 @@ def test_forbidden_edges_are_cut_only_where_there_is_no_other_way():
     seams = cut_disk(surface, SeamOptions(no_cut=pairs[free.cut]))
     check_disks(surface, seams.cut, 1)
     assert not (seams.cut & free.cut).any()
-    everything = cut_disk(surface, SeamOptions(no_cut=pairs))
-    check_disks(surface, everything.cut, 1)
-    assert any("since no disk is reached" in note for note in everything.notes)
+    with pytest.raises(OptionError, match=r"with a handle .*: allow seams along some of their"):
+        cut_disk(surface, SeamOptions(no_cut=pairs[3:]))
 
 
 def test_demanded_seams_are_kept_and_each_part_becomes_a_disk():

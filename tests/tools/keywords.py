@@ -14,8 +14,6 @@ HEAD = '''"""The options as typed keywords, for completion and type checks; made
 
 from typing import Any, Literal, TypedDict
 
-import numpy.typing as npt
-
 
 class Keywords(TypedDict, total=False):
     """Keywords of ``unwrap``, ``repack`` and ``parametrize``: the fields of ``Options``."""
@@ -39,8 +37,6 @@ def _type(kind: str, spec: Spec) -> str:
         base = f"Literal[{', '.join(repr(c) for c in spec.choices)}]".replace("'", '"')
     elif spec.word:
         base = base.replace("str", f'Literal["{spec.word}"]')
-    elif base == "FloatArray":
-        base = "npt.ArrayLike"
     return base + none
 
 

@@ -1,13 +1,14 @@
 """Errors name keywords where a Python caller reads them, flags where a shell user does."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 import circparam
 from circparam.errors import CircparamError, OptionError
-from circparam.integrations.words import in_python
 from circparam.pipeline.unwrap import unwrap as of_the_pipeline
+from circparam.pipeline.words import in_python
 from tests.support import shapes
 
 SAID = {
@@ -42,6 +43,29 @@ def test_the_command_line_keeps_its_flags_and_python_its_keywords() -> None:
         circparam.unwrap(mesh, padding=5000)
     assert type(shell.value) is type(python.value)
     assert "--" not in str(python.value)
+
+
+def test_bake_and_compare_speak_python(tmp_path: Path) -> None:
+    """They named flags of their commands: --from, --methods, --overwrite, --padding."""
+    mesh, there = tmp_path / "m.obj", tmp_path / "there.png"
+    circparam.unwrap(shapes.cube(1), mesh, effort="draft", jobs=1)
+    there.touch()
+    bake, compare = circparam.bake, circparam.compare
+    for call, said in (
+        (lambda: bake(mesh, "textur"), "unknown kind='textur'"),
+        (lambda: bake(mesh, "height"), "kind='height' needs the mesh whose shape is baked: source"),
+        (lambda: bake(mesh, "normals", there), "replace it with overwrite=True"),
+        (lambda: bake(mesh, "normals", source=mesh, size=1.5), "size=1.5: give a whole number"),
+        (lambda: bake(mesh, "normals", source=mesh, across="x"), "across.by='x': give nearest"),
+        (lambda: bake(mesh, "texture", across="nearest"), "name it with source"),
+        (lambda: compare(mesh, ""), "methods names no method"),
+        (lambda: compare(mesh, "lscm", padding=10**7), "padding=10000000"),
+        (lambda: compare(mesh, "lscm", paddin=1), "did you mean padding"),
+        (lambda: circparam.transfer(mesh, [mesh], max_drift=-1), "max_drift=-1"),
+    ):
+        with pytest.raises(OptionError, match=re.escape(said)) as error:
+            call()
+        assert "--" not in str(error.value)
 
 
 def test_every_public_function_speaks_python(tmp_path: Path) -> None:

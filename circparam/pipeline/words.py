@@ -5,16 +5,19 @@ Messages are written once, with flags; this module turns flags into keywords.
 """
 
 import functools
+import inspect
 import re
-from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from collections.abc import Callable, Mapping
+from typing import ParamSpec, TypeAlias, TypeVar
 
-from circparam.core.fields import Spec, flag, specs
+from circparam.core.fields import Spec, flag, specs, types_of
 from circparam.errors import CircparamError
 from circparam.pipeline.options import ALIASES, Options
 
 P = ParamSpec("P")
 T = TypeVar("T")
+# flag → its keyword and the words that it takes as values
+Names: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]
 
 # a flag that stands alone, and a possible value behind it: a number or a word in quotes
 FLAG = re.compile(
@@ -36,44 +39,59 @@ def _flags() -> dict[str, tuple[str, Spec]]:
     }
 
 
-def in_python(message: str) -> str:
-    """A message with keywords where it names flags: ``--cut none`` becomes ``cut='none'``."""
-    return FLAG.sub(_keyword, message)
+def in_python(message: str, names: Names | None = None) -> str:
+    """A message with keywords where it names flags: ``--cut none`` becomes ``cut='none'``.
+
+    names: flags that are no options of an unwrap, or mean another keyword.
+    """
+    return FLAG.sub(lambda found: _keyword(found, names or {}), message)
 
 
-def _keyword(found: re.Match[str]) -> str:
+def _keyword(found: re.Match[str], names: Names) -> str:
     spelling, value = found.group(1), found.group(2)
-    if spelling not in _flags():
-        return found.group(0)
-    name, spec = _flags()[spelling]
     rest = "" if value is None else f" {value}"
-    if spec.flag.endswith("/" + spelling) or (spelling.startswith("--no-") and spec.switches_off):
-        return f"{name}=False{rest}"
+    words: set[str]
+    if spelling in names:
+        name, words, switch = names[spelling][0], set(names[spelling][1]), False
+    elif spelling in _flags():
+        name, spec = _flags()[spelling]
+        off = spelling.startswith("--no-") and spec.switches_off
+        if off or spec.flag.endswith("/" + spelling):
+            return f"{name}=False{rest}"
+        words = {*spec.choices, *(spec.names() if spec.names else ())}
+        switch = bool in types_of(Options)[name]
+    else:
+        return found.group(0)
     if value == "FILE":
         return f"{name}=..."
     if value is not None and (value[0] in "'+-.0123456789"):
         return f"{name}={value}"
-    words = {*spec.choices, *(spec.names() if spec.names else ())}
     if value in words:
         return f"{name}={value!r}"
-    switch = "bool" in str(Options.__annotations__[name])
     return f"{name}=True{rest}" if switch else name + rest
 
 
-def python_words(function: Callable[P, T]) -> Callable[P, T]:
+def python_words(function: Callable[P, T], names: Names | None = None) -> Callable[P, T]:
     """A public function whose errors name keywords instead of flags; class and cause stay.
 
-    Its place is the package, so that it can be pickled: ``pool.map(circparam.unwrap, files)``.
+    names: flags that stand for other keywords than those of their names. The function's place is the package,
+    so that it can be pickled: ``pool.map(circparam.unwrap, files)``.
     """
     if function.__module__ == "circparam":
         return function
+    own = {
+        "--" + name.replace("_", "-"): (name, ())
+        for name in inspect.signature(function).parameters
+        if name not in specs(Options)
+    }
+    known: Names = {**own, **(names or {})}
 
     @functools.wraps(function)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             return function(*args, **kwargs)
         except CircparamError as error:
-            said = in_python(str(error))
+            said = in_python(str(error), known)
             if said == str(error):
                 raise
             raise type(error)(said).with_traceback(error.__traceback__) from error.__cause__
