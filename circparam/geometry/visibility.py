@@ -35,7 +35,6 @@ COARSE_PIXELS, FINE_PIXELS, COARSE_FACES = 128, 256, 10_000
 # faces: derived arrays of a block stay in the cache, twice as fast on 100,000 faces and more
 FACES_AT_ONCE = 16_000
 ALL = slice(None)
-DIRECTION_PARTS = 2  # of the directions of a reported share, which two processes may look along
 
 # corners (3, 3, l) of faces, centres (3, s) of small ones
 Scene: TypeAlias = tuple[FloatArray, FloatArray]
@@ -293,14 +292,9 @@ def visible_share(surface: Surface, cut: BoolArray) -> float | None:
 
     It is Σ length · share / Σ length, shares as ``edge_shares`` has them; None if the edges have no length.
     """
-    if not surface.edge_lengths[cut].sum() > 0:
-        return None
-    return sum(visible_part(surface, cut, k) for k in range(DIRECTION_PARTS))
-
-
-def visible_part(surface: Surface, cut: BoolArray, k: int) -> float:
-    """The part of ``visible_share`` by the directions k, for edges with a length."""
     length = surface.edge_lengths[cut]
+    if not length.sum() > 0:
+        return None
     pixels = COARSE_PIXELS if len(surface.faces) <= COARSE_FACES else FINE_PIXELS
-    shares = edge_shares(surface, REPORTED_DIRECTIONS, pixels, cut, slice(k, None, DIRECTION_PARTS))
+    shares = edge_shares(surface, REPORTED_DIRECTIONS, pixels, cut)
     return float((length * shares).sum() / length.sum())

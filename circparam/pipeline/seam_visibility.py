@@ -4,10 +4,9 @@ import time
 from dataclasses import replace
 
 from circparam.core.monitor import Monitor
-from circparam.core.records import dataclass
 from circparam.core.types import BoolArray
 from circparam.core.workers import DeferredTask
-from circparam.geometry.visibility import DIRECTION_PARTS, visible_part, visible_share
+from circparam.geometry.visibility import visible_share
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 from circparam.pipeline.verify import Verification, uv_seams
@@ -16,47 +15,34 @@ from circparam.pipeline.verify import Verification, uv_seams
 VISIBILITY_COST = 6.0
 
 
-def first_part(surface: Surface, cut: BoolArray, monitor: Monitor) -> float:
-    """Part 0 of ``visible_share``. monitor: not asked, it is soon done."""
-    return visible_part(surface, cut, 0)
-
-
-@dataclass(frozen=True)
-class KnownFigure:
-    """A figure that was found already, or never will be."""
-
-    value: float | None
-
-    def __call__(self) -> float | None:
-        """The figure."""
-        return self.value
+def seen_share(surface: Surface, cut: BoolArray, monitor: Monitor) -> float | None:
+    """As ``visible_share``. monitor: not asked, the caller knows whether there is time."""
+    return visible_share(surface, cut)
 
 
 class SeamVisibility:
-    """The visibility of the seams of a layout: an idle process takes half of the directions."""
+    """The visibility of the seams of a layout: an idle process looks while this one verifies and writes."""
 
     def __init__(self, surface: Surface, uvmap: UVMap, monitor: Monitor) -> None:
         self._surface, self._uvmap, self._monitor = surface, uvmap, monitor
         self._deferred: DeferredTask | None = None
         if monitor.jobs > 1 and not self._late():
-            self._cut = uv_seams(surface, uvmap)
-            if surface.edge_lengths[self._cut].sum() > 0:
+            cut = uv_seams(surface, uvmap)
+            if cut.any():
                 # caches of a surface need not be sent
-                task = (replace(surface), self._cut)
-                self._deferred = DeferredTask(monitor.jobs, first_part, task, monitor)
+                task = replace(surface), cut
+                self._deferred = DeferredTask(monitor.jobs, seen_share, task, monitor)
                 self._deferred.begin()
 
     def completed(self, found: Verification) -> Verification:
-        """A verification of that layout which knows the figure, where another process looked or time is up.
+        """A verification of that layout which finds the figure on demand, or never where time is up.
 
-        Otherwise the figure is computed on demand, because a caller of the library may never ask.
+        A caller of the library may never ask for it.
         """
         if self._deferred is not None and self._deferred.begun:
-            # here meanwhile, all in the order of ``visible_share``: so the sum is the same to the last digit
-            rest = [visible_part(self._surface, self._cut, k) for k in range(1, DIRECTION_PARTS)]
-            return replace(found, seen=KnownFigure(sum([self._deferred.result(), *rest])))
+            return replace(found, seen=self._deferred.result)
         if self._late():
-            return replace(found, seen=KnownFigure(None))
+            return replace(found, seen=lambda: None)
         if self._surface is found.surface:
             return found
         cut = uv_seams(self._surface, self._uvmap)
@@ -69,4 +55,4 @@ class SeamVisibility:
         return last is not None and time.monotonic() + cost > last
 
 
-__all__ = ["KnownFigure", "SeamVisibility", "first_part"]
+__all__ = ["SeamVisibility", "seen_share"]

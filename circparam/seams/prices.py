@@ -12,7 +12,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
-from circparam.geometry.visibility import DIRECTION_PARTS, edge_shares
+from circparam.geometry.visibility import edge_shares
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
@@ -22,6 +22,7 @@ from circparam.seams.options import SeamOptions
 FLAT_PRICE = COST.flat  # lengths: a seam inside a flat, so that any way round the flat is cheaper
 DIRECTIONS = 64  # of parallel light in which an edge may be seen
 PIXELS = 2 * DIRECTIONS  # side of the image of one direction
+DIRECTION_PARTS = 2  # of the directions, which two processes may look along
 TYPICAL_SHARE = 0.5  # of the directions see an edge of a convex shape
 LEAST_SHARE = 0.2  # of TYPICAL_SHARE: an edge seen from fewer directions counts as hidden
 VISIBILITY_POWER = 4.0  # of the share in the price, at full strength
@@ -33,8 +34,7 @@ LEAST_WEIGHT = 1e-6  # least weight of the user: seams that cost nothing would t
 def edge_costs(atlas: Atlas) -> FloatArray:
     """(e,) cost of a seam along each edge, infinite where it is locked."""
     surface = atlas.surface
-    none = np.zeros(len(surface.faces), bool)
-    price = (edge_prices(surface, none) if atlas.prices is None else atlas.prices).price
+    price = _soft_prices(turns(surface)[0]) if atlas.prices is None else atlas.prices.price
     if surface.price is not None:
         # the rim of a flat is seen from more directions than the flat, which must not draw seams into it
         price = np.where(price < FLAT_PRICE, price * surface.price, price)
@@ -53,10 +53,16 @@ def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
     inside = flats(surface)[1]
     steep = np.interp(angle, np.radians([0.5, 5, 20, 30]), [1.6, 1.2, 0.6, 0.4])
     steep = np.where(inside | (angle < FLAT), FLAT_PRICE, steep * np.where(concave, 0.8, 1.0))
-    price = np.where(of_hard, steep, 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(angle)), 0, 1)))
+    price = np.where(of_hard, steep, _soft_prices(angle))
     return SeamPrices(
         price, inside & of_hard, (angle >= SHARP) & of_hard, (angle >= CREASE) & of_hard
     )
+
+
+def _soft_prices(angle: FloatArray) -> FloatArray:
+    """(e,) prices of the edges of organic surfaces, which turn by that angle."""
+    price: FloatArray = 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(angle)), 0, 1))
+    return price
 
 
 def shares_of_part(
