@@ -3,7 +3,14 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, stable_order
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    mask_of,
+    stable_order,
+)
 from circparam.core.graph import components, distances, nearest, undirected
 from circparam.core.records import dataclass
 
@@ -94,7 +101,13 @@ def bands(
     value = np.zeros(n)
     owner[chains.vertex] = chains.chain
     value[chains.vertex] = chains.position
-    open_edge = ~blocked[ends[0]] & ~blocked[ends[1]]
+    # no path is longer than ``rings`` edges, so the others need not be sorted
+    near = mask_of(n, chains.vertex)
+    for _ in range(rings):
+        ahead, back = near[ends[0]], near[ends[1]]
+        near[ends[1][ahead]] = near[ends[0][back]] = True
+    near &= ~blocked
+    open_edge = near[ends[0]] & near[ends[1]]
     a, b = ends[0][open_edge], ends[1][open_edge]
     if len(chains.vertex) and len(a):
         _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), chains.vertex, rings)
@@ -138,9 +151,13 @@ def route(
     """
     ends, weight, owner, value = bands.ends, bands.weight, bands.owner, bands.value
     n, k = len(owner), len(start)
-    a, b = np.r_[ends[0], ends[1]], np.r_[ends[1], ends[0]]
-    w = np.r_[weight, weight]
-    edge = np.r_[np.arange(len(weight)), np.arange(len(weight))]
+    on = owner >= 0
+    on[start] = on[end] = True
+    used = np.flatnonzero(on[ends[0]] & on[ends[1]])
+    a, b = ends[0][used], ends[1][used]
+    a, b = np.r_[a, b], np.r_[b, a]
+    edge = np.r_[used, used]
+    w = weight[edge]
     both = (owner[a] >= 0) & (owner[a] == owner[b]) & (np.abs(value[a] - value[b]) <= jump)
     parts = [(a[both], b[both], edge[both], w[both])]
     chain = np.where(owner[a] >= 0, owner[a], 0)
