@@ -89,8 +89,8 @@ def enforce(
 class _Bad:
     """What a round found.
 
-    bad: (n,) bool, charts to cut. pushed: (n,) bool, charts that could not be separated by pushing. clear: as
-    ``split_layers`` has it.
+    bad: (n,) bool, charts to cut. pushed: (n,) bool, charts that could not be separated by pushing. clear: (m,)
+    bool, faces known to lie on no other, which grow in number with what is looked at.
     """
 
     graph: DualGraph
@@ -115,7 +115,7 @@ def _cut_open(
         slit = slit_charts(atlas, layouts, slit)
     cut = bad & layouts.overlapping & np.isfinite(layouts.energy) & ~found.pushed
     if cut.any():
-        cut = trim_overlaps(atlas, found.graph, layouts, cut)
+        cut = trim_overlaps(atlas, found.graph, layouts, cut, found.clear)
     split = bad & ~slit & ~cut
     if split.any():
         cut |= _split(atlas, found, split, monitor)

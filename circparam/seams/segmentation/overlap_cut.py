@@ -52,6 +52,8 @@ def split_layers(
     if clear is not None:
         clear[faces[~twice]] = True
     pairs = _sides(graph, inner, layouts, faces[twice], point[twice])
+    if not pairs:
+        return done
     links = undirected(graph.n, graph.tail[inner], graph.head[inner], graph.step[inner])
     off = np.zeros(graph.n, bool)  # cells that were cut off
     for source, sink in pairs:

@@ -24,16 +24,24 @@ from circparam.seams.segmentation.layout import ChartLayouts
 
 
 def trim_overlaps(
-    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray
+    atlas: Atlas,
+    graph: DualGraph,
+    layouts: ChartLayouts,
+    which: BoolArray,
+    apart: BoolArray | None = None,
 ) -> BoolArray:
     """Cut off the faces that lie on others of their chart, of both sheets the smaller one.
 
-    which: (n,) bool, charts. Returns (n,) bool: charts without overlaps now. A chart that would fall into more
-    than two pieces stays as it is, because a cut in two does not leave more charts.
+    which: (n,) bool, charts. apart: (m,) bool, gets the faces of these charts that lie on no other. Returns
+    (n,) bool: charts without overlaps now. A chart that would fall into more than two pieces stays as it is,
+    because a cut in two does not leave more charts.
     """
     p, surface = layouts.cut_mesh, atlas.surface
     sides = np.ascontiguousarray(p.edges.T) // 3
     pairs = _lying_pairs(layouts, sides, _seeds(layouts, which), np.flatnonzero(which[p.chart]))
+    if apart is not None:
+        apart |= which[p.chart]
+        apart[pairs] = False
     clear = which & (group_count(p.chart[pairs[:, 0]], len(which)) > 0)
     if len(pairs) == 0:
         return clear
