@@ -16,6 +16,7 @@ from tests.bake.test_rebake import UPRIGHT
 from tests.support.baking import sheet, write_obj
 from tests.support.command_line import done, report, run
 from tests.support.looks import bumps, psnr, waves
+from tests.support.ply_files import INDEX, XYZ, build
 
 
 @pytest.fixture
@@ -80,20 +81,11 @@ def test_an_obj_keeps_its_images(
 
 def test_a_ply_keeps_its_image(tmp_path: Path) -> None:
     points, faces = sheet(8)
-    uv = points[:, :2]
-    head = [
-        "ply",
-        "format ascii 1.0",
-        "comment TextureFile skin.png",
-        f"element vertex {len(points)}",
-    ]
-    head += [f"property float {name}" for name in ("x", "y", "z", "s", "t")]
-    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
-    rows = [
-        " ".join(map(repr, (*p, *t))) for p, t in zip(points.tolist(), uv.tolist(), strict=True)
-    ]
-    rows += ["3 " + " ".join(map(str, f)) for f in faces.tolist()]
-    (tmp_path / "m.ply").write_text("\n".join([*head, *rows]) + "\n")
+    rows = np.c_[points, points[:, :2]].tolist()
+    vertex = [*XYZ, "double s", "double t"], rows
+    data = build("ascii", {"vertex": vertex, "face": ([INDEX], [[f] for f in faces.tolist()])})
+    named = data.replace(b"comment made by a test", b"comment TextureFile skin.png")
+    (tmp_path / "m.ply").write_bytes(named)
     Image.fromarray(waves(3)).save(tmp_path / "skin.png")
     out = tmp_path / "new.ply"
     done("unwrap", tmp_path / "m.ply", "--rebake", "--size", 256, "-o", out, *UPRIGHT)

@@ -27,6 +27,7 @@ from tests.support.baking import sample_back, some_places, write_obj
 from tests.support.bumps import belt
 from tests.support.formats_tools import grid
 from tests.support.maps import cube_obj
+from tests.support.ply_files import INDEX, XYZ, build
 from tests.support.validator import validate
 
 
@@ -128,16 +129,11 @@ def test_a_source_in_other_axes_is_turned(tmp_path: Path):
     points, faces = grid(5)
     rng = np.random.default_rng(0)
     red = rng.integers(0, 256, len(points))
-    rows = "".join(
-        f"{x!r} {y!r} {z!r} {r} 0 0\n"
-        for (x, y, z), r in zip(points.tolist(), red.tolist(), strict=True)
-    )
-    head = "ply\nformat ascii 1.0\nelement vertex 25\n" + "".join(
-        f"property float {c}\n" for c in "xyz"
-    )
-    head += "".join(f"property uchar {c}\n" for c in ("red", "green", "blue"))
-    head += "element face 32\nproperty list uchar int vertex_indices\nend_header\n"
-    scan = read_data((head + rows + "".join(f"3 {a} {b} {c}\n" for a, b, c in faces)).encode())
+    colours = [f"uchar {c}" for c in ("red", "green", "blue")]
+    vertices = [[*p, r, 0, 0] for p, r in zip(points.tolist(), red.tolist(), strict=True)]
+    cells = [[face] for face in faces.tolist()]
+    elements = {"vertex": (XYZ + colours, vertices), "face": ([INDEX], cells)}
+    scan = read_data(build("ascii", elements))
     layout = UVMap(points[:, :2] / 5 + 0.05, faces)
     turned = read_data(encode(scan, layout, "glb").data)
     kept = read_data(encode(scan, layout, "glb", options=WriteOptions(up="y")).data)

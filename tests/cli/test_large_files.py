@@ -10,6 +10,7 @@ import pytest
 
 from tests.support import shapes
 from tests.support.command_line import obj
+from tests.support.ply_files import head_of_promises
 
 resource = pytest.importorskip("resource")
 STEPS = 20
@@ -27,13 +28,8 @@ def run(limit: int, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def large_ply(path: Path, vertices: int, faces: int, size: int) -> None:
     """The head of a mesh of gigabytes, a thousand rows of it, and a size: the rest is a hole in the file."""
-    head = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n"
-        f"property float y\nproperty float z\nelement face {faces}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
     points = np.random.default_rng(0).normal(size=(1000, 3)).astype("<f4")
-    path.write_bytes(head.encode() + points.tobytes())
+    path.write_bytes(head_of_promises(vertices, faces) + points.tobytes())
     os.truncate(path, size)
 
 

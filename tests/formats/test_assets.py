@@ -11,16 +11,10 @@ from circparam.errors import OptionError, OutputError
 from circparam.formats.assets import find_assets
 from circparam.formats.document import Encoded, WriteOptions
 from circparam.formats.io import read, write
-from circparam.formats.memory import from_arrays
 from circparam.formats.source import Source
-from tests.support.formats_tools import grid, smooth_layout
+from tests.support.formats_tools import smooth_layout
 from tests.support.full_disk import fill_up
 from tests.support.gltf_files import full_mesh
-
-
-def document():
-    points, faces = grid(4)
-    return from_arrays(points, faces)
 
 
 def test_materials_and_textures_go_along(tmp_path: Path) -> None:

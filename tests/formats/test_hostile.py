@@ -17,21 +17,17 @@ from circparam.errors import CircparamError
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.io import encode, read_data
 from circparam.formats.memory import from_arrays
+from tests.support import writers
 from tests.support.formats_tools import grid, refused, smooth_layout
 from tests.support.gltf_files import small
+from tests.support.ply_files import THREE, triangles_file
 
 
 def samples() -> dict[str, bytes]:
     points, faces = grid(3)
     doc = from_arrays(points, faces)
     out = {f: encode(doc, smooth_layout(doc), f).data for f in ("obj", "ply", "glb", "gltf")}
-    rows = np.zeros(len(faces), [("n", "<f4", 3), ("p", "<f4", 9), ("a", "<u2")])
-    rows["p"] = points[faces].reshape(-1, 9)
-    out["stl"] = bytes(80) + np.uint32(len(faces)).tobytes() + rows.tobytes()
-    out["off"] = b"OFF\n9 8 0\n" + b"".join(
-        b" ".join(b"%g" % x for x in row) + b"\n" for row in points.tolist()
-    ) + b"".join(b"3 %d %d %d\n" % tuple(f) for f in faces.tolist())  # fmt: skip
-    return out
+    return out | {"stl": writers.stl(points, faces), "off": writers.off(points, faces)}
 
 
 SAMPLES = samples()
@@ -134,9 +130,8 @@ def test_memory_is_bounded(tmp_path: Path) -> None:
     lies["5.off"] = SAMPLES["off"].replace(b"9 8 0", b"9 4000000000 0")
     lies["6.stl"] = bytes(80) + np.uint32(2**32 - 1).tobytes() + bytes(100)
     lies["7.obj"] = SAMPLES["obj"].replace(b"f 1/1", b"f 4000000000/1")
-    lies["8.ply"] = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n" \
-        b"property float z\nelement face 1\nproperty list uint int vertex_indices\nend_header\n" \
-        b"0 0 0 1 0 0 0 1 0\n4000000000 0 1 2\n"  # fmt: skip
+    lies["8.ply"] = triangles_file("ascii", THREE, [[0, 1, 2]], "list uint int vertex_indices")
+    lies["8.ply"] = lies["8.ply"].replace(b"\n3 0 1 2", b"\n4000000000 0 1 2")
     lies["9.ply"] = SAMPLES["ply"].replace(
         b"element face 8", b"element none 4000000000\nelement face 8"
     )
@@ -159,22 +154,10 @@ def test_memory_is_bounded(tmp_path: Path) -> None:
     )  # an element without properties takes no room, however many rows it has
 
 
-PLY = (
-    "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n"
-    "property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n"
-)
-
-
 @pytest.mark.parametrize("format", ["stl", "ply", "glb"])
 def test_signalling_nans_are_told_like_any_other(format: str) -> None:
     """A float32 whose bits are a signalling NaN; converted, NumPy says so where a quiet one passes."""
-    data = bytearray(SAMPLES[format])
-    if format == "ply":  # what is written here has doubles
-        points, faces = grid(3)
-        rows = np.zeros(len(faces), [("n", "u1"), ("v", "<i4", 3)])
-        rows["n"], rows["v"] = 3, faces
-        data = bytearray(PLY.format(len(points), len(faces)).encode())
-        data += points.astype("<f4").tobytes() + rows.tobytes()
+    data = bytearray(writers.ply_binary(*grid(3)) if format == "ply" else SAMPLES[format])
     place = data.find(np.float32(1.0).tobytes(), 84)
     while place > 0:
         data[place : place + 4] = b"\x01\x00\x80\x7f"

@@ -11,14 +11,9 @@ import pytest
 from circparam.core import files
 from circparam.errors import InputError, OptionError, OutputError
 from circparam.formats.io import format_of, read, stored, write
-from circparam.formats.memory import from_arrays
 from circparam.formats.table import output_suffix
-from tests.support.formats_tools import corners, grid, layout_with_seams, smooth_layout
-
-
-def document():
-    points, faces = grid(4)
-    return from_arrays(points, faces)
+from tests.support.format_contract import document
+from tests.support.formats_tools import corners, layout_with_seams, smooth_layout
 
 
 def test_places_that_cannot_be_written(tmp_path: Path) -> None:

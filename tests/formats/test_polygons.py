@@ -12,6 +12,20 @@ from circparam.mesh.repair import repair
 from tests.support.formats_tools import refused
 
 
+def cut(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles of one polygon (n, 3), their normals, and the polygon's, twice the areas long."""
+    t = triangulate(p, np.arange(len(p)), np.array([0, len(p)])).triangles
+    normals = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
+    return t, normals, np.cross(p, np.roll(p, -1, 0)).sum(0)
+
+
+def star(n: int) -> np.ndarray:
+    """(n, 2) corners, every other one near the middle: no fan fits."""
+    a = np.arange(n) * 2 * np.pi / n
+    r = np.where(np.arange(n) % 2, 0.2, 1.0)
+    return np.stack([r * np.cos(a), r * np.sin(a)], 1)
+
+
 def test_the_fan_starts_at_the_first_corner_that_fits() -> None:
     """Against the rule, spelled out corner by corner."""
     rng = np.random.default_rng(0)
@@ -20,34 +34,25 @@ def test_the_fan_starts_at_the_first_corner_that_fits() -> None:
         angle = np.sort(rng.random(n)) * 2 * np.pi
         radius = rng.choice([1.0, 0.3], n)
         p = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * rng.random(n)], 1)
-        polys = triangulate(p, np.arange(n), np.array([0, n]))
-        normal = np.cross(p, np.roll(p, -1, 0)).sum(0)
+        triangles, normals, normal = cut(p)
         for r in range(n):
             fan = [(r, (r + k) % n, (r + k + 1) % n) for k in range(1, n - 1)]
             if all(np.cross(p[b] - p[a], p[c] - p[a]) @ normal > 0 for a, b, c in fan):
-                assert polys.triangles.tolist() == [list(t) for t in fan]
+                assert triangles.tolist() == [list(t) for t in fan]
                 break
         else:
-            area = np.cross(p[polys.triangles[:, 1]] - p[polys.triangles[:, 0]],
-                            p[polys.triangles[:, 2]] - p[polys.triangles[:, 0]])  # fmt: skip
-            np.testing.assert_allclose(area.sum(0), normal)
+            np.testing.assert_allclose(normals.sum(0), normal)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_concave_polygons_in_every_plane(axis: int, reverse: bool) -> None:
     """A star that no fan fits: triangles agree with its normal and tile it."""
-    a = np.arange(10) * np.pi / 5
-    r = np.where(np.arange(10) % 2, 0.2, 1.0)
-    flat = np.stack([r * np.cos(a), r * np.sin(a)], 1)
-    p = np.insert(flat, axis, 0.5, axis=1)
-    p = p[::-1] if reverse else p
-    t = triangulate(p, np.arange(10), np.array([0, 10])).triangles
+    p = np.insert(star(10), axis, 0.5, axis=1)
+    t, normals, normal = cut(p[::-1] if reverse else p)
     assert t.shape == (8, 3)
-    cross = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
-    normal = np.cross(p, np.roll(p, -1, axis=0)).sum(0)
-    assert (cross @ normal > 0).all()
-    size = np.linalg.norm(cross, axis=1).sum() / 2
+    assert (normals @ normal > 0).all()
+    size = np.linalg.norm(normals, axis=1).sum() / 2
     assert size == pytest.approx(10 * 0.5 * 0.2 * np.sin(np.pi / 5))
 
 
@@ -65,18 +70,13 @@ def test_a_polygon_comes_back_along_the_bridges_to_its_holes(holes: int) -> None
             hole = np.roll(hole, -j, 0)
             outline = np.concatenate([outline[: i + 1], hole, hole[:1], outline[i:]])
         p = np.c_[outline, np.zeros(len(outline))]
-        polys = triangulate(p, np.arange(len(p)), np.array([0, len(p)]))
-        q = p[polys.triangles]
-        area = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])[:, 2] / 2
-        assert (area > -1e-12).all()
-        x, y = outline.T
-        assert area.sum() == pytest.approx((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+        triangles, normals, normal = cut(p)
+        assert (normals[:, 2] > -2e-12).all()
+        np.testing.assert_allclose(normals.sum(0), normal)
         # none lies in a hole
-        centre = q.mean(1)[:, :2]
+        centre = p[triangles].mean(1)[:, :2]
         for k in range(holes):
-            middle = 2 * np.array(
-                [np.cos(2 * np.pi * (k + 0.3) / holes), np.sin(2 * np.pi * (k + 0.3) / holes)]
-            )
+            middle = _ring(1, 0.0, 2 * np.pi * (k + 0.3) / holes)
             assert (((centre - middle) ** 2).sum(1) > 0.5**2 / 16).all()
 
 
@@ -99,12 +99,10 @@ def test_a_polygon_that_closes_round_nothing_is_refused() -> None:
 
 def test_large_concave_polygons_are_refused() -> None:
     n = polygons.MAX_CONCAVE_CORNERS + 2
-    a = np.arange(n) * 2 * np.pi / n
-    r = np.where(np.arange(n) % 2, 0.2, 1.0)
-    p = np.stack([r * np.cos(a), r * np.sin(a), 0 * a], 1)
+    p = np.c_[star(n), np.zeros(n)]
     with pytest.raises(InputError, match=f"polygon 0 is concave and has {n} corners"):
-        triangulate(p, np.arange(n), np.array([0, n]))
-    assert len(triangulate(p[:10], np.arange(10), np.array([0, 10])).triangles) == 8
+        cut(p)
+    assert len(cut(p[:10])[0]) == 8
 
 
 def quad(uv: np.ndarray, faces: list[list[int]]) -> np.ndarray:
@@ -149,13 +147,9 @@ def test_large_polygons_take_time_by_their_corners(straight: bool) -> None:
             square = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], float)
             p = np.stack([*(np.interp(k, np.arange(5), c) for c in square.T), 0 * k], 1)
         count = len(p)
-        triangles = triangulate(p, np.arange(count), np.array([0, count])).triangles
-        area = np.cross(
-            p[triangles[:, 1]] - p[triangles[:, 0]], p[triangles[:, 2]] - p[triangles[:, 0]]
-        )
-        normal = np.cross(p, np.roll(p, -1, 0)).sum(0)
-        assert (area @ normal >= -1e-9 * normal @ normal / count).all()
-        np.testing.assert_allclose(area.sum(0), normal, atol=1e-9 * np.abs(normal).max())
+        _, normals, normal = cut(p)
+        assert (normals @ normal >= -1e-9 * normal @ normal / count).all()
+        np.testing.assert_allclose(normals.sum(0), normal, atol=1e-9 * np.abs(normal).max())
         ears = Ears(p[:, :2] - p[0, :2])
         assert len(ears.clip()) == count - 2
         looked.append(ears.looked)

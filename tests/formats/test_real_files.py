@@ -9,7 +9,7 @@ import trimesh
 from circparam.formats.io import read, read_data
 from tests.support.formats_tools import corpus_files, some_corpus_files
 from tests.support.gltf_files import full_mesh, small
-from tests.support.ply_files import build
+from tests.support.ply_files import INDEX, THREE, XYZ, build
 
 
 def spread(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -46,10 +46,8 @@ FACE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
 def ply(lines: list[str], *, strips: bool = False) -> bytes:
-    xyz = ["float x", "float y", "float z"]
-    rows: list[list[object]] = [[k, k * k, 0] + [0] * len(lines) for k in range(3)]
-    elements: dict = {"vertex": (xyz + lines, rows)}
-    elements["face"] = (["list uchar int vertex_index"], [[[0, 1, 2]]])
+    elements: dict = {"vertex": (XYZ + lines, [row + [0] * len(lines) for row in THREE])}
+    elements["face"] = ([INDEX], [[[0, 1, 2]]])
     if strips:
         elements["tristrips"] = (["list int int vertex_indices"], [[[0, 1, 2]]])
     return build("ascii", elements)

@@ -8,15 +8,17 @@ import pytest
 import trimesh
 
 from circparam.formats.io import read_data
+from tests.support import writers
 from tests.support.formats_tools import grid, refused
+
+FACET = (
+    b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+)
 
 
 def stl() -> tuple[bytes, np.ndarray]:
     points, faces = grid(4)
-    corner = points[faces]
-    rows = np.zeros(len(faces), [("n", "<f4", 3), ("p", "<f4", 9), ("a", "<u2")])
-    rows["p"] = corner.reshape(-1, 9)
-    return b"solid not ascii".ljust(80) + np.uint32(len(faces)).tobytes() + rows.tobytes(), corner
+    return b"solid not ascii".ljust(80) + writers.stl(points, faces)[80:], points[faces]
 
 
 def test_corners_at_one_position_are_one_vertex() -> None:
@@ -25,17 +27,7 @@ def test_corners_at_one_position_are_one_vertex() -> None:
     np.testing.assert_array_equal(mesh.points[mesh.faces], corner)
     assert len(mesh.points) == 16
     assert mesh.faces[0].tolist() == [0, 1, 2]  # by their first corner
-    text = (
-        "solid x\n"
-        + "".join(
-            "facet normal 0 0 1\nouter loop\n"
-            + "".join(f"vertex {a} {b} {c}\n" for a, b, c in t.tolist())
-            + "endloop\nendfacet\n"
-            for t in corner
-        )
-        + "endsolid x\n"
-    )
-    ascii_mesh = read_data(text.encode())
+    ascii_mesh = read_data(writers.stl_text(*grid(4)))
     assert ascii_mesh.format == "stl"
     np.testing.assert_array_equal(ascii_mesh.mesh.points[ascii_mesh.mesh.faces], corner)
     for bad in (data[:-7], data[:90], b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0\n"):
@@ -43,14 +35,13 @@ def test_corners_at_one_position_are_one_vertex() -> None:
 
 
 def test_scenes_of_several_solids_are_groups() -> None:
-    facet = "facet normal 0 0 1\nouter loop\n" + "vertex {0} 0 0\nvertex 1 {0} 0\nvertex 0 1 {0}\n"
-    facet += "endloop\nendfacet\n"
-    solids = [f"solid s{k}\n" + facet.format(k) * (k + 1) + f"endsolid s{k}\n" for k in range(2)]
-    mesh = read_data("".join(solids).encode()).mesh
+    raised = FACET.replace(b"vertex 0 0 0", b"vertex 1 1 1")
+    solids = [b"solid a\n" + FACET + b"endsolid a\n", b"solid b\n" + 2 * raised + b"endsolid b\n"]
+    mesh = read_data(b"".join(solids)).mesh
     assert mesh.points[mesh.faces][:, 0, 0].tolist() == [0, 1, 1]
     assert mesh.groups is not None
     assert mesh.groups.tolist() == [0, 1, 1]
-    one = read_data(solids[0].encode())
+    one = read_data(solids[0])
     assert one.mesh.groups is None
     refused(bytes(84), "no faces", "stl")
 
@@ -70,8 +61,7 @@ def test_what_is_wrong_with_an_stl_without_facets_is_told() -> None:
     n = len(corner)
     more = data[:80] + np.uint32(1000).tobytes() + data[84:]
     none = data[:80] + np.uint32(0).tobytes() + data[84:]
-    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
-    text = b"solid x\n" + 2 * facet + facet[:60]
+    text = b"solid x\n" + 2 * FACET + FACET[:60]
     for bad, says in (
         (more, f"promises 1000 facets, its length is that of {n}: it is cut short"),
         (none, f"promises 0 facets, its length is that of {n}"),
@@ -98,7 +88,6 @@ def test_a_text_in_another_encoding_needs_no_further_package(
 ) -> None:
     """trimesh asks charset_normalizer, which not everybody has."""
     monkeypatch.setitem(sys.modules, "charset_normalizer", None)
-    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
-    text = b"solid Caf\xe9\n" + facet + b"endsolid\n"
+    text = b"solid Caf\xe9\n" + FACET + b"endsolid\n"
     assert len(read_data(text).mesh.faces) == 1
     refused(text[:70], "cut short", "stl")

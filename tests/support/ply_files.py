@@ -1,6 +1,7 @@
 """PLY files made property by property, and an independent reader that goes value by value."""
 
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +10,9 @@ CODES = {
     "double": "d",
 }  # fmt: skip
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+XYZ = ["float x", "float y", "float z"]
+INDEX = "list uchar int vertex_indices"
+THREE: list[list[object]] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]  # a right triangle
 
 
 def naive(data: bytes) -> dict[str, list[dict[str, object]]]:
@@ -75,6 +79,21 @@ def build(encoding: str, elements: dict[str, tuple[list[str], list[list[object]]
     return "\n".join([*lines, "end_header", ""]).encode() + b"".join(body)
 
 
+def triangles_file(
+    encoding: str, points: Sequence, faces: Sequence, index: str = INDEX, **more: tuple
+) -> bytes:
+    """A PLY file of points and faces, lists of vertices; more: elements behind them."""
+    elements = {"vertex": (XYZ, points), "face": ([index], [[face] for face in faces])}
+    return build(encoding, elements | more)
+
+
+def head_of_promises(vertices: int, faces: int) -> bytes:
+    """The header of a binary file of so many vertices and faces, whatever comes behind it."""
+    head = triangles_file("binary_little_endian", [], [])
+    head = head.replace(b"vertex 0", b"vertex %d" % vertices)
+    return head.replace(b"face 0", b"face %d" % faces)
+
+
 def sample(encoding: str, kind: str = "float", uv: str = "") -> bytes:
     """A quad, a pentagon and triangles with colours, a custom list, materials and edges."""
     rng = np.random.default_rng(5)
@@ -111,9 +130,8 @@ def plain(rows: list[dict[str, object]]) -> list[dict[str, object]]:
 
 def strip_file(encoding: str, strips: list[list[int]]) -> bytes:
     points: list[list[object]] = [[i % 3, i // 3, (i * i) % 5] for i in range(12)]
-    vertex, strip = ["float x", "float y", "float z"], ["list int int vertex_indices"]
-    elements = {"vertex": (vertex, points), "tristrips": (strip, [[s] for s in strips])}
-    return build(encoding, elements)
+    strip = ["list int int vertex_indices"]
+    return build(encoding, {"vertex": (XYZ, points), "tristrips": (strip, [[s] for s in strips])})
 
 
 def triangles_of(strip: list[int]) -> list[list[int]]:

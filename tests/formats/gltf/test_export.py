@@ -24,6 +24,7 @@ from tests.support.formats_tools import (
     smooth_layout,
 )
 from tests.support.gltf_files import tree_of
+from tests.support.ply_files import INDEX, XYZ, build
 
 
 def grouped(groups: list[int], names: tuple[str, ...], features: tuple[str, ...] = ()):
@@ -120,20 +121,19 @@ def test_materials_images_and_normals_of_an_obj_go_along(painted: Document) -> N
 
 def test_colours_of_vertices_go_along() -> None:
     """sRGB in a PLY, linear light in glTF; colours of faces split vertices where they meet."""
-    head = "ply\nformat ascii 1.0\nelement vertex 4\n" + "".join(
-        f"property float {c}\n" for c in "xyz"
-    )
-    colour = "".join(f"property uchar {c}\n" for c in ("red", "green", "blue"))
-    lists = "element face 2\nproperty list uchar int vertex_indices\n"
-    points = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"]
-    cells = ["3 0 1 2", "3 0 2 3"]
-    paint = ["255 0 0", "0 188 0", "0 0 255", "9 9 9"]
+    colour = [f"uchar {c}" for c in ("red", "green", "blue")]
+    points: list = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    cells: list = [[[0, 1, 2]], [[0, 2, 3]]]
+    paint = [[255, 0, 0], [0, 188, 0], [0, 0, 255], [9, 9, 9]]
+
+    def painted(rows: list) -> list:
+        return [[*row, *rgb] for row, rgb in zip(rows, paint, strict=False)]
+
     for of_vertex in (True, False):
-        rows = [f"{p} {c}" for p, c in zip(points, paint, strict=True)] if of_vertex else points
-        faces = cells if of_vertex else [f"{f} {c}" for f, c in zip(cells, paint, strict=False)]
-        parts = [head, colour, lists] if of_vertex else [head, lists, colour]
-        text = "".join(parts) + "end_header\n" + "\n".join([*rows, *faces]) + "\n"
-        document = read_data(text.encode())
+        elements = {"vertex": (XYZ, points), "face": ([INDEX, *colour], painted(cells))}
+        if of_vertex:
+            elements = {"vertex": (XYZ + colour, painted(points)), "face": ([INDEX], cells)}
+        document = read_data(build("ascii", elements))
         out = encode(document, smooth_layout(document), "glb")
         again = read_data(out.data)
         found, own = again.colours(), document.colours()

@@ -13,20 +13,15 @@ from tests.support.formats_tools import (
     layout_with_seams,
     smooth_layout,
 )
-from tests.support.ply_files import CODES, ORDERS, build, naive, plain, sample
+from tests.support.ply_files import CODES, INDEX, ORDERS, THREE, XYZ, build, naive, plain, sample
 
 
 def test_uv_kept_in_doubles_where_the_file_has_doubles() -> None:
     data = sample("binary_little_endian", uv="vertex").replace(
         b"property float s", b"property float q"
     )
-    header, _, body = sample("ascii", uv="vertex").partition(b"end_header\n")
-    text = (
-        header.replace(b"float s", b"double s").replace(b"float t", b"double t")
-        + b"end_header\n"
-        + body
-    )
-    document = read_data(text)
+    text = sample("ascii", uv="vertex").replace(b"float s\n", b"double s\n")
+    document = read_data(text.replace(b"float t\n", b"double t\n"))
     uvmap = smooth_layout(document)
     np.testing.assert_array_equal(stored(uvmap, "ply", document).uv, uvmap.uv)
     assert_round_trip(document, uvmap, "ply")
@@ -132,17 +127,8 @@ def test_a_face_whose_list_does_not_fit_has_no_uv() -> None:
     """Lists too short, too long, empty and of odd length; those behind them still stand where they do."""
     lists = [[0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.5, 0.5], [], [0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3]]
     lists += [[1.0, 0.0, 0.0, 1.0, 0.25, 0.75]]
-    data = build(
-        "ascii",
-        {
-            "vertex": (["float x", "float y", "float z"], [[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
-            "face": (
-                ["list uchar int vertex_indices", "list uchar double texcoord"],
-                [[[0, 1, 2], uv] for uv in lists],
-            ),
-        },
-    )
-    uvmap = read_data(data).uv()
+    face = [INDEX, "list uchar double texcoord"], [[[0, 1, 2], uv] for uv in lists]
+    uvmap = read_data(build("ascii", {"vertex": (XYZ, THREE), "face": face})).uv()
     assert (uvmap.uv_faces >= 0).all(1).tolist() == [True, False, False, False, True]
     assert (uvmap.uv_faces[1:4] == -1).all()
     assert uvmap.uv[uvmap.uv_faces[0]].tolist() == [[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]]

@@ -9,7 +9,7 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import assert_round_trip, layout_with_seams, refused, smooth_layout
-from tests.support.ply_files import build, naive, plain, sample, strip_file, triangles_of
+from tests.support.ply_files import naive, plain, sample, strip_file, triangles_file, triangles_of
 
 
 def test_names_of_the_uv_are_kept() -> None:
@@ -44,12 +44,9 @@ def test_any_strips_come_back(rows: list[list[int]], seed: int) -> None:
 @pytest.mark.parametrize("n", [254, 255, 256])
 def test_the_last_index_of_a_type_is_used(n: int) -> None:
     """n + 1 vertices after the split: index 255 fits a uchar, 256 does not."""
-    points: list[list[object]] = [[float(k), float(k * k % 17), 0.0] for k in range(n)]
-    data = build("binary_little_endian", {
-        "vertex": (["float x", "float y", "float z"], points),
-        "face": (["list uchar uchar vertex_indices"], [[[0, 1, 2]], [[0, 2, n - 1]]] ),
-    })  # fmt: skip
-    document = read_data(data)
+    points = [[k, k * k % 17, 0] for k in range(n)]
+    faces, index = [[0, 1, 2], [0, 2, n - 1]], "list uchar uchar vertex_indices"
+    document = read_data(triangles_file("binary_little_endian", points, faces, index))
     uvmap = UVMap(np.random.default_rng(0).random((5, 2)), np.array([[0, 1, 2], [4, 2, 3]]))
     out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv="vertex")).data
     assert (b"list uchar int" in out) == (n + 1 > 256)

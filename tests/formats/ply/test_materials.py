@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from circparam.formats.io import read, read_data
-from tests.support.ply_files import ORDERS, build
+from tests.support.ply_files import INDEX, ORDERS, THREE, XYZ, build, triangles_file
 
-XYZ = ["float x", "float y", "float z"]
-POINTS: list[list[object]] = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-INDEX = "list uchar int vertex_indices"
+POINTS = [*THREE[:2], [1, 1, 0], THREE[2]]
 
 
 def channels(kind: str) -> list[str]:
@@ -44,10 +42,7 @@ def test_colours_of_faces_and_of_the_triangles_of_polygons() -> None:
 
 
 def test_vertices_come_before_faces_and_two_channels_are_none() -> None:
-    face: tuple[list[str], list[list[object]]] = (
-        [INDEX, *channels("uchar")],
-        [[[0, 1, 2], 0, 0, 255]],
-    )
+    face: tuple = [INDEX, *channels("uchar")], [[[0, 1, 2], 0, 0, 255]]
     both = {"vertex": (XYZ + channels("uchar"), [[*p, 255, 0, 0] for p in POINTS]), "face": face}
     colours = read_data(build("ascii", both)).colours()
     assert colours[0].tolist() == [[1, 0, 0]] * 3
@@ -57,7 +52,7 @@ def test_vertices_come_before_faces_and_two_channels_are_none() -> None:
 
 
 def test_the_image_of_a_comment(tmp_path: Path) -> None:
-    data = build("ascii", {"vertex": (XYZ, POINTS), "face": ([INDEX], [[[0, 1, 2, 3]]])})
+    data = triangles_file("ascii", POINTS, [[0, 1, 2, 3]])
     (tmp_path / "p.ply").write_bytes(data)
     assert read(tmp_path / "p.ply").textures() is None
     named = data.replace(b"comment made by a test", b"comment TextureFile  a b.png ")

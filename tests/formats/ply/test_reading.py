@@ -1,5 +1,6 @@
 """Where every value of a PLY file is: rows of any length, headers that lie, files cut short."""
 
+import os
 import tracemalloc
 from pathlib import Path
 
@@ -9,8 +10,20 @@ import pytest
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
+from tests.support import writers
 from tests.support.formats_tools import layout_with_seams, refused
-from tests.support.ply_files import ORDERS, build, naive, plain, sample
+from tests.support.ply_files import (
+    INDEX,
+    ORDERS,
+    THREE,
+    XYZ,
+    build,
+    head_of_promises,
+    naive,
+    plain,
+    sample,
+    triangles_file,
+)
 
 
 def test_rows_of_mixed_length_on_odd_lines() -> None:
@@ -68,29 +81,15 @@ def test_headers_that_lie(old: bytes, new: bytes, says: str, encoding: str) -> N
 @pytest.mark.parametrize("encoding", ORDERS)
 def test_cut_files(encoding: str) -> None:
     """Every prefix is an error in one line, never a wrong mesh or a crash."""
-    data = build(encoding, {
-        "vertex": (["float x", "float y", "float z"], [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1]]),
-        "face": (["list uchar int vertex_indices"], [[[0, 1, 2]], [[0, 1, 2, 3]]]),
-    })  # fmt: skip
+    data = triangles_file(encoding, [*THREE, [1, 1, 1]], [[0, 1, 2], [0, 1, 2, 3]])
     read_data(data)
     for end in range(len(data) - (1 if encoding != "ascii" else 2)):
         refused(data[:end], "", "ply")
 
 
-def triangles(count: int) -> bytes:
-    """A binary file of three vertices and so many equal triangles."""
-    head = (
-        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
-        f"property float z\nelement face {count}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    rows = np.zeros(count, dtype=[("n", "u1"), ("i", "<i4", 3)])
-    rows["n"], rows["i"] = 3, [0, 1, 2]
-    return head.encode() + np.eye(3, dtype="<f4").tobytes() + rows.tobytes()
-
-
 @pytest.mark.parametrize("kept", [0, 1, 6_000])
 def test_a_download_that_stopped_ends_in_zeros(kept: int) -> None:
-    data = triangles(10_000)
+    data = writers.ply_binary(np.eye(3, dtype="<f4"), np.tile([0, 1, 2], (10_000, 1)))
     end = len(data) - 13 * (10_000 - kept)
     refused(data[:end] + bytes(len(data) - end), "not filled to its end", "ply")
 
@@ -100,8 +99,8 @@ def test_an_end_of_zeros_is_a_stopped_download_in_rows_with_lists_alone(tmp_path
 
     def file(*order: str) -> bytes:
         elements: dict[str, tuple[list[str], list[list[object]]]] = {
-            "vertex": (["float x", "float y", "float z"], [[1, 0, 0], [0, 1, 0], [0, 0, 0]]),
-            "face": (["list uchar int vertex_indices"], [[[0, 1, 2]]] * 400),
+            "vertex": (XYZ, THREE[::-1]),
+            "face": ([INDEX], [[[0, 1, 2]]] * 400),
             "other": (["char c"], [[7]]),
         }
         return build("binary_little_endian", {name: elements[name] for name in order})
@@ -117,22 +116,15 @@ def test_an_end_of_zeros_is_a_stopped_download_in_rows_with_lists_alone(tmp_path
 @pytest.mark.parametrize("sides", [(4, 4, 3), (4, 3), (4, 4, 4, 3, 3, 3), (5, 3, 3, 3)])
 def test_rows_shorter_than_the_first_are_all_read(sides: tuple[int, ...]) -> None:
     """The file ends before so many rows like the first would: it is whole for all that."""
-    rows = [[list(range(k))] for k in sides]
-    data = build("binary_little_endian", {
-        "vertex": (["float x", "float y", "float z"], [[np.cos(k), np.sin(k), 0] for k in range(5)]),
-        "face": (["list uchar int vertex_indices"], rows),
-    })  # fmt: skip
+    points = [[np.cos(k), np.sin(k), 0] for k in range(5)]
+    data = triangles_file("binary_little_endian", points, [list(range(k)) for k in sides])
     assert len(read_data(data).mesh.faces) == sum(sides) - 2 * len(sides)
 
 
 @pytest.mark.parametrize("kind", ["char", "short", "int"])
 def test_a_negative_length_is_refused(kind: str) -> None:
-    points: list[list[object]] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     for encoding in ORDERS:
-        data = build(encoding, {
-            "vertex": (["float x", "float y", "float z"], points),
-            "face": ([f"list {kind} int vertex_indices"], [[[0, 1, 2]]]),
-        })  # fmt: skip
+        data = triangles_file(encoding, THREE, [[0, 1, 2]], f"list {kind} int vertex_indices")
         read_data(data)
         size = {"char": 1, "short": 2, "int": 4}[kind]
         head, mark, body = data.partition(b"end_header\n")
@@ -144,14 +136,11 @@ def test_a_negative_length_is_refused(kind: str) -> None:
 
 
 def test_the_last_vertex_may_be_named_and_strips_restart_at_minus_one() -> None:
-    points: list[list[object]] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
-
     def file(face: list[int], strip: list[int]) -> bytes:
-        return build("ascii", {
-            "vertex": (["float x", "float y", "float z"], points),
-            "face": (["list uchar int vertex_index"], [[face]]),
-            "tristrips": (["list int int vertex_indices"], [[strip]]),
-        })  # fmt: skip
+        strips = ["list int int vertex_indices"], [[strip]]
+        return triangles_file(
+            "ascii", THREE, [face], "list uchar int vertex_index", tristrips=strips
+        )
 
     assert read_data(file([0, 1, 2], [2, 1, 0, -1])).mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
     for face, strip in (([0, 1, 3], [0]), ([0, 1, -1], [0]), ([0, 1, 2], [3]), ([0, 1, 2], [-2])):
@@ -169,15 +158,9 @@ def test_the_last_vertex_may_be_named_and_strips_restart_at_minus_one() -> None:
 def test_a_large_file_that_cannot_be_whole_is_refused_before_it_is_read(
     tmp_path: Path, vertices: int, faces: int, says: str
 ) -> None:
-    head = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n"
-        "property float x\nproperty float y\nproperty float z\n"
-        f"element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
     path = tmp_path / "cut.ply"
-    with path.open("wb") as file:
-        file.write(head.encode())
-        file.truncate(1 << 29)  # sparse
+    path.write_bytes(head_of_promises(vertices, faces))
+    os.truncate(path, 1 << 29)  # sparse
     tracemalloc.start()
     try:
         with pytest.raises(InputError, match=says):
