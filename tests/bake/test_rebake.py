@@ -15,6 +15,7 @@ from tests.bake.test_carry import all_maps
 from tests.support.command_line import done, report, run
 from tests.support.gltf_files import unused_entries
 from tests.support.looks import Painted, bumps, model, psnr, seen, surface_points, waves
+from tests.support.shapes import areas
 from tests.support.validator import validate
 
 FAST = ("--effort", "0.02", "-j", "1", "--json")
@@ -205,9 +206,7 @@ def test_faces_without_an_image_take_a_few_texels(tmp_path: Path) -> None:
     assert (told["cut"], told["status"], told["look"]["materials"]) == ("charts", "ok", 1)
     new = read(tmp_path / "new.glb")
     layout = new.uv()
-    uv = 256 * layout.uv[layout.uv_faces].reshape(3, -1, 3, 2)
-    a, b = uv[:, :, 1] - uv[:, :, 0], uv[:, :, 2] - uv[:, :, 0]
-    texels = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(1) / 2
+    texels = np.abs(areas(256 * layout.uv[layout.uv_faces])).reshape(3, -1).sum(1)
     assert texels[0] > 0.5 * 256**2
     assert (texels[1:] < 8**2).all()
     assert (texels[1:] > 3**2).all()
@@ -289,9 +288,7 @@ def test_charts_get_texels_by_what_they_show(tmp_path: Path) -> None:
     assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
     new = read(out)
     layout = new.uv()
-    corners = layout.uv[layout.uv_faces]
-    side1, side2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = np.abs(side1[:, 0] * side2[:, 1] - side1[:, 1] * side2[:, 0]).reshape(3, -1).sum(1)
+    area = np.abs(areas(layout.uv[layout.uv_faces])).reshape(3, -1).sum(1)
     np.testing.assert_allclose(np.sqrt(area[0] / area[1]), 8, rtol=0.1)
     assert area[2] < area[1]
 

@@ -23,17 +23,12 @@ from tests.support.assembly import assemble, bolt, kinds, write_parts
 from tests.support.corpus import CORPUS
 from tests.support.looked import alike
 from tests.support.parts import PARTS
+from tests.support.shapes import areas
 
 MADE = ("letters", "bracket", "plate", "gear", "flanged pipe", "bushing", "cube")
 CAD = ("counter.unitsmm.STL", "featuretype.STL", "thingi10k_1514499.stl")
 LODS = ("spot.obj", "stanford-bunny.obj", "CesiumMan.glb", "fandisk.obj")
 SHARES = (0.5, 0.25, 0.1)
-
-
-def area_in_uv(corners: np.ndarray) -> float:
-    """Of triangles (m, 3, 2)."""
-    e = corners[:, 1:] - corners[:, :1]
-    return float(np.abs(e[:, 0, 0] * e[:, 1, 1] - e[:, 0, 1] * e[:, 1, 0]).sum() / 2)
 
 
 def cover(result: circparam.Result) -> float:
@@ -52,7 +47,7 @@ def stacks(_: Namespace) -> list[Line]:
     apart = circparam.unwrap((a.points, a.faces), jobs=1)
     stacked = circparam.unwrap((a.points, a.faces), stack="identical", jobs=1)
     # copies count as often as they are there
-    density = [np.sqrt(area_in_uv(r.uv[r.uv_faces])) for r in (apart, stacked)]
+    density = [np.sqrt(np.abs(areas(r.uv[r.uv_faces])).sum()) for r in (apart, stacked)]
     part = a.part[stacked.surface.source]
     lead = part[stacked.stacks.declared.corner[:, 0] // 3]
     wrong = int((a.kind[lead] != a.kind[part]).sum())
@@ -116,7 +111,7 @@ def belts() -> Line:
         largest = int(np.bincount(found.cut_mesh.chart).argmax())
         p = found.uv[found.cut_mesh.faces[found.cut_mesh.chart == largest]]
         box = np.ptp(p.reshape(-1, 2), axis=0).prod()
-        worst = max(worst, abs(float(box / area_in_uv(p)) - 1))
+        worst = max(worst, abs(float(box / np.abs(areas(p)).sum()) - 1))
     name = "belts and tubes: area of the box over that of the chart, less 1"
     return Line(name, worst, "", "<= 1e-9")
 

@@ -21,6 +21,7 @@ from tests.bake.test_rebake_text import shown
 from tests.support.baking import sheet, write_obj
 from tests.support.command_line import done, one_line_error, report, run
 from tests.support.looks import Painted, model, psnr, waves
+from tests.support.shapes import areas
 from tests.support.validator import validate
 
 SIDE = 512
@@ -62,16 +63,6 @@ def corners(path: Path) -> FloatArray:
     return layout.uv[layout.uv_faces]
 
 
-def flat_area(uv: FloatArray) -> float:
-    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    return float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2)
-
-
-def area(path: Path) -> float:
-    p = read(path).mesh.points[read(path).mesh.faces]
-    return float(np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1).sum() / 2)
-
-
 def most_on_a_texel(paths: list[Path]) -> int:
     """How many faces of all files have the centre of one texel."""
     xy = np.concatenate([corners(path) for path in paths]) * SIDE
@@ -87,8 +78,9 @@ def test_files_share_a_page_at_one_density(folder: Path, tmp_path: Path) -> None
     got = report("unwrap", *files(folder), "--one-atlas", "--out-dir", out, *UPRIGHT)
     paths = files(out)
     assert most_on_a_texel(paths) == 1
-    share = [flat_area(corners(path)) for path in paths]
-    density = np.array(share) / [area(path) for path in paths]
+    share = [np.abs(areas(corners(path))).sum() for path in paths]
+    meshes = [read(path).mesh for path in paths]
+    density = np.array(share) / [areas(mesh.points[mesh.faces]).sum() for mesh in meshes]
     np.testing.assert_allclose(density, density.mean(), rtol=0.01)
     assert got["schema"] == "circparam/atlas/1"
     assert (got["status"], got["overlap"], got["pages"]) == ("ok", 0, 1)

@@ -39,7 +39,7 @@ def spiral_strip() -> tuple[Surface, np.ndarray]:
     angle, r = 0.3 * np.pi * p[:, 0], 1 + p[:, 1]
     s = surface_of(p, f)
     corners = np.stack([r * np.sin(angle), -r * np.cos(angle)], 1)[s.faces]
-    if np.linalg.det(corners[0, 1:] - corners[0, :1]) < 0:
+    if shapes.areas(corners[0]) < 0:
         corners[..., 0] *= -1
     return s, corners
 

@@ -60,8 +60,7 @@ def test_charts_without_pins_stand_beside_those_with() -> None:
     first = result.charts == result.charts[np.flatnonzero((f == 0).any(1))[0]]
     assert uv[~first][..., 0].min() > uv[first][..., 0].max()
     # as many texels a unit as on the chart with pins
-    a, b = uv[..., 1, :] - uv[..., 0, :], uv[..., 2, :] - uv[..., 0, :]
-    area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    area = shapes.areas(uv)
     assert area[~first].sum() == pytest.approx(2 * area[first].sum(), rel=0.05)
     assert any("2 charts without pins" in note for note in result.notes)
 

@@ -19,9 +19,7 @@ def box_excess(result: circparam.Result, chart: int) -> float:
     found = result.verification
     mine = found.cut_mesh.faces[found.cut_mesh.chart == chart]
     p = found.uv[mine]
-    e = p[:, 1:] - p[:, :1]
-    area = np.abs(e[:, 0, 0] * e[:, 1, 1] - e[:, 0, 1] * e[:, 1, 0]).sum() / 2
-    return float(np.ptp(p.reshape(-1, 2), axis=0).prod() / area - 1)
+    return float(np.ptp(p.reshape(-1, 2), axis=0).prod() / shapes.areas(p).sum() - 1)
 
 
 @pytest.mark.parametrize("shape", [shapes.half_cylinder(), shapes.cylinder(24, 12, caps=True)])

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.core.arrays import FloatArray, cross2
+from circparam.core.arrays import FloatArray
 from circparam.solvers import dirichlet
+from tests.support.shapes import areas
 
 
 def _jacobians(seed: int, count: int = 60) -> FloatArray:
@@ -40,8 +41,7 @@ def test_the_largest_step_is_where_a_face_first_collapses(seed: int) -> None:
     t = dirichlet.largest_step(corners, direction)
 
     def area(s: FloatArray) -> FloatArray:
-        p = (corners + s * direction).transpose(2, 1, 0)
-        return cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+        return 2 * areas((corners + s * direction).transpose(2, 1, 0))
 
     hit = np.isfinite(t)
     reached = np.where(hit, t, 0.0)

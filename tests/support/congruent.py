@@ -4,6 +4,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from tests.support.parts import Part
+from tests.support.shapes import areas
 
 
 def flat_bend(part: Part, uv: FloatArray, uv_faces: IntArray, flat: int) -> float:
@@ -33,7 +34,6 @@ def ovality(part: Part, uv: FloatArray, uv_faces: IntArray, flat: int, x: float,
 
 def large_flats(part: Part, least: float = 0.05) -> IntArray:
     """Numbers of the flats with at least that share of the area of the part."""
-    p = part.points[part.faces]
-    area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+    area = areas(part.points[part.faces])
     share = np.bincount(part.surface, area, len(part.flat)) / area.sum()
     return np.flatnonzero(part.flat & (share >= least))

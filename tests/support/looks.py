@@ -13,6 +13,7 @@ from scipy.ndimage import map_coordinates
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.gltf.document import GltfDocument
 from tests.support.formats_tools import GltfMaker, grid
+from tests.support.shapes import areas
 
 MODES = {10497: "grid-wrap", 33648: "reflect", 33071: "nearest"}
 
@@ -170,8 +171,7 @@ def seen(document: GltfDocument, face: IntArray, bary: FloatArray) -> dict[str, 
 def surface_points(document: GltfDocument, n: int = 20_000) -> tuple[IntArray, FloatArray]:
     """(face, barycentric coordinates) of points spread evenly over the surface."""
     rng = np.random.default_rng(4)
-    a, b, c = document.mesh.points[document.mesh.faces].transpose(1, 0, 2)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = areas(document.mesh.points[document.mesh.faces])
     return rng.choice(len(area), n, p=area / area.sum()), rng.dirichlet([1, 1, 1], n)
 
 

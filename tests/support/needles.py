@@ -3,9 +3,8 @@
 import numpy as np
 from scipy.spatial import Delaunay
 
-from circparam.core.arrays import cross2
 from circparam.formats import io
-from tests.support.shapes import boundary, sheet_faces
+from tests.support.shapes import areas, boundary, sheet_faces
 
 ROUNDINGS = {
     "f4": lambda uv: uv.astype(np.float32).astype(np.float64),
@@ -42,6 +41,5 @@ def boundary_vertices(faces, n: int):
 
 
 def _upright(p, f):
-    q = p[f]
-    area = cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+    area = areas(p[f])
     return p, np.where(area[:, None] < 0, f[:, [0, 2, 1]], f)[area != 0]

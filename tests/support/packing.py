@@ -8,6 +8,7 @@ from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.shelf import shelf_placement
+from tests.support.shapes import areas
 
 QUICK = 0.02  # effort: the guarantees hold after any amount of search
 
@@ -58,8 +59,7 @@ def shelf(faces, uv, chart, options):
 def triangles(n, seed):
     rng = np.random.default_rng(seed)
     p = rng.normal(size=(n, 3, 2)) * np.exp(rng.normal(0, 0.5, (n, 1, 1)))
-    d = np.linalg.det(p[:, 1:] - p[:, :1])
-    p[d < 0] = p[d < 0][:, ::-1]
+    p[areas(p) < 0] = p[areas(p) < 0][:, ::-1]
     return np.arange(3 * n).reshape(n, 3), p.reshape(-1, 2), np.arange(n)
 
 
@@ -72,7 +72,7 @@ def covered(faces, uv, chart, res):
         low = np.maximum(np.floor(q.min(0)).astype(int) - 1, 0)
         high = np.minimum(np.ceil(q.max(0)).astype(int) + 1, res)
         y, x = np.mgrid[low[1] : high[1], low[0] : high[0]] + 0.5
-        sign = np.sign(np.linalg.det(q[1:] - q[0]))
+        sign = np.sign(areas(q))
         inside = np.ones(x.shape, bool)
         for k in range(3):
             a, b = q[k], q[(k + 1) % 3]

@@ -14,6 +14,7 @@ from circparam.geometry.raster import rasterise
 from circparam.integrations.xatlas.meshes import added_mesh, joined_document
 from circparam.integrations.xatlas.options import WITHOUT_COUNTERPART, keywords_of, tell_once
 from tests.support import shapes
+from tests.support.shapes import areas
 
 theirs = pytest.importorskip("xatlas", reason="the baseline is not installed")
 QUICK = {"effort": 0.01}
@@ -157,11 +158,8 @@ def test_several_meshes_share_one_atlas(package: Any) -> None:
             assert set(chart[indices[c.faces]].ravel()) == {charts + k}
             assert c.atlas_index == 0
         charts += len(own)
-        e, f = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
-        solid = np.linalg.norm(np.cross(e, f), axis=1).sum()
-        a, b, c = np.moveaxis(uvs[indices].astype(float) * [atlas.width, atlas.height], 1, 0)
-        flat = np.abs(np.linalg.det(np.stack([b - a, c - a], 1))).sum()
-        density.append(np.sqrt(flat / solid))
+        flat = np.abs(areas(uvs[indices].astype(float) * [atlas.width, atlas.height])).sum()
+        density.append(np.sqrt(flat / areas(points[faces]).sum()))
     assert atlas.chart_count == charts
     np.testing.assert_allclose(density, atlas.texels_per_unit, rtol=0.02)
     assert drawn(atlas, 0, 600).max() == 1
@@ -251,8 +249,7 @@ def test_uv_meshes_are_packed_again_with_their_charts() -> None:
     assert drawn(atlas, 0, 400).max() == 1
     vmapping, indices, uvs = atlas[0]
     np.testing.assert_array_equal(vmapping[indices], np.concatenate([faces, faces + 4, faces + 8]))
-    a, b, c = np.moveaxis(uvs[indices].astype(float), 1, 0)
-    area = np.linalg.det(np.stack([b - a, c - a], 1))
+    area = areas(uvs[indices].astype(float))
     np.testing.assert_allclose(area / area[0], [1, 1, 1, 1, -4, -4], rtol=1e-4)
     vmapping, indices, _ = atlas[1]
     np.testing.assert_array_equal(vmapping[indices], faces)

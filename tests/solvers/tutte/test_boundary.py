@@ -1,15 +1,18 @@
-"""Boundaries: where the fixed vertices lie, and that nothing collapses on them."""
+"""Boundaries: where the fixed vertices lie, corners and bent sides of polygons, and nothing that collapses."""
 
 import numpy as np
 import pytest
 
+from circparam.core.arrays import cross2
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import signed_areas
-from circparam.solvers.tutte.boundary import BOUNDARIES
+from circparam.solvers.tutte.boundary import BOUNDARIES, check_polygon
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.outer import TutteOptions, outer_boundary
 from tests.support import shapes
 from tests.support.charts import patches_of
+
+TRIANGLE = np.array([[0.0, 0.0], [3.0, 0.0], [1.0, 2.0]])
 
 
 def lay(name, shape, **options):
@@ -56,6 +59,64 @@ def test_the_virtual_ring_is_a_wider_disk_and_frees_the_boundary():
     assert np.ptp(np.hypot(*uv[real].T)) > 1e-3 * np.hypot(*uv[real].T).mean()
 
 
-def test_an_unknown_spacing_is_refused():
+def enclosed(uv) -> float:
+    return float(cross2(uv, np.roll(uv, -1, 0)).sum() / 2)
+
+
+@pytest.mark.parametrize("name", ["square", "polygon"])
+def test_every_corner_is_taken_and_the_area_kept(name):
+    cut_mesh, boundary = lay(name, shapes.bumped_disk(500), polygon=TRIANGLE)
+    assert enclosed(boundary.uv) == pytest.approx(cut_mesh.chart_areas[0])
+    hull = TRIANGLE if name == "polygon" else np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
+    hull = hull - hull.mean(0)
+    hull = hull * np.sqrt(cut_mesh.chart_areas[0] / enclosed(hull))
+    nearest = np.abs(boundary.uv[:, None] - hull[None]).sum(2).min(0)
+    assert nearest.max() < 1e-9 * np.sqrt(cut_mesh.chart_areas[0])
+
+
+def test_the_corners_of_a_rectangle_go_to_the_corners_of_the_square():
+    cut_mesh, points = patches_of(shapes.grid(9, 7))
+    boundary = BOUNDARIES["square"].function(cut_mesh, TutteOptions())
+    corner = np.abs(np.abs(boundary.uv) - np.abs(boundary.uv).max()).max(1) < 1e-12
+    assert corner.sum() == 4
+    at = points[boundary.vertices[corner]]
+    assert {(x, y) for x, y, _ in at} == {(0, 0), (1, 0), (0, 1), (1, 1)}
+
+
+@pytest.mark.parametrize("name", ["square", "polygon"])
+@pytest.mark.parametrize("n", [3, 4, 5, 12])
+def test_chords_on_one_side_collapse_nothing(name, n):
+    # a fan without inner vertices: every inner edge is a chord, and most join vertices of one side
+    t = 2 * np.pi * np.arange(n) / n
+    points = np.c_[np.cos(t), np.sin(t), 0 * t]
+    faces = np.array([[0, k, k + 1] for k in range(1, n - 1)])
+    cut_mesh, _ = patches_of((points, faces))
+    uv, _ = tutte_embedding(cut_mesh, options=TutteOptions(name, polygon=TRIANGLE))
+    assert (signed_areas(cut_mesh.faces, uv) > 1e-9).all()
+
+
+def test_a_side_without_chords_stays_straight():
+    _, boundary = lay("square", shapes.bumped_disk(500))
+    assert np.abs(np.abs(boundary.uv).max(1) - np.abs(boundary.uv).max()).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("corners", "word"),
+    [
+        (None, "needs its corners"),
+        ([[0, 0], [1, 0]], "3 or more"),
+        ([[0, 0], [1, 0], [np.nan, 1]], "not finite"),
+        ([[0, 0], [2, 0], [1, 0.2], [1, 2]], "not strictly convex"),
+        ([[0, 0], [1, 0], [2, 0], [1, 2]], "not strictly convex"),
+        ([[0, 1], [0.95, 0.31], [-0.59, 0.81], [0.59, 0.81], [-0.95, 0.31]], "not strictly convex"),
+    ],
+)
+def test_a_bad_polygon_or_spacing_is_refused(corners, word):
+    with pytest.raises(OptionError, match=word):
+        lay("polygon", shapes.grid(), polygon=None if corners is None else np.array(corners, float))
     with pytest.raises(OptionError, match="spacing"):
         lay("circle", shapes.grid(), spacing="even")
+
+
+def test_a_clockwise_polygon_is_turned():
+    assert enclosed(check_polygon(TRIANGLE[::-1])) > 0
