@@ -1,14 +1,13 @@
 """The rooms of the package: imports go downwards only, families stay apart, the library stays silent."""
 
 import ast
-import subprocess
-import sys
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
+from tests.support.processes import printed
 from tests.tools import numbers
 
 ROOT = Path(__file__).parents[1]
@@ -219,8 +218,7 @@ def test_the_library_neither_prints_nor_exits_nor_asserts() -> None:
 def loaded_by(code: str) -> set[str]:
     """Top-level modules that a fresh interpreter has loaded after some code."""
     script = f"import sys\n{code}\nprint('LOADED', *sorted(m.split('.')[0] for m in sys.modules))"
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    return set(run.stdout.rsplit("LOADED", 1)[1].split())
+    return set(printed(script).rsplit("LOADED", 1)[1].split())
 
 
 HEAVY = {"numpy", "scipy", "trimesh", "rich", "PIL"}
@@ -259,8 +257,7 @@ def test_a_small_unwrap_imports_nothing_that_it_does_not_use(tmp_path: Path) -> 
         f"args = ['unwrap', {str(mesh)!r}, '-q', '-j', '2', '--no-normalize']\n"
         "assert cli.main(args, standalone_mode=False) == 0\nprint(*sys.modules)"
     )
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    loaded = set(run.stdout.split())
+    loaded = set(printed(script).split())
     assert "scipy.sparse" in loaded
     assert not loaded & IDLE
     assert (tmp_path / "m_uv.obj").exists()

@@ -9,6 +9,7 @@ import pytest
 from circparam.cli.exits import TERMINATED
 from circparam.core import files
 from circparam.errors import OptionError, OutputError
+from tests.support.processes import printed
 
 WATCHED = """
 import os, socket, sys, threading
@@ -23,10 +24,7 @@ signals._watch(reader, threading.Event())
 
 def test_signals_do_not_import_what_writes_files() -> None:
     """The reason for the string: to handle a signal nothing is loaded that the work did not need."""
-    run = subprocess.run(
-        [sys.executable, "-c", WATCHED], capture_output=True, text=True, check=True
-    )
-    code, *modules = run.stdout.split()
+    code, *modules = printed(WATCHED).split()
     assert code == str(TERMINATED)
     assert "circparam.core.files" not in modules
 

@@ -1,13 +1,12 @@
 """What loads at its first use."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from tests.support import shapes
 from tests.support.command_line import obj
+from tests.support.processes import printed
 
 PUT_OFF = """
 import sys
@@ -48,9 +47,7 @@ assert isinstance(compiled.kd_tree(np.eye(2)), scipy.spatial.cKDTree)
 
 def test_what_nobody_uses_is_not_loaded_and_works_when_it_is() -> None:
     """Compiled functions load alone, and their packages work afterwards."""
-    done = subprocess.run([sys.executable, "-c", PUT_OFF], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
+    lines = printed(PUT_OFF).splitlines()
     assert lines[:2] == ["[1. 1.] [0]", "(2, array([0, 1, 0])) (4+0j)"]
     assert lines[2:] == ["[0.5  0.25]", "[]"]
 
@@ -76,13 +73,7 @@ def test_a_mesh_of_one_chart_loads_nothing_that_only_others_need(tmp_path: Path)
     points, faces = shapes.delaunay_square(200)
     points = np.c_[points[:, :2], 0.1 * (points[:, :2] ** 2).sum(1)]
     mesh = obj(tmp_path / "dome.obj", (points, faces))
-    done = subprocess.run(
-        [sys.executable, "-c", UNWRAP, str(mesh), "-o", str(tmp_path / "out.obj")],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip().splitlines()[-1] == "[]"
+    assert printed(UNWRAP, mesh, "-o", tmp_path / "out.obj").splitlines()[-1] == "[]"
 
 
 ELSEWHERE = """
@@ -109,11 +100,6 @@ print(linalg.gstrf is None, sorted(result.measures.items()))
 
 
 def test_a_scipy_whose_private_modules_are_elsewhere_gives_the_same() -> None:
-    outputs = []
-    for where in ("here", "moved"):
-        command = [sys.executable, "-c", ELSEWHERE, where]
-        done = subprocess.run(command, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        outputs.append(done.stdout.split(maxsplit=1))
+    outputs = [printed(ELSEWHERE, where).split(maxsplit=1) for where in ("here", "moved")]
     assert [fallback for fallback, _ in outputs] == ["False", "True"]
     assert outputs[0][1] == outputs[1][1]

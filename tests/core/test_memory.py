@@ -5,14 +5,12 @@ import os
 import platform
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from circparam.core.memory import address_space, keeping_freed, resident
-
-ROOT = Path(__file__).parents[2]
+from tests.support.processes import ROOT, printed
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc is there on Linux alone")
@@ -42,7 +40,7 @@ def test_arrays_that_were_freed_serve_the_next_ones_and_go_back_to_the_system_at
     # In a process of its own: once a thread was refused memory, glibc serves it from another arena, where
     # mallopt has no say; other tests ask for more than there is.
     code = "from tests.core.test_memory import arrays_come_and_go as check; check()"
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, timeout=120)
+    printed(code)
 
 
 def arrays_come_and_go() -> None:
@@ -77,7 +75,7 @@ resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
 assert np.allclose(np.dot(square, square), 300)
 assert np.allclose(blas.dgemm(1.0, square, square), 300)
 """
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, timeout=120)
+    printed(code)
 
 
 @needs_bounds

@@ -18,10 +18,9 @@ from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.pool import Pool, current
 from circparam.core.workers import DeferredTask, Worker
-from tests.support.processes import pids
+from tests.support.processes import ROOT, pids, printed
 
 HERE = "tests.core.test_workers"
-ROOT = Path(__file__).parents[2]
 
 
 def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
@@ -167,7 +166,7 @@ assert current() is None
 got = workers.Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
 assert got == [(k * k, os.getpid()) for k in range(3)]
 """
-    subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True)
+    printed(script)
 
 
 def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(
@@ -215,10 +214,7 @@ for size in (8 << 30, 1 << 30):
             theirs += [line.split()[3] for line in text.splitlines() if "address" in line]
     print(size, own, *theirs[:1], workers.stop(), bound())
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    large, small = done.stdout.split("\n")[:2]
+    large, small = printed(script).split("\n")[:2]
     assert large.split() == [str(8 << 30), str(6 << 30), str(1 << 30), "True", str(8 << 30)]
     assert small.split() == [str(1 << 30), str(1 << 30), "False", str(1 << 30)], (
         "too little to share"
@@ -358,4 +354,4 @@ pool.stop()
 @pytest.mark.parametrize("seconds", ["0.02", "0.1", "0.2"])
 def test_a_result_that_is_cut_short_keeps_no_program_from_ending(seconds: str) -> None:
     """A process is killed while it sends: the thread that receives must not wait for the rest."""
-    subprocess.run([sys.executable, "-c", CUT_SHORT, seconds], check=True, timeout=60)
+    printed(CUT_SHORT, seconds)

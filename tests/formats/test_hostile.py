@@ -2,8 +2,6 @@
 
 import copy
 import json
-import os
-import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -21,6 +19,7 @@ from tests.support import writers
 from tests.support.formats_tools import grid, refused, smooth_layout
 from tests.support.gltf_files import small
 from tests.support.ply_files import THREE, triangles_file
+from tests.support.processes import printed
 
 
 def samples() -> dict[str, bytes]:
@@ -139,12 +138,7 @@ def test_memory_is_bounded(tmp_path: Path) -> None:
     for name, data in lies.items():
         paths.append(tmp_path / name)
         paths[-1].write_bytes(data)
-    run = subprocess.run(
-        [sys.executable, "-c", LIMITED, *map(str, paths)], capture_output=True, text=True, check=False,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-    )  # fmt: skip
-    assert run.returncode == 0, run.stderr
-    lines = run.stdout.strip().split("\n")
+    lines = printed(LIMITED, *paths, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1").splitlines()
     assert len(lines) == len(lies)
     for line in lines[:-1]:
         assert line != "read"

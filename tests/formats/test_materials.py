@@ -2,8 +2,6 @@
 
 import io
 import struct
-import subprocess
-import sys
 import zlib
 from pathlib import Path
 
@@ -14,6 +12,7 @@ from PIL import Image
 from circparam.errors import InputError
 from circparam.formats.materials import ImageFiles, decode, srgb
 from circparam.formats.source import Source
+from tests.support.processes import printed
 
 
 def image(kind: str, mode: str = "RGB") -> bytes:
@@ -28,8 +27,7 @@ def test_reading_a_mesh_loads_no_image_library() -> None:
         "d = circparam.formats.read_data(b'v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n')\n"
         "d.colours(), d.textures()\nprint('PIL' in sys.modules)"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "False"
+    assert printed(code) == "False\n"
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,13 @@
 """Collapses of edges: what is left of a mesh, wherever the work is done."""
 
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from circparam.geometry import collapse
 from tests.support import shapes
+from tests.support.processes import printed
 
 
 def ball() -> tuple[np.ndarray, np.ndarray]:
@@ -49,5 +48,4 @@ assert not children.exists() or not children.read_text()
 
 @pytest.mark.parametrize("program", [sys.executable, "/nowhere/python", "/bin/false"])
 def test_a_process_of_its_own_changes_nothing_whether_it_answers_or_not(program: str) -> None:
-    root = Path(__file__).parents[2]
-    subprocess.run([sys.executable, "-c", APART, program], cwd=root, check=True)
+    printed(APART, program)

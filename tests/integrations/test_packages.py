@@ -15,6 +15,7 @@ import pytest
 from circparam._version import __version__
 from tests.support import shapes
 from tests.support.command_line import obj
+from tests.support.processes import printed
 
 yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 ROOT = Path(__file__).parents[2]
@@ -94,7 +95,7 @@ def test_the_conda_recipe_says_what_the_project_says(tmp_path: Path) -> None:
                 shlex.split(line), cwd=tmp_path, env=ENV, check=True, capture_output=True
             )
         modules = test.get("python", {}).get("imports", ["sys"])
-        subprocess.run([sys.executable, "-c", f"import {', '.join(modules)}"], check=True)
+        printed(f"import {', '.join(modules)}")
 
 
 def test_the_container_runs_what_the_project_installs() -> None:

@@ -1,7 +1,5 @@
 """Options are checked when they are made, and none is ignored in silence."""
 
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,7 @@ from circparam.methods import METHODS
 from circparam.packing.options import PackOptions
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import Options, from_keywords
+from tests.support.processes import printed
 
 BAD = {
     "unknown cut": ({"cut": "chart"}, "choose one of charts, disk, none"),
@@ -173,8 +172,7 @@ def test_what_a_method_accepts_is_an_option_with_a_reason() -> None:
 def test_importing_the_options_is_light() -> None:
     """The command line reads them for its help."""
     code = "import sys, circparam.pipeline.options; print('numpy' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout == "False\n"
+    assert printed(code) == "False\n"
 
 
 def test_arrays_are_reported_by_shape_and_digest() -> None:
