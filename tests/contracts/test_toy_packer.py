@@ -10,17 +10,11 @@ from circparam.core.registry import Row, Table
 from circparam.errors import OptionError
 from circparam.packing import PACKERS, Packed, PackOptions, pack
 from circparam.packing.placement import Packer, PackTask, Placement
+from tests.support.packing import boxes
 
 N = 5
+FIVE = boxes(np.ones((N, 2)))
 OPTIONS = PackOptions(resolution=256, padding=3, effort=0.01)
-
-
-def squares(n: int = N) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit squares, a chart each: (faces, uv, chart)."""
-    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    uv = np.concatenate([corner + np.array([2.0 * c, 0]) for c in range(n)])
-    return np.concatenate([faces + 4 * c for c in range(n)]), uv, np.repeat(np.arange(n), 2)
 
 
 def quincunx(task: PackTask) -> Placement:
@@ -52,11 +46,11 @@ def packed_by(
 ) -> Packed:
     """The five squares packed by a table of these rows."""
     monkeypatch.setattr("circparam.packing.table.PACKERS", Table("packer", *rows))
-    return pack(*squares(), options, **given)
+    return pack(*FIVE, options, **given)
 
 
 def test_one_row_adds_a_packer(monkeypatch: pytest.MonkeyPatch) -> None:
-    without = pack(*squares(), OPTIONS)
+    without = pack(*FIVE, OPTIONS)
     assert not is_quincunx(without)
     packed = packed_by(monkeypatch, *PACKERS, TOY)
     assert is_quincunx(packed)
@@ -83,7 +77,7 @@ def test_a_packer_that_is_looser_or_overlaps_changes_nothing(
         found.append((sorted(task.found), task.sound(placement)))
         return placement
 
-    without = pack(*squares(), OPTIONS)
+    without = pack(*FIVE, OPTIONS)
     row = Row("scaled", Packer(scaled), "the same, smaller or larger")
     np.testing.assert_array_equal(packed_by(monkeypatch, *PACKERS, row).uv, without.uv)
     assert found == [(["nest", "shelf"], factor < 1)]  # it may start from what others found

@@ -6,37 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.coverage import cover, label_grid, pages_of
-from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
+from circparam.mesh.cut_mesh import CutMesh
 from tests.support import shapes
-
-
-def flat_patches(p: np.ndarray, f: np.ndarray, chart: np.ndarray) -> tuple[CutMesh, np.ndarray]:
-    from circparam.mesh.halfedge import shared_edges
-
-    uv = p[:, :2].copy()
-    return CutMesh(f, rest_triangles_of(p[f]), chart, shared_edges(f)), uv
+from tests.support.charts import flat_of
+from tests.support.packing import covered
 
 
 def squares(corners: list[tuple[float, float]], size: float) -> tuple[CutMesh, np.ndarray]:
     """Axis-aligned squares of one size in the unit square, one chart each."""
     base, f = shapes.grid(3, 3)
     parts = [(base * size + [x, y, 0], f) for x, y in corners]
-    p, f = shapes.join(*parts)
-    return flat_patches(p, f, np.repeat(np.arange(len(corners)), 8))
-
-
-def inside(uv: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
-    """Brute force: texel centres inside any face."""
-    centre = (np.arange(resolution) + 0.5) / resolution
-    x, y = np.meshgrid(centre, centre)
-    out = np.zeros((resolution, resolution), bool)
-    for a, b, c in uv[faces]:
-        sides = [
-            (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])
-            for p, q in ((a, b), (b, c), (c, a))
-        ]
-        out |= np.min(sides, 0) >= 0
-    return out
+    return flat_of(shapes.join(*parts))
 
 
 @settings(max_examples=25)
@@ -45,10 +25,10 @@ def test_the_boundary_alone_tells_what_faces_cover(seed: int, resolution: int) -
     p, f = shapes.delaunay_disk(40, seed % 1000)
     rng = np.random.default_rng(seed)
     p = p * 0.3 + [0.5, 0.5, 0] + [*rng.uniform(-0.1, 0.1, 2), 0]
-    cut_mesh, uv = flat_patches(p, f, np.zeros(len(f), np.int64))
+    cut_mesh, uv = flat_of((p, f))
     got = label_grid(cut_mesh, uv, resolution) >= 0
     # centres that lie on a boundary to the last digit may fall on either side
-    assert (got != inside(uv, f, resolution)).sum() <= 2
+    assert (got != (covered(cut_mesh.faces, uv, cut_mesh.chart, resolution)[0] >= 0)).sum() <= 2
 
 
 def test_pages_are_tiles() -> None:

@@ -6,10 +6,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.overlap import crossings, overlaps, self_overlapping, signs
-from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
-from circparam.mesh.halfedge import corner_classes, shared_edges
 from tests.support import shapes
-from tests.support.charts import too_near
+from tests.support.charts import flat_of, too_near
 from tests.support.exact import exact_sign
 
 # Random charts on a small grid of integers: all faces positive, many touches, many overlaps.
@@ -78,25 +76,18 @@ def test_self_overlap_agrees_with_all_pairs_of_faces(steps, mirror):
 def test_overlap_of_two_charts_agrees_with_all_pairs_of_faces(first, second):
     (uv, f), (uv2, g) = grow(first), grow(second)
     assume(not brute_force(uv, f) and not brute_force(uv2, g))
-    both = np.concatenate([uv, uv2])
-    g = g + len(uv)
-    expected = any(faces_overlap(both, a, b) for a in f for b in g)
-    got = overlaps(np.concatenate([f, g]), both, np.repeat([0, 1], [len(f), len(g)]))
+    both, faces = shapes.join((uv, f), (uv2, g))
+    expected = any(faces_overlap(both, a, b) for a in f for b in g + len(uv))
+    got = overlaps(faces, both, np.repeat([0, 1], [len(f), len(g)]))
     assert not got.self_overlapping.any()
     assert got.pairs.tolist() == ([[0, 1]] if expected else [])
-
-
-def together(*charts):
-    offset = np.cumsum([0] + [len(uv) for uv, _ in charts])
-    uv = np.concatenate([uv for uv, _ in charts])
-    faces = np.concatenate([f + o for (_, f), o in zip(charts, offset, strict=False)])
-    return faces, uv, np.repeat(np.arange(len(charts)), [len(f) for _, f in charts])
 
 
 def test_a_chart_fits_into_the_hole_of_another():
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
     square = corners, np.array([[0, 1, 2], [0, 2, 3]])
-    found = overlaps(*together(shapes.flat_ring(3, 5), square))
+    uv, faces = shapes.join(shapes.flat_ring(3, 5), square)
+    found = overlaps(faces, uv, (np.arange(len(faces)) >= len(faces) - 2).astype(np.int64))
     assert len(found.pairs) == 0
     assert not found.self_overlapping.any()
 
@@ -119,15 +110,6 @@ def coil(turns, n=12):
     return np.concatenate([uv, 3 * np.stack([np.cos(t), np.sin(t)], 1)]), np.r_[fans, ring]
 
 
-def patches_of(uv, faces):
-    edges = shared_edges(faces)
-    _, corners = corner_classes(len(faces), edges)
-    place = np.zeros((corners.max() + 1, 2))
-    place[corners.ravel()] = uv[faces.ravel()]
-    rest_triangles = rest_triangles_of(np.pad(uv, ((0, 0), (0, 1)))[faces])
-    return CutMesh(corners, rest_triangles, np.zeros(len(faces), np.int64), edges), place
-
-
 def horseshoe(gap):
     """Two long arms that are ``gap`` apart, as a grid without the cells between the arms."""
     x = np.array([0, 0.15, 0.3, 0.3 + gap, 0.45 + gap, 0.6 + gap])
@@ -140,7 +122,7 @@ def horseshoe(gap):
 
 
 def test_margin_finds_parts_that_come_near():
-    cut_mesh, uv = patches_of(*horseshoe(0.05))
+    cut_mesh, uv = flat_of(horseshoe(0.05))
     assert not self_overlapping(cut_mesh, uv)[0]
     assert too_near(cut_mesh, uv, 0.06 / np.sqrt(cut_mesh.areas.sum()))[0]
     assert not too_near(cut_mesh, uv, 0.03 / np.sqrt(cut_mesh.areas.sum()))[0]
@@ -153,27 +135,19 @@ def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
 
     monkeypatch.setattr(nearby, "MOST_PAIRS", 10)
     monkeypatch.setattr(nearby, "NEXT_IN_CELL", 0)
-    points, faces = shapes.grid(50, 2, 1.0, 0.3)
-    cut_mesh, uv = patches_of(points[:, :2], faces)
+    cut_mesh, uv = flat_of(shapes.grid(50, 2, 1.0, 0.3))
     assert self_overlapping(cut_mesh, uv)[0]
 
 
 def _ring_with_flap(folded: bool) -> tuple[np.ndarray, np.ndarray]:
     """A flat ring, and on one edge of its hole a piece that fills the hole, or (folded) lies over the ring."""
     n = 24
-    angle = 2 * np.pi * np.arange(n) / n
-    unit = np.stack([np.cos(angle), np.sin(angle)], 1)
-    k = np.arange(n)
-    follower = (k + 1) % n
-    ring = np.concatenate(
-        [np.stack([k, n + k, n + follower], 1), np.stack([k, n + follower, follower], 1)]
-    )
+    circles, ring = shapes.flat_ring(0.4, 1.0, n)
     # the piece hangs on the edge 0–1 of the hole: its outline runs from 1 round the middle to 0
-    outline = np.linspace(angle[1] + 0.05, 2 * np.pi - 0.05, 40)
+    outline = np.linspace(2 * np.pi / n + 0.05, 2 * np.pi - 0.05, 40)
     radius = 0.7 if folded else 0.39
-    points = np.concatenate(
-        [0.4 * unit, unit, [[0.0, 0.0]], radius * np.stack([np.cos(outline), np.sin(outline)], 1)]
-    )
+    arc = radius * np.stack([np.cos(outline), np.sin(outline)], 1)
+    points = np.concatenate([circles, [[0.0, 0.0]], arc])
     middle = 2 * n
     rim = np.concatenate([[0, 1], middle + 1 + np.arange(40), [0]])
     piece = np.stack([np.full(len(rim) - 1, middle), rim[:-1], rim[1:]], 1)

@@ -33,13 +33,8 @@ def test_a_band_is_thin_below_eight_texels_however_it_lies(
 
 def test_a_band_bent_to_a_ring_is_as_wide_as_before() -> None:
     n, inner, width = 400, 0.3, 0.01
-    turn = np.repeat(np.arange(n) * 2 * np.pi / n, 2)
-    radius = np.tile([inner, inner + width], n)
-    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], 1)
-    a = 2 * np.arange(n)
-    b, c, d = a + 1, (a + 2) % (2 * n), (a + 3) % (2 * n)
-    faces = np.concatenate([np.stack([a, b, d], 1), np.stack([a, d, c], 1)])
-    v = judged(points, faces, points[:, :2] + 0.5)
+    uv, faces = shapes.flat_ring(inner, inner + width, n)
+    v = judged(np.pad(uv, ((0, 0), (0, 1))), faces, uv + 0.5)
     assert chart_widths(v.cut_mesh, v.uv) == pytest.approx([width], rel=1e-2)
 
 

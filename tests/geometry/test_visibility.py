@@ -8,16 +8,9 @@ from hypothesis import strategies as st
 from circparam.geometry.visibility import edge_shares, visible_share
 from circparam.mesh.surface import Surface
 from tests.support import shapes
-from tests.support.atlases import surface_of
+from tests.support.atlases import ends, surface_of
 
 Shape = tuple[np.ndarray, np.ndarray]
-
-
-def ends(surface: Surface) -> np.ndarray:
-    """(e, 2, 3) both ends of every edge."""
-    h = surface.edges[:, 0]
-    corner = surface.points[surface.faces]
-    return np.stack([corner[h // 3, h % 3], corner[h // 3, (h % 3 + 1) % 3]], 1)
 
 
 def inner_shell() -> Shape:
@@ -45,7 +38,7 @@ def test_every_edge_of_a_sphere_is_seen_from_half_of_the_directions() -> None:
 
 def test_a_shell_inside_a_closed_one_is_never_seen() -> None:
     surface, found = shares(inner_shell())
-    inner = np.linalg.norm(ends(surface), axis=2).max(1) < 0.7
+    inner = np.linalg.norm(surface.points[ends(surface)], axis=2).max(1) < 0.7
     assert inner.sum() == (~inner).sum()
     assert (found[inner] == 0).all()
     assert found[~inner] == pytest.approx(0.5, abs=0.1)
@@ -54,11 +47,11 @@ def test_a_shell_inside_a_closed_one_is_never_seen() -> None:
 @pytest.mark.parametrize("depth", [1.0, 2.0, 4.0])
 def test_a_channel_is_seen_less_than_the_walls_outside_and_less_the_deeper(depth: float) -> None:
     surface, found = shares(channel(depth))
-    x, z = ends(surface)[:, :, 0], ends(surface)[:, :, 2]
-    x, z = x - x.min(), z - z.min()
+    at = surface.points[ends(surface)]
+    x, y, z = np.moveaxis(at - at.min((0, 1)), 2, 0)
     step = np.ptp(x) / 3
     floor = (np.abs(z - step) < 1e-9).all(1) & (np.abs(x - 1.5 * step) < 0.51 * step).all(1)
-    y = ends(surface)[:, :, 1].mean(1)
+    y = y.mean(1)
     floor &= np.abs(y - y.mean()) < np.ptp(y) / 4  # its ends are open
     outside = (x < 1e-9).all(1) | (x > 3 * step - 1e-9).all(1)
     assert floor.any()
@@ -109,7 +102,7 @@ def test_faces_that_hide_nothing_asked_for_may_be_left_out(refine: int, pixels: 
 
 def test_the_visible_share_is_weighted_by_length() -> None:
     surface = surface_of(*inner_shell())
-    inner = np.linalg.norm(ends(surface), axis=2).max(1) < 0.7
+    inner = np.linalg.norm(surface.points[ends(surface)], axis=2).max(1) < 0.7
     every = visible_share(surface, np.ones(len(inner), bool))
     assert visible_share(surface, inner) == 0
     outer = visible_share(surface, ~inner)

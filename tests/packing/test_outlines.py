@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from circparam.errors import OptionError
 from circparam.packing.outlines import least_box_angles, shapes_of
-from tests.support.packing import blobs, vertices_of
+from tests.support.packing import blobs, boxes, vertices_of
 
 
 def test_charts_that_share_a_vertex_are_refused():
@@ -39,10 +39,7 @@ def test_boxes_hold_what_is_placed(seed):
 @settings(max_examples=30)
 @given(angle=st.floats(-3, 3), width=st.floats(1.1, 9))
 def test_the_least_box_of_a_rectangle_is_the_rectangle(angle, width):
-    corner = np.array([[0.0, 0], [width, 0], [width, 1], [0, 1]])
-    c, s = np.cos(angle), np.sin(angle)
-    uv = corner @ np.array([[c, s], [-s, c]])
-    shapes = shapes_of(np.array([[0, 1, 2], [0, 2, 3]]), uv, np.zeros(2, int))
+    shapes = shapes_of(*boxes([[width, 1]], angle))
     box = shapes.boxes(least_box_angles(shapes, "free"))[0]
     assert box[2:] - box[:2] == pytest.approx([width, 1], rel=1e-3, abs=2e-3 * width)
     np.testing.assert_array_equal(least_box_angles(shapes, "none"), [0.0])

@@ -13,7 +13,7 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
-from tests.support.packing import QUICK, blobs, promise, triangles, vertices_of
+from tests.support.packing import QUICK, blobs, boxes, promise, triangles, vertices_of
 from tests.support.shapes import areas
 
 
@@ -118,7 +118,7 @@ def test_inputs_are_untouched_and_mirrored_charts_stay_so():
 
 def test_what_cannot_fit_at_a_density_is_told_at_once_with_the_pages_it_needs():
     """Ten squares of 100 texels on pages of 250, which hold four of them each at best."""
-    faces, uv, chart = _squares(10)
+    faces, uv, chart = boxes(np.ones((10, 2)))
     with pytest.raises(OptionError, match=r"needs at least 2 pages of 250 texels: give --pages 2"):
         pack(faces, uv, chart, PackOptions(250, 4, texel_density=100.0))
     packed = pack(faces, uv, chart, PackOptions(250, 4, pages=3, texel_density=100.0))
@@ -131,21 +131,13 @@ def test_what_cannot_fit_at_a_density_is_told_at_once_with_the_pages_it_needs():
 
 
 def test_a_chart_longer_than_the_page_is_told_at_once():
-    faces, uv, chart = _squares(1)
-    long = uv * [40.0, 0.1]
+    faces, long, chart = boxes([[40.0, 0.1]])
     with pytest.raises(
         OptionError, match=r"longest chart has .* raise --resolution to (\d+)"
     ) as told:
         pack(faces, long, chart, PackOptions(256, 4, texel_density=10.0))
     side = int(str(told.value).rsplit(" ", 1)[1])
     assert pack(faces, long, chart, PackOptions(side, 4, texel_density=10.0)).share[0] > 0
-
-
-def _squares(n):
-    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    uv = np.concatenate([corner + np.array([3.0 * k, 0]) for k in range(n)])
-    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(n)])
-    return faces, uv, np.repeat(np.arange(n), 2)
 
 
 @pytest.mark.parametrize("density", [6.0, 8.0, 9.5, 11.0])

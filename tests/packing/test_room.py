@@ -7,25 +7,16 @@ import pytest
 from scipy.spatial import cKDTree
 
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes, shapes_of
 from circparam.packing.room import find_room, free_share
+from tests.support.packing import rectangles
 
 ASKED = PackOptions(resolution=256, padding=4)
 
 
-def boxes(*sizes: tuple[float, float]) -> Shapes:
+def page(*used: tuple[float, float, float, float]) -> np.ndarray:
     corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    uv = np.concatenate([corner * size for size in sizes])
-    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(sizes))])
-    return shapes_of(faces, uv, np.repeat(np.arange(len(sizes)), 2))
-
-
-def page(*rectangles: tuple[float, float, float, float]) -> np.ndarray:
-    out = []
-    for u, v, width, height in rectangles:
-        a, b, c, d = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [width, height] + [u, v]
-        out += [[a, b, c], [a, c, d]]
-    return np.array(out).reshape(-1, 3, 2)
+    quads = [corner * [width, height] + [u, v] for u, v, width, height in used]
+    return np.array(quads)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 2)
 
 
 def dense(rectangle: np.ndarray, count: int = 60) -> np.ndarray:
@@ -38,7 +29,7 @@ def dense(rectangle: np.ndarray, count: int = 60) -> np.ndarray:
 @pytest.mark.parametrize("rotate", ["free", "90", "none"])
 def test_the_gap_stays_round_every_chart(rotate: str) -> None:
     used = page((0, 0, 1, 0.4), (0.6, 0.5, 0.1, 0.3))
-    shapes = boxes((0.3, 0.2), (0.2, 0.35), (0.25, 0.25))
+    shapes = rectangles([(0.3, 0.2), (0.2, 0.35), (0.25, 0.25)])
     asked = PackOptions(resolution=256, padding=4, rotate=rotate)
     found = find_room(shapes, [used], asked, exact=True)
     assert found is not None
@@ -57,7 +48,7 @@ def test_the_gap_stays_round_every_chart(rotate: str) -> None:
 
 def test_charts_shrink_alike_or_are_refused() -> None:
     used = page((0, 0, 1, 0.75))
-    shapes = boxes((0.5, 0.5), (0.1, 0.1))
+    shapes = rectangles([(0.5, 0.5), (0.1, 0.1)])
     assert find_room(shapes, [used], ASKED, exact=True) is None
     found = find_room(shapes, [used], ASKED, exact=False)
     assert found is not None
@@ -68,14 +59,16 @@ def test_charts_shrink_alike_or_are_refused() -> None:
 
 
 def test_a_second_page_takes_what_the_first_has_no_room_for() -> None:
-    found = find_room(boxes((0.4, 0.4)), [page((0, 0, 1, 1)), page((0, 0, 0.5, 1))], ASKED, True)
+    found = find_room(
+        rectangles([(0.4, 0.4)]), [page((0, 0, 1, 1)), page((0, 0, 0.5, 1))], ASKED, True
+    )
     assert found is not None
     assert found.page.tolist() == [1]
     assert 1.5 < found.uv[:, 0].min() <= found.uv[:, 0].max() < 2
 
 
 def test_many_small_charts_find_room() -> None:
-    shapes = boxes(*[(0.03, 0.05)] * 150)
+    shapes = rectangles([(0.03, 0.05)] * 150)
     found = find_room(shapes, [page((0, 0, 1, 0.5))], PackOptions(resolution=256, padding=1), True)
     assert found is not None
     low = found.uv.reshape(150, 4, 2).min(1)

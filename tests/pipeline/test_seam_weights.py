@@ -14,6 +14,7 @@ from circparam.mesh.repair import repair
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.seam_weights import edge_weights
 from tests.support import shapes
+from tests.support.atlases import ends
 from tests.support.command_line import obj
 
 QUICK = {"effort": "draft", "jobs": 1}
@@ -75,9 +76,7 @@ def test_a_tube_is_opened_along_the_line_that_is_left_free(weight: float) -> Non
 def test_the_weight_of_an_edge_goes_before_those_of_its_vertices():
     document = from_arrays(*shapes.grid(3, 2))
     surface, report = repair(document.mesh)
-    h = surface.edges[:, 0]
-    flat = surface.faces.ravel()
-    a, b = flat[h], flat[h - h % 3 + (h + 1) % 3]
+    a, b = ends(surface).T
     p, q = int(a[0]), int(b[0])
     given = np.array([[p, -1, 4.0], [q, -1, np.inf], [p, q, 9.0], [q, p, 0.5]])
     weights = edge_weights(document, surface, report, given)

@@ -17,7 +17,8 @@ from circparam.pipeline.fallback import SOUND
 from circparam.pipeline.representable_uv import BOUNDARY_NUMBERS, RAY_NUMBERS, Patch, mend_faces
 from circparam.pipeline.stored_fit import store
 from tests.support import needles, shapes
-from tests.support.atlases import surface_of
+from tests.support.atlases import cut_where, surface_of
+from tests.support.charts import flat_of
 from tests.support.exact import exact_sign
 from tests.support.needles import ROUNDINGS
 
@@ -71,25 +72,12 @@ def energy(faces: np.ndarray, before: np.ndarray, after: np.ndarray) -> float:
     return float(((s**2 + s**-2).sum(1) / 4 * area).sum() / area.sum())
 
 
-def flat_chart(p: np.ndarray, f: np.ndarray) -> tuple[CutMesh, np.ndarray]:
-    """(cut mesh, (nv, 2) places) of a flat mesh as it lies."""
-    surface = surface_of(np.c_[p[:, :2], np.zeros(len(p))], f)
-    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    uv = np.zeros((cut_mesh.n_vertices, 2))
-    uv[cut_mesh.faces.ravel()] = surface.points[surface.faces.ravel(), :2]
-    return cut_mesh, uv
-
-
 def slit(n: int = 24) -> tuple[CutMesh, np.ndarray]:
     """A flat square with a slit from its middle to one side, whose sides rounding makes cross."""
     p, f = shapes.grid(n, n)
     surface = surface_of(p, f)
-    h = surface.edges[:, 0]
-    a, b = surface.faces.ravel()[h], surface.faces[h // 3, (h + 1) % 3]
-    y = p[:, 1]
-    row = np.unique(y)[n // 2]
-    cut = (y[a] == row) & (y[b] == row) & (np.minimum(p[a, 0], p[b, 0]) >= 0.5)
-    cut_mesh = surface.cut_mesh(cut)
+    row = np.unique(p[:, 1])[n // 2]
+    cut_mesh = surface.cut_mesh(cut_where(surface, (p[:, 1] == row) & (p[:, 0] >= 0.5)))
     uv = np.zeros((cut_mesh.n_vertices, 2))
     uv[cut_mesh.faces.ravel()] = p[surface.faces.ravel(), :2]
     above = np.zeros(cut_mesh.n_vertices, bool)
@@ -130,7 +118,7 @@ def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
 
     It has more spoilt faces than are searched for places.
     """
-    cut_mesh, uv = flat_chart(*shapes.row_of(shapes.delaunay_disk(700, 1), 2))
+    cut_mesh, uv = flat_of(shapes.row_of(shapes.delaunay_disk(700, 1), 2))
     first = cut_mesh.vertex_chart == 0
     uv[first] = 5e-9 * (uv[first] - uv[first].min(0)) + 1e-5
     uv[~first] = 0.3 * (uv[~first] - uv[~first].min(0)) + [1.2, 0.1]

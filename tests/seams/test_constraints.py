@@ -12,14 +12,7 @@ from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain, dihedral_angles, match_edges
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
-from tests.support.atlases import surface_of
-
-
-def pairs_of(surface: Surface) -> np.ndarray:
-    """(e, 2) points of the inner edges, the lower first."""
-    h = surface.edges[:, 0]
-    ahead = surface.faces[:, [1, 2, 0]].ravel()
-    return np.sort(np.stack([surface.faces.ravel()[h], ahead[h]], 1), 1)
+from tests.support.atlases import ends, surface_of
 
 
 def test_named_edges() -> None:
@@ -27,7 +20,7 @@ def test_named_edges() -> None:
     edges, missing = match_edges(surface, np.array([[5, 6], [6, 5], [0, 1], [0, 15], [3, 99]]))
     assert edges.sum() == 1
     assert missing.tolist() == [3, 4], "a boundary edge is an edge, though there is nothing to cut"
-    pair = pairs_of(surface)[edges]
+    pair = np.sort(ends(surface), 1)[edges]
     assert pair.tolist() == [[5, 6]]
     named = SeamOptions(cut=np.array([[5, 6], [0, 15]]))
     _, forced, notes = constrain(surface, named)
@@ -46,7 +39,7 @@ def test_edges_that_leave_no_way_to_open_a_surface(option: str) -> None:
     one = np.arange(len(surface.edges)) == 7
     for allowed, works in ((np.zeros_like(one), False), (one, True)):
         weights = np.where(allowed, 1.0, np.inf)
-        given = {"no_cut": pairs_of(surface)[~allowed], "weights": weights}[option]
+        given = {"no_cut": np.sort(ends(surface), 1)[~allowed], "weights": weights}[option]
         asked = SeamOptions(**{option: given})
         if works:
             assert (~constrain(surface, asked)[0].locked == one).all()
@@ -65,7 +58,7 @@ def roof(degrees: float) -> Surface:
 def test_angles_of_a_cube_belong_to_its_edges() -> None:
     surface = surface_of(*shapes.cube(2))
     angle = dihedral_angles(surface)
-    on = surface.points[pairs_of(surface)]
+    on = surface.points[ends(surface)]
     side = ((on == 0) | (on == 1)).all(1).sum(1) >= 2
     assert angle[side] == pytest.approx(np.pi / 2)
     assert angle[~side] == pytest.approx(0)
@@ -85,7 +78,7 @@ def test_edges_between_groups_are_seams_where_that_is_asked_for() -> None:
     surface = surface_of(*shapes.grid(5, 3))
     group = (surface.points[surface.faces].mean(1)[:, 0] > 0.5).astype(np.int64)
     forced = constrain(surface, SeamOptions(groups=group, cut_groups=True))[1]
-    x = surface.points[pairs_of(surface)][:, :, 0]
+    x = surface.points[ends(surface)][:, :, 0]
     assert np.array_equal(forced, (x == 0.5).all(1))
     assert not constrain(surface, SeamOptions(groups=group))[1].any()
     # faces of the mesh, of which the surface may have lost some
@@ -96,7 +89,7 @@ def test_edges_between_groups_are_seams_where_that_is_asked_for() -> None:
 
 def test_seams_of_the_file_add_up_with_named_ones_but_for_forbidden_ones() -> None:
     surface = surface_of(*shapes.grid(4, 4))
-    pairs = pairs_of(surface)
+    pairs = np.sort(ends(surface), 1)
     start = np.zeros(len(pairs), bool)
     start[[2, 5, 9]] = True
     options = SeamOptions(start=start, cut=pairs[[5, 11]], no_cut=pairs[[9, 12]])
@@ -110,7 +103,7 @@ def test_seams_of_the_file_add_up_with_named_ones_but_for_forbidden_ones() -> No
 def test_edges_inside_polygons_are_neither_cut_nor_a_contradiction() -> None:
     points, faces = shapes.grid(3, 3)
     surface = repair(Mesh(points, faces, polygons=np.arange(len(faces)) // 2))[0]
-    pairs = pairs_of(surface)
+    pairs = np.sort(ends(surface), 1)
     inner, free = np.flatnonzero(surface.locked), np.flatnonzero(~surface.locked)
     assert len(inner) == 4
     options = SeamOptions(cut=pairs[np.r_[inner[:2], free[0]]], no_cut=pairs[inner])

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from circparam.core.arrays import next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError, TopologyError
 from circparam.mesh.cut_mesh import close_holes
@@ -15,6 +14,7 @@ from circparam.seams import SEAMS
 from circparam.seams.constraints import dihedral_angles
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
+from tests.support.atlases import ends
 
 
 def cut_disk(surface, options=None):
@@ -112,9 +112,7 @@ def test_polygons_stay_whole():
 def test_forbidden_edges_are_never_cut():
     surface = surface_of(shapes.torus())
     free = cut_disk(surface)
-    a = surface.faces.ravel()[surface.edges[:, 0]]
-    b = surface.faces.ravel()[next_half_edge(surface.edges[:, 0])]
-    pairs = np.stack([a, b], 1)
+    pairs = ends(surface)
     seams = cut_disk(surface, SeamOptions(no_cut=pairs[free.cut]))
     check_disks(surface, seams.cut, 1)
     assert not (seams.cut & free.cut).any()

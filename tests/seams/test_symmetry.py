@@ -10,7 +10,7 @@ from circparam.errors import OptionError
 from circparam.mesh.surface import Surface
 from circparam.seams.symmetry import find_mirror
 from tests.support import shapes
-from tests.support.atlases import charts_of, surface_of
+from tests.support.atlases import charts_of, ends, surface_of
 
 
 def bumpy(n: int = 12) -> shapes.Shape:
@@ -28,13 +28,6 @@ def seams_of(shape: shapes.Shape, **options: object) -> tuple[Surface, np.ndarra
     return surface, charts_of(surface, **options).cut
 
 
-def ends(surface: Surface, cut: np.ndarray) -> np.ndarray:
-    """(k, 2, 3) both ends of all seam edges."""
-    flat = surface.faces.ravel()
-    h = surface.edges[cut, 0]
-    return surface.points[np.stack([flat[h], surface.faces[:, [1, 2, 0]].ravel()[h]], 1)]
-
-
 def as_set(edges: np.ndarray) -> set[frozenset[tuple[float, ...]]]:
     rounded = np.round(edges, 6) + 0.0
     return {frozenset(map(tuple, edge.tolist())) for edge in rounded}
@@ -45,7 +38,7 @@ def test_seams_are_the_mirror_image_of_each_other(axis: str, bound: float) -> No
     p, f = bumpy()
     turn = {"x": 0, "y": 1, "z": 2, "auto": 2}[axis]
     surface, cut = seams_of((np.roll(p, turn, axis=1), f), max_distortion=bound, symmetry=axis)
-    edges = ends(surface, cut)
+    edges = surface.points[ends(surface)[cut]]
     image = edges.copy()
     image[:, :, turn] = 1 - image[:, :, turn]
     assert len(edges)
@@ -59,7 +52,9 @@ def test_faces_across_the_plane_are_their_own_image(columns: int) -> None:
     p[:, 2] = 1.5 * np.abs(p[:, 1] - 1) + np.cos(3 * (p[:, 0] - 1))
     quads = np.arange(len(f)) // 2
     surface = surface_of(p, f, quads)
-    edges = ends(surface, charts_of(surface, max_distortion=1.0005, symmetry="x").cut)
+    edges = surface.points[
+        ends(surface)[charts_of(surface, max_distortion=1.0005, symmetry="x").cut]
+    ]
     assert len(edges)
     assert as_set(edges) == as_set(edges * [-1, 1, 1] + [2, 0, 0])
 
@@ -69,7 +64,7 @@ def test_forced_seams_are_mirrored_too() -> None:
     flat = surface.faces.ravel()
     h = surface.edges[len(surface.edges) // 3, 0]
     pair = np.array([[flat[h], surface.faces[:, [1, 2, 0]].ravel()[h]]])
-    edges = ends(surface, charts_of(surface, symmetry="x", cut=pair).cut)
+    edges = surface.points[ends(surface)[charts_of(surface, symmetry="x", cut=pair).cut]]
     assert as_set(surface.points[pair]) <= as_set(edges)
     assert as_set(edges) == as_set(edges * [-1, 1, 1] + [1, 0, 0])
 
@@ -84,7 +79,7 @@ def test_a_mesh_that_is_nearly_mirrored_gets_seams_that_nearly_are() -> None:
     mirror = find_mirror(surface_of(p, f), "auto")
     assert (mirror.axis, mirror.images) == ("x", None)
     surface, cut = seams_of((p, f), max_distortion=1.03, symmetry="x")
-    middle = ends(surface, cut).mean(1)
+    middle = surface.points[ends(surface)[cut]].mean(1)
     image = middle * [-1, 1, 1] + [1, 0, 0]
     far = np.linalg.norm(middle[:, None] - image[None], axis=2).min(1)
     assert np.quantile(far, 0.9) < 2 * length

@@ -9,7 +9,7 @@ from circparam.solvers.region import moving_region
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import POSITIVE, FoldoverEnergy, flipped, lower, untangle
 from tests.support import shapes
-from tests.support.charts import patches_of, rim, tangled
+from tests.support.charts import flat_of, patches_of, rim, tangled
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -28,8 +28,7 @@ def test_planted_flips_are_turned_back_to_about_the_shape_of_before(seed, held):
 
 
 def test_what_is_far_from_a_flip_stays_where_it_is():
-    cut_mesh, points = patches_of(shapes.grid(60, 60))
-    uv = points[:, :2].copy()
+    cut_mesh, uv = flat_of(shapes.grid(60, 60))
     middle = np.argmin(((uv - 0.5) ** 2).sum(1))
     uv[middle] += 0.05
     new, _ = untangle(cut_mesh, uv)
@@ -40,8 +39,7 @@ def test_what_is_far_from_a_flip_stays_where_it_is():
 
 
 def test_a_chart_without_flips_is_returned_as_it_is():
-    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(100), 2))
-    uv = points[:, :2].copy()
+    cut_mesh, uv = flat_of(shapes.row_of(shapes.delaunay_disk(100), 2))
     inner = np.flatnonzero(~rim(cut_mesh) & (cut_mesh.vertex_chart == 1))
     uv[inner[0]] += 5
     before = uv.copy()
@@ -84,8 +82,7 @@ def test_no_region_is_needed_where_nothing_is_flipped_and_none_is_tried_out_of_t
 
 def test_a_group_that_has_flown_apart_keeps_its_place_and_others_are_mended():
     """Two tangled disks; one is drawn out so far that it counts as flown apart from the start."""
-    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(120), 2))
-    uv = points[:, :2].copy()
+    cut_mesh, uv = flat_of(shapes.row_of(shapes.delaunay_disk(120), 2))
     chart = cut_mesh.vertex_chart
     inner = np.flatnonzero(~rim(cut_mesh))
     chosen = np.concatenate([inner[chart[inner] == c][:4] for c in (0, 1)])

@@ -39,11 +39,14 @@ def cut_between(surface: Surface, label: np.ndarray) -> Atlas:
 
 def cut_where(surface: Surface, on: np.ndarray) -> np.ndarray:
     """(e,) bool: edges both ends of which are chosen vertices ((n,) bool over the points)."""
-    flat = surface.faces.ravel()
-    h = surface.edges[:, 0]
-    ahead = surface.faces[:, [1, 2, 0]].ravel()
-    result: np.ndarray = on[flat[h]] & on[ahead[h]]
+    result: np.ndarray = on[ends(surface)].all(1)
     return result
+
+
+def ends(surface: Surface) -> np.ndarray:
+    """(e, 2) vertices of the inner edges, along the first half-edge of each."""
+    h = surface.edges[:, 0]
+    return np.stack([surface.faces.ravel()[h], surface.faces[:, [1, 2, 0]].ravel()[h]], 1)
 
 
 def middles(surface: Surface) -> np.ndarray:

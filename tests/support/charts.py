@@ -18,6 +18,12 @@ def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
     return cut_mesh, points
 
 
+def flat_of(shape) -> tuple[CutMesh, np.ndarray]:
+    """(cut mesh, (n_vertices, 2) places) of an uncut flat shape as it lies."""
+    cut_mesh, points = patches_of((np.c_[shape[0][:, :2], np.zeros(len(shape[0]))], shape[1]))
+    return cut_mesh, points[:, :2].copy()
+
+
 def too_near(cut_mesh: CutMesh, uv: np.ndarray, margin: float) -> np.ndarray:
     """(n_charts,) bool: overlaps itself, or has two parts of its boundary within that share of its size."""
     contacts = SelfContacts.of(cut_mesh, uv)
@@ -50,8 +56,7 @@ def rim(cut_mesh) -> np.ndarray:
 
 def tangled(n: int = 400, seed: int = 0, share: float = 0.05) -> tuple[CutMesh, np.ndarray]:
     """A flat disk with some inner vertices thrown about."""
-    cut_mesh, points = patches_of(delaunay_disk(n, seed))
-    uv = points[:, :2].copy()
+    cut_mesh, uv = flat_of(delaunay_disk(n, seed))
     generator = np.random.default_rng(seed)
     inner = np.flatnonzero(~rim(cut_mesh))
     chosen = generator.choice(inner, max(1, int(share * len(inner))), replace=False)

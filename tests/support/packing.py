@@ -139,9 +139,19 @@ def promise(faces, uv, chart, packed: Packed, options: PackOptions):
     assert scales == pytest.approx(packed.scale)
 
 
+def boxes(sizes, turn=0.0):
+    """(faces, uv, chart) of rectangles side by side, one chart for each (width, height), turned by an angle."""
+    sizes = np.asarray(sizes, float)
+    n = len(sizes)
+    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) * sizes[:, None]
+    c, s = np.broadcast_to(np.cos(turn), n), np.broadcast_to(np.sin(turn), n)
+    uv = corner @ np.stack([c, s, -s, c], 1).reshape(n, 2, 2) + [
+        [[10.0 * k, 3.0]] for k in range(n)
+    ]
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(n)])
+    return faces, uv.reshape(-1, 2), np.repeat(np.arange(n), 2)
+
+
 def rectangles(sizes):
     """Shapes of rectangles, one chart for each (width, height)."""
-    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    uv = np.concatenate([corner * s + [10.0 * k, 3.0] for k, s in enumerate(sizes)])
-    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(sizes))])
-    return shapes_of(faces, uv, np.repeat(np.arange(len(sizes)), 2))
+    return shapes_of(*boxes(sizes))

@@ -12,7 +12,7 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import PackTask
-from tests.support.packing import blobs, rectangles, shelf
+from tests.support.packing import blobs, boxes, rectangles, shelf
 
 
 def test_nesting_beats_rows_of_boxes():
@@ -24,9 +24,7 @@ def test_nesting_beats_rows_of_boxes():
 
 def test_one_chart_is_turned_to_fill_the_page():
     """A square on its tip fills the page up to the border when turned by 45 degrees."""
-    uv = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    packed = pack(faces, uv, np.zeros(2, int), PackOptions(256, 4))
+    packed = pack(*boxes([[1, 1]], np.pi / 4), PackOptions(256, 4))
     assert packed.share[0] == pytest.approx((248 / 256) ** 2, abs=1e-3)
 
 
