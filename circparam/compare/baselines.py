@@ -80,6 +80,6 @@ def _by_uvunwrap(points: Any, faces: Any, name: str) -> tuple[FloatArray, _Made]
 
 
 def task(arrays: dict[str, Any], settings: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """``atlas`` as a task for ``circparam.compare.process``."""
+    """``atlas`` as a task for ``circparam.core.own_process``."""
     uvmap, seconds = atlas(arrays["points"], arrays["faces"], settings["method"])
     return {"uv": uvmap.uv, "uv_faces": uvmap.uv_faces}, {"stages": seconds}

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from circparam.compare import process
 from circparam.compare.baselines import BASELINES, require
 from circparam.compare.rows import INPUT_ROW, Comparison, Entry
 from circparam.compare.task import FLATTEN
+from circparam.core import own_process
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
@@ -132,13 +132,15 @@ class _Scene:
     timeout: float | None
     isolate: bool
 
-    def run(self, task: str, arrays: dict[str, Any], settings: dict[str, Any]) -> process.Outcome:
+    def run(
+        self, task: str, arrays: dict[str, Any], settings: dict[str, Any]
+    ) -> own_process.Outcome:
         """A task, in a process of its own where rows are isolated. It stops by itself at the timeout where
         it can; a process is ended some time after that."""
         if self.isolate:
             bound = None if self.timeout is None else 2 * self.timeout + 10
-            return process.run(task, arrays, settings, bound)
-        return process.here(task, arrays, settings)
+            return own_process.run(task, arrays, settings, bound)
+        return own_process.here(task, arrays, settings)
 
 
 def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, Options]:

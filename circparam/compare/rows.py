@@ -22,7 +22,7 @@ class Entry:
     """One row. status: ok, invalid (flips, overlaps, missing or mirrored faces) or failed, with ``error``.
 
     stages: seconds of each stage; seconds: of the whole method, from the cut mesh to uv (for a baseline, of all
-    its work); medians over ``runs``. peak_bytes: see ``circparam.compare.process``. figures: by the names of
+    its work); medians over ``runs``. peak_bytes: see ``circparam.core.own_process``. figures: by the names of
     FIGURES. iterations: the most that a chart took. notes: of the method.
     """
 

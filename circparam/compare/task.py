@@ -1,11 +1,11 @@
-"""One method as a task for ``circparam.compare.process``."""
+"""One method as a task for ``circparam.core.own_process``."""
 
 import statistics
 import time
 from typing import Any
 
-from circparam.compare.process import Arrays
 from circparam.core.monitor import Monitor
+from circparam.core.own_process import Arrays
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 

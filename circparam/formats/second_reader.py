@@ -1,18 +1,12 @@
 """trimesh in a process of its own, with bounds on its time and memory: files that nobody has checked go in.
 
-``python -m circparam.formats.second_reader KIND FOLDER SECONDS BYTES`` reads the file from standard input. The
-output is arrays, or one line about an error, on standard output. The parsers behind trimesh may unpack a small
-file to a huge one, and compiled parsers may crash. A process of their own protects the caller.
+The parsers behind trimesh may unpack a small file to a huge one, and compiled parsers may crash. A process of
+their own protects the caller.
 """
 
-import contextlib
 import io
-import json
 import logging
 import os
-import signal
-import subprocess
-import sys
 import tempfile
 import warnings
 from pathlib import Path
@@ -20,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.memory import bound_process
-from circparam.core.messages import message, send
+from circparam.core.own_process import Arrays, run
 from circparam.core.types import FloatArray, IntArray
-from circparam.core.workers import environment
+from circparam.errors import NoResultError, OutOfTimeError
 from circparam.formats.source import Source, bytes_beside
 
 # Processor seconds and bytes of address space for any file, and more for each byte of the file: STEP takes most
@@ -33,30 +26,25 @@ ADDRESS_BYTES, ADDRESS_BYTES_PER_BYTE = 750_000_000, 60
 # seconds on the clock for each processor second: the machine may be busy
 CLOCK_SECONDS_PER_SECOND = 5.0
 
-Arrays = dict[str, Any]
-
 
 def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str]]:
     """As ``triangles_of``, by another process. Raises InputError with the cause."""
     seconds = PROCESSOR_SECONDS + SECONDS_PER_BYTE * len(data)
-    bound = ADDRESS_BYTES + ADDRESS_BYTES_PER_BYTE * len(data)
-    command = [sys.executable, "-P", "-m", "circparam.formats.second_reader", kind]
-    command += [str(source.folder or ""), str(int(seconds)), str(bound)]
-    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    size = ADDRESS_BYTES + ADDRESS_BYTES_PER_BYTE * len(data)
+    bounds = {"CPU": int(seconds), "AS": size, "CORE": 0}
+    variables = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    task = {"data": data, "kind": kind, "folder": source.folder}
     # the reader of STEP wants a file
     with tempfile.TemporaryDirectory(prefix="circparam-") as scratch:
-        places = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), scratch)
+        variables |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), scratch)
         try:
-            done = subprocess.run(
-                command, env={**environment(), **one, **places}, input=data, stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL, timeout=CLOCK_SECONDS_PER_SECOND * seconds, check=False,
+            done = run(
+                "circparam.formats.second_reader:read_task", {}, task,
+                CLOCK_SECONDS_PER_SECOND * seconds, bounds=bounds, variables=variables,
             )  # fmt: skip
-            answer = io.BytesIO(done.stdout)
-            said = json.loads(message(answer))
-            packed = io.BytesIO(message(answer))
-        except (subprocess.TimeoutExpired, EOFError):  # a bound, or a crash of a compiled parser
+        except (OutOfTimeError, NoResultError):  # a bound, or a crash of a compiled parser
             raise source.error(
-                f"trimesh can't read it as {kind.upper()} within {seconds:.0f} s and {bound / 1e9:.2g} GB: "
+                f"trimesh can't read it as {kind.upper()} within {seconds:.0f} s and {size / 1e9:.2g} GB: "
                 "it is broken, or unfolds to far more than its size; export a .glb or .obj from the program "
                 "that made it"
             ) from None
@@ -64,10 +52,23 @@ def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str
             raise source.error(
                 f"the process that reads {kind.upper()} cannot be started ({error.strerror})"
             ) from None
-    if said["error"] is not None:
-        raise source.error(f"trimesh can't read it as {kind.upper()}{said['error']}")
-    with np.load(packed, allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}, said["names"]
+    if (wrong := done.info.get("error", f" ({done.error})")) is not None:
+        raise source.error(f"trimesh can't read it as {kind.upper()}{wrong}")
+    return done.arrays, done.info["names"]
+
+
+def read_task(arrays: Arrays, settings: dict[str, Any]) -> tuple[Arrays, dict[str, Any]]:
+    """``triangles_of`` as a task for ``circparam.core.own_process``: arrays, names, an error or None."""
+    try:
+        found, names = triangles_of(settings["data"], settings["kind"], settings["folder"])
+    except MemoryError:
+        return {}, {"error": " (it asks for more memory than it may have)"}
+    except BaseException as problem:  # trimesh raises whatever its parsers meet
+        # a file that is missing inside the parser, or no message
+        mute = (isinstance(problem, OSError) and problem.errno) or not str(problem).strip()
+        said = f" ({' '.join(str(problem).split())[:120]})"
+        return {}, {"error": ": it is damaged, or holds no shape" if mute else said}
+    return found, {"names": names, "error": None}
 
 
 def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, list[str]]:
@@ -141,35 +142,3 @@ def _resolver(folder: Path | None) -> Any:
             return []
 
     return Beside()
-
-
-def main() -> None:
-    """In the process: a file on stdin; its arrays, or an error, on stdout."""
-    kind, folder, seconds, size = sys.argv[1:]
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asks hears it too, and ends this process
-    target = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # the reader of STEP prints from compiled code
-    with contextlib.suppress(ImportError, OSError, ValueError):
-        for bound, most in (("CPU", seconds), ("AS", size), ("CORE", "0")):
-            bound_process(bound, int(most))
-    packed = io.BytesIO()
-    names: list[str] = []
-    error = None
-    try:
-        arrays, names = triangles_of(
-            sys.stdin.buffer.read(), kind, Path(folder) if folder else None
-        )
-        np.savez(packed, allow_pickle=False, **arrays)
-    except MemoryError:
-        error = " (it asks for more memory than it may have)"
-    except BaseException as problem:  # trimesh raises whatever its parsers meet
-        # a file that is missing inside the parser, or no message
-        mute = (isinstance(problem, OSError) and problem.errno) or not str(problem).strip()
-        said = f" ({' '.join(str(problem).split())[:120]})"
-        error = ": it is damaged, or holds no shape" if mute else said
-    send(target, json.dumps({"error": error, "names": names}).encode())
-    send(target, packed.getvalue())
-
-
-if __name__ == "__main__":
-    main()

@@ -1,26 +1,22 @@
 """Edges collapsed by quadric error (Garland and Heckbert 1997); large meshes have a process of their own.
 
 fast-simplification keeps the memory of its largest mesh as long as its process lives, some 600 bytes a face.
-That is a quarter of the memory of all later stages. The process is started as ``python -m
-circparam.geometry.collapse``; nothing else uses that door.
+That is a quarter of the memory of all later stages.
 """
 
 import contextlib
-import struct
-import subprocess
-import sys
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from circparam.core.own_process import Arrays, run
 from circparam.core.types import FloatArray, IntArray
-from circparam.core.workers import environment
+from circparam.errors import NoResultError
 
 SingleArray: TypeAlias = npt.NDArray[np.float32]
 
 APART_FACES = 150_000  # a process takes 0.2 s to start
-SIZES_HEADER = struct.Struct("<3q")  # points, faces, faces that are left
 
 
 def collapsed(
@@ -32,32 +28,12 @@ def collapsed(
     ((k, 3) coarse points as float32, (n,) the one that each point went into). The same in whichever process.
     """
     if len(faces) > APART_FACES:
-        with contextlib.suppress(OSError, subprocess.SubprocessError):
-            return _apart(points, faces, target)
+        with contextlib.suppress(OSError, NoResultError):
+            given: Arrays = {"points": points, "faces": faces}
+            done = run("circparam.geometry.collapse:task", given, {"target": target})
+            if done.error is None:
+                return done.arrays["moved"], done.arrays["into"]
     return _here(points, faces, target)
-
-
-def _apart(
-    points: FloatArray, faces: npt.NDArray[np.int32], target: int
-) -> tuple[SingleArray, IntArray]:
-    """As ``collapsed``, by a process. Raises SubprocessError or OSError without an answer."""
-    message = SIZES_HEADER.pack(len(points), len(faces), target)
-    message += np.ascontiguousarray(points).tobytes() + np.ascontiguousarray(faces).tobytes()
-    command = [sys.executable, "-P", "-m", "circparam.geometry.collapse"]
-    done = subprocess.run(
-        command,
-        env=environment(),
-        input=message,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        check=True,
-    )
-    n = len(points)
-    into = np.frombuffer(done.stdout[: 8 * n], np.int64)
-    moved = np.frombuffer(done.stdout[8 * n :], np.float32)
-    if len(into) < n or len(moved) % 3:
-        raise subprocess.SubprocessError("an answer of another length")
-    return moved.reshape(-1, 3), into
 
 
 def _here(
@@ -72,16 +48,7 @@ def _here(
     return np.asarray(moved, np.float32), np.asarray(into, np.int64)
 
 
-def main() -> None:
-    """In the process: sizes, points and faces on stdin; then where each point went and the coarse points."""
-    read = sys.stdin.buffer.read
-    n, m, target = SIZES_HEADER.unpack(read(SIZES_HEADER.size))
-    # the library wants arrays that it could write to
-    points = np.frombuffer(bytearray(read(24 * n))).reshape(-1, 3)
-    faces = np.frombuffer(bytearray(read(12 * m)), np.int32).reshape(-1, 3)
-    moved, into = _here(points, faces, target)
-    sys.stdout.buffer.write(into.tobytes() + moved.tobytes())
-
-
-if __name__ == "__main__":
-    main()
+def task(arrays: Arrays, settings: dict[str, int]) -> tuple[Arrays, dict[str, int]]:
+    """``collapsed`` as a task for ``circparam.core.own_process``."""
+    moved, into = _here(arrays["points"], arrays["faces"], settings["target"])
+    return {"moved": moved, "into": into}, {}

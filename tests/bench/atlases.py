@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from circparam import formats
-from circparam.compare import process
+from circparam.core import own_process
 from circparam.errors import CircparamError
 from circparam.mesh.repair import repair
 from circparam.pipeline.verify import verify
@@ -110,7 +110,7 @@ class Bench:
         given = {"max_distortion": bound, "effort": effort}
         settings = {"path": str(path), "out": str(out), "options": given}
         try:
-            done = process.run("tests.bench.tasks:unwrap", {}, settings, self.limit)
+            done = own_process.run("tests.bench.tasks:unwrap", {}, settings, self.limit)
         except CircparamError as error:
             return Atlas("circparam", bound=bound, why=str(error))
         if done.error is not None:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.compare import process
-from circparam.compare.process import Outcome
+from circparam.core import own_process
+from circparam.core.own_process import Outcome
 from circparam.mesh.cut_mesh import CutMesh
 from tests.bench import tasks
 from tests.bench.common import Line, options, run_cases
@@ -31,7 +31,7 @@ LARGE_DISKS = (
 
 def run(task: str, arrays: dict[str, Any], **settings: Any) -> Outcome:
     """A task in its own process; an error there ends the benchmark here."""
-    done = process.run(f"tests.bench.tasks:{task}", arrays, settings)
+    done = own_process.run(f"tests.bench.tasks:{task}", arrays, settings)
     if done.error is not None:
         raise SystemExit(f"{task}: {done.error}")
     return done

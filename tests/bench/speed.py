@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from circparam import formats
-from circparam.compare import process
+from circparam.core import own_process
 from circparam.samples import samples
 from tests.bench import common
 from tests.bench.atlases import Atlas, Bench, arguments, parsed
@@ -122,7 +122,7 @@ def row(run: Run) -> list[str]:
 def hot_spots(path: Path, folder: Path) -> list[str]:
     """The name of a mesh, and the functions that the processor was in most, with their shares of the time."""
     settings = {"path": str(path), "out": str(folder / f"{path.stem}.obj")}
-    done = process.run("tests.bench.tasks:profile", {}, settings)
+    done = own_process.run("tests.bench.tasks:profile", {}, settings)
     if done.error is not None:
         raise SystemExit(f"{path.name}: {done.error}")
     shares = [(f, s) for f, s in done.info["shares"] if s >= SHOWN_FUNCTION]

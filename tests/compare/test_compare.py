@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from circparam import errors, samples
-from circparam.compare import process
 from circparam.compare.baselines import BASELINES, atlas
 from circparam.compare.compare import compare, method_names
 from circparam.compare.rows import COMPARED_FIGURES, INPUT_ROW, Comparison, Entry
+from circparam.core import own_process
 from circparam.methods import METHODS
 from tests.support import shapes
 from tests.support.command_line import obj
@@ -136,24 +136,24 @@ def test_names_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_method_that_fails_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object, **__: object) -> process.Outcome:
-        return process.Outcome(error="no such luck")
+    def broken(*_: object, **__: object) -> own_process.Outcome:
+        return own_process.Outcome(error="no such luck")
 
-    monkeypatch.setattr(process, "here", broken)
+    monkeypatch.setattr(own_process, "here", broken)
     c = quick(shapes.bumped_disk(100), "circle")
     assert (c.rows[0].status, c.rows[0].error) == ("failed", "no such luck")
     assert c.rows[0].as_dict()["distortion"] is None
 
 
 def test_a_layout_with_flips_is_invalid(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = process.here
+    real = own_process.here
 
-    def folded(*given: Any) -> process.Outcome:
+    def folded(*given: Any) -> own_process.Outcome:
         done = real(*given)
         done.arrays["uv"][:, 0] = np.abs(done.arrays["uv"][:, 0])
         return done
 
-    monkeypatch.setattr(process, "here", folded)
+    monkeypatch.setattr(own_process, "here", folded)
     c = quick(shapes.bumped_disk(100), "mean-value")
     assert c.rows[0].status == "invalid"
     assert row(c, "mean-value")["flips"] > 0

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from circparam import errors
-from circparam.compare import process
+from circparam.core import own_process
 
-HERE = "tests.compare.test_process"
+HERE = "tests.core.test_own_process"
 Answer = tuple[dict[str, Any], dict[str, Any]]
 
 
@@ -44,7 +44,7 @@ def test_arrays_and_values_go_there_and_back(
     """And no module of the working directory is picked up."""
     (tmp_path / "json.py").write_text("raise SystemExit('shadowed')\n")
     monkeypatch.chdir(tmp_path)
-    done = process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": 1})
+    done = own_process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": 1})
     assert done.error is None
     assert done.arrays["twice"].tolist() == [0, 2, 4, 6, 8]
     assert done.info["total"] == 2**17
@@ -55,15 +55,15 @@ def test_arrays_and_values_go_there_and_back(
 def test_peak_is_what_the_function_took_and_not_what_the_parent_holds() -> None:
     ballast = np.ones(40 * 2**17)
     for megabytes, least, most in ((8, 7.5, 20), (80, 79, 95)):
-        done = process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": megabytes})
+        done = own_process.run(f"{HERE}:allocate", {"x": np.arange(5)}, {"megabytes": megabytes})
         assert least * 2**20 <= done.peak_bytes <= most * 2**20
     assert ballast[0] == 1
 
 
 def test_a_function_that_fails_dies_or_hangs() -> None:
-    done = process.run(f"{HERE}:harm", {}, {"how": "raise"})
+    done = own_process.run(f"{HERE}:harm", {}, {"how": "raise"})
     assert (done.error, done.info) == ("two lines", {"kind": "ValueError"})
     with pytest.raises(errors.NoResultError, match="code -9"):
-        process.run(f"{HERE}:harm", {}, {"how": "die"})
+        own_process.run(f"{HERE}:harm", {}, {"how": "die"})
     with pytest.raises(errors.OutOfTimeError, match=r"0\.5 seconds"):
-        process.run(f"{HERE}:harm", {}, {"how": "sleep"}, seconds=0.5)
+        own_process.run(f"{HERE}:harm", {}, {"how": "sleep"}, seconds=0.5)
