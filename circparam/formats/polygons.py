@@ -1,8 +1,7 @@
 """Polygons of a file, and one rule that turns them into triangles, for every format.
 
 The fan from the first corner whose triangles all agree with the polygon's normal (Newell's). Otherwise ears are
-clipped in the coordinate plane in which the polygon is largest: near-linear, by boxes round corners that lie
-together.
+clipped in the plane of the polygon: near-linear, by a tree of the corners that can be in the way.
 """
 
 import heapq
@@ -10,6 +9,7 @@ import heapq
 import numpy as np
 
 from circparam.core.arrays import mask_of
+from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
@@ -18,14 +18,16 @@ from circparam.mesh.mesh import UVMap
 # Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes 0.1 ms for each corner.
 MAX_CONCAVE_CORNERS = 100_000
 MAX_CORNERS = 1_000_000  # of any polygon: its triangles would be needles round one corner
-LEAF_CORNERS = 8  # corners in the smallest boxes
-CURVE_CELLS = 1 << 16  # cells along a side of the polygon, along which corners are put in order
 # Corners from which the ear with the shortest diagonal goes first. Small triangles hold only near corners;
-# triangles along a side of many corners meet the boxes of all these.
+# triangles along a side of many corners are near all these.
 SHORTEST_FIRST_CORNERS = 1000
 # area over the square of the length below which such an ear waits for a better one
 SLIVER_AREA_SHARE = 1e-9
-MAX_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
+MAX_LOOKED_CORNERS = 200_000_000  # near the triangles of one polygon, 0.1 µs each
+_AFTER = np.array([1, 2, 0])
+HALF_AND_ROUNDING = 0.5 * (
+    1 + 1e-9
+)  # of a diagonal: the radius about a box that holds all its corners
 # Looks at a corner, for each corner of a polygon and in addition, before the rest is cut in order. Three
 # looks each are enough for polygons that do not cross themselves.
 LOOKS_PER_CORNER, LEAST_LOOKS = 4, 100_000
@@ -218,51 +220,27 @@ class Ears:
         """q: (n, 2) corners."""
         n = len(q)
         self.large = n > SHORTEST_FIRST_CORNERS
+        self.q = np.nan_to_num(q)
         self.x: list[float] = q[:, 0].tolist()
         self.y: list[float] = q[:, 1].tolist()
         self.before = [n - 1, *range(n - 1)]
         self.after = [*range(1, n), 0]
         self.there = [True] * n
-        self.blocks = [not self.large or self._area(k) <= 0 for k in range(n)]
+        self.blocks = np.array([not self.large or self._area(k) <= 0 for k in range(n)])
         self.looked = 0
-        self._make_boxes(q)
+        self._plant()
 
-    def _make_boxes(self, q: FloatArray) -> None:
-        """Make a heap of boxes, where boxes 2 k and 2 k + 1 lie in box k.
+    def _plant(self) -> None:
+        """Make a tree of the corners that can be in the way."""
+        self.planted = np.flatnonzero(self.blocks)
+        self.tree = kd_tree(self.q[self.planted]) if self.large else None
+        self.left = len(self.planted)
 
-        Leaves hold runs of corners that can be in the way. Runs follow a curve through the plane and not the
-        outline: boxes round spikes would be as long as these.
-        """
-        blocks = np.flatnonzero(self.blocks)
-        blocks = blocks[_along_a_curve(q[blocks])]
-        n = len(blocks)
-        self.leaves = 1 << max((n - 1) // LEAF_CORNERS, 0).bit_length()
-        self.run: list[list[int]] = [
-            blocks[k : k + LEAF_CORNERS].tolist() for k in range(0, n, LEAF_CORNERS)
-        ]
-        leaf = np.full(len(q), -1)
-        leaf[blocks] = self.leaves + np.arange(n) // LEAF_CORNERS
-        self.leaf: list[int] = leaf.tolist()
-        shape = (self.leaves, LEAF_CORNERS, 2)
-        low, high = (
-            np.full((self.leaves * LEAF_CORNERS, 2), np.inf),
-            np.full((self.leaves * LEAF_CORNERS, 2), -np.inf),
-        )
-        low[:n] = high[:n] = q[blocks]
-        lows, highs = [low.reshape(shape).min(1)], [high.reshape(shape).max(1)]
-        counts = [(np.arange(self.leaves * LEAF_CORNERS) < n).reshape(-1, LEAF_CORNERS).sum(1)]
-        while len(counts[0]) > 1:
-            lows.insert(0, np.minimum(lows[0][::2], lows[0][1::2]))
-            highs.insert(0, np.maximum(highs[0][::2], highs[0][1::2]))
-            counts.insert(0, counts[0][::2] + counts[0][1::2])
-        boxes = np.concatenate([np.concatenate(lows), np.concatenate(highs)], axis=1)
-        self.boxes: list[list[float]] = [[], *boxes.tolist()]
-        self.count: list[int] = [0, *np.concatenate(counts).tolist()]
-
+    @np.errstate(over="ignore", invalid="ignore")
     def clip(self) -> list[tuple[int, int, int]]:
         """The n − 2 triangles. Where nothing is an ear, the second corner that is left is clipped.
 
-        Raises InputError for a polygon that takes more than ``MAX_BOXES``.
+        Raises InputError for a polygon that takes more than ``MAX_LOOKED_CORNERS``.
         """
         out: list[tuple[int, int, int]] = []
         left, first, looks = len(self.x), 0, 0
@@ -274,7 +252,7 @@ class Ears:
             if waiting:
                 _, k = heapq.heappop(waiting)
                 looks += 1
-                if self.looked > MAX_BOXES:
+                if self.looked > MAX_LOOKED_CORNERS:
                     raise InputError("its outline is too intricate: triangulate it first")
                 if not self.there[k] or not self._is_ear(k):
                     continue
@@ -292,10 +270,9 @@ class Ears:
             for other in (k, a, b) if self.large else (k,):
                 if self.blocks[other] and (other == k or self._area(other) > 0):
                     self.blocks[other] = False
-                    box = self.leaf[other]
-                    while box:
-                        self.count[box] -= 1
-                        box >>= 1
+                    self.left -= 1
+            if 2 * self.left < len(self.planted):
+                self._plant()
             left, every = left - 1, False
             for other in out[-1][::2]:
                 heapq.heappush(waiting, self._turn(other))
@@ -321,53 +298,13 @@ class Ears:
         """Whether corner k turns left and its triangle holds no other corner that is left."""
         if not self._area(k) > 0:
             return False
-        x, y = self.x, self.y
-        i, m = self.before[k], self.after[k]
-        ax, ay, bx, by, cx, cy = x[i], y[i], x[k], y[k], x[m], y[m]
-        low_x, high_x = min(ax, bx, cx), max(ax, bx, cx)
-        low_y, high_y = min(ay, by, cy), max(ay, by, cy)
-        sides = ((ax, ay, bx - ax, by - ay), (bx, by, cx - bx, cy - by), (cx, cy, ax - cx, ay - cy))
-        boxes, count, leaves = self.boxes, self.count, self.leaves
-        stack = [1]
-        while stack:
-            box = stack.pop()
-            self.looked += 1
-            if not count[box]:
-                continue
-            x0, y0, x1, y1 = boxes[box]
-            if x0 > high_x or x1 < low_x or y0 > high_y or y1 < low_y:
-                continue
-            for sx, sy, dx, dy in sides:
-                if dx * ((y1 if dx >= 0 else y0) - sy) < dy * ((x0 if dy >= 0 else x1) - sx):
-                    break
-            else:
-                if box >= leaves:
-                    if self._holds(box, sides, (i, k, m)):
-                        return False
-                    continue
-                stack += (2 * box, 2 * box + 1)
-        return True
-
-    def _holds(
-        self, leaf: int, sides: tuple[tuple[float, ...], ...], own: tuple[int, int, int]
-    ) -> bool:
-        """Whether a triangle holds a corner of a run that can be in its way."""
-        for v in self.run[leaf - self.leaves]:
-            if not self.blocks[v] or v in own:
-                continue
-            px, py = self.x[v], self.y[v]
-            if all(dx * (py - sy) - dy * (px - sx) >= 0 for sx, sy, dx, dy in sides) and not any(
-                px == sx and py == sy for sx, sy, _, _ in sides
-            ):
-                return True
-        return False
-
-
-def _along_a_curve(q: FloatArray) -> IntArray:
-    """(k,) an order of points (k, 2) in which near ones follow each other: that of Morton, by mixed bits."""
-    low = q.min(0, initial=np.inf)
-    width = max(float((q.max(0, initial=-np.inf) - low).max()), 1e-300)
-    bits = ((q - low) / width * (CURVE_CELLS - 1)).astype(np.int64)
-    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
-        bits = (bits | bits << shift) & mask
-    return np.argsort(bits[:, 0] | bits[:, 1] << 1, kind="stable")
+        p = self.q[[self.before[k], k, self.after[k]]]
+        near = self.planted
+        if self.tree is not None:
+            low, high = p.min(0), p.max(0)
+            reach = float(np.hypot(*(high - low))) * HALF_AND_ROUNDING
+            near = near[self.tree.query_ball_point((low + high) / 2, reach)]
+        self.looked += len(near)
+        side, away = p[_AFTER] - p, self.q[near[self.blocks[near]]][:, None] - p
+        inside = (side[:, 0] * away[..., 1] >= side[:, 1] * away[..., 0]).all(1)
+        return not (inside.any() and away[inside].any(2).all(1).any())

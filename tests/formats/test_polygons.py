@@ -137,7 +137,7 @@ def long_comb(n: int) -> np.ndarray:
 
 @pytest.mark.parametrize("straight", [False, True], ids=["comb", "sides of many corners"])
 def test_large_polygons_take_time_by_their_corners(straight: bool) -> None:
-    """Operations are counted by the arrays and boxes that are looked at, not timed: four times the corners take
+    """Corners near triangles are counted, and nothing is timed: four times the corners take
     less than eight times the work."""
     looked = []
     for n in (250, 1000):
@@ -163,5 +163,5 @@ def test_thousands_of_spikes_are_refused_in_bounded_work(monkeypatch: pytest.Mon
     text = "".join(f"v {x} {y} {z}\n" for x, y, z in star.tolist())
     text += "f " + " ".join(str(k + 1) for k in range(2000)) + "\n"
     assert len(read_data(text.encode(), format="obj").mesh.faces) == 1998
-    monkeypatch.setattr("circparam.formats.polygons.MAX_BOXES", 10_000)
+    monkeypatch.setattr("circparam.formats.polygons.MAX_LOOKED_CORNERS", 10_000)
     refused(text.encode(), "too intricate: triangulate it first", "obj")
