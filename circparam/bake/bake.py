@@ -31,10 +31,9 @@ from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, IntArray
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document
+from circparam.formats.document import Document, turned
 from circparam.formats.materials import decode
 from circparam.formats.table import up_of
-from circparam.formats.upright import turned
 from circparam.geometry.raster import barycentric, fragments
 from circparam.maps.surface_map import SurfaceMap, oriented
 from circparam.mesh.mesh import UVMap

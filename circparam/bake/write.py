@@ -13,8 +13,8 @@ from circparam.bake.projection import own_frames
 from circparam.core.files import write_files
 from circparam.core.plural import counted
 from circparam.errors import CircparamError, InputError, OptionError
-from circparam.formats.document import Document, WriteOptions
-from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.document import Document, WriteOptions, turned, y_up
+from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
@@ -23,7 +23,6 @@ from circparam.formats.io import encode
 from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.formats.table import up_of
-from circparam.formats.upright import turned, y_up
 from circparam.maps.surface_map import SurfaceMap
 from circparam.pipeline.configure import open_source
 
@@ -133,29 +132,21 @@ def embed(
     source: the file named in errors. uv_set: the set that the image refers to. Raises InputError if the
     bytes are no sound glTF.
     """
-    found = Tree(glb, source)
-    tree, binary = found.json, found.bin or b""
-    padded = binary + bytes(-len(binary) % 4)
-    tree.setdefault("bufferViews", []).append(
-        {"buffer": 0, "byteOffset": len(padded), "byteLength": len(image)}
-    )
-    padded += image + bytes(-len(image) % 4)
-    buffers = tree.setdefault("buffers", [{}])
-    buffers[0] = {**buffers[0], "byteLength": len(padded)}
+    edit = Packing(Tree(glb, source))
+    tree = edit.json
     new = {
-        "images": {
-            "bufferView": len(tree["bufferViews"]) - 1, "mimeType": "image/png", "name": "baked",
-        },
+        "images": {"mimeType": "image/png", "name": "baked"},
         "samplers": {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071},
-    }  # fmt: skip
+    }
     for name, entry in new.items():
         tree.setdefault(name, []).append(entry)
+    edit.images[len(tree["images"]) - 1] = image
     tree.setdefault("textures", []).append(
         {"source": len(tree["images"]) - 1, "sampler": len(tree["samplers"]) - 1}
     )
     texture = {"index": len(tree["textures"]) - 1, "texCoord": uv_set}
     _dress(tree, texture, kind)
-    return glb_bytes(tree, padded, found.rest)
+    return edit.finish("glb", "")[0]
 
 
 def _dress(tree: dict[str, Any], texture: dict[str, int], kind: str) -> None:

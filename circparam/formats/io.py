@@ -155,11 +155,9 @@ def _blocks_of_input(file: BinaryIO, format: str | None) -> Iterator[bytes]:
     """Standard input block by block; InputError as soon as a line has no end."""
     head = file.read(PEEKED_BYTES)
     row = _row_of(head, format, "")
-    limit = LineLimit(Source("standard input")) if row is not None and row.lined(head) else None
-    for block in itertools.chain([head], blocks_in(file)):
-        if limit is not None:
-            limit.follow(block)
-        yield block
+    blocks = itertools.chain([head], blocks_in(file))
+    lined = row is not None and row.lined(head)
+    return limited(blocks, Source("standard input")) if lined else blocks
 
 
 def _row_of(head: bytes, format: str | None, suffix: str) -> Format | None:
@@ -385,38 +383,35 @@ def check_place(
     check_needed(document, format, target, overwrite)
 
 
-class LineLimit:
-    """Follows a text block by block, and refuses a line that is too long for any mesh."""
-
-    def __init__(self, source: Source) -> None:
-        self._source = source
-        self._read = self._begin = self._newlines = self._returns = 0
-
-    def follow(self, block: bytes) -> None:
-        """Take the next block, of at most ``BLOCK_BYTES`` bytes. Raises InputError if its first line began too
-        far before."""
-        ends = block.find(b"\n"), block.find(b"\r")
-        first = min((k for k in ends if k >= 0), default=len(block))
-        longest = max(LONGEST_LINE_BYTES, LINE_BYTES_PER_BYTE * self._begin)
-        if self._read + first - self._begin > longest:
-            line = 1 + (self._newlines or self._returns)
-            raise self._source.error(
-                f"line {line} is longer than {longest >> 20} MB: no mesh has such lines"
-            )
-        self._newlines += block.count(b"\n")
-        self._returns += block.count(b"\r")
-        if first < len(block):
-            self._begin = self._read + 1 + max(block.rfind(b"\n"), block.rfind(b"\r"))
-        self._read += len(block)
-
-
 def blocks_in(file: BinaryIO) -> Iterator[bytes]:
     """The rest of a file, block by block."""
     return iter(lambda: file.read(BLOCK_BYTES), b"")
 
 
-def check_lines(blocks: Iterable[bytes], source: Source) -> None:
-    """Refuse a text with an endless line. Raises InputError; nothing behind that line is asked for."""
-    limit = LineLimit(source)
+def limited(blocks: Iterable[bytes], source: Source) -> Iterator[bytes]:
+    """The blocks of a text, of at most ``BLOCK_BYTES`` each; InputError for a line too long for any mesh.
+
+    Nothing behind the first block of such a line is asked for.
+    """
+    read = begin = newlines = returns = 0
     for block in blocks:
-        limit.follow(block)
+        ends = block.find(b"\n"), block.find(b"\r")
+        first = min((k for k in ends if k >= 0), default=len(block))
+        longest = max(LONGEST_LINE_BYTES, LINE_BYTES_PER_BYTE * begin)
+        if read + first - begin > longest:
+            line = 1 + (newlines or returns)
+            raise source.error(
+                f"line {line} is longer than {longest >> 20} MB: no mesh has such lines"
+            )
+        newlines += block.count(b"\n")
+        returns += block.count(b"\r")
+        if first < len(block):
+            begin = read + 1 + max(block.rfind(b"\n"), block.rfind(b"\r"))
+        read += len(block)
+        yield block
+
+
+def check_lines(blocks: Iterable[bytes], source: Source) -> None:
+    """Refuse a text with an endless line. Raises InputError."""
+    for _ in limited(blocks, source):
+        pass

@@ -9,12 +9,11 @@ from circparam.core.arrays import unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document, WriteOptions
+from circparam.formats.document import Document, WriteOptions, turned
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.gltf.export import to_glb
 from circparam.formats.gltf.morphing import Target, with_morph
 from circparam.formats.table import up_of
-from circparam.formats.upright import turned
 from circparam.geometry.shading import corner_normals
 from circparam.maps.overlay import overlaid
 from circparam.maps.surface_map import MIRRORED, SurfaceMap, moved, oriented, turned_over

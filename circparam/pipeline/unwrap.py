@@ -28,9 +28,8 @@ from circparam.pipeline.density import at_densities, check_whole
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import Job, given_atlas, prepare
-from circparam.pipeline.jobs import monitor_of, start_for
+from circparam.pipeline.jobs import fit_memory, memory_limit, monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
-from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.orient import orient_cost
 from circparam.pipeline.pinned import check_pins, check_storable

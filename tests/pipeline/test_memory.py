@@ -7,7 +7,7 @@ import pytest
 from circparam.core.memory import address_space
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
-from circparam.pipeline import memory
+from circparam.pipeline import jobs as memory
 from circparam.pipeline.options import Options
 
 FACES = 1_000_000

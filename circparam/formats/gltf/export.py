@@ -18,6 +18,7 @@ from circparam.formats.document import (
     WriteOptions,
     exported_grouping,
     not_carried,
+    y_up,
 )
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import read_gltf, store_grouping, store_pages
@@ -26,7 +27,6 @@ from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFE
 from circparam.formats.gltf.scene import unit_rows
 from circparam.formats.materials import Textures, decode, linear, media_type
 from circparam.formats.source import Source
-from circparam.formats.upright import y_up
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import Mesh, UVMap
 

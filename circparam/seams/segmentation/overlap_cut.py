@@ -16,7 +16,7 @@ from circparam.core.arrays import (
 from circparam.core.compiled import breadth_first_order, maximum_flow
 from circparam.core.graph import components, distances, matching, nearest, undirected
 from circparam.geometry.boundary import boundary_of
-from circparam.geometry.layers import own_layers
+from circparam.geometry.intersect import own_layers
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph
