@@ -84,7 +84,7 @@ def test_materials_and_colours_of_a_glb_show_the_image(files: Path):
         view = out["bufferViews"][out["images"][out["textures"][1]["source"]]["bufferView"]]
         assert body[view["byteOffset"] :][: view["byteLength"]] == image
         assert body[: len(binary)] == binary
-        assert out["buffers"][0]["byteLength"] == len(body)
+        assert 0 <= len(body) - out["buffers"][0]["byteLength"] < 4  # a chunk is whole words
 
 
 def gloss_glb(image: int | None, **gloss: object) -> bytes:
