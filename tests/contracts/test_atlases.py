@@ -12,16 +12,11 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
-from circparam.seams.cost import COST
 from tests.support import parts, shapes
 from tests.support.packing import covered, gap_and_border
+from tests.support.unwrapped import cost
 
 BOUND, SIDE, PADDING = 1.05, 192, 3
-
-
-def bumpy(level: int) -> shapes.Shape:
-    points, faces = shapes.icosphere(level)
-    return points * (1 + 0.35 * np.sin(3 * points[:, :1]) * np.cos(4 * points[:, 1:2])), faces
 
 
 def machined(name: str) -> shapes.Shape:
@@ -33,7 +28,7 @@ def machined(name: str) -> shapes.Shape:
 SHAPES: dict[str, tuple[shapes.Shape, float, float]] = {
     "sheet": (shapes.grid(9, 7), 0.85, 0.85),
     "ball": (shapes.icosphere(2), 9.2, 8.9),
-    "bumps": (bumpy(3), 10.0, 9.9),
+    "bumps": (shapes.bumpy(3), 10.0, 9.9),
     "cube": (shapes.cube(3), 9.4, 8.7),
     "torus": (shapes.torus(24, 12), 10.4, 8.8),
     "rough torus": (shapes.noisy(*shapes.torus(24, 12), 0.03), 9.6, 8.5),
@@ -90,7 +85,4 @@ def test_an_atlas_keeps_every_promise(name: str, effort: str, tmp_path: Path) ->
     m: dict[str, Any] = result.measures
     assert m["charts"] == cut_mesh.n_charts
     assert m["pack"] == pytest.approx((owner >= 0).mean(), abs=0.01)
-    cost = COST.finished(
-        m["seam_length"], m["charts"], m["distortion"], m["share_over_2"], m["pack"]
-    )
-    assert cost <= (draft if effort == "draft" else normal)
+    assert cost(result) <= (draft if effort == "draft" else normal)

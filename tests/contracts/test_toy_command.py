@@ -6,10 +6,10 @@ from typing import Any
 
 import click
 import pytest
-from click.testing import CliRunner, Result
 
-from circparam.cli import COMMANDS, cli, common
+from circparam.cli import COMMANDS, common
 from circparam.errors import TopologyError
+from tests.support.command_line import run
 from tests.tools import reference
 
 
@@ -33,10 +33,6 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
     module.command = command
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setitem(COMMANDS, "toy", "Say a word.")
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(cli, words)
 
 
 def test_it_stands_in_the_help_and_in_the_reference() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 from circparam.cli import cli
 from circparam.core.monitor import Monitor
@@ -18,7 +18,7 @@ from circparam.methods.base import Layout, MethodOptions
 from circparam.pipeline.options import Options
 from tests.contracts import test_methods as contract
 from tests.support import shapes
-from tests.support.command_line import CONVEX, obj
+from tests.support.command_line import CONVEX, obj, report, run
 from tests.support.toys import added
 
 TAGS = frozenset({"flip-free", "convex-boundary"})
@@ -48,32 +48,23 @@ def toyish() -> Iterator[Row[Any]]:
     assert "toyish" not in METHODS
 
 
+TOYISH = (*CONVEX[:2], "--method", "toyish", "--effort", "0.01")
+
+
 @pytest.fixture
 def disk(tmp_path: Path) -> Path:
     return obj(tmp_path / "disk.obj", shapes.bumped_disk(80))
 
 
-def run(*words: object) -> Result:
-    return CliRunner().invoke(cli, [str(word) for word in words])
-
-
-def unwrapped_by_it(disk: Path) -> dict[str, Any]:
-    """The report of an unwrap by the new method."""
-    result = run("unwrap", disk, *CONVEX[:2], "--method", "toyish", "--effort", "0.01", "--json")
-    assert result.exit_code == 0, result.stderr
-    report: dict[str, Any] = json.loads(result.stdout)
-    return report
-
-
 def test_it_is_unknown_without_its_row(disk: Path) -> None:
-    assert run("unwrap", disk, *CONVEX[:2], "--method", "toyish").exit_code == 2
+    assert run("unwrap", disk, *TOYISH).exit_code == 2
     with pytest.raises(OptionError, match="unknown method 'toyish'"):
         Options(method="toyish")
 
 
 def test_it_unwraps_and_is_listed_with_its_guarantees(disk: Path, toyish: Row[Any]) -> None:
-    report = unwrapped_by_it(disk)
-    assert (report["method"], report["status"], report["flips"]) == ("toyish", "ok", 0)
+    told = report("unwrap", disk, *TOYISH)
+    assert (told["method"], told["status"], told["flips"]) == ("toyish", "ok", 0)
     listed = {r["name"]: r for r in json.loads(run("methods", "--json").stdout)}
     assert set(listed["toyish"]["guarantees"]) == TAGS
     assert "a toy of the tests" in run("methods").stdout
@@ -109,6 +100,6 @@ def test_the_contract_notices_a_method_that_breaks_it(promise: str) -> None:
 
 def test_the_file_is_verified_whatever_a_row_does(disk: Path) -> None:
     with added(METHODS, row(mirrored)):
-        report = unwrapped_by_it(disk)
-    assert (report["status"], report["mirrored"]) == ("degraded", 1)
-    assert "mirrored" in " ".join(report["reasons"])
+        told = report("unwrap", disk, *TOYISH)
+    assert (told["status"], told["mirrored"]) == ("degraded", 1)
+    assert "mirrored" in " ".join(told["reasons"])

@@ -135,8 +135,7 @@ def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
 
     monkeypatch.setattr(nearby, "MOST_PAIRS", 10)
     monkeypatch.setattr(nearby, "NEXT_IN_CELL", 0)
-    cut_mesh, uv = flat_of(shapes.grid(50, 2, 1.0, 0.3))
-    assert self_overlapping(cut_mesh, uv)[0]
+    assert self_overlapping(*flat_of(shapes.grid(50, 2, 1.0, 0.3)))[0]
 
 
 def _ring_with_flap(folded: bool) -> tuple[np.ndarray, np.ndarray]:

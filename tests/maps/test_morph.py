@@ -131,8 +131,7 @@ def gltf_tree(mesh: Mesh, layout: UVMap, folder: Path) -> tuple[dict, bytes]:
 
 def test_a_gltf_tree_keeps_everything_and_moves_in_each_node(tmp_path: Path):
     """Two nodes show the mesh, the first turned and stretched; a primitive of points comes along."""
-    mesh, layout = belt(4, 8)
-    tree, binary = gltf_tree(mesh, layout, tmp_path)
+    tree, binary = gltf_tree(*belt(4, 8), tmp_path)
     tree["nodes"] = [{"mesh": 0, **Z_UP}, {"mesh": 0}]
     tree["scenes"] = [{"nodes": [0, 1]}]
     tree["extras"] = {"mine": 1}

@@ -12,17 +12,15 @@ from circparam.formats.memory import from_arrays
 from circparam.packing.outlines import shapes_of
 from circparam.pipeline.inspect import inspect
 from circparam.pipeline.unwrap import repack
+from tests.support import shapes
 from tests.support.formats_tools import corners
 
 
-def tube(sides: int = 24, rows: int = 17) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def tube() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A barrel open at both ends; seen from the front and from behind at once: folded at its two outlines."""
-    t, s = np.linspace(0.15, np.pi - 0.15, rows), np.arange(sides) * 2 * np.pi / sides
-    t, s = (x.ravel() for x in np.meshgrid(t, s, indexing="ij"))
-    points = np.stack([np.cos(t), np.sin(t) * np.cos(s), np.sin(t) * np.sin(s)], 1)
-    k = np.arange(rows * sides).reshape(rows, sides)
-    a, b, c, d = (x.ravel() for x in (k[:-1], k[1:], np.roll(k, -1, 1)[1:], np.roll(k, -1, 1)[:-1]))
-    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    round_, faces = shapes.cylinder(24, 16, height=np.pi - 0.3)
+    t = round_[:, 2:] + 0.15
+    points = np.concatenate([np.cos(t), np.sin(t) * round_[:, :2]], 1)
     return points, faces, points[:, :2] * 0.4 + 0.5
 
 

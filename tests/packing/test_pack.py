@@ -86,9 +86,8 @@ def test_more_pages_hold_larger_charts(n):
 
 
 def test_more_charts_than_places_are_refused():
-    faces, uv, chart = triangles(500, 1)
     with pytest.raises(OptionError, match="500 charts do not fit"):
-        pack(faces, uv, chart, PackOptions(64, 4))
+        pack(*triangles(500, 1), PackOptions(64, 4))
 
 
 def test_charts_without_area_are_kept_and_named():

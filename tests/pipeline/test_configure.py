@@ -51,8 +51,7 @@ def test_what_is_given_goes_to_its_stage() -> None:
 
 def seams_of(shape: tuple[np.ndarray, np.ndarray], **keywords: object) -> SeamOptions:
     document = from_arrays(*shape)
-    surface, report = repair(document.mesh, RepairOptions())
-    return seam_options(document, surface, report, Options(**keywords))
+    return seam_options(document, *repair(document.mesh, RepairOptions()), Options(**keywords))
 
 
 @pytest.mark.parametrize("vertex", [-1, 9])

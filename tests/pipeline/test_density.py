@@ -32,8 +32,7 @@ def rows(result: Result) -> dict[str, dict[str, Any]]:
 
 def bars() -> circparam.Document:
     """A long bar of six sides, welded all round."""
-    points, faces = shapes.cylinder(6, 12, caps=True, height=6.0)
-    return from_arrays(points, faces)
+    return from_arrays(*shapes.cylinder(6, 12, caps=True, height=6.0))
 
 
 @pytest.mark.parametrize("asked", ["steel=2", "paint=0.5,steel=3", "plate=2"])

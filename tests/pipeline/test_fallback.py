@@ -20,8 +20,7 @@ from tests.support.cascades import flat, sound, start, surface_of
 
 
 def test_a_flipped_chart_is_mapped_again_and_others_are_left_alone() -> None:
-    p, f = shapes.row_of(shapes.grid(5, 5), 3)
-    s = surface_of(p, f)
+    s = surface_of(*shapes.row_of(shapes.grid(5, 5), 3))
     corners = flat(s)
     middle = np.repeat(np.arange(3), 32) == 1
     corners[middle] *= [-1, 1]
@@ -104,8 +103,7 @@ def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
 
 
 def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
-    s, corners = spiral_strip()
-    cascade = start(s, corners, may_split=False)
+    cascade = start(*spiral_strip(), may_split=False)
     settled = fallback.settle(cascade, Monitor())
     assert (fallback.faults(*settled.open())[0] > 0).tolist() == [True]
     assert not cascade.atlas.cut.any()

@@ -115,9 +115,8 @@ def sheets(path: Path, count: int) -> Path:
 def test_names_are_needed_and_fit_the_pages(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="all faces are of node 'bracket'"):
         find_groups(BRACKET, "node", True)
-    points, faces = shapes.grid(3, 3)
     with pytest.raises(OptionError, match="names no materials"):
-        find_groups(from_arrays(points, faces), "material", False)
+        find_groups(from_arrays(*shapes.grid(3, 3)), "material", False)
     many = read(sheets(tmp_path / "many.obj", 101))
     with pytest.raises(OptionError, match="101 materials, and there are at most 100 pages"):
         find_groups(many, "material", True)
@@ -187,10 +186,8 @@ def test_pack_turns_charts_upright_and_stacks_go_along(plain: tuple[Result, Path
     found = rise(repack(plain[1], orient="up", resolution=512))
     steep = found[np.hypot(*found.T) > 0.3]
     assert np.abs(steep[:, 0]).max() < 1e-5
-    points, faces = shapes.row_of(shapes.cube(2), 4)
-    both = circparam.unwrap(
-        from_arrays(points, faces), stack="identical", orient="up", stack_offset=True, **QUICK
-    )
+    four = shapes.row_of(shapes.cube(2), 4)
+    both = circparam.unwrap(four, stack="identical", orient="up", stack_offset=True, **QUICK)
     assert both.status == "ok"
     assert both.stacks is not None
     assert both.stacks.copies == 3

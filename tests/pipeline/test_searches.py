@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 import circparam
@@ -13,34 +12,20 @@ from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import TIMED_SEARCHES, Options
 from circparam.pipeline.searches import Drafted, cost_of, on_page
-from circparam.seams.cost import COST
 from tests.support import shapes
 from tests.support.clock import Clock
+from tests.support.unwrapped import cost
 
 PAGE = {"resolution": 256, "hide_seams": 0.0}
-
-
-def bumpy(level: int = 1) -> shapes.Shape:
-    """A ball with bumps, for which several searches come to different charts."""
-    points, faces = shapes.icosphere(level)
-    return points * (1 + 0.35 * np.sin(3 * points[:, :1]) * np.cos(4 * points[:, 1:2])), faces
 
 
 def unwrapped(shape: shapes.Shape, **options: Any) -> circparam.Result:
     return circparam.unwrap(shape, **(PAGE | {"jobs": 1} | options))
 
 
-def cost(result: circparam.Result) -> float:
-    """What the layout costs as it was verified."""
-    m: dict[str, Any] = result.measures
-    return COST.finished(
-        m["seam_length"], m["charts"], m["distortion"], m["share_over_2"], m["pack"]
-    )
-
-
 @pytest.fixture(scope="module")
 def three() -> circparam.Result:
-    return unwrapped(bumpy(), effort=3)
+    return unwrapped(shapes.bumpy(1), effort=3)
 
 
 def test_more_effort_keeps_the_cheapest_of_all_searches(three: circparam.Result) -> None:
@@ -55,7 +40,7 @@ def test_more_effort_keeps_the_cheapest_of_all_searches(three: circparam.Result)
 
 
 def test_more_effort_contains_the_searches_of_less(three: circparam.Result) -> None:
-    two = unwrapped(bumpy(), effort=2)
+    two = unwrapped(shapes.bumpy(1), effort=2)
     assert two.effort.costs == three.effort.costs[:2]
     assert min(three.effort.costs) <= min(two.effort.costs)
 
@@ -68,7 +53,8 @@ def test_a_full_search_costs_no_more_than_a_draft() -> None:
 
 
 @pytest.mark.parametrize(
-    "shape", [bumpy(3), shapes.cube(8), shapes.noisy(*shapes.torus(50, 25), amount=0.06, seed=1)]
+    "shape",
+    [shapes.bumpy(3), shapes.cube(8), shapes.noisy(*shapes.torus(50, 25), amount=0.06, seed=1)],
 )
 def test_where_time_is_up_a_full_search_costs_no_more_than_a_draft(
     shape: shapes.Shape, clock: Clock
@@ -96,7 +82,7 @@ def test_the_effort_made_is_that_of_the_charts_kept(ends: bool, made: int, clock
         if packed and stage != "pack" and ends:
             clock.now = 0.5
 
-    found = unwrapped(bumpy(3), effort=1, timeout=0.5, listener=listener)
+    found = unwrapped(shapes.bumpy(3), effort=1, timeout=0.5, listener=listener)
     assert "draft" in found.seconds
     assert found.effort.made == made
     assert any("those of a draft" in note for note in found.notes) == ends

@@ -116,8 +116,7 @@ def test_padding_band_has_its_width():
 
 
 def test_seams_are_painted_and_back_faces_differ():
-    points, faces, uv, uv_faces = cube()
-    scene = make_scene(points, faces, uv, uv_faces)
+    scene = make_scene(*cube())
     camera = look_from(scene, np.array([1.0, 1.0, 1.0]))
     view = see(scene, camera, 60, 60, 2)
     with_seams = paint(view, np.ones((len(view.pixel), 3)), np.zeros(3))

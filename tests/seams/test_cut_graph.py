@@ -14,16 +14,12 @@ from circparam.seams import SEAMS
 from circparam.seams.constraints import dihedral_angles
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
-from tests.support.atlases import ends
+from tests.support.atlases import ends, surface_of
 
 
 def cut_disk(surface, options=None):
     options = SeamOptions() if options is None else options
     return SEAMS["disk"].function(surface, options, Monitor())
-
-
-def surface_of(shape, polygons=None):
-    return repair(Mesh(*shape, polygons=polygons))[0]
 
 
 def check_disks(surface, cut, components=None):
@@ -65,7 +61,7 @@ CLOSED = {
 @pytest.mark.parametrize("name", CLOSED)
 def test_every_component_becomes_one_disk(name):
     shape, components = CLOSED[name]
-    surface = surface_of(shape)
+    surface = surface_of(*shape)
     seams = cut_disk(surface)
     check_disks(surface, seams.cut, components)
     assert not (seams.cut & surface.locked).any()
@@ -73,18 +69,18 @@ def test_every_component_becomes_one_disk(name):
 
 def test_disks_and_inner_holes_are_not_cut():
     for shape in (shapes.grid(), shapes.annulus(), shapes.holed_sheet(25), shapes.hemisphere()):
-        assert not cut_disk(surface_of(shape)).cut.any()
+        assert not cut_disk(surface_of(*shape)).cut.any()
 
 
 def test_the_seams_of_a_torus_are_about_its_two_shortest_loops():
-    surface = surface_of(shapes.torus(64, 32, 1.0, 0.35))
+    surface = surface_of(*shapes.torus(64, 32, 1.0, 0.35))
     length = surface.edge_lengths[cut_disk(surface).cut].sum()
     shortest = 2 * np.pi * 0.35 + 2 * np.pi * 0.65
     assert 0.9 * shortest < length < 1.15 * shortest
 
 
 def test_time_that_is_up_still_gives_a_valid_cut():
-    surface = surface_of(shapes.handles(3))
+    surface = surface_of(*shapes.handles(3))
     seams = SEAMS["disk"].function(surface, SeamOptions(), Monitor(timeout=0.0))
     check_disks(surface, seams.cut, 1)
 
@@ -92,7 +88,7 @@ def test_time_that_is_up_still_gives_a_valid_cut():
 def test_a_sphere_opens_between_far_ends():
     """An ellipsoid opens along its length, and no further than from tip to tip."""
     p, f = shapes.icosphere(4)
-    surface = surface_of((p * [4, 1, 1], f))
+    surface = surface_of(p * [4, 1, 1], f)
     seams = cut_disk(surface)
     touched = surface.faces.ravel()[surface.edges[seams.cut, 0]]
     assert np.ptp(surface.points[touched, 0]) > 7
@@ -102,7 +98,7 @@ def test_a_sphere_opens_between_far_ends():
 def test_polygons_stay_whole():
     for shape in (shapes.torus(), shapes.cube(), shapes.handles(2), shapes.klein()):
         quads = np.arange(len(shape[1])) // 2
-        surface = surface_of(shape, quads)
+        surface = surface_of(*shape, quads)
         assert surface.locked.sum() == len(shape[1]) // 2
         seams = cut_disk(surface)
         check_disks(surface, seams.cut, 1)
@@ -110,7 +106,7 @@ def test_polygons_stay_whole():
 
 
 def test_forbidden_edges_are_never_cut():
-    surface = surface_of(shapes.torus())
+    surface = surface_of(*shapes.torus())
     free = cut_disk(surface)
     pairs = ends(surface)
     seams = cut_disk(surface, SeamOptions(no_cut=pairs[free.cut]))
@@ -121,7 +117,7 @@ def test_forbidden_edges_are_never_cut():
 
 
 def test_demanded_seams_are_kept_and_each_part_becomes_a_disk():
-    surface = surface_of(shapes.cube(4))
+    surface = surface_of(*shapes.cube(4))
     seams = cut_disk(surface, SeamOptions(sharp=np.radians(60)))
     check_disks(surface, seams.cut, 6)
     sharp = dihedral_angles(surface) > 1
@@ -134,7 +130,7 @@ def test_demanded_seams_are_kept_and_each_part_becomes_a_disk():
 
 def test_none_takes_disks_and_names_what_is_no_disk():
     none = SEAMS["none"].function
-    assert not none(surface_of(shapes.grid()), SeamOptions(), Monitor()).cut.any()
+    assert not none(surface_of(*shapes.grid()), SeamOptions(), Monitor()).cut.any()
     cases = {
         "0 boundaries and genus 1": shapes.torus(),
         "2 boundaries and genus 0": shapes.annulus(),
@@ -142,9 +138,9 @@ def test_none_takes_disks_and_names_what_is_no_disk():
     }
     for message, shape in cases.items():
         with pytest.raises(TopologyError, match=f"component 0 .*{message}.*--cut disk"):
-            none(surface_of(shape), SeamOptions(), Monitor())
+            none(surface_of(*shape), SeamOptions(), Monitor())
     with pytest.raises(TopologyError, match=r"component 1 .*first is face 96"):
-        none(surface_of(shapes.join(shapes.grid(), shapes.torus())), SeamOptions(), Monitor())
+        none(surface_of(*shapes.join(shapes.grid(), shapes.torus())), SeamOptions(), Monitor())
 
 
 def test_a_slit_of_a_face_without_area_is_no_boundary():
@@ -152,7 +148,7 @@ def test_a_slit_of_a_face_without_area_is_no_boundary():
     p = np.concatenate([p, [[3, -1, 0], [3, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, 3, 0], [1, -3, 0]]])
     f = [[0, 2, 1], [0, 3, 4], [3, 1, 4], [0, 1, 3]]
     f += [[1, 2, 5], [1, 5, 6], [1, 6, 4], [0, 4, 7], [0, 7, 8], [0, 8, 2]]
-    surface = surface_of((p, np.array(f)))
+    surface = surface_of(p, np.array(f))
     assert len(surface.cut_mesh(np.zeros(len(surface.edges), bool)).loops.chart) == 2
     assert not SEAMS["none"].function(surface, SeamOptions(), Monitor()).cut.any()
     q, g = shapes.icosphere(2)
@@ -160,7 +156,7 @@ def test_a_slit_of_a_face_without_area_is_no_boundary():
     a, b, c = g[0]
     n = len(q)
     g = np.concatenate([g[1:], [[a, n, c], [n, b, c], [a, b, n]]])
-    surface = surface_of((np.concatenate([q, [middle]]), g))
+    surface = surface_of(np.concatenate([q, [middle]]), g)
     assert len(surface.source) == len(g) - 1
     cut_mesh = check_disks(surface, cut_disk(surface).cut, 1)
     assert cut_mesh.loops.length.max() > 2, (

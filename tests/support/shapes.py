@@ -342,6 +342,12 @@ def icosphere(level: int = 2) -> Shape:
     return p / np.linalg.norm(p, axis=1, keepdims=True), f
 
 
+def bumpy(level: int = 2) -> Shape:
+    """A ball with bumps, for which several searches come to different charts."""
+    p, f = icosphere(level)
+    return p * (1 + 0.35 * np.sin(3 * p[:, :1]) * np.cos(4 * p[:, 1:2])), f
+
+
 def stone(level: int = 3, rough: float = 0.1, seed: int = 0) -> Shape:
     """A round shape of few faces whose edges turn as sharply as those of a machined part."""
     points, faces = icosphere(level)

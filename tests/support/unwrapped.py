@@ -9,6 +9,7 @@ import numpy as np
 from circparam import samples
 from circparam.pipeline.result import Result
 from circparam.pipeline.unwrap import unwrap
+from circparam.seams.cost import COST
 from tests.support.shapes import Shape
 
 QUICK = {"effort": 0.01, "jobs": 1}  # the guarantees hold after any amount of search
@@ -29,3 +30,11 @@ def unwrapped(source: str | Shape, **options: Any) -> Result:
                 array.setflags(write=False)
         _RESULTS[key] = result
     return _RESULTS[key]
+
+
+def cost(result: Result) -> float:
+    """What a layout costs as it was verified."""
+    m: dict[str, Any] = result.measures
+    return COST.finished(
+        m["seam_length"], m["charts"], m["distortion"], m["share_over_2"], m["pack"]
+    )

@@ -156,9 +156,8 @@ def test_trimesh_shows_the_uv_of_a_new_file() -> None:
 
 @pytest.mark.parametrize(("format", "up"), [("stl", "z"), ("ply", "z"), ("obj", "y"), ("off", "y")])
 def test_up_is_what_the_format_means(tmp_path: Path, format: str, up: str) -> None:
-    points, faces = grid(3)
     path = tmp_path / f"m.{format}"
-    trimesh.Trimesh(points, faces, process=False).export(path)
+    trimesh.Trimesh(*grid(3), process=False).export(path)
     document = read(path)
     uvmap = smooth_layout(document)
     as_it_is = document.mesh.points

@@ -119,8 +119,7 @@ def test_the_axis_of_the_stage_goes_into_other_formats(tmp_path: Path) -> None:
     )
     circparam.unwrap(source, tmp_path / "o.obj", **QUICK)
     np.testing.assert_array_equal(read(tmp_path / "o.obj").mesh.points, before.points)
-    points, faces = shapes.cube(1)
-    circparam.unwrap((points, faces), tmp_path / "z.ply", **QUICK)
+    circparam.unwrap(shapes.cube(1), tmp_path / "z.ply", **QUICK)
     circparam.unwrap(tmp_path / "z.ply", tmp_path / "z.usda", **QUICK)
     stage = Usd.Stage.Open(str(tmp_path / "z.usda"))
     assert UsdGeom.GetStageUpAxis(stage) == "Z"

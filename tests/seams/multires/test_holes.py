@@ -5,16 +5,10 @@ import pytest
 
 from circparam import unwrap
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import repair
-from circparam.mesh.surface import Surface
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.segmentation.decide import whole_components
 from tests.support import shapes
-
-
-def surface_of(shape: shapes.Shape) -> Surface:
-    return repair(Mesh(*shape))[0]
+from tests.support.atlases import surface_of
 
 
 def wavy(shape: shapes.Shape, height: float) -> shapes.Shape:
@@ -27,7 +21,7 @@ def wavy(shape: shapes.Shape, height: float) -> shapes.Shape:
 
 @pytest.mark.parametrize("per_hole", [2, 4])
 def test_every_small_hole_is_closed_by_faces_without_folds(per_hole: int) -> None:
-    surface = surface_of(wavy(shapes.holed_sheet(25, per_hole), 0.1))
+    surface = surface_of(*wavy(shapes.holed_sheet(25, per_hole), 0.1))
     assert complexity(surface) == 26
     closed = close_small_holes(surface)
     assert complexity(closed) == 1
@@ -50,13 +44,13 @@ def test_every_small_hole_is_closed_by_faces_without_folds(per_hole: int) -> Non
 
 def test_what_no_fan_covers_stays_open() -> None:
     # the boundary of a saddle-shaped hole whose fan would look back at itself, and one that is long
-    surface = surface_of(shapes.annulus(80, 3))
+    surface = surface_of(*shapes.annulus(80, 3))
     assert len(close_small_holes(surface).faces) == len(surface.faces)
-    assert close_small_holes(surface_of(shapes.icosphere(1))).faces.shape == (80, 3)
+    assert close_small_holes(surface_of(*shapes.icosphere(1))).faces.shape == (80, 3)
 
 
 def test_seams_go_back_to_the_surface_itself() -> None:
-    surface = surface_of(shapes.holed_sheet(9, 4))
+    surface = surface_of(*shapes.holed_sheet(9, 4))
     closed = close_small_holes(surface)
     atlas = Atlas(closed, np.zeros(len(closed.edges), bool))
     rng = np.random.default_rng(0)
@@ -78,7 +72,7 @@ def test_a_wavy_sheet_full_of_holes_is_unwrapped_like_one_without() -> None:
 
 def test_components_that_are_good_charts_stay_whole() -> None:
     flat, bumpy = shapes.grid(8, 8), shapes.bumped_disk(400, height=2.0)
-    surface = surface_of(shapes.join(flat, bumpy))
+    surface = surface_of(*shapes.join(flat, bumpy))
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     whole = whole_components(atlas, 1.01)
     assert np.array_equal(np.unique(surface.source[whole]), np.arange(len(flat[1])))
