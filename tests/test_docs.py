@@ -119,9 +119,7 @@ QUICKLY = {"unwrap": ["--effort", "0.01"], "pack": ["--effort", "0.01"], "map": 
 @pytest.mark.parametrize(
     ("page", "least"), [("tutorial.md", 11), ("two-surfaces.md", 16), ("rebake.md", 4)]
 )
-def test_a_page_of_commands_runs(
-    page: str, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_of_commands_runs(page, least, tmp_path, monkeypatch):
     """Every command of the page, in order, in one folder; none fails, and each makes what it names.
 
     The page promises files, not charts or maps, so the work is as short as possible.

@@ -109,9 +109,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("typed", lines())
-def test_an_invocation_runs_as_typed(
-    typed: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_invocation_runs_as_typed(typed, folder, tmp_path, monkeypatch):
     if "xatlas" in typed:
         pytest.importorskip("xatlas")
     here = tmp_path / "here"

@@ -89,9 +89,7 @@ def test_texture_of_another_mesh(files: Path):
         (1.0, 5.0, "refused"),
     ],
 )
-def test_sources_in_another_place_or_scale_are_told(
-    files: Path, scale: float, shift: float, told: str | None
-):
+def test_sources_in_another_place_or_scale_are_told(files, scale, shift, told):
     """A source in millimetres gave the colour of one point, without a word."""
     points, faces = sheet(7)
     layout = UVMap(points[:, :2].copy(), faces)

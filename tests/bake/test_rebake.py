@@ -177,9 +177,7 @@ def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> Non
 
 
 @pytest.mark.parametrize("wrong", ["factor", "scale"])
-def test_numbers_that_no_texel_holds_are_refused_before_the_work(
-    wrong: str, tmp_path: Path
-) -> None:
+def test_numbers_that_no_texel_holds_are_refused_before_the_work(wrong, tmp_path):
     """Without a warning of NumPy beside the line."""
     g = Painted()
     info: dict[str, object] = {"index": g.texture(waves(1, 8))}
@@ -228,9 +226,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("words", "code", "says"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_is_refused(
-    words: tuple[str, ...], code: int, says: str, painted: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_is_refused(words, code, says, painted, monkeypatch):
     g = Painted()
     bare = model([{}], g)
     (painted / "bare.glb").write_bytes(bare.glb())

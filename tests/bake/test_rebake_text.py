@@ -59,9 +59,7 @@ def shown(path: Path, page: str, m: int) -> FloatArray:
     [((), 1, "map_ks"), (("--merge-materials", "none"), 2, "map_kd")],  # merged ones share one Kd
     ids=["merged", "apart"],
 )
-def test_an_obj_keeps_its_images(
-    folder: Path, words: tuple[str, ...], materials: int, page: str
-) -> None:
+def test_an_obj_keeps_its_images(folder, words, materials, page):
     """Beside a library of its own; each material shows what it showed."""
     out = folder / "out" / "new.obj"
     out.parent.mkdir()

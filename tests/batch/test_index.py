@@ -71,9 +71,7 @@ def test_any_name_goes_through(found: set[str]) -> None:
         ({}, ("all",), True),
     ],
 )
-def test_what_is_done_again(
-    index: Index, last: dict[str, Any], retry: tuple[str, ...], expected: bool
-) -> None:
+def test_what_is_done_again(index, last, retry, expected):
     index.add_sources([SourceFile("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
     index.add_lines([line("a.obj", status="failed", options="older"), line("a.obj", **last)])
     assert bool(due(index, *retry)) is expected
@@ -94,9 +92,7 @@ def test_what_is_done_again(
         (("/s/a.obj", "a.obj", "/s/a.obj", "a.obj"), None),
     ],
 )
-def test_results_that_collide_and_a_file_that_is_named_twice(
-    index: Index, tmp_path: Path, found: tuple[str, ...], said: str | None
-) -> None:
+def test_results_that_collide_and_a_file_that_is_named_twice(index, tmp_path, found, said):
     words = [word.format(here=os.path.realpath(tmp_path)) for word in found]
     files = [SourceFile(*pair) for pair in zip(words[::2], words[1::2], strict=True)]
     if said is None:

@@ -23,9 +23,7 @@ def test_any_name_is_one_line_of_ascii_and_comes_back(name: str) -> None:
 
 
 @given(st.lists(NAMES, max_size=6), st.integers(0, 400))
-def test_wherever_it_was_torn_the_whole_lines_stay(
-    tmp_path_factory: pytest.TempPathFactory, found: list[str], cut: int
-) -> None:
+def test_wherever_it_was_torn_the_whole_lines_stay(tmp_path_factory, found, cut):
     path = tmp_path_factory.mktemp("m") / "m.jsonl"
     data = b"".join(encode_line({"name": n}) for n in found)
     path.write_bytes(data[:cut])

@@ -63,9 +63,7 @@ def test_the_bytes_are_those_of_unwrap(tmp_path: Path) -> None:
     assert files(out) == written
 
 
-def test_a_server_is_used_again_and_its_child_knows_nothing_of_the_last_mesh(
-    tmp_path: Path,
-) -> None:
+def test_a_server_is_used_again_and_its_child_knows_nothing_of_the_last_mesh(tmp_path):
     pids = set()
     for k in range(3):
         with warm_server(True) as server:
@@ -188,9 +186,7 @@ def test_the_key_is_that_of_the_bytes() -> None:
     assert keys[0] == keys[1] != keys[2]
 
 
-def test_a_server_pays_no_heed_to_how_dask_wants_memory_given_back(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_server_pays_no_heed_to_how_dask_wants_memory_given_back(monkeypatch):
     monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
     monkeypatch.setenv("OMP_NUM_THREADS", "8")
     found = server_environment()

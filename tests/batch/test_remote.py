@@ -42,9 +42,7 @@ def s3(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[tuple[Any, F
     s3fs.S3FileSystem.clear_instance_cache()
 
 
-def test_a_batch_from_s3_to_s3(
-    s3: tuple[Any, Failing], tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_a_batch_from_s3_to_s3(s3, tmp_path, request):
     system, server = s3
     source = write_set(tmp_path / "src", 3)
     store.again(system.put, str(source) + "/", "bucket/in/", recursive=True)
@@ -113,9 +111,7 @@ def test_the_buffers_of_a_gltf_come_along(s3: tuple[Any, Failing], tmp_path: Pat
     assert Path(path).name == "m.gltf"
 
 
-def test_the_images_of_a_material_library_come_along(
-    s3: tuple[Any, Failing], tmp_path: Path
-) -> None:
+def test_the_images_of_a_material_library_come_along(s3, tmp_path):
     system, _ = s3
     for name, data in {
         "in/m.obj": b"mtllib mat\\m.mtl\nv 0 0 0\n",
@@ -129,9 +125,7 @@ def test_the_images_of_a_material_library_come_along(
     assert found == {"m.obj", "m.mtl", "wood.png", "bump.png"}
 
 
-def test_an_upload_that_never_succeeds_is_told(
-    s3: tuple[Any, Failing], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_upload_that_never_succeeds_is_told(s3, tmp_path, monkeypatch):
     from circparam.batch.manifest import Manifest
 
     manifest = Manifest(Folder("s3://bucket/out"))

@@ -38,9 +38,7 @@ def data_of(page: str) -> dict[str, Any]:
     return data
 
 
-def test_ten_thousand_files_fit_and_more_are_in_the_table_alone(
-    index: Index, tmp_path: Path
-) -> None:
+def test_ten_thousand_files_fit_and_more_are_in_the_table_alone(index, tmp_path):
     rng = np.random.default_rng(1)
     names = [f"some/longer/folder/name/{k:05d}/the_mesh_{k}.obj" for k in range(12_000)]
     index.add_lines(

@@ -158,9 +158,7 @@ def write_broken(folder: Path, count: int) -> None:
         pytest.param(100, {"crash": 3, "hang": 2, "hungry": 2}, 20, marks=pytest.mark.slow),
     ],
 )
-def test_a_poisoned_set(
-    good: int, each: dict[str, int], broken: int, shared: str, tmp_path: Path
-) -> None:
+def test_a_poisoned_set(good, each, broken, shared, tmp_path):
     source, out = write_poison(tmp_path / "src", good, each), tmp_path / "out"
     write_broken(source / "broken", broken)
     given = settings(out, Poison(), timeout=2.0, max_memory=3 << 30)
@@ -272,9 +270,7 @@ def count_lines(out: Path) -> int:
 @pytest.mark.parametrize(
     "moments", [[2], pytest.param([0, 1, 7, 20, 33], marks=pytest.mark.slow)], ids=["once", "five"]
 )
-def test_the_client_is_killed_and_continued(
-    moments: list[int], shared: str, tmp_path: Path
-) -> None:
+def test_the_client_is_killed_and_continued(moments, shared, tmp_path):
     """Its cluster ends with it, and removes its folder."""
     count = 5 if len(moments) == 1 else 40
     source, out, scratch = write_set(tmp_path / "src", count), tmp_path / "out", tmp_path / "tmp"
@@ -356,9 +352,7 @@ def stopped(due: Callable[[Any], bool]) -> Hooks:
     return Hooks(listener=lambda progress: asks[0]() if due(progress) else None, started=started)
 
 
-def test_what_has_begun_gets_its_line_whatever_the_scheduler_knows(
-    shared: str, tmp_path: Path
-) -> None:
+def test_what_has_begun_gets_its_line_whatever_the_scheduler_knows(shared, tmp_path):
     """Workers tell the scheduler what they are at twice a second: a batch must not rely on it."""
     source, out, begun = write_set(tmp_path / "src", 12), tmp_path / "out", tmp_path / "begun"
     begun.mkdir()
@@ -381,9 +375,7 @@ def test_what_has_begun_gets_its_line_whatever_the_scheduler_knows(
     assert 2 <= len(known) < 12
 
 
-def test_a_stop_while_there_are_no_workers(
-    lone_scheduler: tuple[subprocess.Popen[bytes], Path], tmp_path: Path
-) -> None:
+def test_a_stop_while_there_are_no_workers(lone_scheduler, tmp_path):
     source, out = write_set(tmp_path / "src", 3), tmp_path / "out"
     notes: list[str] = []
 
@@ -421,9 +413,7 @@ def lone_scheduler(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[bytes], Pa
         yield server, where
 
 
-def test_a_scheduler_that_runs_and_then_ends(
-    lone_scheduler: tuple[subprocess.Popen[bytes], Path], shared: str, tmp_path: Path
-) -> None:
+def test_a_scheduler_that_runs_and_then_ends(lone_scheduler, shared, tmp_path):
     server, where = lone_scheduler
     source, out = write_set(tmp_path / "src", 12), tmp_path / "out"
     place = ("--scheduler-file", str(where), "--local-directory", str(tmp_path / "w"))
@@ -450,9 +440,7 @@ def test_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         batch(source, out, scheduler_file=str(tmp_path / "nowhere"))
 
 
-def test_the_disk_is_full_for_a_while(
-    shared: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_disk_is_full_for_a_while(shared, tmp_path, monkeypatch):
     monkeypatch.setattr("circparam.batch.run.LOOK_SECONDS", 0.1)
     monkeypatch.setattr("circparam.batch.run.PAUSE_SECONDS", 0.1)
     source, out = write_set(tmp_path / "src", 4), tmp_path / "out"

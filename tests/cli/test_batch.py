@@ -14,7 +14,6 @@ from circparam.batch.manifest import encode_line
 from circparam.batch.progress import Meter, Progress, printable
 from circparam.cli.batch_progress import Screen, clock, headline
 from tests.support.batch_faults import QUICK, told, write_set
-from tests.support.clock import Clock
 from tests.support.command_line import Terminal, one_line_error, run
 
 ARGS = [part for k, v in QUICK.items() for part in (f"--{k}", str(v))]
@@ -88,9 +87,7 @@ def test_what_is_running_is_told(tmp_path: Path) -> None:
     assert "3 of 10 done (2 before), 0 failed, 2 running on 2 workers" in headline(progress)
 
 
-def test_a_line_a_minute_without_a_terminal(
-    clock: Clock, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_line_a_minute_without_a_terminal(clock, capsys):
     screen = Screen(False, 0, False)
     progress = Progress(10, 0, {"ok": 1, "repaired": 0, "degraded": 0, "failed": 0})
     for second in range(0, 200, 10):

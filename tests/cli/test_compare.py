@@ -71,9 +71,7 @@ def test_an_error_of_one_mesh_does_not_hide_the_others(tmp_path: Path) -> None:
         assert "ribbon" in result.stdout
 
 
-def test_without_a_mesh_from_another_directory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_mesh_from_another_directory(tmp_path, monkeypatch):
     """The bundled samples, here two of them, and Table 1 beside the paper's ratios."""
     names = ["ribbon", "knot"]
     monkeypatch.setattr(samples, "names", lambda pairs=True: names)

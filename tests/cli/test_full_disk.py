@@ -92,9 +92,7 @@ FURTHER = ("unwrap gltf", "view html", "compare", "map")  # one of each writer, 
 @pytest.mark.parametrize(
     ("name", "place"), [*((n, "limited") for n in COMMANDS), *((n, "tiny") for n in FURTHER)]
 )
-def test_a_full_disk_leaves_nothing(
-    name: str, place: str, meshes: dict[str, str], request: pytest.FixtureRequest
-) -> None:
+def test_a_full_disk_leaves_nothing(name, place, meshes, request):
     full = request.getfixturevalue(place)
     command, *words = COMMANDS[name].replace("@", str(full)).split()
     one_line_error(run(command, *(meshes.get(word, word) for word in words)), 8, str(full))
@@ -103,9 +101,7 @@ def test_a_full_disk_leaves_nothing(
 
 
 @pytest.mark.parametrize("flag", ["--preview", "--map", "--export-seams"])
-def test_a_further_file_that_does_not_fit_is_an_error(
-    flag: str, meshes: dict[str, str], tiny: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_further_file_that_does_not_fit_is_an_error(flag, meshes, tiny, tmp_path_factory):
     """The mesh itself went elsewhere and is whole; of the further file there is nothing."""
     ending = {"--preview": "svg", "--map": "npz", "--export-seams": "txt"}[flag]
     out = tmp_path_factory.mktemp("out") / "new.obj"

@@ -184,9 +184,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_makes_no_sense_for_one_atlas_is_refused(
-    case: str, folder: Path, tmp_path: Path
-) -> None:
+def test_what_makes_no_sense_for_one_atlas_is_refused(case, folder, tmp_path):
     for place in ("sub", "there"):
         (folder / place).mkdir(exist_ok=True)
     (folder / "sub" / "one.glb").write_bytes((folder / "one.glb").read_bytes())

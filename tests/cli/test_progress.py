@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 import circparam
 from circparam.cli import progress
 from tests.support import shapes
-from tests.support.clock import Clock
 from tests.support.command_line import Terminal
 
 
@@ -30,9 +29,7 @@ def test_lines_for_people_and_none_with_quiet(capsys: pytest.CaptureFixture[str]
         assert float(listener.line().split()[-2]) > 10  # MB
 
 
-def test_a_program_hears_each_per_cent_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_program_hears_each_per_cent_once(monkeypatch, capsys):
     monkeypatch.setenv("CIRCPARAM_PROGRESS", "1")
     with progress.listener("m.obj", False) as listener:
         for stage in ("read", "charts", "charts", "write"):
@@ -48,9 +45,7 @@ def test_a_program_hears_each_per_cent_once(
     assert capsys.readouterr().err == ""
 
 
-def test_a_bar_appears_on_a_terminal_after_the_delay(
-    clock: Clock, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bar_appears_on_a_terminal_after_the_delay(clock, capsys):
     with (
         contextlib.redirect_stderr(Terminal()),
         progress.listener("m.obj", True) as quiet,
@@ -127,9 +122,7 @@ def test_what_is_told_follows_the_work() -> None:
 
 
 @pytest.mark.parametrize("groups", [progress.GROUPS, progress.OTHER_RUNS["level"]])
-def test_the_time_left_is_right_where_stages_take_what_they_should(
-    groups: tuple[dict[str, int], ...], clock: Clock
-) -> None:
+def test_the_time_left_is_right_where_stages_take_what_they_should(groups, clock):
     """After the first fifth it is within a factor of two, also where a stage takes half as long again."""
     rng = np.random.default_rng(0)
     costs = {name: cost for group in groups for name, cost in group.items()}

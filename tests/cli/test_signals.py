@@ -69,9 +69,7 @@ def program(code: str) -> Iterator[subprocess.Popen[bytes]]:
 @needs_posix
 @pytest.mark.parametrize("work", [PYTHON_WORK, NATIVE_WORK], ids=["python", "native"])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_signals_end_it_soon_and_clean(
-    work: str, number: signal.Signals, code: int, mesh: Path
-) -> None:
+def test_signals_end_it_soon_and_clean(work, number, code, mesh):
     left = mesh.parent / ".half.tmp"
     with program(WAIT.format(left=str(left), work=work, mesh=str(mesh))) as process:
         process.send_signal(number)

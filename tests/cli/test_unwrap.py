@@ -194,9 +194,7 @@ def test_several_meshes_end_with_a_summary(tmp_path: Path) -> None:
         (MemoryError(), 5, ("--max-memory",)),
     ],
 )
-def test_an_internal_error_and_missing_memory_are_one_line(
-    error: Exception, code: int, words: tuple[str], disk: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_internal_error_and_missing_memory_are_one_line(error, code, words, disk, monkeypatch):
     def broken(*args: object) -> None:
         raise error
 
@@ -206,9 +204,7 @@ def test_an_internal_error_and_missing_memory_are_one_line(
         assert run("unwrap", disk, "--debug").exception is error
 
 
-def test_an_unreadable_file_is_an_error_of_the_input(
-    disk: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unreadable_file_is_an_error_of_the_input(disk, monkeypatch):
     """Root may read everything, so the system's answers are made up: the documented code is 3."""
 
     def refuse(path: object, *_: object, **__: object) -> bytes:

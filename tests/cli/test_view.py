@@ -62,9 +62,7 @@ def test_a_texture_is_in_the_page(tmp_path: Path):
 @pytest.mark.parametrize(
     ("image", "said"), [(None, "gone.png is missing"), (b"no image at all", "cannot be read")]
 )
-def test_a_texture_that_cannot_be_shown_is_a_note_in_the_page(
-    image: bytes | None, said: str, quad: Path
-):
+def test_a_texture_that_cannot_be_shown_is_a_note_in_the_page(image, said, quad):
     quad.with_name("m.mtl").write_text("newmtl m\nmap_Kd gone.png\n")
     quad.write_text("mtllib m.mtl\nusemtl m\n" + QUAD + UV + FACES)
     if image is not None:

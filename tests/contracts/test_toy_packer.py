@@ -65,9 +65,7 @@ def test_a_packer_runs_where_it_applies_only(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.1])
-def test_a_packer_that_is_looser_or_overlaps_changes_nothing(
-    monkeypatch: pytest.MonkeyPatch, factor: float
-) -> None:
+def test_a_packer_that_is_looser_or_overlaps_changes_nothing(monkeypatch, factor):
     """Whoever claims the largest scale is looked at first; where charts overlap, the next one is taken."""
     found: list[tuple[list[str], bool]] = []
 

@@ -18,9 +18,7 @@ from circparam.core.linear_program import INTERIOR, SIMPLEX, least
     reach=st.floats(0.1, 10),
 )
 @pytest.mark.parametrize("solver", [SIMPLEX, INTERIOR])
-def test_the_least_cost_is_that_of_scipy(
-    solver: str, seed: int, n: int, m: int, reach: float
-) -> None:
+def test_the_least_cost_is_that_of_scipy(solver, seed, n, m, reach):
     random = np.random.default_rng(seed)
     matrix = sps.csc_matrix(np.round(random.normal(size=(m, n)), 2) * (random.random((m, n)) < 0.5))
     most, cost = random.normal(size=m) + 0.5, random.normal(size=n)

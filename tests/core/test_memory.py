@@ -82,9 +82,7 @@ assert np.allclose(blas.dgemm(1.0, square, square), 300)
 @pytest.mark.parametrize(
     ("words", "code"), [(["unwrap", "mesh.obj"], 5), (["methods"], 5), (["--help"], 0)]
 )
-def test_a_bound_below_what_the_libraries_take_is_refused_at_once(
-    words: list[str], code: int
-) -> None:
+def test_a_bound_below_what_the_libraries_take_is_refused_at_once(words, code):
     program = "import resource; resource.setrlimit(resource.RLIMIT_AS, (300_000_000,) * 2)"
     program += "; from circparam.cli.group import main; main()"
     run = subprocess.run(

@@ -38,9 +38,7 @@ def harm(arrays: dict[str, Any], settings: dict[str, Any]) -> Answer:
     raise ValueError("two\nlines")
 
 
-def test_arrays_and_values_go_there_and_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arrays_and_values_go_there_and_back(tmp_path, monkeypatch):
     """And no module of the working directory is picked up."""
     (tmp_path / "json.py").write_text("raise SystemExit('shadowed')\n")
     monkeypatch.chdir(tmp_path)

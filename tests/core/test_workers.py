@@ -169,9 +169,7 @@ assert got == [(k * k, os.getpid()) for k in range(3)]
     printed(script)
 
 
-def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     opened()
     for seconds in (None, 100.0):
@@ -184,9 +182,7 @@ def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(
     assert "pytest" not in main
 
 
-def test_other_programs_import_the_package_from_where_it_is_here(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_programs_import_the_package_from_where_it_is_here(tmp_path, monkeypatch):
     monkeypatch.delenv("PYTHONPATH", raising=False)
     words = [sys.executable, "-P", "-c", f"import {workers.__name__} as w; print(w.__file__)"]
     env = workers.environment()
@@ -222,9 +218,7 @@ for size in (8 << 30, 1 << 30):
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores can't be chosen")
-def test_cores_are_those_that_are_free_and_at_most_the_threads(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_cores_are_those_that_are_free_and_at_most_the_threads(monkeypatch):
     every = os.sched_getaffinity(0)
     for free, threads, most in (
         ({min(every)}, None, 1), (every, None, len(every)), (every, "1", 1), (every, "nonsense", len(every)),
@@ -243,9 +237,7 @@ def test_cores_are_those_that_are_free_and_at_most_the_threads(
 @pytest.mark.parametrize(
     ("said", "most"), [("100000 100000", 1), ("20000 100000", 1), ("max 100000", None), ("", None)]
 )
-def test_a_container_bounds_the_cores(
-    said: str, most: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_container_bounds_the_cores(said, most, monkeypatch):
     """What its control group grants (cgroup v2); all that are free where nothing is said."""
     monkeypatch.setattr(Path, "read_text", lambda *_, **__: said)
     free = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()

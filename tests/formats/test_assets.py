@@ -96,9 +96,7 @@ def test_a_glb_takes_the_images_in(tmp_path: Path) -> None:
     assert tree.view(image["bufferView"], "")[0].tobytes() == b"\x89PNG and more"
 
 
-def test_a_folder_made_for_textures_goes_when_the_write_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_made_for_textures_goes_when_the_write_fails(tmp_path, monkeypatch):
     (tmp_path / "in" / "tex").mkdir(parents=True)
     (tmp_path / "out").mkdir()
     (tmp_path / "in" / "tex" / "k.png").write_bytes(b"k")

@@ -8,7 +8,7 @@ import pytest
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout, not_carried
 from circparam.formats.io import read, read_data
-from circparam.formats.looks import Carried, Group, Slot
+from circparam.formats.looks import Carried, Group
 from circparam.formats.materials import Textures
 from circparam.formats.obj.materials import SLOTS
 from circparam.formats.ply.materials import IMAGE
@@ -121,9 +121,7 @@ def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("kind", "slot"), [("obj", SLOTS["map_kd"]), ("ply", IMAGE)])
-def test_carried_images_take_the_place_of_the_old_ones(
-    kind: str, slot: Slot, tmp_path: Path
-) -> None:
+def test_carried_images_take_the_place_of_the_old_ones(kind, slot, tmp_path):
     """Nothing of the old ones is named, copied or warned of."""
     data = {
         "obj": b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n",

@@ -52,9 +52,7 @@ def test_a_line_of_gigabytes_is_refused_before_it_is_in_memory(tmp_path: Path, f
 
 
 @pytest.mark.parametrize("format", HEADS)
-def test_an_endless_line_of_a_pipe_is_refused_while_it_comes(
-    monkeypatch: pytest.MonkeyPatch, format: str
-) -> None:
+def test_an_endless_line_of_a_pipe_is_refused_while_it_comes(monkeypatch, format):
     asked = itertools.count()
 
     def more(size: int = -1) -> bytes:

@@ -205,9 +205,7 @@ def plain_zip() -> bytes:
         ("g.xaml", b"<a/>"),
     ],
 )
-def test_broken_files_are_one_line(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, data: bytes
-) -> None:
+def test_broken_files_are_one_line(tmp_path, capfd, name, data):
     """Whatever compiled parsers print."""
     path = tmp_path / name
     path.write_bytes(data)

@@ -26,9 +26,7 @@ def test_places_that_cannot_be_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_an_error_leaves_nothing_behind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
-) -> None:
+def test_an_error_leaves_nothing_behind(tmp_path, monkeypatch, error):
     doc = document()
     target = tmp_path / "x.gltf"
     write(target, doc, smooth_layout(doc))
@@ -79,9 +77,7 @@ def test_standard_streams(monkeypatch: pytest.MonkeyPatch) -> None:
     [("a.fbx", "Blender makes a GLB"), ("a.ABC", "export a .glb"), ("a.blend", "export a .glb"),
      ("a.iges", "export an .stl or .obj"), ("a.mtl", "give the .obj"), ("a.zip", "unpack")],
 )  # fmt: skip
-def test_formats_of_other_programs_are_told_what_to_export(
-    tmp_path: Path, name: str, cure: str
-) -> None:
+def test_formats_of_other_programs_are_told_what_to_export(tmp_path, name, cure):
     (tmp_path / name).write_bytes(b"\x00\x01 nothing that is known \xff" * 9)
     with pytest.raises(InputError, match=cure) as caught:
         read(tmp_path / name)

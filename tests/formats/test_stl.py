@@ -83,9 +83,7 @@ def test_bytes_behind_the_last_facet_are_left_out_and_told() -> None:
     assert read_data(data).warnings == ()
 
 
-def test_a_text_in_another_encoding_needs_no_further_package(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_text_in_another_encoding_needs_no_further_package(monkeypatch):
     """trimesh asks charset_normalizer, which not everybody has."""
     monkeypatch.setitem(sys.modules, "charset_normalizer", None)
     text = b"solid Caf\xe9\n" + FACET + b"endsolid\n"

@@ -15,29 +15,36 @@ from circparam.geometry.intersect import (
 )
 
 
-def random_boundary(seed: int, dense: int) -> BoundarySegments:
-    """Two charts: wavy closed loops whose parts come near each other, short segments and long."""
-    rng = np.random.default_rng(seed)
+def loops(*charts: object) -> BoundarySegments:
+    """Closed polygons, counter-clockwise, a chart each; a chart with holes is a list of polygons."""
     starts, ends, chart, following = [], [], [], []
-    for c, loops in enumerate((2, 1)):
-        for k in range(loops):
-            n = int(rng.integers(8, dense))
-            t = np.sort(rng.random(n)) * 2 * np.pi
-            r = 1 + 0.9 * np.sin(rng.integers(1, 9) * t + rng.random()) * rng.random() + 0.3 * k
-            p = np.stack([r * np.cos(t), r * np.sin(t)], 1)
-            at = sum(map(len, starts))
+    at = 0
+    for c, polygons in enumerate(charts):
+        for polygon in polygons if isinstance(polygons, list) else [polygons]:
+            p = np.asarray(polygon, float)
+            n = len(p)
             starts.append(p)
             ends.append(np.roll(p, -1, axis=0))
             chart += [c] * n
-            following.append(at + (np.arange(n) + 1) % n)
-    follow = np.concatenate(following)
-    before = np.empty_like(follow)
-    before[follow] = np.arange(len(follow))
-    order = np.arange(len(follow))
+            following += (at + (np.arange(n) + 1) % n).tolist()
+            at += n
+    follow = np.array(following)
     return BoundarySegments(
-        3 * order, np.array(chart), np.concatenate(starts), np.concatenate(ends), follow, before,
-        np.ones(2),
+        np.arange(at), np.array(chart), np.concatenate(starts), np.concatenate(ends), follow,
+        np.argsort(follow), np.ones(len(charts)),
     )  # fmt: skip
+
+
+def random_boundary(seed: int, dense: int) -> BoundarySegments:
+    """Two charts: wavy closed loops whose parts come near each other, short segments and long."""
+    rng = np.random.default_rng(seed)
+
+    def wavy(further: float) -> np.ndarray:
+        t = np.sort(rng.random(int(rng.integers(8, dense)))) * 2 * np.pi
+        r = 1 + 0.9 * np.sin(rng.integers(1, 9) * t + rng.random()) * rng.random() + further
+        return np.stack([r * np.cos(t), r * np.sin(t)], 1)
+
+    return loops([wavy(0.0), wavy(0.3)], wavy(0.0))
 
 
 @settings(max_examples=60)
@@ -60,26 +67,6 @@ def test_near_parts_of_a_boundary_against_brute_force(seed, dense, reach):
         assert set(zip(*(g.tolist() for g in got), strict=True)) == set(
             zip(i[keep].tolist(), j[keep].tolist(), strict=True)
         )
-
-
-def loops(*charts: object) -> BoundarySegments:
-    """Closed polygons, counter-clockwise, a chart each; a chart with holes is a list of polygons."""
-    starts, ends, chart, following = [], [], [], []
-    at = 0
-    for c, polygons in enumerate(charts):
-        for polygon in polygons if isinstance(polygons, list) else [polygons]:
-            p = np.asarray(polygon, float)
-            n = len(p)
-            starts.append(p)
-            ends.append(np.roll(p, -1, axis=0))
-            chart += [c] * n
-            following += (at + (np.arange(n) + 1) % n).tolist()
-            at += n
-    follow = np.array(following)
-    return BoundarySegments(
-        np.arange(at), np.array(chart), np.concatenate(starts), np.concatenate(ends), follow,
-        np.argsort(follow), np.ones(len(charts)),
-    )  # fmt: skip
 
 
 def box(x: float, y: float, width: float = 1.0, height: float = 1.0) -> np.ndarray:

@@ -12,9 +12,7 @@ from circparam.geometry.nearby import centres, within
     sizes=st.tuples(st.integers(1, 60), st.integers(1, 20), st.integers(1, 4)),
 )
 @example(seed=0, sizes=(2500, 1800, 3))
-def test_near_means_a_place_of_the_own_group_within_its_reach(
-    seed: int, sizes: tuple[int, int, int]
-) -> None:
+def test_near_means_a_place_of_the_own_group_within_its_reach(seed, sizes):
     """All are compared up to four million pairs, beyond by a tree."""
     random = np.random.default_rng(seed)
     m, k, n = sizes

@@ -21,9 +21,7 @@ def judged(points: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Verificatio
 
 @pytest.mark.parametrize(("texels", "thin"), [(7.9, 1), (8.1, 0)])
 @pytest.mark.parametrize("turn", [0.0, 0.6])
-def test_a_band_is_thin_below_eight_texels_however_it_lies(
-    texels: float, thin: int, turn: float
-) -> None:
+def test_a_band_is_thin_below_eight_texels_however_it_lies(texels, thin, turn):
     points, faces = shapes.grid(9, 3, 0.6, texels / SIDE)
     points = points - points.min(0)
     c, s = np.cos(turn), np.sin(turn)

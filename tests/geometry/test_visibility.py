@@ -61,9 +61,7 @@ def test_a_channel_is_seen_less_than_the_walls_outside_and_less_the_deeper(depth
     assert found[floor].mean() == pytest.approx(sky, abs=0.08)
 
 
-def test_a_sheet_is_seen_from_both_sides_and_a_closed_surface_from_outside_however_it_is_wound() -> (
-    None
-):
+def test_a_sheet_is_seen_from_both_sides_and_a_closed_surface_from_outside_however_it_is_wound():
     _, sheet = shares(shapes.grid(9, 7))
     assert sheet == pytest.approx(1, abs=0.07)
     points, faces = shapes.icosphere(3)
@@ -74,9 +72,7 @@ def test_a_sheet_is_seen_from_both_sides_and_a_closed_surface_from_outside_howev
 @given(
     seed=st.integers(0, 10_000), scale=st.sampled_from([1e-3, 1.0, 250.0]), level=st.integers(1, 3)
 )
-def test_scaling_and_moving_change_nothing_and_turning_hardly_anything(
-    seed: int, scale: float, level: int
-) -> None:
+def test_scaling_and_moving_change_nothing_and_turning_hardly_anything(seed, scale, level):
     p, f = shapes.noisy(*shapes.icosphere(level), amount=0.1, seed=seed)
     p = p * [1.0, 0.7, 0.4]
     _, found = shares((p, f))

@@ -173,9 +173,7 @@ def kept_to_the_bit(case: dict[str, Any], polygons: set[int]) -> None:
 
 
 @pytest.mark.parametrize("name", ["cube", "cylinder", "monkey"])
-def test_everything_but_the_uv_stays_and_the_layout_is_one_to_one(
-    answer: dict[str, Any], name: str
-) -> None:
+def test_everything_but_the_uv_stays_and_the_layout_is_one_to_one(answer, name):
     case = answer["everything_stays"]
     before, after = case["before"][name], case["after"][name]
     for what in ("polygons", "materials", "names", "points", "edges", "selected"):

@@ -65,9 +65,7 @@ def meshes(tmp_path: Path) -> Path:
         ({"files": "good/a.obj", "fail-if": "$(touch hacked)"}, 2),
     ],
 )
-def test_the_action_passes_and_fails_as_the_gates_say(
-    inputs: dict[str, str], code: int, meshes: Path
-) -> None:
+def test_the_action_passes_and_fails_as_the_gates_say(inputs, code, meshes):
     run = play({"circparam": ""} | inputs, meshes)
     assert run.returncode == code, run.stdout + run.stderr
     assert ("::error::" in run.stdout) == (code != 0)

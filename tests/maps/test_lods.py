@@ -122,9 +122,7 @@ def waved_ring() -> tuple[Document, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("share", [0.25, 0.1])
-def test_coarser_levels_neither_flip_nor_overlap(
-    share: float, waved_ring: tuple[Document, np.ndarray, np.ndarray]
-):
+def test_coarser_levels_neither_flip_nor_overlap(share, waved_ring):
     simplify = pytest.importorskip("fast_simplification").simplify
     source, points, faces = waved_ring
     p, f = simplify(points.astype(np.float32), faces.astype(np.int32), 1 - share)

@@ -74,9 +74,7 @@ def test_other_paint_is_another_mesh(tmp_path: Path) -> None:
     assert len(names) == 2
 
 
-def test_another_mesh_option_or_version_is_never_mistaken_for_it(
-    mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_mesh_option_or_version_is_never_mistaken_for_it(mesh, tmp_path, monkeypatch):
     kept = stopped(mesh, tmp_path / "c")
     assert found_seams(mesh, kept.parent, max_distortion=1.04)
     points, faces = shapes.torus(24, 12)
@@ -88,9 +86,7 @@ def test_another_mesh_option_or_version_is_never_mistaken_for_it(
 
 
 @pytest.mark.parametrize("damage", ["short", "shape"])
-def test_a_damaged_checkpoint_is_told_and_done_without(
-    damage: str, mesh: Path, tmp_path: Path
-) -> None:
+def test_a_damaged_checkpoint_is_told_and_done_without(damage, mesh, tmp_path):
     kept = stopped(mesh, tmp_path / "c")
     data = kept.read_bytes()
     kept.write_bytes(data[: len(data) // 2])

@@ -51,9 +51,7 @@ def test_where_not_even_that_can_be_done_in_time_it_is_told_at_once(clock: Clock
 
 
 @pytest.mark.parametrize(("pace", "begun"), [(0.01, True), (1.0, False)])
-def test_no_charts_are_begun_that_the_time_is_too_short_for(
-    pace: float, begun: bool, clock: Clock
-) -> None:
+def test_no_charts_are_begun_that_the_time_is_too_short_for(pace, begun, clock):
     """With time up a moment is granted, and used where the mesh is gone through in less."""
     monitor = Monitor(timeout=10.0)
     job = prepare(open_source(shapes.cube(4), Options()), None, Options(jobs=1), monitor)

@@ -111,9 +111,7 @@ def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
 
 @settings(max_examples=30)
 @given(strategies.hostile(), st.integers(0, 10**6), st.sampled_from([None, 1e-9]))
-def test_any_mesh_with_any_layout_ends_sound(
-    shape: tuple[np.ndarray, np.ndarray], seed: int, time: float | None
-) -> None:
+def test_any_mesh_with_any_layout_ends_sound(shape, seed, time):
     """Random corners are as bad as a layout gets; closed charts, handles, soups and no time included."""
     try:
         s = surface_of(*shape)

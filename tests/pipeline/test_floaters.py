@@ -28,9 +28,7 @@ def cloud(copies: int = 12, size: float = 0.01):
 
 @pytest.mark.parametrize("ending", ["obj", "ply", "glb"])
 @pytest.mark.parametrize("padding", [0, 4])
-def test_floaters_get_a_patch_of_their_own_and_the_file_stays_whole(
-    tmp_path: Path, ending: str, padding: int
-) -> None:
+def test_floaters_get_a_patch_of_their_own_and_the_file_stays_whole(tmp_path, ending, padding):
     p, f = cloud()
     alone = circparam.unwrap(shapes.cube(2), format=ending, padding=padding, **QUICK)
     path = tmp_path / f"o.{ending}"

@@ -159,9 +159,7 @@ def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_memory_that_workers_hold_is_given_back_where_it_is_missing(
-    held: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_that_workers_hold_is_given_back_where_it_is_missing(held, monkeypatch):
     """Out of memory beside workers, the work is done once more without them, where they hold any."""
 
     def short(stage: str, *_: object) -> None:

@@ -53,9 +53,7 @@ def test_only_moves_no_other_corner_by_a_bit(cube: Path, tmp_path: Path, ending:
     assert gap is None or gap >= 5
 
 
-def test_new_charts_shrink_where_the_page_is_full_and_keep_page_refuses(
-    cube: Path, tmp_path: Path
-) -> None:
+def test_new_charts_shrink_where_the_page_is_full_and_keep_page_refuses(cube, tmp_path):
     points, faces = shapes.grid(9, 9)
     full = tmp_path / "full.obj"
     circparam.unwrap((points, faces), full, **QUICK)

@@ -28,9 +28,7 @@ def test_workers_go_before_the_work_is_refused(monkeypatch: pytest.MonkeyPatch) 
         assert judged(monkeypatch, limit) == jobs
 
 
-def test_what_has_no_chance_is_refused_with_a_size_that_would_do(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_has_no_chance_is_refused_with_a_size_that_would_do(monkeypatch):
     with pytest.raises(NoResultError) as caught:
         judged(monkeypatch, address_space() + 0.6 * memory.UNWRAP_FACE_BYTES * FACES)
     said = re.fullmatch(

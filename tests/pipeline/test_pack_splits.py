@@ -80,9 +80,7 @@ def test_nothing_is_split_that_packs_well() -> None:
 
 @pytest.mark.parametrize("splits", ["auto", 3])
 @pytest.mark.parametrize("weight", [None, np.inf, 50.0])
-def test_no_page_is_worth_a_seam_that_none_may_be_or_that_is_dear(
-    weight: float | None, splits: int | str
-) -> None:
+def test_no_page_is_worth_a_seam_that_none_may_be_or_that_is_dear(weight, splits):
     """A tube of twelve sides opens along the one line that is left, however long its strip is."""
     lines: Any = [(2 * k, 2 * k + 1) for k in range(12) if k != 2]
     lines += [(2 * k, (2 * k + 3) % 24) for k in range(12)]  # diagonals
@@ -148,9 +146,7 @@ def test_what_fits_at_a_density_is_not_cut() -> None:
 
 
 @given(st.integers(0, 10**6))
-def test_stretches_of_a_boundary_have_the_least_boxes_and_squares_of_their_points(
-    seed: int,
-) -> None:
+def test_stretches_of_a_boundary_have_the_least_boxes_and_squares_of_their_points(seed):
     rng = np.random.default_rng(seed)
     p = rng.normal(size=(int(rng.integers(6, 40)), 2))
     pick = np.sort(rng.choice(len(p), int(rng.integers(2, min(len(p), 12))), replace=False))

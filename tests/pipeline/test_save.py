@@ -85,9 +85,7 @@ class Refused(PlainDocument):
 
 
 @pytest.mark.parametrize("fault", ["turned", "lost", "refused"])
-def test_what_the_file_holds_is_verified_where_it_differs(
-    fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_the_file_holds_is_verified_where_it_differs(fault, tmp_path, monkeypatch):
     """A writer that turns a face over or loses its uv is found out; numbers that come back are judged once."""
     memory = circparam.unwrap(shapes.bumped_disk(80), format="obj", **FLAT)
     assert save(memory, tmp_path / "good.obj").verification is memory.verification

@@ -56,9 +56,7 @@ def test_a_full_search_costs_no_more_than_a_draft() -> None:
     "shape",
     [shapes.bumpy(3), shapes.cube(8), shapes.noisy(*shapes.torus(50, 25), amount=0.06, seed=1)],
 )
-def test_where_time_is_up_a_full_search_costs_no_more_than_a_draft(
-    shape: shapes.Shape, clock: Clock
-) -> None:
+def test_where_time_is_up_a_full_search_costs_no_more_than_a_draft(shape, clock):
     """The draft comes first where a full search may not end in time, on every kind of surface."""
     options, monitor = Options(jobs=1, **PAGE), Monitor(timeout=10.0)
     job = prepare(open_source(shape, options), None, options, monitor)
@@ -115,9 +113,7 @@ def test_an_effort_that_is_none_is_told(word: Any) -> None:
 
 
 @pytest.mark.parametrize(("shape", "density"), [(shapes.cube(3), 82), (shapes.icosphere(1), 98)])
-def test_a_draft_refuses_nothing_that_a_full_search_can_pack(
-    shape: shapes.Shape, density: float
-) -> None:
+def test_a_draft_refuses_nothing_that_a_full_search_can_pack(shape, density):
     """Charts at a fixed size on pages of a fixed size: both efforts find room."""
     fixed: dict[str, Any] = {"resolution": 128, "padding": 1, "pages": 100}
     for effort in ("draft", "normal"):

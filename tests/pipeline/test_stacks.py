@@ -19,9 +19,7 @@ QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
 
 @pytest.mark.parametrize("ending", ["obj", "glb", "ply"])
 @pytest.mark.parametrize("offset", [None, True])
-def test_copies_lie_on_one_part_and_nothing_else_overlaps(
-    tmp_path: Path, ending: str, offset: bool | None
-) -> None:
+def test_copies_lie_on_one_part_and_nothing_else_overlaps(tmp_path, ending, offset):
     a = assemble(kinds(4), 12, mirror=0.4)
     out = tmp_path / f"o.{ending}"
     result = circparam.unwrap(

@@ -157,9 +157,7 @@ def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -
 
 
 @pytest.mark.parametrize(("where", "name"), [("vertex", b"double s"), ("face", b"double texcoord")])
-def test_where_single_precision_has_no_place_ply_takes_doubles(
-    where: str, name: bytes, tmp_path: Path
-) -> None:
+def test_where_single_precision_has_no_place_ply_takes_doubles(where, name, tmp_path):
     """A fan whose border has more vertices within 1e-8 than storable places that a border may take."""
     y = np.r_[-0.05, np.arange(150) * 6e-11, 0.05]
     p = np.r_[[[-0.05, 0, 0]], np.stack([np.full(len(y), 0.05), y, 0 * y], 1)]
@@ -192,9 +190,7 @@ def test_needles_that_no_stored_number_holds_end_without_a_flip(tmp_path: Path) 
 
 @pytest.mark.parametrize("turned", [0, 1])
 @pytest.mark.parametrize("height", [1.0, 1.0 - 1e-15, 1.0 + 1e-15])
-def test_a_chart_lies_as_its_first_face_where_both_sides_are_as_large(
-    turned: int, height: float
-) -> None:
+def test_a_chart_lies_as_its_first_face_where_both_sides_are_as_large(turned, height):
     p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, height, 0]])
     f = np.array([[0, 1, 2], [0, 2, 3]])
     f[turned] = f[turned][::-1]

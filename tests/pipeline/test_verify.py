@@ -69,9 +69,7 @@ def moved(far: float) -> Callable[[np.ndarray], object]:
         (flattened, Promise(None), []),
     ],
 )
-def test_a_planted_fault_is_named_and_no_other(
-    spoil: Callable[[np.ndarray], object], promised: Promise, said: list[str]
-) -> None:
+def test_a_planted_fault_is_named_and_no_other(spoil, promised, said):
     surface, uv, f = two_squares()
     spoil(uv)
     v = verify(surface, UVMap(uv, f), resolution=256, padding=4)

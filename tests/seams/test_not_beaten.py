@@ -74,17 +74,13 @@ def beaten(found: tuple[int, float, float], other: tuple[int, float, float]) -> 
 @pytest.mark.parametrize("effort", ["draft", 1])
 @pytest.mark.parametrize("option", COUNTS, ids=str)
 @pytest.mark.parametrize("path", MESHES)
-def test_a_number_of_charts_never_leads_to_more(
-    path: Path, option: dict[str, Any], effort: float | str
-) -> None:
+def test_a_number_of_charts_never_leads_to_more(path, option, effort):
     assert figures(path, effort=effort, **option)[0] <= figures(path, effort=effort)[0]
 
 
 @pytest.mark.parametrize("option", [*COUNTS, *OTHERS], ids=str)
 @pytest.mark.parametrize("path", MESHES)
-def test_no_option_gives_fewer_charts_and_shorter_seams_at_the_same_distortion(
-    path: Path, option: dict[str, Any]
-) -> None:
+def test_no_option_gives_fewer_charts_and_shorter_seams_at_the_same_distortion(path, option):
     """An option that beats one search by luck does not beat eight."""
     if not beaten(figures(path), figures(path, **option)):
         return

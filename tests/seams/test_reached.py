@@ -44,9 +44,7 @@ def run(clock: Clock) -> Callable[[float], tuple[Result, int]]:
     return unwrapped
 
 
-def test_what_was_reached_is_given_and_a_longer_limit_is_never_worse(
-    run: Callable[[float], tuple[Result, int]],
-) -> None:
+def test_what_was_reached_is_given_and_a_longer_limit_is_never_worse(run):
     whole, steps = run(1e9)
     assert not any("projected" in line for line in whole.repairs)
     cost = np.inf

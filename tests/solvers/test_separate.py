@@ -15,9 +15,7 @@ MARGIN = 0.002
 
 @pytest.mark.parametrize("beyond", [-0.001, 0.004, 0.012])
 @pytest.mark.parametrize("margin", [MARGIN, 0.0])
-def test_parts_on_or_too_near_each_other_are_separated_within_the_bound(
-    beyond: float, margin: float
-) -> None:
+def test_parts_on_or_too_near_each_other_are_separated_within_the_bound(beyond, margin):
     """Without a margin no overlap is asked for, and no more."""
     cut_mesh, uv = flat_of(shapes.wound(2 * np.pi + beyond, 96, 6))
     before = uv.copy()

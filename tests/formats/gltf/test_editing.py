@@ -90,9 +90,7 @@ def test_a_strip_without_indices_gets_some_of_two_bytes() -> None:
         ({"index": 0}, 1, False),
     ],
 )
-def test_tangents_go_with_the_uv_set_of_the_normal_map(
-    normal: dict, uv_set: int | None, lost: bool
-) -> None:
+def test_tangents_go_with_the_uv_set_of_the_normal_map(normal, uv_set, lost):
     g = full_mesh()
     g.tree["materials"][0]["normalTexture"] = normal
     document = read_data(g.glb())

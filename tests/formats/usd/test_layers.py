@@ -226,9 +226,7 @@ def test_images_outside_are_named_and_tiles_inside_are_found(folder: Path) -> No
         assert (document.assets, document.outside) == (assets, outside)
 
 
-def test_a_layer_of_the_working_folder_is_not_taken_for_one_beside_the_file(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_layer_of_the_working_folder_is_not_taken_for_one_beside_the_file(folder, monkeypatch):
     """USD looks for a plain name there, too."""
     path = folder / "plain.usda"
     path.write_text(named("reference", "elsewhere.usda"))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
 import circparam
 from tests.support.congruent import flat_bend, large_flats, ovality
 from tests.support.machined import barrel, flange, shaft
-from tests.support.parts import Part, bracket, circle
+from tests.support.parts import bracket, circle
 
 BOUND = 1.05
 BENT = 0.01  # of the size of a flat: what an eye sees beside a straight edge
@@ -40,9 +38,7 @@ OVAL_LID = "its lids stay whole in charts with staves, whose bulge bends a lid b
         ),
     ],
 )
-def test_flats_stay_congruent_and_holes_round(
-    make: Callable[[], Part], holes: list[tuple[int, float, float]]
-) -> None:
+def test_flats_stay_congruent_and_holes_round(make, holes):
     part = make()
     quick = {"pack_splits": 0, "resolution": 512}  # the page is no part of the promise
     result = circparam.unwrap((part.points, part.faces), max_distortion=BOUND, **quick)

@@ -16,9 +16,7 @@ from tests.support.atlases import cut_between, middles, surface_of, uncut
 
 @pytest.mark.parametrize("rounds", [0, 1, 4])
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_regions_are_connected_as_many_as_asked_and_nearest_to_their_middles(
-    rounds: int, count: int
-) -> None:
+def test_regions_are_connected_as_many_as_asked_and_nearest_to_their_middles(rounds, count):
     surface = surface_of(*shapes.bumped_disk(200))
     graph = dual_graph(surface)
     region = grow.grow(graph.n, graph.tail, graph.head, graph.step, count, rounds)
