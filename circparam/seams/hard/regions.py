@@ -158,7 +158,6 @@ def hard_components(surface: Surface) -> BoolArray:
     lies mostly in large ones: fillets join the regions of a part. Few scans and organic shapes have either.
     """
     n, component = surface.components
-    angle, _ = turns(surface)
     large_share = _share_in_flats(surface, large_flats(surface))
     flat_share = _share_in_flats(surface, np.bincount(flats(surface)[0]) > FLAT_FACES)
     count, region, developable = developable_regions(surface)
@@ -167,17 +166,23 @@ def hard_components(surface: Surface) -> BoolArray:
     of_region = np.zeros(count, np.int64)
     of_region[region] = component
     wide = np.bincount(component) >= REGION_FACES * np.bincount(of_region, minlength=n)
-    developed = (region_share >= MOST_REGIONS) & wide
-    if not (developed & ~hard).any():
-        return hard[component]
+    developed = (region_share >= MOST_REGIONS) & wide & ~hard
+    if developed.any():
+        hard[developed] = _creased_sharply(surface.part(developed[component]))
+    return hard[component]
+
+
+def _creased_sharply(surface: Surface) -> BoolArray:
+    """(components,) bool: most of the length of its creases is sharp, or the rim of a tube."""
+    n, component = surface.components
+    angle, _ = turns(surface)
     on = angle >= CREASE
     of, length = component[surface.sides[0, on]], surface.edge_lengths[on]
-    creases = group_sum(length, of, n)
     _, smooth, tube = developable_regions(surface, BLUNT)
     round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.sides[0, on]]]
-    blunt = group_sum(length * round_shape, of, n)
-    hard |= developed & (blunt <= MOST_BLUNT * creases)
-    return hard[component]
+    blunt, creases = group_sum(length * round_shape, of, n), group_sum(length, of, n)
+    result: BoolArray = blunt <= MOST_BLUNT * creases
+    return result
 
 
 def surely_hard(surface: Surface) -> BoolArray:
