@@ -15,7 +15,7 @@ from circparam.seams.evaluate import MARGIN
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import ANY_BOUND
-from circparam.seams.segmentation.enforce import below, enforce, relaxed_layouts
+from circparam.seams.segmentation.enforce import enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.solvers.newton import RelaxOptions
@@ -80,13 +80,12 @@ def settle_part(
     atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor
 ) -> tuple[BoolArray, FloatArray]:
     """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back."""
-    steps = FINAL
+    aim, steps = bound, FINAL
+    if options.local is not None:  # what a level has decided need not be relaxed to the end
+        aim = bound if options.bound is None else 1 + ROOM_SHARE * (bound - 1)
+        steps = dataclasses.replace(FINAL, bound=aim)
     with monitor.stage("relax"):
-        layouts = relaxed_layouts(atlas, options, monitor)
-        if options.local is not None:  # what a level has decided need not be relaxed to the end
-            aim = bound if options.bound is None else 1 + ROOM_SHARE * (bound - 1)
-            layouts = below(atlas, layouts, bound, aim, monitor)
-            steps = dataclasses.replace(FINAL, bound=aim)
+        layouts = relaxed_layouts(atlas, options, bound, aim, monitor)
     if layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
         enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
     return atlas.cut, atlas.corners

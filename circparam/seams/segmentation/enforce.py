@@ -199,8 +199,13 @@ def _map_again(
     return judge(cut_mesh, uv)
 
 
-def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:
-    """Relax the layout of all charts, after mending its flips; small charts are always relaxed to the end."""
+def relaxed_layouts(
+    atlas: Atlas, options: RelaxOptions, bound: float, aim: float, monitor: Monitor
+) -> ChartLayouts:
+    """Relax the layout of all charts, after mending its flips; small charts are always relaxed to the end.
+
+    bound: what a few local steps leave above it is relaxed on, until it falls to ``aim`` or cannot get there.
+    """
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
     small = group_count(cut_mesh.vertex_chart, cut_mesh.n_charts) <= SMALL_CHART
@@ -210,22 +215,11 @@ def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> Ch
         if which.any():
             sub, vid, _ = cut_mesh.subset(which)
             uv[vid] = lay_out_sound(sub, uv[vid], asked, monitor)
+    if options.local is not None:
+        energy = chart_energies(cut_mesh, uv)
+        over = (energy > bound) & np.isfinite(energy)
+        if over.any():
+            sub, vid, _ = cut_mesh.subset(over)
+            uv[vid] = relax(sub, uv[vid], replace(FINAL, bound=aim, give_up=bound), monitor).uv
     atlas.scatter(cut_mesh, uv)
     return judge(cut_mesh, uv)
-
-
-def below(
-    atlas: Atlas, layouts: ChartLayouts, bound: float, aim: float, monitor: Monitor
-) -> ChartLayouts:
-    """Relax the charts above the bound on: what was relaxed for a few steps may get below it.
-
-    aim: distortion, at most the bound, at which a chart stops.
-    """
-    over = (layouts.energy > bound) & np.isfinite(layouts.energy)
-    if not over.any():
-        return layouts
-    sub, vid, fid = layouts.cut_mesh.subset(over)
-    uv = layouts.uv.copy()
-    uv[vid] = relax(sub, uv[vid], replace(FINAL, bound=aim, give_up=bound), monitor).uv
-    atlas.corners[fid] = uv[vid][sub.faces]
-    return judge(layouts.cut_mesh, uv)
