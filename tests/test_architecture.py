@@ -200,7 +200,7 @@ def test_xatlas_is_imported_by_one_module_only() -> None:
 
 SILENT = {"print", "exit", "quit", "sys.exit", "os._exit", "breakpoint"}
 # processes of their own: one talks to its parent over a pipe, others end with it
-OWN_PROCESSES = ("circparam/batch/server", "circparam/compare/process", "circparam/core/pool")
+OWN_PROCESSES = ("circparam/batch/server", "circparam/core/pool")
 
 
 def test_the_library_neither_prints_nor_exits_nor_asserts() -> None:
