@@ -17,7 +17,6 @@ from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.looks import Looks, Use, pixels
 from circparam.geometry.shading import Frames, corner_normals
-from circparam.render.scene import row_labels
 
 FARTHEST_TILES = 1e9  # copies of an image away, where doubles still tell its texels apart
 # times an image is laid over the surface, from which on it is a pattern that repeats
@@ -117,7 +116,7 @@ class Source:
     def vertex(self) -> IntArray:
         """(m, 3) label of each corner by position."""
         mesh = self.document.mesh
-        return row_labels(mesh.points)[mesh.faces]
+        return mesh.rank[mesh.faces]
 
     @cached_property
     def normals(self) -> FloatArray:

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
-from circparam.core.arrays import slices, unit
+from circparam.core.arrays import numbered_rows, slices, unit
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -22,7 +22,6 @@ from circparam.geometry.rays import BoxTree, Hits, first_hits
 from circparam.geometry.shading import SHARP_DEGREES, Frames, corner_normals, frames
 from circparam.maps.surface_map import SurfaceMap, moved
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.render.scene import row_labels
 
 SQUARABLE_SIZES = 1e-70, 1e70  # of surfaces whose areas can be squared
 CAGE_DIAGONALS = 0.02  # of the diagonal of the target's bounding box
@@ -83,7 +82,7 @@ class Projection:
         self.source = source
         self.mapped = mapped is not None
         self.corners = points[target.faces]
-        self.vertex = row_labels(target.points)[target.faces]
+        self.vertex = target.rank[target.faces]
         self.normals = corner_normals(self.corners, self.vertex)
         if mapped is None:
             size = float(np.linalg.norm(np.ptp(target.points[target.faces].reshape(-1, 3), axis=0)))
@@ -203,7 +202,7 @@ def normal_paint(
     """
     seen = source.normals()
     if seen is None:
-        label = row_labels(source.mesh.points)[source.mesh.faces]
+        label = source.mesh.rank[source.mesh.faces]
         seen = corner_normals(source.mesh.points[source.mesh.faces], label, SHARP_DEGREES)
     if projection.mapped:
         uv = layout.uv[np.maximum(layout.uv_faces, 0)]
@@ -224,7 +223,7 @@ def own_frames(target: Document, layout: UVMap, own: FloatArray | None = None) -
     own: (m, 3, 3) of its corners; None takes those of its file, or smooth ones.
     """
     mesh = target.mesh
-    corners, vertex = mesh.points[mesh.faces], row_labels(mesh.points)[mesh.faces]
+    corners, vertex = mesh.points[mesh.faces], mesh.rank[mesh.faces]
     own = target.normals() if own is None else own
     normal = corner_normals(corners, vertex) if own is None else own
     return frames_over(corners, vertex, normal, layout.uv[np.maximum(layout.uv_faces, 0)])
@@ -234,7 +233,7 @@ def frames_over(
     corners: FloatArray, vertex: IntArray, normal: FloatArray, uv: FloatArray
 ) -> Frames:
     """Tangent frames of corners (m, 3, 3) over uv (m, 3, 2), one where corners share position and uv."""
-    place = row_labels(uv.reshape(-1, 2)).reshape(-1, 3)
+    place = numbered_rows(uv.reshape(-1, 2))[1].reshape(-1, 3)
     return frames(corners, uv, vertex * (int(place.max()) + 1) + place, normal)
 
 

@@ -10,13 +10,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.bake.texels import flat_areas
-from circparam.core.arrays import slices, unit
+from circparam.core.arrays import numbered_rows, slices, unit
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.materials import Textures, decode
 from circparam.geometry.closest import Nearest, closest_on_triangles, samples_of, walked
 from circparam.mesh.halfedge import faces_across, shared_edges
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.render.scene import row_labels
 from circparam.render.texture import bilinear
 
 Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
@@ -96,7 +95,7 @@ class Closest:
         normal = np.cross(a, b)
         self.normals = unit(normal)
         # sides meet by position
-        self.beside = faces_across(len(faces), shared_edges(row_labels(points)[faces]))
+        self.beside = faces_across(len(faces), shared_edges(numbered_rows(points)[1][faces]))
         self.longest = float(np.sqrt(max((s * s).sum(1).max() for s in (a, b, b - a))))
         self.face, r = samples_of(np.linalg.norm(normal, axis=1), SAMPLE_BOUNDS)
         self.tree = cKDTree(

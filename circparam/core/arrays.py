@@ -104,6 +104,22 @@ def numbered(values: IntArray) -> tuple[IntArray, IntArray]:
     return ordered[head], number
 
 
+def numbered_rows(rows: FloatArray) -> tuple[IntArray, IntArray]:
+    """((k,) the first of each different row of (n, d), in ascending order; (n,) which of these each row is).
+
+    −0 equals 0.
+    """
+    columns = np.ascontiguousarray(rows.T) + 0.0
+    order = np.lexsort(columns[::-1])
+    new = np.arange(len(order)) == 0
+    for values in columns:
+        ordered = values[order]
+        new[1:] |= ordered[1:] != ordered[:-1]
+    label = np.empty(len(order), np.int64)
+    label[order] = np.cumsum(new) - 1
+    return order[new], label
+
+
 def first_of_each(groups: IntArray, n: int) -> IntArray:
     """(n,) the first member of each of ``n`` groups, none of which is empty."""
     out = np.empty(n, np.int64)

@@ -201,8 +201,7 @@ def _moved(material: Material, k: int, images: int, format: str) -> Material:
 
 def _smooth(mesh: Mesh) -> FloatArray:
     """(m, 3, 3) smooth unit normals of the corners of a mesh."""
-    _, label = np.unique(mesh.points, axis=0, return_inverse=True)
-    return corner_normals(mesh.points[mesh.faces], label.reshape(-1)[mesh.faces])
+    return corner_normals(mesh.points[mesh.faces], mesh.rank[mesh.faces])
 
 
 def join(parts: Sequence[Document]) -> JoinedDocument:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import relabel
+from circparam.core.arrays import numbered_rows, relabel
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -38,12 +38,7 @@ def split_vertices(n: int, vertex: IntArray, uv: FloatArray, corner_uv: IntArray
     uv at the vertex gets a duplicate, appended in the order of first appearance. Equal uv share one vertex.
     """
     table = np.concatenate([uv, np.zeros((1, uv.shape[1]))]) + 0.0  # −0 equals 0; row −1 is "none"
-    order = np.lexsort(table.T[::-1])
-    new = np.ones(len(table), bool)
-    new[1:] = (table[order][1:] != table[order][:-1]).any(1)
-    same = np.empty(len(table), np.int64)
-    same[order] = np.cumsum(new) - 1  # equal uv, equal number
-    value = order[np.flatnonzero(new)]  # a row of the table for each number
+    value, same = numbered_rows(table)  # equal uv, equal number; a row of the table for each
     mine = same[corner_uv]
     kept = np.full(n, -1, np.int64)
     kept[vertex[::-1]] = mine[::-1]

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import mask_of
+from circparam.core.arrays import mask_of, numbered_rows
 from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
@@ -84,16 +84,7 @@ class Mesh:
     @cached_property
     def _positions(self) -> tuple[IntArray, IntArray]:
         """The lowest vertex at each position, positions in ascending order; and the position of each vertex."""
-        x, y, z = self.points.T + 0.0
-        order = np.lexsort((z, y, x))
-        new = np.ones(len(order), bool)
-        new[1:] = False
-        for values in (x, y, z):
-            ordered = values[order]
-            new[1:] |= ordered[1:] != ordered[:-1]
-        rank = np.empty(len(order), np.int64)
-        rank[order] = np.cumsum(new) - 1
-        return order[new], rank
+        return numbered_rows(self.points)
 
 
 @dataclass(frozen=True, eq=False)

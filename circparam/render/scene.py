@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     mask_of,
     next_half_edge,
     normals_of,
+    numbered_rows,
     relabel,
     unit,
 )
@@ -238,22 +239,11 @@ def with_instances(scene: Scene, instances: Sequence[tuple[IntArray, FloatArray]
         source.append(fid)
     all_points, whole = np.concatenate(points), np.concatenate(source)
     return Scene(
-        all_points, np.concatenate(faces), row_labels(all_points),
+        all_points, np.concatenate(faces), numbered_rows(all_points)[1],
         np.tile(scene.uv, (len(instances) + 1, 1)), np.concatenate(uv_faces), scene.chart[whole],
         scene, whole,
         tuple((t[0], np.concatenate(m)) for t, m in zip(scene.targets, moved, strict=True)),
     )  # fmt: skip
-
-
-def row_labels(rows: FloatArray) -> IntArray:
-    """(n,) label of each row of a (n, d) array, equal for equal rows (−0 equals 0)."""
-    rows = rows + 0.0
-    order = np.lexsort(rows.T[::-1])
-    ranked = rows[order]
-    new = np.r_[False, (ranked[1:] != ranked[:-1]).any(1)]
-    out = np.empty(len(rows), np.int64)
-    out[order] = np.cumsum(new)
-    return out
 
 
 def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: IntArray) -> Scene:
@@ -284,8 +274,8 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
             f"{counted(int(bad.sum()), 'face')} with NaN or infinite uv, the first is face "
             f"{int(np.flatnonzero(bad)[0])}: unwrap the mesh again with 'circparam unwrap'"
         )
-    weld = row_labels(points)
-    same_uv = row_labels(uv)
+    weld = numbered_rows(points)[1]
+    same_uv = numbered_rows(uv)[1]
     key = weld[faces] * (len(uv) + 1) + same_uv[np.maximum(uv_faces, 0)]
     _, first, inverse = np.unique(key[mapped].ravel(), return_index=True, return_inverse=True)
     joined = np.full(faces.shape, -1)
