@@ -151,6 +151,17 @@ def group_max(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
     return out
 
 
+def group_boxes(points: FloatArray, groups: IntArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """((n, d) lower, (n, d) upper corner of the box round the points (k, d) of each of ``n`` groups).
+
+    The box of an empty group is infinite, the wrong way round.
+    """
+    low, high = (np.full((n, points.shape[1]), x) for x in (np.inf, -np.inf))
+    np.minimum.at(low, groups, points)
+    np.maximum.at(high, groups, points)
+    return low, high
+
+
 def dot(a: FloatArray, b: FloatArray) -> float:
     """Inner product whose rounding does not depend on the number of threads, as that of a BLAS does."""
     return float((a * b).sum())

@@ -8,7 +8,7 @@ folded is taken apart at its folds: its upright faces and its reversed ones have
 
 import numpy as np
 
-from circparam.core.arrays import cross_areas, next_half_edge, sorted_distinct
+from circparam.core.arrays import cross_areas, group_boxes, next_half_edge, sorted_distinct
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import LabelGrid, free_border, row_crossings, smallest_gap
@@ -81,11 +81,7 @@ def pages_of(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
 
 def chart_boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
     """((n_charts, 2) lower, (n_charts, 2) upper corner of the bounding box of each chart); uv (nv, 2)."""
-    lo = np.full((cut_mesh.n_charts, 2), np.inf)
-    hi = np.full((cut_mesh.n_charts, 2), -np.inf)
-    np.minimum.at(lo, cut_mesh.vertex_chart, uv)
-    np.maximum.at(hi, cut_mesh.vertex_chart, uv)
-    return lo, hi
+    return group_boxes(uv, cut_mesh.vertex_chart, cut_mesh.n_charts)
 
 
 def label_grid(

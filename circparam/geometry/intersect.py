@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from circparam.core.arrays import cross2, norms2, ranges, slices, sorted_distinct, stable_order
+from circparam.core.arrays import (
+    cross2,
+    group_boxes,
+    norms2,
+    ranges,
+    slices,
+    sorted_distinct,
+    stable_order,
+)
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
@@ -261,9 +269,7 @@ def winding_pairs(
     """
     # points in the bounding box of each chart's boundary
     n = len(boundary.size)
-    low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
-    np.minimum.at(low, boundary.chart, boundary.start)
-    np.maximum.at(high, boundary.chart, boundary.start)
+    low, high = group_boxes(boundary.start, boundary.chart, n)
     order = np.argsort(points[:, 1], kind="stable")
     y = points[order, 1]
     first = np.searchsorted(y, low[:, 1])

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from circparam.core.arrays import group_boxes
 from circparam.core.compiled import kd_tree
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
@@ -22,9 +23,7 @@ def within(
     """
     at, group = points
     to, of = places
-    low, high = (np.full((len(reach), 2), x) for x in (np.inf, -np.inf))
-    np.minimum.at(low, of, to)
-    np.maximum.at(high, of, to)
+    low, high = group_boxes(to, of, len(reach))
     whole = np.isinf(reach) & np.isfinite(low[:, 0])
     out: BoolArray = whole[group]
     with np.errstate(invalid="ignore"):  # a group without places has no box

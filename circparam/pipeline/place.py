@@ -7,6 +7,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.geometry.coverage import chart_boxes
 from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -119,11 +120,8 @@ def sized(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray | None) -> FloatArr
 
 def side_by_side(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """The solver's coordinates; the first chart stays where it is, the others stand to its right."""
-    n = cut_mesh.n_charts
-    lo, hi = np.full(n, np.inf), np.full(n, -np.inf)
-    np.minimum.at(lo, cut_mesh.vertex_chart, uv[:, 0])
-    np.maximum.at(hi, cut_mesh.vertex_chart, uv[:, 0])
+    lo, hi = (corner[:, 0] for corner in chart_boxes(cut_mesh, uv))
     room = 0.02 * float((hi - lo).max(initial=0.0))
-    shift = np.zeros(n)
+    shift = np.zeros(len(lo))
     shift[1:] = np.cumsum(hi[:-1] - lo[:-1] + room) - lo[1:] + lo[0]
-    return uv + np.stack([shift, np.zeros(n)], 1)[cut_mesh.vertex_chart]
+    return uv + np.stack([shift, np.zeros_like(shift)], 1)[cut_mesh.vertex_chart]

@@ -26,7 +26,7 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 from circparam.formats.io import has_doubles
 from circparam.geometry.boundary import boundary_of, turned_loops
-from circparam.geometry.coverage import pages_of
+from circparam.geometry.coverage import chart_boxes, pages_of
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
@@ -228,9 +228,7 @@ def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) ->
     with monitor.stage("check"):
         uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh)) * size
         uv = uv @ np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
-        high = np.full((cut_mesh.n_charts, 2), -np.inf)
-        np.maximum.at(high, cut_mesh.vertex_chart, uv)
-        uv = uv + (1.0 - high)[cut_mesh.vertex_chart]
+        uv = uv + (1.0 - chart_boxes(cut_mesh, uv)[1])[cut_mesh.vertex_chart]
         fault = stored_layout(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).fault
     return fallback.settle_faulty(
         cascade, fault, monitor, lambda part, to: _settle_stored(job, part, size, to)

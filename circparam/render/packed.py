@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sps
 from scipy.sparse import csgraph
 
-from circparam.core.arrays import first_of_runs, mask_of, relabel
+from circparam.core.arrays import first_of_each, first_of_runs, mask_of, relabel
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -59,8 +59,7 @@ def pack_geometry(scene: Scene, group: IntArray | None = None) -> Packed:
     next_new = np.r_[0, np.maximum.accumulate(label)[:-1] + 1]
     said = np.ones((len(tree.order), 3), bool)
     said[tree.side != ROOT, :2] = False
-    first = np.empty(n, np.int64)  # the corner that uses each vertex first
-    first[label[::-1]] = np.arange(len(label))[::-1]
+    first = first_of_each(label, n)  # the corner that uses each vertex first
     face, k = np.divmod(tree.corners.ravel()[first], 3)
     near = _predictors(tree, label.reshape(-1, 3), first)
     low, extent = box(scene)
@@ -99,8 +98,7 @@ def _tree(index: IntArray, group: IntArray | None) -> _Tree:
     pairs = pairs[(i != j) & (group[i] == group[j])]
     i, j = pairs[:, 0] // 3, pairs[:, 1] // 3
     n, part = components(m, i, j)
-    heads = np.empty(n, np.int64)
-    heads[part[::-1]] = np.arange(m)[::-1]
+    heads = first_of_each(part, n)
     # one more node reaches all parts, so that one search does
     i, j = np.r_[i, heads], np.r_[j, np.full(n, m)]
     graph = sps.coo_matrix((np.ones(len(i), np.int8), (i, j)), shape=(m + 1, m + 1)).tocsr()

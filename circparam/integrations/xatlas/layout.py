@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import group_max, group_min, normals_of, relabel
+from circparam.core.arrays import normals_of, relabel
 from circparam.core.monitor import Listener
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
-from circparam.geometry.coverage import label_grid, pages_of
+from circparam.geometry.coverage import chart_boxes, label_grid, pages_of
 from circparam.geometry.intrinsic import signed_areas
 from circparam.integrations.python import repack, unwrap
 from circparam.integrations.xatlas.meshes import AddedMesh, joined_document
@@ -140,9 +140,8 @@ def _on_pages(result: Result, density: float, packing: dict[str, Any]) -> Result
     side, found = result.options.resolution or DEFAULT_RESOLUTION, result.verification
     asked = PackOptions(resolution=side, padding=result.options.padding_texels)
     room = side - 2 * asked.border
-    owner, count = found.cut_mesh.vertex_chart, found.cut_mesh.n_charts
-    spans = [group_max(x, owner, count) - group_min(x, owner, count) for x in found.uv.T]
-    texels = np.maximum(*spans) * density / uv_per_unit(result)
+    low, high = chart_boxes(found.cut_mesh, found.uv)
+    texels = (high - low).max(1) * density / uv_per_unit(result)
     shrink = np.minimum(LONGEST * room / np.maximum(texels, 1e-300), 1.0)
     if (shrink < 1).any():
         warnings.warn(
