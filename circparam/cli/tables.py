@@ -272,8 +272,11 @@ def _densities(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
 def _tail(report: dict[str, Any]) -> str:
     """How far most of the surface is stretched or shrunk, at most."""
     names = (("stretch_p95", "95"), ("stretch_p99", "99"), ("stretch_p999", "99.9"))
-    values = ((report[name], percent) for name, percent in names)
-    shares = (f"{'infinite' if x > 1e50 else f'{x:.3g}'} on {percent} %" for x, percent in values)
+    values = ((report[name], percent) for name, percent in names)  # None where it is infinite
+    shares = (
+        f"{'infinite' if x is None or x > 1e50 else f'{x:.3g}'} on {percent} %"
+        for x, percent in values
+    )
     return f"at most {', '.join(shares)}"
 
 

@@ -243,8 +243,9 @@ def at_best_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
 
 def _best_scales(square: FloatArray, inverse: FloatArray) -> FloatArray:
-    ok = square > 0
-    return np.where(ok, (inverse / np.where(ok, square, 1.0)) ** 0.25, 1.0)
+    with np.errstate(all="ignore"):  # charts whose uv are nearly one point
+        scale = (inverse / square) ** 0.25
+    return np.where((square > 0) & np.isfinite(scale), scale, 1.0)
 
 
 def _scale_terms(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -107,9 +107,9 @@ def seam_vertices(surface: Surface, cut_mesh: CutMesh, used: BoolArray) -> int:
 
 
 def _uv_areas(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """(n_charts,) area of each chart in the plane."""
-    area = group_sum(signed_areas(cut_mesh.faces, uv), cut_mesh.chart, cut_mesh.n_charts)
-    return np.abs(area)
+    """(n_charts,) area of the faces of each chart in the plane; folded halves do not cancel."""
+    area = np.abs(signed_areas(cut_mesh.faces, uv))
+    return group_sum(area, cut_mesh.chart, cut_mesh.n_charts)
 
 
 def _seam_length(surface: Surface, cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> float:

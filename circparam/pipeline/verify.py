@@ -204,11 +204,12 @@ def verify(
     cut_mesh, uv = atlas.open()
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
     stacked, turned, old = _declared(cut_mesh, corners, declared)
-    flipped, mirrored = _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok, turned)
+    sign = np.where(ok, signs(uv, cut_mesh.faces), 0)
+    flipped, mirrored = _orientation(surface, cut_mesh, sign, ok, turned)
     laid, tile = used & ~stacked, np.zeros(len(used), np.int64)
     tile[cut_mesh.chart] = own
     uv[:, 0] += tile[cut_mesh.vertex_chart]
-    overlapping, pairs = _overlapping(cut_mesh, uv, laid)
+    overlapping, pairs = _overlapping(cut_mesh, uv, laid, sign)
     pages = len(np.unique(pages_of(cut_mesh, uv)[laid]))
     side = resolution if most_pages is None or pages <= most_pages else None
     part, vertices, _ = cut_mesh.subset(used)
@@ -259,13 +260,20 @@ def _seam_length(atlas: Atlas) -> float:
     return float(total / np.sqrt(surface.true_areas.sum()))
 
 
-def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> tuple[IntArray, IntArray]:
-    """Of some charts ((n,) bool) those that overlap themselves, and (k, 2) pairs that overlap."""
+def _overlapping(
+    cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, sign: SignArray
+) -> tuple[IntArray, IntArray]:
+    """Of some charts ((n,) bool) those that overlap themselves, and (k, 2) pairs that overlap.
+
+    sign: (m,) of the areas. Where faces of both signs meet, the chart is folded and lies on itself there.
+    """
+    n, chart = cut_mesh.n_charts, cut_mesh.chart
+    folded = (group_count(chart[sign > 0], n) > 0) & (group_count(chart[sign < 0], n) > 0)
     part, vertices, _ = cut_mesh.subset(which)
     found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
     number = np.flatnonzero(which)
     pairs = np.asarray(found.pairs, np.int64).reshape(-1, 2)
-    return number[np.flatnonzero(found.self_overlapping)], number[pairs]
+    return number[np.flatnonzero(found.self_overlapping | folded[which])], number[pairs]
 
 
 def flipped_faces(surface: Surface, uvmap: UVMap) -> BoolArray:

@@ -1,6 +1,8 @@
 """``circparam check``: topology with known answers, uv with planted faults."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +65,31 @@ def test_uv_of_a_file(tmp_path: Path) -> None:
     flipped = obj(tmp_path / "flip.obj", (p, f), uv)
     assert report("check", flipped, "--uv")["uv"]["flips"] > 0
     one_line_error(run("check", flipped, "--uv", "--fail-if", "flips>0", "-q"), 6, "flips>0")
+
+
+def test_a_folded_chart_overlaps_itself(tmp_path: Path) -> None:
+    """Mirrored halves over one another: no overlap was counted, and the density was that of nearly nothing."""
+    p, f = shapes.grid(5, 5)
+    u = p[:, 0] - p[:, 0].mean()
+    folded = obj(tmp_path / "m.obj", (p, f), np.stack([0.1 + abs(u), 0.1 + 0.5 * p[:, 1]], 1))
+    got = report("check", folded, "--uv")["uv"]
+    assert (got["charts"], got["flips"], got["overlap"]) == (1, len(f) // 2, 1)
+    assert got["density_min"] == pytest.approx(2048 * np.sqrt(0.5), rel=1e-6)
+    one_line_error(run("check", folded, "--uv", "--fail-if", "overlap>0", "-q"), 6, "overlap>0")
+
+
+def test_uv_that_are_all_one_point(tmp_path: Path) -> None:
+    """The table ended in an internal error, and packing printed a warning of NumPy."""
+    p, f = shapes.icosphere(1)
+    mesh = obj(tmp_path / "m.obj", (p, f), np.zeros((len(p), 2)))
+    result = run("check", mesh, "--uv")
+    assert result.exit_code == 0
+    assert "80 faces flipped or without area" in " ".join(result.stdout.split())
+    packed = subprocess.run(
+        [sys.executable, "-m", "circparam", "pack", mesh], capture_output=True, text=True
+    )
+    assert packed.returncode == 5
+    assert packed.stderr.count("\n") == 1
 
 
 def test_padding_may_grow_with_the_page(tmp_path: Path) -> None:
