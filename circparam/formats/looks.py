@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.materials import opened_image
+from circparam.formats.materials import grey_of_16_bit, opened_image
 
 Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
 # How texel t and factor f make a value: f·t; 1 + f·(t − 1); f₀ + (f₁ − f₀)·t; a normal whose x and y f
@@ -123,7 +123,6 @@ def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uin
     Raises InputError as ``opened_image``.
     """
     image = opened_image(data, name)
-    if image.mode.startswith("I"):  # grey of 16 bit; converting would clip it to 8
-        grey = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
+    if (grey := grey_of_16_bit(image)) is not None:
         return np.stack([grey, grey, grey, np.full_like(grey, 65535)], 2)
     return np.asarray(image.convert("RGBA"))

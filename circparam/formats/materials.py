@@ -11,6 +11,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -149,8 +150,19 @@ def linear(colour: FloatArray) -> FloatArray:
 def decode(data: bytes, name: str) -> "Image.Image":
     """An image as RGB or RGBA. Raises InputError as ``opened_image``."""
     image = opened_image(data, name)
+    if (grey := grey_of_16_bit(image)) is not None:
+        from PIL import Image
+
+        image = Image.fromarray(np.round(grey / 257).astype(np.uint8))
     has_alpha = "A" in image.getbands() or "transparency" in image.info
     return image.convert("RGBA" if has_alpha else "RGB")
+
+
+def grey_of_16_bit(image: "Image.Image") -> npt.NDArray[np.uint16] | None:
+    """(h, w) the pixels of a grey image of 16 bit, which Pillow would clip to 8; None for any other image."""
+    if not image.mode.startswith("I"):
+        return None
+    return np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
 
 
 def opened_image(data: bytes, name: str) -> "Image.Image":
@@ -164,6 +176,8 @@ def opened_image(data: bytes, name: str) -> "Image.Image":
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # large, and read
             image = Image.open(io.BytesIO(data))
             image.load()
+            if image.mode == "F":
+                raise ValueError("its pixels are floating point numbers")
     except Image.DecompressionBombError:
         most = int((2 * (Image.MAX_IMAGE_PIXELS or 0)) ** 0.5) // 1000 * 1000
         raise InputError(

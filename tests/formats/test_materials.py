@@ -39,6 +39,24 @@ def test_images_are_rgb_with_alpha_where_they_have_it(mode: str, becomes: str) -
     assert decoded.size == (2, 3)
 
 
+def test_grey_of_16_bit_keeps_its_levels() -> None:
+    """All above 255 of 65535 was white: a texture of 16 bit was baked as one colour."""
+    levels = np.linspace(0, 65535, 64).astype(np.uint16).reshape(8, 8)
+    for kind in ("PNG", "TIFF"):
+        out = io.BytesIO()
+        Image.fromarray(levels).save(out, kind)
+        shown = np.asarray(decode(out.getvalue(), "x"))[:, :, 0]
+        assert abs(shown - levels / 257).max() <= 0.5
+
+
+def test_floating_point_images_are_refused() -> None:
+    """Numbers from 0 to 1 were black."""
+    out = io.BytesIO()
+    Image.fromarray(np.full((4, 4), 0.5, np.float32)).save(out, "TIFF")
+    with pytest.raises(InputError, match=r"floating point numbers.*: export PNG or JPEG"):
+        decode(out.getvalue(), "x")
+
+
 def test_bad_images_are_named() -> None:
     for data in (b"", b"text", image("PNG")[:30]):
         with pytest.raises(InputError, match=r"the texture skin\.png (cannot be read|is empty)"):
