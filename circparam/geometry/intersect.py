@@ -4,6 +4,7 @@ import numpy as np
 
 from circparam.core.arrays import (
     cross2,
+    edge_keys,
     group_boxes,
     norms2,
     ranges,
@@ -24,26 +25,46 @@ NEIGHBOUR_MARGINS = 8
 BLOCK_POINTS = 200_000  # points whose rays are followed together: bounds the memory at about 50 MB
 
 
-def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArray, IntArray]:
+def meeting(
+    boundary: BoundarySegments, between: bool, among: BoolArray | None = None
+) -> tuple[IntArray, IntArray, IntArray]:
     """Pairs of segments beside which the insides of charts meet.
 
-    between: compare different charts, else parts of one chart. Returns (i, j, charts so crowded with
-    segments that not every pair was looked at: empty but for degenerate layouts).
+    between: compare different charts, at least one pair of segments for each two that meet; else parts of one
+    chart. among: (n,) charts that are looked at, None for all. Returns (i, j, charts so crowded with segments
+    that not every pair was looked at: empty but for degenerate layouts).
     """
-    live = np.flatnonzero(_moves(boundary))
+    n = len(boundary.size)
+    known = np.zeros(0, np.int64)  # pairs of charts that meet for sure, as ascending keys
+    looked_at = np.ones(n, bool) if among is None else among
+    live = np.flatnonzero(_moves(boundary) & looked_at[boundary.chart])
     group = np.zeros(len(live), np.int64) if between else boundary.chart[live]
     candidates = Candidates(boundary.start[live], boundary.end[live], group, np.zeros(len(live)))
     found = [np.zeros((0, 2), np.int64)]
     for i, j in candidates:
         i, j = live[i], live[j]
-        if between:
-            ok = boundary.chart[i] != boundary.chart[j]
-        else:
+        if not between:
             ok = (boundary.following[i] != j) & (boundary.before[i] != j)
-        found.append(_meet(boundary, i[ok], j[ok]))
+            found.append(_meet(boundary, i[ok], j[ok]))
+            continue
+        a, b = boundary.chart[i], boundary.chart[j]
+        ok = (a != b) & ~_among(edge_keys(a, b, n), known)
+        met = _meet(boundary, i[ok], j[ok])
+        found.append(met)
+        a, b = boundary.chart[met].T
+        known = sorted_distinct(np.concatenate([known, edge_keys(a, b, n)]))
     pairs = _distinct(np.concatenate(found), len(boundary.start))
     crowded = np.zeros(0, np.int64) if between else candidates.crowded
     return pairs[:, 0], pairs[:, 1], crowded
+
+
+def _among(keys: IntArray, known: IntArray) -> BoolArray:
+    """Whether each of some numbers is among ascending ones."""
+    if not len(known):
+        return np.zeros(len(keys), bool)
+    at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
+    result: BoolArray = known[at] == keys
+    return result
 
 
 def _moves(boundary: BoundarySegments) -> BoolArray:

@@ -21,6 +21,7 @@ from circparam.core.arrays import (
     group_count,
     mask_of,
     next_half_edge,
+    ranges,
     sorted_distinct,
 )
 from circparam.core.records import dataclass
@@ -30,6 +31,9 @@ from circparam.geometry.intersect import meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import shared_edges
+
+MOST_ALIKE_PAIRS = 5_000_000  # pairs of charts, above which not all of those alike are listed
+HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd: the golden ratio of 64 bits
 
 
 def signs(uv: FloatArray, faces: IntArray) -> SignArray:
@@ -62,14 +66,63 @@ class Overlaps:
         """(q, 2) int64 pairs of charts that overlap each other, in ascending order."""
         n = len(self.self_overlapping)
         boundary = self._boundary
-        i, j, _ = meeting(boundary, between=True)
-        a, b = boundary.chart[i], boundary.chart[j]
-        inside, outside = winding_pairs(
-            boundary, *_inner_points(self._faces, self._uv, self._chart)
-        )
-        a, b = np.r_[a, inside], np.r_[b, outside]
-        key = sorted_distinct(edge_keys(a, b, n))
-        return np.stack([key // max(n, 1), key % max(n, 1)], 1)
+        first = same_boundary(boundary)
+        alone = first == np.arange(n)
+        i, j, _ = meeting(boundary, between=True, among=alone)
+        chart, points = _inner_points(self._faces, self._uv, self._chart)
+        inside, outside = winding_pairs(boundary, chart[alone[chart]], points[alone[chart]])
+        a = np.r_[boundary.chart[i], inside]
+        b = np.r_[boundary.chart[j], first[outside]]
+        pairs = _key_pairs(edge_keys(a, b, n), n)
+        return pairs if alone.all() else _with_alike(pairs, first)
+
+
+def _key_pairs(keys: IntArray, n: int) -> IntArray:
+    """(p, 2) pairs of charts from keys, each once, in ascending order."""
+    key = sorted_distinct(keys)
+    return np.stack([key // max(n, 1), key % max(n, 1)], 1)
+
+
+def _with_alike(pairs: IntArray, first: IntArray) -> IntArray:
+    """Pairs of all charts, from those of the first of each class of charts alike; first: (n,).
+
+    Of very many, each chart is paired with the first of its class only.
+    """
+    n = len(first)
+    count = group_count(first, n)
+    order, begin = np.argsort(first, kind="stable"), np.cumsum(count) - count
+    own = np.flatnonzero(count > 1)
+    a, b = np.r_[pairs[:, 0], own], np.r_[pairs[:, 1], own]
+    number = count[a] * count[b]
+    if number.sum() > MOST_ALIKE_PAIRS:
+        later = np.flatnonzero(first != np.arange(n))
+        a, b = np.r_[pairs[:, 0], first[later]], np.r_[pairs[:, 1], later]
+    else:
+        k, at = np.repeat(np.arange(len(a)), number), ranges(number)
+        across = count[b][k]
+        a, b = order[begin[a][k] + at // across], order[begin[b][k] + at % across]
+    return _key_pairs(edge_keys(a[a != b], b[a != b], n), n)
+
+
+def same_boundary(boundary: BoundarySegments) -> IntArray:
+    """(n,) the first chart with the same boundary, segment by segment; its own number if it has no area.
+
+    Faces that show one patch of a palette lie on one another by the thousand. Boundaries are told apart by a
+    sum of 64 bits of their segments, which does not depend on the order of these.
+    """
+    n = len(boundary.size)
+    word = (np.concatenate([boundary.start, boundary.end], 1) + 0.0).view(np.uint64)
+    code = np.zeros(len(word), np.uint64)
+    for k in range(4):
+        code = (code ^ word[:, k]) * HASH_FACTOR
+        code ^= code >> np.uint64(32)
+    total = np.zeros(n, np.uint64)
+    np.add.at(total, boundary.chart, code * HASH_FACTOR)
+    out = np.arange(n)
+    solid = np.flatnonzero(boundary.size > 0)
+    _, at, label = np.unique(total[solid], return_index=True, return_inverse=True)
+    out[solid] = solid[at][label.reshape(-1)]
+    return out
 
 
 def overlaps(

@@ -188,12 +188,11 @@ def verify(
 ) -> Verification:
     """Judge a layout over the faces of the mesh that the surface was made from.
 
-    uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
-    coordinates may leave the unit square). padding: gaps are looked for up to a little more than this. tiles:
-    (faces of the mesh,) int. Faces of different tiles are in different atlases; tile t is laid out t units to
-    the right. most_pages: of a layout on more, nothing is rasterised. declared: allowed overlaps of whole
-    charts; or (m,) bool, faces that stay: no gap between their charts, or to the border, is promised. Raises
-    InputError if no face has finite uv.
+    uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and uv
+    may leave the unit square). padding: gaps are looked for up to a little more than this. tiles: (faces of
+    the mesh,) int. Faces of different tiles are in different atlases; tile t is laid out t units to the right.
+    most_pages: of a layout on more, nothing is rasterised. declared: allowed overlaps of whole charts; or (m,)
+    bool, faces that stay: no gap to their charts is promised. Raises InputError if no face has finite uv.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
