@@ -5,11 +5,9 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
-from circparam.methods import METHODS
-from circparam.methods.abf import abf, solve_angles
-from circparam.methods.base import MethodOptions
+from circparam.methods.abf import solve_angles
 from tests.support import shapes
-from tests.support.charts import patches_of, rim
+from tests.support.charts import flattened, patches_of, rim
 
 
 def laid_angles(cut_mesh, uv):
@@ -30,11 +28,9 @@ def angle_cost(cut_mesh, uv):
 @pytest.mark.parametrize("height", [0.3, 0.8])
 def test_angles_are_nearer_to_their_targets_than_those_of_lscm(height):
     cut_mesh, _ = patches_of(shapes.bumped_disk(500, height))
-    full = angle_cost(cut_mesh, abf(cut_mesh, MethodOptions(), Monitor()).uv)
-    linear = angle_cost(cut_mesh, abf(cut_mesh, MethodOptions(linear=True), Monitor()).uv)
-    conformal = angle_cost(
-        cut_mesh, METHODS["lscm"].function(cut_mesh, MethodOptions(), Monitor()).uv
-    )
+    full = angle_cost(cut_mesh, flattened("abf", cut_mesh).uv)
+    linear = angle_cost(cut_mesh, flattened("abf", cut_mesh, linear=True).uv)
+    conformal = angle_cost(cut_mesh, flattened("lscm", cut_mesh).uv)
     assert full < conformal
     assert full <= linear * 1.0001
     assert linear < 1.5 * full
@@ -42,8 +38,8 @@ def test_angles_are_nearer_to_their_targets_than_those_of_lscm(height):
 
 def test_a_chart_that_does_not_converge_takes_the_linear_form_and_is_told():
     cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(200), 2))
-    layout = abf(cut_mesh, MethodOptions(max_iterations=2), Monitor())
-    linear = abf(cut_mesh, MethodOptions(linear=True), Monitor())
+    layout = flattened("abf", cut_mesh, max_iterations=2)
+    linear = flattened("abf", cut_mesh, linear=True)
     assert any("did not converge on 2 charts" in note for note in layout.notes)
     np.testing.assert_allclose(layout.uv, linear.uv, atol=1e-9)
     assert linear.notes == []
@@ -55,5 +51,5 @@ def test_angles_round_holes_fit_together(height):
     angles, _, converged = solve_angles(cut_mesh, 20, Monitor())
     assert converged.all()
     # a plane map with exactly these angles exists: nothing is left for the reconstruction to share out
-    layout = abf(cut_mesh, MethodOptions(), Monitor())
+    layout = flattened("abf", cut_mesh)
     np.testing.assert_allclose(laid_angles(cut_mesh, layout.uv), angles, atol=1e-6)

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
-from circparam.methods import METHODS
-from circparam.methods.arap import arap, rigid_energy
-from circparam.methods.base import MethodOptions
+from circparam.methods.arap import rigid_energy
 from circparam.methods.pins import Pins, fit_pins
 from tests.support import shapes
-from tests.support.charts import patches_of
+from tests.support.charts import flattened, patches_of
 
 
 def energy(cut_mesh, uv):
@@ -18,16 +15,16 @@ def energy(cut_mesh, uv):
 
 def test_it_is_more_rigid_than_its_start_and_the_other_methods():
     cut_mesh, _ = patches_of(shapes.bumped_disk(500))
-    own = energy(cut_mesh, arap(cut_mesh, MethodOptions(), Monitor()).uv)
+    own = energy(cut_mesh, flattened("arap", cut_mesh).uv)
     for other in ("circle", "mean-value", "lscm", "abf", "bff", "isometric"):
-        uv = METHODS[other].function(cut_mesh, MethodOptions(), Monitor()).uv
+        uv = flattened(other, cut_mesh).uv
         assert own < energy(cut_mesh, uv)
 
 
 def test_the_start_does_not_matter():
     cut_mesh, _ = patches_of(shapes.bumped_disk(300, 0.3))
     runs = [
-        energy(cut_mesh, arap(cut_mesh, MethodOptions(start=s, tolerance=1e-12), Monitor()).uv)
+        energy(cut_mesh, flattened("arap", cut_mesh, start=s, tolerance=1e-12).uv)
         for s in ("circle", "floater", "uniform")
     ]
     np.testing.assert_allclose(runs, runs[0], rtol=1e-6)
@@ -35,10 +32,10 @@ def test_the_start_does_not_matter():
 
 def test_pins_hold_and_pull():
     cut_mesh, _ = patches_of(shapes.bumped_disk(300, 0.3))
-    free = arap(cut_mesh, MethodOptions(), Monitor()).uv
+    free = flattened("arap", cut_mesh).uv
     chosen = np.array([0, 10, 20])
     target = free[chosen] + [[0.05, 0], [0, 0.05], [0, 0]]
-    layout = arap(cut_mesh, MethodOptions(pins=Pins(chosen, target)), Monitor())
+    layout = flattened("arap", cut_mesh, pins=Pins(chosen, target))
     np.testing.assert_array_equal(layout.uv[chosen], target)
     assert energy(cut_mesh, layout.uv) >= energy(cut_mesh, free)
 
@@ -53,16 +50,16 @@ def test_the_start_is_turned_and_scaled_to_its_pins():
 
 def test_one_pin_only_moves_the_chart():
     cut_mesh, _ = patches_of(shapes.bumped_disk(300, 0.3))
-    free = arap(cut_mesh, MethodOptions(tolerance=1e-13), Monitor()).uv
+    free = flattened("arap", cut_mesh, tolerance=1e-13).uv
     pins = Pins(np.array([4]), np.array([[10.0, 20.0]]))
-    layout = arap(cut_mesh, MethodOptions(pins=pins, tolerance=1e-13), Monitor())
+    layout = flattened("arap", cut_mesh, pins=pins, tolerance=1e-13)
     np.testing.assert_array_equal(layout.uv[4], [10, 20])
     assert energy(cut_mesh, layout.uv) == pytest.approx(energy(cut_mesh, free), rel=1e-6)
 
 
 def test_iterations_and_reasons_are_reported():
     cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(150), 2))
-    layout = arap(cut_mesh, MethodOptions(max_iterations=2), Monitor())
+    layout = flattened("arap", cut_mesh, max_iterations=2)
     assert layout.iterations.tolist() == [2, 2]
     assert layout.stopped == ["iterations", "iterations"]
-    assert arap(cut_mesh, MethodOptions(), Monitor()).stopped == ["converged", "converged"]
+    assert flattened("arap", cut_mesh).stopped == ["converged", "converged"]

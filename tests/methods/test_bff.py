@@ -3,19 +3,15 @@
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.geometry.distortion import measure
-from circparam.methods import METHODS
-from circparam.methods.base import MethodOptions
-from circparam.methods.bff import bff
 from tests.support import shapes
-from tests.support.charts import apart, complex_of, patches_of
+from tests.support.charts import apart, complex_of, flattened, patches_of
 
 
 def run(shape, boundary=None):
     cut_mesh, points = patches_of(shape)
-    return cut_mesh, points, bff(cut_mesh, MethodOptions(bff_boundary=boundary), Monitor())
+    return cut_mesh, points, flattened("bff", cut_mesh, bff_boundary=boundary)
 
 
 def boundary_lengths(cut_mesh, uv):
@@ -37,14 +33,14 @@ def test_the_boundary_keeps_its_lengths():
     cut_mesh, _, layout = run(shapes.bumped_disk(1000))
     ratio = boundary_lengths(cut_mesh, layout.uv) / cut_mesh.edge_lengths.ravel()[cut_mesh.boundary]
     assert ratio.std() / ratio.mean() < 0.05
-    lscm = METHODS["lscm"].function(cut_mesh, MethodOptions(), Monitor()).uv
+    lscm = flattened("lscm", cut_mesh).uv
     other = boundary_lengths(cut_mesh, lscm) / cut_mesh.edge_lengths.ravel()[cut_mesh.boundary]
     assert ratio.std() / ratio.mean() < other.std() / other.mean()
 
 
 def test_angles_are_those_of_lscm():
     cut_mesh, _, layout = run(shapes.bumped_disk(2000, 0.4))
-    lscm = METHODS["lscm"].function(cut_mesh, MethodOptions(), Monitor()).uv
+    lscm = flattened("lscm", cut_mesh).uv
     a, b = (measure(cut_mesh, uv).whole["angle"] for uv in (layout.uv, lscm))
     assert a == pytest.approx(b, rel=0.005)
 
@@ -58,7 +54,7 @@ def test_the_disk_is_round():
     centre = np.linalg.lstsq(a, np.abs(z[boundary]) ** 2, rcond=None)[0]
     radius = np.abs(z[boundary] - complex(centre[0], centre[1]))
     assert np.ptp(radius) < 1e-9 * radius.mean()
-    free = bff(cut_mesh, MethodOptions(), Monitor()).uv
+    free = flattened("bff", cut_mesh).uv
     # a disk is another conformal map of the same surface: the angles hardly suffer
     angle = [measure(cut_mesh, uv).whole["angle"] for uv in (layout.uv, free)]
     assert angle[0] < 1 + 1.5 * (angle[1] - 1)
@@ -83,7 +79,7 @@ def test_a_flat_ring_comes_back_with_its_own_lengths_too():
     loops = cut_mesh.loops
     outer = np.sort(loops.half_edges[loops.outer[loops.loop_of]])
     own = cut_mesh.edge_lengths.ravel()[outer]
-    twice = bff(cut_mesh, MethodOptions(bff_boundary=2 * own), Monitor())
+    twice = flattened("bff", cut_mesh, bff_boundary=2 * own)
     assert apart(twice.uv, points[:, :2]) < 1e-9
     assert np.ptp(twice.uv[:, 0]) == pytest.approx(4, rel=1e-9)
 
@@ -95,7 +91,7 @@ def test_lengths_on_the_outer_boundary_are_met_round_holes_too():
     assert len(loops.chart) == 4
     h = np.sort(loops.half_edges[loops.outer[loops.loop_of]])
     own = cut_mesh.edge_lengths.ravel()[h]
-    uv = bff(cut_mesh, MethodOptions(bff_boundary=1.5 * own), Monitor()).uv
+    uv = flattened("bff", cut_mesh, bff_boundary=1.5 * own).uv
     i, j = cut_mesh.faces.ravel()[h], cut_mesh.faces[:, [1, 2, 0]].ravel()[h]
     ratio = np.hypot(*(uv[j] - uv[i]).T) / own
     np.testing.assert_allclose(ratio, 1.5, rtol=0.02)

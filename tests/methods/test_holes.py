@@ -6,12 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import circparam
-from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import measure
-from circparam.methods import METHODS
-from circparam.methods.base import MethodOptions
 from tests.support import shapes
-from tests.support.charts import patches_of
+from tests.support.charts import flattened, patches_of
 
 # method and options of unwrap: one solve, or as good as one
 EXACT = [("bff", {}), ("abf", {}), ("abf", {"linear": True}), ("lscm", {})]
@@ -75,13 +72,13 @@ def test_curved_charts_with_holes_keep_angles_about_as_well_as_lscm(holes, heigh
     cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(holes, seed=holes), height))
     least = run("lscm", cut_mesh)
     for name in ("abf",) if linear else ("abf", "bff"):
-        m = run(name, cut_mesh, MethodOptions(linear=linear))
+        m = run(name, cut_mesh, linear=linear)
         assert m.flips == 0
         assert m.whole["angle"] - 1 < 1.3 * (least.whole["angle"] - 1) + 1e-3
 
 
-def run(name, cut_mesh, options=None):
-    layout = METHODS[name].function(cut_mesh, options or MethodOptions(), Monitor())
+def run(name, cut_mesh, **options):
+    layout = flattened(name, cut_mesh, **options)
     assert layout.notes == []
     return measure(cut_mesh, layout.uv)
 

@@ -3,21 +3,18 @@
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.geometry.distortion import measure
 from circparam.geometry.intrinsic import cotangent_laplacian, signed_areas
-from circparam.methods.base import MethodOptions
 from circparam.methods.conformal import conformal_matrix
-from circparam.methods.lscm import lscm
 from circparam.methods.pins import Pins
 from tests.support import shapes
-from tests.support.charts import complex_of, patches_of
+from tests.support.charts import complex_of, flattened, patches_of
 
 
 def run(shape, **options):
     cut_mesh, points = patches_of(shape)
-    return cut_mesh, points, lscm(cut_mesh, MethodOptions(**options), Monitor())
+    return cut_mesh, points, flattened("lscm", cut_mesh, **options)
 
 
 def test_the_matrix_is_dirichlet_energy_minus_area():
@@ -56,10 +53,10 @@ def test_the_spectral_map_has_less_energy_at_its_boundary_norm_than_any_pinned_m
 
 def test_pins_keep_their_places_and_the_rest_follows():
     cut_mesh, points = patches_of(shapes.half_cylinder())
-    flat = lscm(cut_mesh, MethodOptions(), Monitor()).uv
+    flat = flattened("lscm", cut_mesh).uv
     chosen = np.array([0, len(points) - 1, 7])
     target = 2 * flat[chosen] @ np.array([[0, 1], [-1, 0]]) + [3, 4]
-    layout = lscm(cut_mesh, MethodOptions(pins=Pins(chosen, target)), Monitor())
+    layout = flattened("lscm", cut_mesh, pins=Pins(chosen, target))
     np.testing.assert_array_equal(layout.uv[chosen], target)
     # three pins of one similarity: the whole map is that similarity
     np.testing.assert_allclose(
@@ -70,9 +67,7 @@ def test_pins_keep_their_places_and_the_rest_follows():
 def test_charts_without_pins_are_still_laid():
     cut_mesh, _ = patches_of(shapes.row_of(shapes.half_cylinder(), 2))
     vertices = np.flatnonzero(cut_mesh.vertex_chart == 0)[[0, -1]]
-    layout = lscm(
-        cut_mesh, MethodOptions(pins=Pins(vertices, np.array([[0.0, 0], [1, 1]]))), Monitor()
-    )
+    layout = flattened("lscm", cut_mesh, pins=Pins(vertices, np.array([[0.0, 0], [1, 1]])))
     np.testing.assert_array_equal(layout.uv[vertices], [[0, 0], [1, 1]])
     free = cut_mesh.chart == 1
     assert signed_areas(cut_mesh.faces, layout.uv)[free].sum() == pytest.approx(

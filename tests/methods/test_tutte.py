@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.cut_mesh import close_holes
-from circparam.methods import METHODS
-from circparam.methods.base import MethodOptions
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.outer import TutteOptions
 from tests.support import shapes
-from tests.support.charts import apart, complex_of, patches_of
+from tests.support.charts import apart, complex_of, flattened, patches_of
 
 
 def test_the_harmonic_map_of_a_hemisphere_converges_with_the_square_of_the_edge_length():
@@ -55,10 +52,10 @@ def test_unknown_names_are_met_with_the_nearest():
 
 def test_negative_weights_are_told_and_clamping_is_too():
     cut_mesh, _ = patches_of(shapes.noisy(*shapes.bumped_disk(400), amount=0.5))
-    layout = METHODS["harmonic"].function(cut_mesh, MethodOptions(), Monitor())
+    layout = flattened("harmonic", cut_mesh)
     assert any("negative weights" in note and "--clamp" in note for note in layout.notes)
-    layout = METHODS["harmonic"].function(cut_mesh, MethodOptions(clamp=True), Monitor())
+    layout = flattened("harmonic", cut_mesh, clamp=True)
     assert any("lifted by --clamp" in note for note in layout.notes)
     assert (signed_areas(cut_mesh.faces, layout.uv) > 0).all()
-    calm = METHODS["mean-value"].function(cut_mesh, MethodOptions(), Monitor())
+    calm = flattened("mean-value", cut_mesh)
     assert calm.notes == []

@@ -1,11 +1,16 @@
 """Shapes as cut mesh, and comparisons up to a similarity, for the tests of weights, borders and methods."""
 
+from typing import Any
+
 import numpy as np
 
+from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import SelfContacts
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
+from circparam.methods import METHODS
+from circparam.methods.base import Layout, MethodOptions
 from tests.support.shapes import delaunay_disk, sheet_faces
 
 
@@ -22,6 +27,11 @@ def flat_of(shape) -> tuple[CutMesh, np.ndarray]:
     """(cut mesh, (n_vertices, 2) places) of an uncut flat shape as it lies."""
     cut_mesh, points = patches_of((np.c_[shape[0][:, :2], np.zeros(len(shape[0]))], shape[1]))
     return cut_mesh, points[:, :2].copy()
+
+
+def flattened(name: str, cut_mesh: CutMesh, **options: Any) -> Layout:
+    """What a method makes of a cut mesh, with these of its options."""
+    return METHODS[name].function(cut_mesh, MethodOptions(**options), Monitor())
 
 
 def too_near(cut_mesh: CutMesh, uv: np.ndarray, margin: float) -> np.ndarray:
