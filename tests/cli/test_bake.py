@@ -8,21 +8,16 @@ from PIL import Image
 
 from circparam.formats.io import read
 from circparam.maps.surface_map import save_map
-from circparam.mesh.mesh import UVMap
-from tests.support.baking import charts, picture, sheet, smooth, write_obj
+from tests.support.baking import charts, old_and_new, smooth, write_obj
 from tests.support.command_line import done, one_line_error, report, run
 from tests.support.maps import same_map
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    points, faces = sheet(6)
+    points, faces = old_and_new(tmp_path, 6, 32)
     layout = charts(points, faces)
     write_obj(tmp_path / "colours.obj", points, layout, faces, colours=smooth(points))
-    picture(tmp_path / "skin.png", 32)
-    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    write_obj(tmp_path / "old.obj", points, UVMap(points[:, :2].copy(), faces), faces, mtl="m.mtl")
-    write_obj(tmp_path / "new.obj", points, layout, faces)
     return tmp_path
 
 

@@ -5,30 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from circparam.formats.io import read
-from circparam.maps.surface_map import save_map
-from tests.support.baking import write_obj
-from tests.support.bumps import belt
 from tests.support.command_line import done, one_line_error, report, run
-from tests.support.maps import known_map
+from tests.support.maps import written_belts
 
 
 def test_a_morph_and_its_figures(tmp_path: Path):
-    meshes = []
-    for name, size, bump in (("a", 6, 0.0), ("b", 9, 0.05)):
-        mesh, layout = belt(size, 2 * size, bump)
-        write_obj(tmp_path / f"{name}.obj", mesh.points, layout, mesh.faces)
-        meshes.append(read(tmp_path / f"{name}.obj").mesh)
-    save_map(tmp_path / "m.npz", known_map(*meshes))
+    a, b, mapped = written_belts(tmp_path)
     out = tmp_path / "out.glb"
-    words = (
-        "morph",
-        tmp_path / "a.obj",
-        tmp_path / "b.obj",
-        "--map",
-        tmp_path / "m.npz",
-        "-o",
-        out,
-    )
+    words = ("morph", a, b, "--map", mapped, "-o", out)
     result = done(*words)
     assert result.stdout.strip() == str(out)
     first = out.read_bytes()

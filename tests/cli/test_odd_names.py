@@ -5,26 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from circparam.maps.surface_map import save_map
-from tests.support.baking import write_obj
-from tests.support.bumps import belt
 from tests.support.command_line import one_line_error, report, run
-from tests.support.maps import known_map
+from tests.support.maps import written_belts
 
 NAMES = ("sp ace ü 数", "'quoted' #1 %20", os.fsdecode(b"odd\xff"))
 
 
 def written(folder: Path, tail: str = "") -> dict[str, Path]:
     """Two meshes with uv and the map between both."""
-    ends = {"a": "obj", "b": "obj", "m": "npz", "out": "glb", "png": "png"}
-    found = {k: folder / f"{k}{tail}.{end}" for k, end in ends.items()}
-    meshes = []
-    for key, size, bump in (("a", 6, 0.0), ("b", 9, 0.05)):
-        mesh, layout = belt(size, 2 * size, bump)
-        write_obj(found[key], mesh.points, layout, mesh.faces)
-        meshes.append(mesh)
-    save_map(found["m"], known_map(*meshes))
-    return found
+    found = dict(zip("abm", written_belts(folder, tail), strict=True))
+    return found | {"out": folder / f"out{tail}.glb", "png": folder / f"png{tail}.png"}
 
 
 def commands(n: dict[str, Path]) -> dict[str, list[object]]:

@@ -14,10 +14,9 @@ from circparam.formats.io import read
 from circparam.maps.surface_map import save_map
 from circparam.mesh.mesh import UVMap
 from tests.support import pairs, shapes, tori
-from tests.support.baking import charts, picture, sheet, smooth, write_obj
-from tests.support.bumps import belt
+from tests.support.baking import charts, old_and_new, smooth, write_obj
 from tests.support.command_line import obj, one_line_error, run
-from tests.support.maps import known_map, same_map
+from tests.support.maps import same_map, written_belts
 
 TEXTS = {
     "empty.obj": "",
@@ -58,21 +57,14 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     obj(at / "mixed.obj", shapes.join(shapes.grid(), shapes.torus(6, 5)))
     obj(at / "quad.obj", shapes.grid(3, 3), shapes.grid(3, 3)[0][:, :2])
     obj(at / "mirrored.obj", shapes.grid(3, 3), shapes.grid(3, 3)[0][:, :2] * [-1, 1] + [1, 0])
-    points, faces = sheet(6)
+    points, faces = old_and_new(at, 6, 32)
     write_obj(at / "colours.obj", points, charts(points, faces), faces, colours=smooth(points))
-    picture(at / "skin.png", 32)
-    (at / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
     (at / "gone.mtl").write_text("newmtl m\nmap_Kd gone.png\n")
     plane = UVMap(points[:, :2].copy(), faces)
-    write_obj(at / "old.obj", points, plane, faces, mtl="m.mtl")
     write_obj(at / "unpainted.obj", points, plane, faces, mtl="gone.mtl")
-    write_obj(at / "new.obj", points, charts(points, faces), faces)
-    belts = [belt(6, 12, 0.0), belt(9, 18, 0.05)]
-    for name, (mesh, layout) in zip(("a.obj", "b.obj"), belts, strict=True):
-        write_obj(at / name, mesh.points, layout, mesh.faces)
-    meshes = [read(at / name).mesh for name in ("a.obj", "b.obj")]
-    save_map(at / "ab.npz", known_map(*meshes))
-    save_map(at / "aa.npz", same_map(meshes[0]))
+    first, _, mapped = written_belts(at)
+    mapped.rename(at / "ab.npz")
+    save_map(at / "aa.npz", same_map(read(first).mesh))
     a, b = pairs.blob(2, 1), pairs.blob(2, 1, turned=5)
     obj(at / "blob.obj", (a.points, a.faces))
     obj(at / "blob2.obj", (b.points, b.faces))

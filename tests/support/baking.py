@@ -98,3 +98,13 @@ def back(baked: Baked, folder: Path) -> float:
     inner = ((there > 0.02) & (there < 0.98)).all(1)
     error = np.abs(sample_back(baked, layout, face, bary) - bilinear(image, there))[inner]
     return float(error.mean())
+
+
+def old_and_new(folder: Path, n: int, side: int = 128) -> tuple[FloatArray, np.ndarray]:
+    """old.obj, a sheet with a texture, and new.obj, the same faces in another layout; its points and faces."""
+    points, faces = sheet(n)
+    picture(folder / "skin.png", side)
+    (folder / "m.mtl").write_text("newmtl m\nKd 1 1 1\nmap_Kd .\\skin.png\n")
+    write_obj(folder / "old.obj", points, UVMap(points[:, :2].copy(), faces), faces, mtl="m.mtl")
+    write_obj(folder / "new.obj", points, charts(points, faces), faces)
+    return points, faces

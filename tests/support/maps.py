@@ -11,8 +11,10 @@ from circparam.core.arrays import IntArray
 from circparam.errors import TopologyError
 from circparam.formats.document import Document
 from circparam.formats.io import read
-from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
+from circparam.maps.surface_map import Places, SurfaceMap, fingerprint, save_map
 from circparam.mesh.mesh import Mesh
+from tests.support.baking import stored
+from tests.support.bumps import belt
 
 
 def closest_places(a: Mesh, b: Mesh) -> Places:
@@ -32,6 +34,14 @@ def same_map(mesh: Mesh, other: Mesh | None = None) -> SurfaceMap:
     corner[mesh.faces.ravel()] = np.arange(mesh.faces.size)
     same = Places(corner // 3, np.eye(3)[corner % 3])
     return SurfaceMap(same, same, fingerprint(mesh), fingerprint(other or mesh))
+
+
+def written_belts(folder: Path, tail: str = "") -> tuple[Path, Path, Path]:
+    """Two meshes with uv and the map between both, as files a, b and m of a folder."""
+    rows = (("a", belt(6, 12)), ("b", belt(9, 18, 0.05)))
+    a, b = (stored(folder, f"{name}{tail}", *made) for name, made in rows)
+    save_map(folder / f"m{tail}.npz", known_map(a.mesh, b.mesh))
+    return folder / f"a{tail}.obj", folder / f"b{tail}.obj", folder / f"m{tail}.npz"
 
 
 def check_mirrored(a: Mesh, b: Mesh, marks: IntArray, most: float) -> None:
