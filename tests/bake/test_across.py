@@ -22,8 +22,14 @@ from tests.support.baking import noise, sample_back, sheet, some_places, stored,
 from tests.support.bumps import belt, traced
 from tests.support.looks import psnr
 from tests.support.maps import known_map, same_map
+from tests.support.shapes import normals
 
 NEAREST = Across("nearest", 0.06)
+
+
+def level(points: FloatArray, faces: IntArray) -> tuple[Mesh, UVMap]:
+    """A mesh laid out as it is seen from above."""
+    return Mesh(points, faces), UVMap(points[:, :2].copy(), faces)
 
 
 def decoded(baked: Baked, document: Document, face: IntArray, bary: FloatArray) -> FloatArray:
@@ -58,8 +64,7 @@ def test_normals_of_a_dense_mesh_as_a_ray_tracer_sees_them(tmp_path: Path):
     hit, _ = traced(high[0], np.einsum("pk,pkc->pc", bary, corners[face]), direction, 0.06)
     on = (hit >= 0) & ~seam
     assert on.mean() > 0.9
-    c = high[0].points[high[0].faces]
-    truth = unit(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]))[hit[on]]
+    truth = normals(high[0].points[high[0].faces])[hit[on]]
     error = angle(decoded(baked, target, face[on], bary[on]), truth)
     assert error.mean() < 1.5
     assert angle(direction[on], truth).mean() > 5
@@ -72,7 +77,7 @@ def test_a_slope_that_looks_up_is_green(tmp_path: Path):
     points, faces = sheet(4)
     slope = points.copy()
     slope[:, 2] = -0.5 * points[:, 1] - 0.25 * points[:, 0]
-    source = stored(tmp_path, "slope", Mesh(slope, faces), UVMap(points[:, :2].copy(), faces))
+    source = stored(tmp_path, "slope", *level(slope, faces))
     wanted = np.array([0.25, 0.5, 1.0]) / np.linalg.norm([0.25, 0.5, 1.0])
     for sign in (1, -1):
         uv = points[:, :2] * [sign, 1] + [sign == -1, 0]
@@ -143,10 +148,9 @@ def test_normals_through_a_map_turn_with_the_surface(tmp_path: Path):
 def test_what_rays_miss_is_told_filled_or_left(tmp_path: Path):
     """A source that covers half of the target: beyond it the closest point, then the padding."""
     points, faces = sheet(8)
-    uv = points[:, :2].copy()
-    target = stored(tmp_path, "a", Mesh(points, faces), UVMap(uv, faces))
+    target = stored(tmp_path, "a", *level(points, faces))
     half = faces[points[faces][..., 0].max(1) <= 0.5]
-    source = stored(tmp_path, "b", Mesh(points, half), UVMap(uv, half))
+    source = stored(tmp_path, "b", *level(points, half))
     across = Across("nearest", 0.1)
     baked = bake_document(target, "normals", source=source, across=across, size=80)
     assert baked.report["missed"] == pytest.approx(0.5, abs=0.01)
@@ -158,11 +162,10 @@ def test_what_rays_miss_is_told_filled_or_left(tmp_path: Path):
 def test_heights_beside_the_source_go_on_as_they_end(tmp_path: Path):
     """Where rays miss, the closest point tells the height: above the target is brighter than the middle."""
     points, faces = sheet(8)
-    target = stored(tmp_path, "a", Mesh(points, faces), UVMap(points[:, :2].copy(), faces))
+    target = stored(tmp_path, "a", *level(points, faces))
     half = faces[points[faces][..., 0].max(1) <= 0.5]
     for height in (0.05, -0.05):
-        lifted = Mesh(points + np.array([0, 0, height]), half)
-        source = stored(tmp_path, f"b{height}", lifted, UVMap(points[:, :2].copy(), half))
+        source = stored(tmp_path, f"b{height}", *level(points + np.array([0, 0, height]), half))
         baked = bake_document(
             target, "height", source=source, across=Across("nearest", 0.1), size=64
         )
@@ -173,19 +176,15 @@ def test_heights_beside_the_source_go_on_as_they_end(tmp_path: Path):
 
 def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
     points, faces = sheet(4)
-    layout = UVMap(points[:, :2].copy(), faces)
-    target = stored(tmp_path, "a", Mesh(points, faces), layout)
-    far = stored(tmp_path, "far", Mesh(points + np.array([0, 0, 9.0]), faces), layout)
-    over = stored(tmp_path, "over", Mesh(points, faces[:, ::-1]), UVMap(layout.uv, faces[:, ::-1]))
+    target = stored(tmp_path, "a", *level(points, faces))
+    far = stored(tmp_path, "far", *level(points + np.array([0, 0, 9.0]), faces))
+    over = stored(tmp_path, "over", *level(points, faces[:, ::-1]))
     heard: list[str] = []
     monitor = Monitor(lambda stage, fraction, note: heard.append(stage))
     for source in (far, over):
+        given = {"source": source, "across": Across("nearest"), "size": 16, "monitor": monitor}
         with pytest.raises(InputError, match="no ray meets the source"):
-            bake_document(target, "normals", source=source, across=Across("nearest"), size=16)
-        with pytest.raises(InputError, match="no ray meets the source"):
-            bake_document(
-                target, "normals", source=source, across=Across("nearest"), size=16, monitor=monitor
-            )
+            bake_document(target, "normals", **given)
         assert "bake" not in heard, "told before the rays of all texels"
     across = Across(known_map(target.mesh, over.mesh))
     with pytest.raises(InputError, match="mirrored"):
@@ -193,16 +192,11 @@ def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
 
 
 def test_a_map_of_another_mesh_is_refused(tmp_path: Path):
-    points, faces = sheet(3)
-    layout = UVMap(points[:, :2].copy(), faces)
-    a = stored(tmp_path, "a", Mesh(points, faces), layout)
-    more, more_faces = sheet(4)
-    b = stored(tmp_path, "b", Mesh(more, more_faces), UVMap(more[:, :2].copy(), more_faces))
-    own = known_map(a.mesh, a.mesh)
-    with pytest.raises(InputError, match=r"b\.obj: the map was made for another mesh"):
-        bake_document(a, "normals", source=b, across=Across(own), size=16)
-    with pytest.raises(InputError, match=r"b\.obj: the map was made for another mesh"):
-        bake_document(b, "normals", source=a, across=Across(own), size=16)
+    a, b = (stored(tmp_path, name, *level(*sheet(n))) for name, n in (("a", 3), ("b", 4)))
+    own = Across(known_map(a.mesh, a.mesh))
+    for target, source in ((a, b), (b, a)):
+        with pytest.raises(InputError, match=r"b\.obj: the map was made for another mesh"):
+            bake_document(target, "normals", source=source, across=own, size=16)
 
 
 def test_a_map_tells_between_layers(tmp_path: Path):
@@ -215,7 +209,7 @@ def test_a_map_tells_between_layers(tmp_path: Path):
     layout = UVMap(both[:, :2].copy(), two)
     write_obj(tmp_path / "two.obj", both, layout, two, colours=colours)
     source = read(tmp_path / "two.obj")
-    target = stored(tmp_path, "one", Mesh(points, faces), UVMap(points[:, :2].copy(), faces))
+    target = stored(tmp_path, "one", *level(points, faces))
     down = same_map(target.mesh)
     up = Places(np.tile(down.to_a.face, 2), np.tile(down.to_a.weights, (2, 1)))
     mapped = SurfaceMap(down.to_b, up, down.a, fingerprint(source.mesh))

@@ -23,7 +23,8 @@ from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit
 from circparam.mesh.mesh import UVMap
-from tests.support.baking import sample_back, some_places, write_obj
+from tests.support import shapes
+from tests.support.baking import sample_back, some_places, stored
 from tests.support.bumps import belt
 from tests.support.formats_tools import grid
 from tests.support.maps import cube_obj
@@ -159,10 +160,7 @@ def test_a_source_in_other_axes_is_turned(tmp_path: Path):
 def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path):
     """What a viewer decodes with the file's own NORMAL and TANGENT is the direction of the source."""
     low, high = belt(12, 24), belt(40, 80, 0.02, 1.0)
-    for name, (mesh, layout) in (("low", low), ("high", high)):
-        write_obj(tmp_path / f"{name}.obj", mesh.points, layout, mesh.faces)
-    target = read(tmp_path / "low.obj")
-    source = read(tmp_path / "high.obj")
+    target, source = stored(tmp_path, "low", *low), stored(tmp_path, "high", *high)
     across = Across("nearest", 0.06)
     baked = bake_document(target, "normals", source=source, across=across, size=256)
     (path,), _ = write_baked(tmp_path / "out.glb", baked, target, 0, "normals")
@@ -183,8 +181,7 @@ def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path):
     )
     place = np.einsum("pk,pkc->pc", bary, document.mesh.points[document.mesh.faces[face]])
     there, _, _ = Closest(high[0].points, high[0].faces).find(place * 1.001)
-    c = high[0].points[high[0].faces]
-    truth = unit(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]))[there]
+    truth = shapes.normals(high[0].points[high[0].faces])[there]
     cosine = np.clip((unit(x * t + y * b + z * n) * truth).sum(1), -1, 1)
     assert np.degrees(np.arccos(cosine)).mean() < 4
     # the file again as a target: its own normals stay, and the frames are the same
@@ -199,8 +196,7 @@ def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path):
 def test_frames_are_told_in_the_space_of_their_node(tmp_path: Path):
     """A node that turns and stretches its mesh: the normals of the file are those of the world, turned back."""
     mesh, layout = belt(6, 12)
-    write_obj(tmp_path / "a.obj", mesh.points, layout, mesh.faces)
-    document = read(tmp_path / "a.obj")
+    document = stored(tmp_path, "a", mesh, layout)
     tree, binary = chunks(encode(document, document.uv(), "glb").data)
     tree["nodes"][0] |= {"rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, 3]}
     glb = glb_bytes(tree, binary)

@@ -19,6 +19,7 @@ from circparam.maps.morph import morph
 from circparam.maps.surface_map import Places
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.bake.test_write import chunks
+from tests.support import shapes
 from tests.support.baking import stored, write_obj
 from tests.support.bumps import belt
 from tests.support.maps import cube_obj, known_map, same_map
@@ -57,9 +58,7 @@ def test_the_target_is_where_the_map_says(tmp_path: Path):
     start = one.mesh.points[one.mesh.faces.ravel()]
     assert np.abs(document.mesh.points[corners] - start).max() < 1e-6
     # lit as the surface it becomes: the normal of the faces round each corner
-    c = points[document.mesh.faces]
-    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    flat = shapes.normals(points[document.mesh.faces])
     assert np.allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
     assert (normals[document.mesh.faces] * flat[:, None]).sum(2).min() > 0.7
     assert made.report["moved_max"] == pytest.approx(
@@ -195,11 +194,8 @@ def test_faces_that_end_against_the_other_surface_are_counted(tmp_path: Path):
     made = morph(one, one, replace(same, to_b=Places(face, weights)))
     c = mesh.points.copy()
     c[corner] = mesh.points[goal]
-    cross = [
-        np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-        for p in (mesh.points[mesh.faces], c[mesh.faces])
-    ]
-    against = int(((cross[0] * cross[1]).sum(1) < 0).sum())
+    before, after = (shapes.normals(p[mesh.faces]) for p in (mesh.points, c))
+    against = int(((before * after).sum(1) < 0).sum())
     assert against >= 1
     assert made.report["reversed"] == against
 
@@ -244,17 +240,11 @@ def test_what_is_refused(tmp_path: Path):
         morph(one, turned, known_map(one.mesh, turned.mesh))
 
 
-def flat_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    c = points[faces]
-    normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
-
-
 @pytest.mark.parametrize("kind", ["obj", "glb"])
 def test_sharp_edges_of_a_file_stay_sharp(tmp_path: Path, kind: str):
     """Each side of a cube stays flat at both ends of a morph, by vn lines or the normals of a tree."""
     one = cube_obj(tmp_path)
-    assert np.allclose(one.normals(), flat_normals(one.mesh.points, one.mesh.faces)[:, None])
+    assert np.allclose(one.normals(), shapes.normals(one.mesh.points[one.mesh.faces])[:, None])
     one = one if kind == "obj" else read_data(encode(one, one.uv(), "glb").data)
     p = one.mesh.points
     sheared = Mesh(p * [1, 2, 1] + p[:, [1, 2, 0]] * [0.5, 0, 0], one.mesh.faces)
@@ -263,6 +253,6 @@ def test_sharp_edges_of_a_file_stay_sharp(tmp_path: Path, kind: str):
     points, after = ends(document)
     own = document.mesh.faces
     assert np.allclose(
-        document.normals(), flat_normals(document.mesh.points, own)[:, None], atol=1e-5
+        document.normals(), shapes.normals(document.mesh.points[own])[:, None], atol=1e-5
     )
-    assert np.allclose(after[own], flat_normals(points, own)[:, None], atol=1e-5)
+    assert np.allclose(after[own], shapes.normals(points[own])[:, None], atol=1e-5)

@@ -79,11 +79,7 @@ def test_a_one_sided_surface_is_not_cut_across_its_flats():
     points, faces = p, big
     for _ in range(3):
         points, faces = shapes.subdivide(points, faces)
-    centre, normal = (
-        p[big].mean(1),
-        np.cross(p[big[:, 1]] - p[big[:, 0]], p[big[:, 2]] - p[big[:, 0]]),
-    )
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    centre, normal = p[big].mean(1), shapes.normals(p[big])
     off = np.abs(np.einsum("fkx,gx->fkg", points[faces], normal) - (centre * normal).sum(1)).max(1)
     of = off.argmin(1)
     assert off.min(1).max() < 1e-9

@@ -522,3 +522,9 @@ def areas(corners: np.ndarray) -> np.ndarray:
     if corners.shape[-1] == 3:
         return np.linalg.norm(np.cross(a, b), axis=-1) / 2
     return (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2
+
+
+def normals(corners: np.ndarray) -> np.ndarray:
+    """(..., 3) unit normals of triangles (..., 3, 3)."""
+    n = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    return n / np.linalg.norm(n, axis=-1, keepdims=True)
