@@ -39,6 +39,20 @@ def diagonals(cut_mesh: CutMesh, locked: BoolArray) -> IntArray:
     return np.where(other[cut_mesh.chart], longest, inside.argmax(1))
 
 
+def faces_pair_up(cut_mesh: CutMesh, diagonal: IntArray) -> BoolArray:
+    """(n_charts,) bool: no face of the chart lies beside its diagonal alone. diagonal: see ``diagonals``."""
+    is_diagonal = _is_diagonal(diagonal)
+    i, j = cut_mesh.edges.T
+    one = is_diagonal[i] != is_diagonal[j]
+    return group_count(cut_mesh.chart[i[one] // 3], cut_mesh.n_charts) == 0
+
+
+def _is_diagonal(diagonal: IntArray) -> BoolArray:
+    """(3m,) bool: the half-edge is the diagonal of its face."""
+    m = len(diagonal)
+    return mask_of(3 * m, 3 * np.arange(m) + diagonal)
+
+
 def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, BoolArray]:
     """(uv (nv, 2), (n_charts,) which charts are grids): rows and columns straight and at right angles.
 
@@ -49,13 +63,9 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     that are no grid keep zeros.
     """
     m = len(cut_mesh.faces)
-    is_diagonal = mask_of(3 * m, 3 * np.arange(m) + diagonal)
+    is_diagonal, grid = _is_diagonal(diagonal), faces_pair_up(cut_mesh, diagonal)
     i, j = cut_mesh.edges.T
     both = is_diagonal[i] & is_diagonal[j]
-    one = is_diagonal[i] != is_diagonal[j]
-    alone = group_count(cut_mesh.chart[i[one] // 3], cut_mesh.n_charts) > 0
-    if alone.all():
-        return np.zeros((cut_mesh.n_vertices, 2)), ~alone
     quad, second = np.arange(m), np.zeros(m, bool)
     low, high = np.sort(cut_mesh.edges[both] // 3, 1).T
     quad[high], second[high] = low, True
@@ -65,7 +75,7 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     partner = np.full(3 * m, -1)
     partner[i], partner[j] = j, i
     partner[is_diagonal] = -1
-    quads, grid = _Quads(quad, side.ravel(), partner), ~alone
+    quads = _Quads(quad, side.ravel(), partner)
     grid &= _regular(cut_mesh, quads, diagonal)
     uv = np.zeros((cut_mesh.n_vertices, 2))
     if not grid.any():

@@ -5,7 +5,7 @@ import numpy as np
 from circparam.core.arrays import group_count, next_half_edge, norms2
 from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.distortion import at_best_scales, best_chart_scales, face_stretch
-from circparam.geometry.quad_grid import diagonals, grid_layout
+from circparam.geometry.quad_grid import diagonals, faces_pair_up, grid_layout
 from circparam.geometry.straight import directions
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
@@ -49,30 +49,34 @@ def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool
     cut_mesh, uv = atlas.open()
     if not np.isfinite(uv).all():
         return atlas
-    uv = at_best_scales(cut_mesh, uv)
-    bent = ~_isometric(cut_mesh, uv)
+    diagonal = diagonals(cut_mesh, atlas.surface.locked[~atlas.cut])
+    paired = faces_pair_up(cut_mesh, diagonal)
+    if not paired.any():
+        return atlas
+    part, vertices, faces = cut_mesh.subset(paired)
+    given = at_best_scales(part, uv[vertices])
+    bent = ~_isometric(part, given)
     if always:
-        h = cut_mesh.boundary
-        border = uv[cut_mesh.faces.ravel()[next_half_edge(h)]] - uv[cut_mesh.faces.ravel()[h]]
-        bent |= directions(border, cut_mesh.chart[h // 3], cut_mesh.n_charts).share < STRAIGHT_SHARE
+        h = part.boundary
+        border = given[part.faces.ravel()[next_half_edge(h)]] - given[part.faces.ravel()[h]]
+        bent |= directions(border, part.chart[h // 3], part.n_charts).share < STRAIGHT_SHARE
     if not bent.any():
         return atlas
-    part, _, faces = cut_mesh.subset(bent)
-    diagonal = diagonals(cut_mesh, atlas.surface.locked[~atlas.cut])[faces]
-    flat, grid = grid_layout(part, diagonal)
+    flat, grid = grid_layout(part, diagonal[faces])
+    grid &= bent
     if not grid.any():
         return atlas
-    flat = flat[grid[part.vertex_chart]]
-    bent[bent] = grid
-    part, vertices, _ = cut_mesh.subset(bent)
-    flat, given = at_best_scales(part, flat), uv[vertices]
+    charts = paired.copy()
+    charts[paired] = grid
+    part, vertices, _ = part.subset(grid)
+    flat, given = at_best_scales(part, flat[vertices]), given[vertices]
     most = bound if always else np.minimum(bound, chart_energies(part, given) + NEARLY_FLAT_ENERGY)
     good = (chart_energies(part, flat) <= most) & (fallback.faults(part, flat)[0] <= 0)
     old, new = (
         share_over(part, face_stretch(part, layout), most_stretch or STRETCH)
         for layout in (given, flat)
     )
-    return _with_layout(atlas, bent, flat, good & (new <= old))
+    return _with_layout(atlas, charts, flat, good & (new <= old))
 
 
 def _with_layout(atlas: Atlas, charts: BoolArray, flat: FloatArray, good: BoolArray) -> Atlas:
