@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     norms3,
     numbered,
     slices,
+    sorted_distinct,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.core.records import dataclass
@@ -50,11 +51,15 @@ def separate(
         return
     before = fine.cut.copy()
     use = ~fine.cut & several[chart[fine.surface.sides[0]]]
-    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
     of_cell = np.full(graph.n, -1)
     of_cell[graph.cell[seed]] = coarse_chart[near[seed]]
-    _, _, source = nearest(links, np.unique(graph.cell[seed]))
-    side = np.where(source >= 0, of_cell[np.maximum(source, 0)], -1)
+    seeded = of_cell >= 0
+    # only cells without a label look for one, so links between two that have theirs are left out
+    link = use & ~(seeded[graph.tail] & seeded[graph.head])
+    a, b = graph.tail[link], graph.head[link]
+    sources = sorted_distinct(np.r_[a[seeded[a]], b[seeded[b]]])
+    _, _, source = nearest(undirected(graph.n, a, b, graph.step[link]), sources)
+    side = np.where(source >= 0, of_cell[np.maximum(source, 0)], of_cell)
     fine.cut |= use & (side[graph.tail] != side[graph.head])
     shorten(fine, 3, before)
 
