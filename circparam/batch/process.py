@@ -14,6 +14,7 @@ from typing import Any
 
 from circparam.core.memory import resident
 from circparam.core.messages import message, send
+from circparam.core.pool import ONE_THREAD
 from circparam.core.workers import environment
 
 START_SECONDS = 120.0  # seconds that a server may take to import everything
@@ -33,8 +34,7 @@ def server_environment() -> dict[str, str]:
     Dask has its workers return freed memory from 64 KiB on. Every array would then be paged in anew, which took
     a third of the time of a mesh.
     """
-    one = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    return {k: v for k, v in environment().items() if k != "MALLOC_TRIM_THRESHOLD_"} | one
+    return {k: v for k, v in environment().items() if k != "MALLOC_TRIM_THRESHOLD_"} | ONE_THREAD
 
 
 class WarmServer:

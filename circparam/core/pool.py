@@ -24,11 +24,10 @@ IDLE_SECONDS = 20.0  # seconds without work after which a worker ends
 LEAST_MEMORY_BYTES = 1 << 29
 WORKER_SHARE = 4  # of a bound on the address space one such part goes to all workers together
 INSIDE = "CIRCPARAM_WORKER"  # set in the environment of a worker, which starts no further ones
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 # one thread each: the processes are as many as the cores. A growing worker is no leaking one.
 ENVIRONMENT = {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
+    **ONE_THREAD,
     "PYTHONSAFEPATH": "1",
     "PYTHONFAULTHANDLER": "",
     "LOKY_MAX_MEMORY_LEAK_SIZE": "1e18",

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.own_process import Arrays, run
+from circparam.core.pool import ONE_THREAD
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import NoResultError, OutOfTimeError
 from circparam.formats.source import Source, bytes_beside
@@ -32,11 +33,10 @@ def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str
     seconds = PROCESSOR_SECONDS + SECONDS_PER_BYTE * len(data)
     size = ADDRESS_BYTES + ADDRESS_BYTES_PER_BYTE * len(data)
     bounds = {"CPU": int(seconds), "AS": size, "CORE": 0}
-    variables = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     task = {"data": data, "kind": kind, "folder": source.folder}
     # the reader of STEP wants a file
     with tempfile.TemporaryDirectory(prefix="circparam-") as scratch:
-        variables |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), scratch)
+        variables = {**ONE_THREAD, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), scratch)}
         try:
             done = run(
                 "circparam.formats.second_reader:read_task", {}, task,
