@@ -64,13 +64,8 @@ def test_mirrored_halves_are_packed_on_each_other(tmp_path: Path) -> None:
 @pytest.mark.parametrize("fold", [0.5, 0.3])
 def test_folded_charts_cover_what_they_cover(fold: float) -> None:
     """A strip of the unit square, folded once: the raster counts the texels of the longer half, once."""
-    x = np.linspace(0, 1, 11)
-    grid = np.stack(np.meshgrid(x, [0.0, 1.0], indexing="ij"), 2).reshape(-1, 2)
-    k = np.arange(20).reshape(10, 2)
-    quads = np.stack([k[:, 0], k[:, 0] + 2, k[:, 0] + 3, k[:, 0] + 1], 1)
-    faces = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
-    uv = np.stack([np.abs(grid[:, 0] - fold), grid[:, 1] * 0.5], 1) + 0.1
-    points = np.concatenate([grid, np.zeros((len(grid), 1))], 1)
+    points, faces = shapes.grid(11, 2)
+    uv = np.stack([np.abs(points[:, 0] - fold), points[:, 1] * 0.5], 1) + 0.1
     document = from_arrays(points, faces, uv, faces)
     found = inspect(document, uv_set=0, resolution=1000).uv
     assert found is not None

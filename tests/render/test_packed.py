@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from circparam.render.packed import Packed, pack_geometry
 from circparam.render.scene import Scene, make_scene
+from tests.support import shapes
 from tests.support.node import NODE
 from tests.support.scenes import cube
 
@@ -217,15 +218,10 @@ def test_morph_targets_come_back_and_nothing_else_grows():
 def test_a_smooth_surface_takes_few_bytes():
     """Less than five bytes a face: 100,000 faces in half a megabyte."""
     n = 60
-    g = np.linspace(0, 1, n + 1)
-    x, y = (a.ravel() for a in np.meshgrid(g, g))
-    z = 0.2 * np.sin(7 * x) * np.cos(5 * y)
-    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
-    faces = np.concatenate(
-        [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
-    )
+    points, faces = shapes.grid(n + 1, n + 1)
+    points[:, 2] = 0.2 * np.sin(7 * points[:, 0]) * np.cos(5 * points[:, 1])
     rng = np.random.default_rng(0)
     faces = faces[rng.permutation(len(faces))]  # the order of a file does not matter
-    uv = np.stack([x, y], 1) + rng.normal(0, 0.02 / n, (len(x), 2))
-    scene = make_scene(np.stack([x, y, z], 1), faces, uv, faces)
+    uv = points[:, :2] + rng.normal(0, 0.02 / n, (len(points), 2))
+    scene = make_scene(points, faces, uv, faces)
     assert len(pack_geometry(scene).data) < 5 * len(faces)

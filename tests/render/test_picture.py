@@ -15,7 +15,7 @@ from circparam.render.picture import draw_figure, draw_scale, save_preview, save
 from circparam.render.scene import make_scene
 from circparam.render.text import fitted, width
 from tests.support import shapes
-from tests.support.scenes import QUAD, SQUARE, cube
+from tests.support.scenes import IN_SPACE, QUAD, SQUARE, cube
 
 
 def test_preview_of_every_kind(tmp_path: Path):
@@ -53,9 +53,7 @@ def test_a_point_sized_and_a_flat_mesh_are_drawn():
     points = np.zeros((3, 3))
     scene = make_scene(points, np.array([[0, 1, 2]]), np.zeros((3, 2)), np.array([[0, 1, 2]]))
     assert draw_figure(scene, PictureOptions(samples=1)).size == (1600, 1010)
-    huge = make_scene(
-        1e12 * np.concatenate([SQUARE, np.zeros((4, 1))], 1), QUAD, SQUARE * 1e-9, QUAD
-    )
+    huge = make_scene(1e12 * IN_SPACE, QUAD, SQUARE * 1e-9, QUAD)
     assert np.allclose(huge.distortion, 1)
     assert draw_figure(huge, PictureOptions(samples=1)).size == (1600, 1010)
 

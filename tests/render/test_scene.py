@@ -16,38 +16,35 @@ from circparam.render.views import draw_plan
 from tests.support import shapes
 from tests.support.command_line import obj
 from tests.support.pairs import blob
-from tests.support.scenes import QUAD, SQUARE, cube
+from tests.support.scenes import IN_SPACE, QUAD, SQUARE, cube
 
 
 def test_distortion_of_known_maps():
     """An isometry at any scale has 1; squeezing one axis by s gives (s² + s⁻² + 2) / 4, scaled best."""
-    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     for scale in (1.0, 0.01, 30.0):
-        scene = make_scene(points, QUAD, SQUARE * scale, QUAD)
+        scene = make_scene(IN_SPACE, QUAD, SQUARE * scale, QUAD)
         assert np.allclose(scene.distortion, 1.0)
         assert scene.scale == pytest.approx(scale)
-    compacted = make_scene(points, QUAD, SQUARE * [1.0, 0.25], QUAD)
+    compacted = make_scene(IN_SPACE, QUAD, SQUARE * [1.0, 0.25], QUAD)
     assert np.allclose(compacted.distortion, (2.0**2 + 2.0**-2) * 2 / 4)
 
 
 def test_flips_are_against_the_chart():
-    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     folded = SQUARE.copy()
     folded[3] = [0.9, 0.2]  # the second face turns over, and is the smaller one
-    scene = make_scene(points, QUAD, folded, QUAD)
+    scene = make_scene(IN_SPACE, QUAD, folded, QUAD)
     assert scene.flipped.tolist() == [False, True]
-    mirrored = make_scene(points, QUAD, SQUARE * [-1.0, 1.0], QUAD)
+    mirrored = make_scene(IN_SPACE, QUAD, SQUARE * [-1.0, 1.0], QUAD)
     assert not mirrored.flipped.any()
 
 
 def test_degenerate_and_duplicate_faces_are_no_flips():
-    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     faces = np.concatenate([QUAD, [[0, 2, 2]], [[2, 1, 0]]])  # a face without area, a turned twin
-    assert not make_scene(points, faces, SQUARE, faces).flipped.any()
+    assert not make_scene(IN_SPACE, faces, SQUARE, faces).flipped.any()
     turned = np.array(
         [[0, 1, 2], [0, 3, 2]]
     )  # the file winds one against the other: the uv do not fold
-    assert not make_scene(points, turned, SQUARE, turned).flipped.any()
+    assert not make_scene(IN_SPACE, turned, SQUARE, turned).flipped.any()
 
 
 def test_charts_and_seams_of_the_cube():
@@ -70,10 +67,9 @@ def test_closed_surfaces_are_inside_out_wherever_they_lie(place: tuple[int, int,
 
 def test_repeated_vertices_are_no_seams():
     """What glTF does at sharp edges: the same position and uv under two numbers."""
-    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     faces = np.array([[0, 1, 2], [3, 4, 5]])
     index = np.array([0, 1, 2, 0, 2, 3])
-    scene = make_scene(points[index], faces, SQUARE[index], faces)
+    scene = make_scene(IN_SPACE[index], faces, SQUARE[index], faces)
     assert scene.n_charts == 1
     assert len(scene.seams) == 4  # the sides of the square, not its diagonal
 
@@ -89,9 +85,8 @@ def test_repeated_vertices_are_no_seams():
     ],
 )
 def test_scenes_that_cannot_be(uv, uv_faces, message: str):
-    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     with pytest.raises(InputError, match=message):
-        make_scene(points, QUAD, uv, uv_faces)
+        make_scene(IN_SPACE, QUAD, uv, uv_faces)
 
 
 def test_what_is_shown_again_is_drawn_and_not_counted():

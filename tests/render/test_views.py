@@ -17,7 +17,7 @@ from circparam.render.views import (
     paint,
     see,
 )
-from tests.support.scenes import QUAD, SQUARE, cube, flat_quad, squares
+from tests.support.scenes import IN_SPACE, QUAD, SQUARE, cube, flat_quad, squares
 from tests.support.shapes import icosphere
 
 
@@ -51,8 +51,7 @@ def test_cube_known_pixels():
 
 
 def test_faces_without_uv_are_grey():
-    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
-    scene = make_scene(points, QUAD, SQUARE, np.array([[0, 1, 2], [-1, -1, -1]]))
+    scene = make_scene(IN_SPACE, QUAD, SQUARE, np.array([[0, 1, 2], [-1, -1, -1]]))
     assert scene.chart.tolist() == [0, -1]
     camera = look_from(scene, np.array([0.0, 0, 1]), margin=1.0)
     view = see(scene, camera, 16, 16, 1)
@@ -104,9 +103,7 @@ def test_uv_outside_the_unit_square_is_shown():
 
 
 def test_padding_band_has_its_width():
-    scene = make_scene(
-        np.concatenate([SQUARE, np.zeros((4, 1))], 1), QUAD, 0.5 * SQUARE + 0.25, QUAD
-    )
+    scene = make_scene(IN_SPACE, QUAD, 0.5 * SQUARE + 0.25, QUAD)
     plain = draw_plan(scene, 400, 1).image
     padded = draw_plan(scene, 400, 1, padding=0.05).image
     changed = np.abs(plain - padded).max(2) > 0.01

@@ -3,11 +3,13 @@
 import numpy as np
 
 from circparam.render.scene import make_scene
+from tests.support.shapes import annulus
 
 QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+IN_SPACE = np.c_[SQUARE, np.zeros(4)]
 
 
 def cube():
@@ -39,15 +41,10 @@ def squares(n: int, flip: float = 1.0):
 
 def flat_quad():
     """The unit square in the plane z = 0 with itself as uv."""
-    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
-    return make_scene(points, QUAD, SQUARE, QUAD)
+    return make_scene(IN_SPACE, QUAD, SQUARE, QUAD)
 
 
 def bowl():
     """A bowl that opens upwards, wound upwards."""
-    t, r = np.meshgrid(np.linspace(0, 2 * np.pi, 25)[:-1], np.linspace(0.02, 1, 8))
-    points = np.stack([r * np.sin(t), 0.4 * r**2, r * np.cos(t)], 2).reshape(-1, 3)
-    i, k = np.meshgrid(np.arange(24), np.arange(7))
-    i, k, j = i.ravel(), k.ravel(), ((i + 1) % 24).ravel()
-    a, b, c, d = 24 * k + i, 24 * (k + 1) + i, 24 * (k + 1) + j, 24 * k + j
-    return points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    points, faces = annulus(24, 7, 0.02)
+    return np.stack([points[:, 1], 0.4 * (points**2).sum(1), points[:, 0]], 1), faces
