@@ -56,10 +56,15 @@ def _unwrap_options() -> list[click.Parameter]:
 
 @click.command(cls=UnwrapCommand, epilog=_EPILOG)
 @click.argument("sources", metavar="SOURCE...", nargs=-1)
-@click.option("--out", metavar="DIR", help="Folder for the results: local, or an fsspec address.")
+@click.option(
+    *("-o", "--out", "--out-dir", "out"),
+    metavar="DIR",
+    help="Folder for the results: local, or an fsspec address.",
+)
 @common.value(
     "--workers",
     "Meshes unwrapped at the same time on this machine.  [default: cores]",
+    "-j",
     type=click.IntRange(1, 10000),
     metavar="N",
 )

@@ -55,8 +55,10 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     """Refuse impossible outputs before any work. Raises OptionError, OutputError."""
     count, named, format = len(meshes), given["output"] is not None, given["format"] is not None
     clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
+    twice = list(meshes).count("-") > 1
     further = {name: str(given[name]) for name in common.FURTHER if given.get(name)}
     _refuse([
+        (twice, "'-' is given twice: standard input holds one mesh"),
         (named and given.get("out_dir") is not None,
          "-o and --out-dir exclude each other: give one of them"),
         (named and count > 1,

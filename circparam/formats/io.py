@@ -124,8 +124,14 @@ def read(
     Raises InputError if the file is missing, unreadable, malformed, without faces, or holds NaN, or where
     its name says another format than its content.
     """
+    try:
+        place = Path(path)
+    except TypeError:
+        raise InputError(
+            f"a {type(path).__name__} is no path of a file: arrays and trimesh objects need no reading"
+        ) from None
     if os.fspath(path) != "-":
-        _peek(Path(path), format)
+        _peek(place, format)
     data, source = read_bytes(path, functools.partial(_blocks_of_input, format=format))
     return read_data(data, source, format=format, unshare=unshare, reader=reader)
 

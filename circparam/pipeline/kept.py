@@ -88,7 +88,11 @@ def find_only(
     """
     if options.only is None:
         return surface, None
-    uvmap = document.require_uv(options.uv_set or 0)
+    if (number := options.uv_set or 0) not in document.uv_sets:
+        raise document.source.error(
+            f"it has no uv set {number}, which --only keeps on the other faces: unwrap the whole mesh"
+        )
+    uvmap = document.require_uv(number)
     fresh = selected_faces(document, options.only, "--only")[surface.source]
     if not fresh.any():
         raise OptionError("--only: the faces selected have no area, nothing can be unwrapped")

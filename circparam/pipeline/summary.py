@@ -4,8 +4,10 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from circparam._version import __version__
-from circparam.core.arrays import norms2
+from circparam.core.arrays import group_count, norms2
 from circparam.core.limits import mip_level
 from circparam.geometry.boundary import boundary_in
 from circparam.packing.options import PackOptions
@@ -73,7 +75,7 @@ def summarise(result: "Result") -> dict[str, Any]:
         "mip_level": mip_level(options.padding_texels) if options.packed else None,
         "repairs": result.repairs,
         "repaired": result.repair_report.as_dict(),
-        "warnings": [*result.warnings, *_room(result)],
+        "warnings": [*result.warnings, *_stray(result), *_room(result)],
         "notes": result.notes,
         "seconds": round(sum(result.seconds.values()), 4),
         "stages": {name: round(value, 4) for name, value in result.seconds.items()},
@@ -126,6 +128,34 @@ def _room(result: "Result") -> list[str]:
         cure = result.advice
     pages = "the page" if result.measures["pages"] == 1 else "the pages"
     return [f"{100 * share:.0f} % of {pages} is covered: {cure}"] if cure else []
+
+
+def _stray(result: "Result") -> list[str]:
+    """A warning where most charts are single faces that only their material cuts off."""
+    groups, o, found = result.document.mesh.groups, result.options, result.verification
+    if (
+        result.work != "unwrap"
+        or groups is None
+        or o.cut_materials is not None
+        or o.cut != "charts"
+    ):
+        return []
+    mesh, source = result.document.mesh, found.surface.source
+    chart, n, label = found.cut_mesh.chart, found.cut_mesh.n_charts, groups[source]
+    left, right = found.surface.sides
+    across = chart[left] != chart[right]
+    alike = across & (label[left] == label[right])
+    cut_off = group_count(chart[np.r_[left[across], right[across]]], n) > 0
+    cut_off &= group_count(chart[np.r_[left[alike], right[alike]]], n) == 0
+    polygon = source if mesh.polygons is None else mesh.polygons[source]
+    _, first = np.unique(np.stack([chart, polygon], 1), axis=0, return_index=True)
+    stray = int((cut_off & (group_count(chart[first], n) == 1)).sum())
+    if 2 * stray <= n:
+        return []
+    return [
+        f"{stray} of {n} charts are single faces of another material than their neighbours: "
+        "--no-cut-materials lets charts cross materials"
+    ]
 
 
 def summarise_check(found: "Inspection") -> dict[str, Any]:

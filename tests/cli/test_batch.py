@@ -33,6 +33,14 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     one_line_error(batch("s3://b/k", "--out", tmp_path / "o"), 2, "pip install 'circparam[batch]'")
 
 
+def test_the_folder_and_the_workers_are_named_as_for_unwrap(tmp_path: Path) -> None:
+    """-o, --out-dir and -j were unknown."""
+    source = write_set(tmp_path / "src", 1)
+    for flag in ("-o", "--out-dir", "--out"):
+        assert batch(source, flag, tmp_path / flag, "-j", 1, *ARGS).exit_code == 0
+        assert (tmp_path / flag / "manifest.jsonl").exists()
+
+
 def test_a_run_its_status_and_gates(shared: str, tmp_path: Path) -> None:
     source, out = write_set(tmp_path / "src", 3), tmp_path / "out"
     (source / "bad\n.obj").write_text("nothing")

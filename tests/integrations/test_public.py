@@ -51,6 +51,12 @@ def test_every_function_takes_what_unwrap_takes(tmp_path: Path) -> None:
             circparam.inspect(wrong)
 
 
+def test_objects_are_not_read() -> None:
+    for wrong in (trimesh.creation.box(), b"mesh.obj", None):
+        with pytest.raises(circparam.InputError, match="is no path of a file"):
+            circparam.read(wrong)
+
+
 def test_one_mesh_in_place_of_a_list(tmp_path: Path) -> None:
     """The letters of its name were taken for files."""
     for call in (

@@ -125,7 +125,8 @@ def test_selections_that_make_no_sense_are_refused(given: dict, match: str) -> N
 
 
 def test_a_file_without_uv_has_no_page_in_use() -> None:
-    with pytest.raises(InputError, match="no uv set"):
+    """The advice was to unwrap, which is what was done."""
+    with pytest.raises(InputError, match=r"no uv set 0, which only keeps.*: unwrap the whole mesh"):
         circparam.unwrap(shapes.grid(3, 3), only=[0], **QUICK)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import circparam
+from circparam.formats.memory import from_arrays
 from circparam.pipeline.summary import json_value
 from tests.support import shapes
 
@@ -109,3 +110,21 @@ def test_single_faces_are_not_asked_to_be_cut() -> None:
         )
         assert report["pack"] < 0.5
         assert not any("covered" in line for line in report["warnings"])
+
+
+def test_stray_faces_of_a_material_are_told_with_the_cure() -> None:
+    """Hundreds of charts of a face each came without a word."""
+    points, faces = shapes.icosphere(2)
+    material = np.zeros(len(faces), np.int64)
+    material[::9] = 1
+
+    def warnings(**options: object) -> list[str]:
+        result = circparam.unwrap(
+            from_arrays(points, faces, groups=material), effort="draft", jobs=1, **options
+        )
+        return [w for w in circparam.summarise(result)["warnings"] if "another material" in w]
+
+    assert "--no-cut-materials lets charts cross materials" in warnings()[0]
+    assert warnings(cut_materials=False) == warnings(cut_materials=True) == []
+    material[:] = points[faces].mean(1)[:, 2] > 0
+    assert warnings() == []

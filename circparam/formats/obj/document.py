@@ -134,7 +134,11 @@ class ObjDocument(Document):
 def read_obj(data: bytes, source: Source) -> ObjDocument:
     """Read an OBJ file. Raises InputError for bad numbers, indices, or a file without faces."""
     if b"\0" in data:
-        raise source.error("binary data where OBJ text is expected")
+        wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+        what = (
+            "text in UTF-16: save it as UTF-8" if wide else "binary data where OBJ text is expected"
+        )
+        raise source.error(what)
     scan = Scan(data, source)
     v = scan.of(b"v")
     if len(scan.face_lines) == 0:

@@ -23,6 +23,7 @@ def test_negative_indices_count_back_from_where_they_stand() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
+        ("v 0 0 0\n".encode("utf-16"), "text in UTF-16: save it as UTF-8"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4.*index 0"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "line 4.*index 4"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n", "line 4.*index -4"),
