@@ -39,7 +39,9 @@ def open_source(source: Any, options: Options | None = None) -> Document:
     if isinstance(source, (str, os.PathLike)):
         return read(os.fspath(source), unshare=bool(options.unshare), reader=options.reader)
     if isinstance(source, Mesh):
-        return from_arrays(source.points, source.faces)
+        return from_arrays(
+            source.points, source.faces, polygons=source.polygons, groups=source.groups
+        )
     if isinstance(source, tuple) and len(source) == 2:
         return from_arrays(*source)
     if hasattr(source, "geometry") and hasattr(source, "graph"):

@@ -36,6 +36,15 @@ def test_every_kind_of_source_is_a_document() -> None:
         open_source([1, 2, 3], Options())
 
 
+def test_a_mesh_keeps_its_polygons_and_groups() -> None:
+    """They were dropped: seams ran through polygons, and materials cut nothing."""
+    p, f = shapes.grid(3, 3)
+    halves, group = np.arange(len(f)) // 2, np.arange(len(f)) % 2
+    found = open_source(Mesh(p, f, polygons=halves, groups=group)).mesh
+    np.testing.assert_array_equal(found.polygons, halves)
+    np.testing.assert_array_equal(found.groups, group)
+
+
 def test_what_is_given_goes_to_its_stage() -> None:
     got = method_options(Options(method="circle", boundary="square", spacing="uniform", clamp=True))
     assert (got.boundary, got.spacing, got.clamp) == ("square", "uniform", True)
