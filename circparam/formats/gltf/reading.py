@@ -26,6 +26,7 @@ DRACO = "KHR_draco_mesh_compression"
 COMPRESSED = (DRACO, "EXT_meshopt_compression", "KHR_meshopt_compression")
 # copies of gltf-transform are not compressed, and hold skins, animations and all else
 DECODE = "npx @gltf-transform/cli copy IN.glb OUT.glb decodes it and keeps all that it holds"
+VALIDATE = "npx @gltf-transform/cli validate IN.glb shows the place"
 _BIN, _JSON = 0x004E4942, 0x4E4F534A
 
 
@@ -35,8 +36,12 @@ def sound_tree(source: Source, what: str = "the glTF tree") -> Iterator[None]:
     try:
         yield
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        cause = f"{error} is missing or unknown" if isinstance(error, KeyError) else str(error)
-        raise source.error(f"{what} is malformed ({cause[:120]})") from None
+        cause = str(error)
+        if isinstance(error, KeyError):
+            cause = f"{error} is missing or unknown"
+        elif isinstance(error, (AttributeError, TypeError)):
+            cause = "a value has another type than glTF allows"
+        raise source.error(f"{what} is malformed ({cause[:120]}): {VALIDATE}") from None
 
 
 class Tree:

@@ -53,6 +53,7 @@ from tests.support.gltf_files import small
         (("meshes", 0, "primitives", 0, "attributes", "POSITION"), 99, "no entry 99"),
         (("meshes",), {}, "not a list|no entry"),
         (("meshes", 0), None, "malformed"),
+        (("meshes", 0, "primitives", 0), "text", "another type than glTF allows.*validate IN.glb"),
         (("asset",), {"version": "1.0"}, "version"),
         (("asset",), None, "asset"),
         (("extensionsRequired",), ["KHR_draco_mesh_compression"], "KHR_draco_mesh_compression"),
