@@ -55,6 +55,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     """Refuse impossible outputs before any work. Raises OptionError, OutputError."""
     count, named, format = len(meshes), given["output"] is not None, given["format"] is not None
     clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
+    apart = "rename one of them" if given.get("one_atlas") else "unwrap them one by one"
     twice = list(meshes).count("-") > 1
     further = {name: str(given[name]) for name in common.FURTHER if given.get(name)}
     _refuse([
@@ -71,7 +72,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     _refuse([
         (outputs.count("-") + bool(given["as_json"]) > 1,
          "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"),
-        (clash is not None, f"two meshes would be written to {clash}: unwrap them one by one"),
+        (clash is not None, f"two meshes would be written to {clash}: {apart}"),
         (format and named and "-" not in (*meshes, *outputs),
          "--format has no effect here: it is for '-' (stdin, stdout) and outputs without -o; leave it out"),
         (format and "-" in meshes and count > 1,

@@ -168,7 +168,7 @@ REFUSED = {
     "out": (("-o", "{out}/x.glb"), "--out-dir"),
     "nowhere": ((), "needs a folder"),
     "twice": (("{in}/./one.glb", "--out-dir", "{out}"), "named twice"),
-    "names": (("{in}/sub/one.glb", "--out-dir", "{out}"), "two meshes would be written"),
+    "names": (("{in}/sub/one.glb", "--out-dir", "{out}"), "rename one of them"),
     "stdin": (("-", "--out-dir", "{out}"), "stdin"),
     "atlases": (("--out-dir", "{out}", "--group-by", "mesh"), "--group-by"),
     "unpacked": (("--out-dir", "{out}", "--no-normalize"), "--no-normalize"),
