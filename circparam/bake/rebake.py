@@ -15,7 +15,14 @@ from circparam.bake.carry import carry
 from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
-from circparam.bake.sharpness import PACKED_SHARE_GUESS, Sharpness, blurred, needed_size, sharpness
+from circparam.bake.sharpness import (
+    PACKED_SHARE_GUESS,
+    Sharpness,
+    blurred,
+    needed_size,
+    rounded,
+    sharpness,
+)
 from circparam.bake.texels import Texels, flat_areas
 from circparam.core.arrays import group_sum
 from circparam.core.fields import specs
@@ -339,7 +346,7 @@ def _look(source: Source, layout: UVMap, carried: Carried, texels: Texels) -> Lo
     """The figures of the carried images, and the lines that a user must read."""
     sharp = sharpness(source, layout, texels.size)
     before = len(np.unique(source.looks.face))
-    notes = blurred(sharp, texels.size)
+    notes = blurred(sharp, texels.size) + rounded(source, sharp)
     if texels.twice > 0.001 * texels.covered:
         share = 100 * texels.twice / texels.covered
         notes.append(f"{share:.1f} % of the texels lie in several faces: unwrap or pack again")

@@ -24,6 +24,7 @@ LEAST_AUTO_TEXELS, MOST_AUTO_TEXELS = (
     8192,
 )  # sides that auto chooses from: below, a padding of 1/512 is no texel
 GROWN = 2.0  # a small part of a surface that an image magnifies is no reason for more
+PNG_DEPTH_AT = 24  # byte of a PNG that tells the bits of a channel
 PATTERN_TEXELS = 2048  # the side up to which images that repeat decide
 
 
@@ -76,6 +77,19 @@ def blurred(found: list[Sharpness], size: int) -> list[str]:
                 f"texture {one.name} keeps {percent(one.kept)} of its density at {size} texels: {why}"
             )
     return lines
+
+
+def rounded(source: Source, found: list[Sharpness]) -> list[str]:
+    """One line on the carried images of 16 bits a channel: the new ones have 8."""
+    names, carried = source.looks.names, {one.name for one in found}
+    every = zip(names, source.looks.images, source.images, strict=True)
+    deep = [
+        name
+        for name, data, image in every
+        if name in carried
+        and (image.dtype == np.uint16 or (data[:4] == b"\x89PNG" and data[PNG_DEPTH_AT] == 16))
+    ]
+    return [f"texture {name} has 16 bits a channel, the new image 8" for name in deep]
 
 
 def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[str, float, bool]]:

@@ -115,6 +115,15 @@ def test_a_coloured_bump_map_holds_normals(folder: Path) -> None:
     assert kinds == {"product"}
 
 
+def test_levels_that_are_rounded_are_told(folder: Path) -> None:
+    """A height of 16 bits became one of 8 without a word."""
+    heights = np.linspace(0, 65535, 64 * 64).astype(np.uint16).reshape(64, 64)
+    Image.fromarray(heights).save(folder / "n.png")
+    got = report("unwrap", folder / "m.obj", "-o", folder / "o.obj", "--rebake", *UPRIGHT)
+    assert "texture n.png has 16 bits a channel, the new image 8" in got["warnings"]
+    assert not any("a.png has 16" in line for line in got["warnings"])
+
+
 @pytest.mark.parametrize("suffix", ["glb", "png"])
 def test_the_colour_that_one_image_carries_is_not_left_behind(folder: Path, suffix: str) -> None:
     """``map_Kd`` is the base colour of OBJ: it neither hinders a GLB nor is it called lost."""
