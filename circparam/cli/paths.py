@@ -69,6 +69,11 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
         flag = f"--{common.FURTHER[name]}"
         _refuse([(count > 1, f"{flag} names one file, but {count} meshes are given")])
         check_ending(f"{flag} {path}", *_ENDINGS.get(name, ()))
+        others = (*meshes, *outputs, *(p for n, p in further.items() if n != name))
+        same = os.path.realpath(path) in {os.path.realpath(p) for p in others if p != "-"}
+        _refuse(
+            [(same, f"{flag} {path}: a mesh or another output has this name: name another file")]
+        )
     _refuse([
         (outputs.count("-") + bool(given["as_json"]) > 1,
          "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"),

@@ -126,6 +126,8 @@ ROWS = """
 2 | unwrap disk.obj ball.obj --map m.npz              | --map names one file
 2 | unwrap disk.obj ball.obj --preview p.png          | --preview names one file
 2 | unwrap disk.obj ball.obj -o -                     | --out-dir
+2 | unwrap disk.obj --overwrite --export-seams disk.obj | name another file
+2 | unwrap disk.obj -o x.obj --export-seams ./x.obj    | name another file
 2 | unwrap - -                                         | '-' is given twice
 2 | unwrap disk.obj --map m.txt                        | the name must end in .npz
 2 | unwrap disk.obj --preview p                        | the name must end in .png
