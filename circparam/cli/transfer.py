@@ -1,11 +1,13 @@
 """``circparam transfer``: the layout of one mesh on its other levels of detail."""
 
+import os
 from typing import Any
 
 import click
 
 from circparam.cli import common, progress
 from circparam.cli.paths import check_outputs, made_folder, output_path
+from circparam.errors import OptionError
 
 _EPILOG = """\b
 Examples:
@@ -54,6 +56,10 @@ def command(source: str, targets: tuple[str, ...], **given: Any) -> None:
     given["format"] = None
     outputs = [output_path(target, given) for target in targets]
     check_outputs(targets, outputs, given)
+    if any(os.path.realpath(out) == os.path.realpath(source) for out in outputs if out != "-"):
+        raise OptionError(
+            f"{source}: the output would replace the mesh with the layout: name another"
+        )
     keywords = common.library_keywords(given)
     with (
         made_folder(given["out_dir"]),

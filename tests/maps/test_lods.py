@@ -178,6 +178,10 @@ def test_the_command_writes_all_or_nothing(tmp_path: Path):
     failed = run(*words, tmp_path / "ball.obj")
     assert failed.exit_code == 5
     assert not (tmp_path / "a_uv.obj").exists()
+    before = Path(source.path).read_bytes()
+    over = run(*words, "-o", source.path, "--overwrite")
+    assert (over.exit_code, "replace the mesh with the layout" in over.stderr) == (2, True)
+    assert Path(source.path).read_bytes() == before
     drifted = run(*words, "--max-drift", -1)
     assert drifted.exit_code == 2
     told = report(*words, tmp_path / "b.obj")
