@@ -126,9 +126,12 @@ BOUNDARIES: Table[BoundaryFunction] = Table(
 )
 
 
-def check_polygon(corners: FloatArray) -> FloatArray:
+def check_polygon(given: object) -> FloatArray:
     """(k, 2) corners, counter-clockwise; raises OptionError unless they form a strictly convex polygon."""
-    corners = np.asarray(corners, np.float64)
+    try:
+        corners = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        raise OptionError("a polygon needs 3 or more corners (x, y) that are numbers") from None
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
         raise OptionError(f"a polygon needs 3 or more corners (x, y), not shape {corners.shape}")
     if not np.isfinite(corners).all():

@@ -105,6 +105,8 @@ def test_a_side_without_chords_stays_straight():
     [
         (None, "needs its corners"),
         ([[0, 0], [1, 0]], "3 or more"),
+        ("abc", "that are numbers"),
+        ([[0, 0], [1, 0], [1]], "that are numbers"),
         ([[0, 0], [1, 0], [np.nan, 1]], "not finite"),
         ([[0, 0], [2, 0], [1, 0.2], [1, 2]], "not strictly convex"),
         ([[0, 0], [1, 0], [2, 0], [1, 2]], "not strictly convex"),
@@ -113,7 +115,7 @@ def test_a_side_without_chords_stays_straight():
 )
 def test_a_bad_polygon_or_spacing_is_refused(corners, word):
     with pytest.raises(OptionError, match=word):
-        lay("polygon", shapes.grid(), polygon=None if corners is None else np.array(corners, float))
+        lay("polygon", shapes.grid(), polygon=corners)
     with pytest.raises(OptionError, match="spacing"):
         lay("circle", shapes.grid(), spacing="even")
 
