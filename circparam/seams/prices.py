@@ -34,7 +34,7 @@ LEAST_WEIGHT = 1e-6  # least weight of the user: seams that cost nothing would t
 def edge_costs(atlas: Atlas) -> FloatArray:
     """(e,) cost of a seam along each edge, infinite where it is locked."""
     surface = atlas.surface
-    price = _soft_prices(turns(surface)[0]) if atlas.prices is None else atlas.prices.price
+    price = _soft_prices(surface) if atlas.prices is None else atlas.prices.price
     if surface.price is not None:
         # the rim of a flat is seen from more directions than the flat, which must not draw seams into it
         price = np.where(price < FLAT_PRICE, price * surface.price, price)
@@ -53,15 +53,28 @@ def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
     inside = flats(surface)[1]
     steep = np.interp(angle, np.radians([0.5, 5, 20, 30]), [1.6, 1.2, 0.6, 0.4])
     steep = np.where(inside | (angle < FLAT), FLAT_PRICE, steep * np.where(concave, 0.8, 1.0))
-    price = np.where(of_hard, steep, _soft_prices(angle))
+    price = np.where(of_hard, steep, _soft_prices(surface))
     return SeamPrices(
         price, inside & of_hard, (angle >= SHARP) & of_hard, (angle >= CREASE) & of_hard
     )
 
 
-def _soft_prices(angle: FloatArray) -> FloatArray:
-    """(e,) prices of the edges of organic surfaces, which turn by that angle."""
-    price: FloatArray = 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(angle)), 0, 1))
+def _soft_prices(surface: Surface) -> FloatArray:
+    """(e,) prices of the edges of organic surfaces: flats are dear, so that paths lead round quads and lids."""
+    price = _crease_prices(surface)
+    price[flats(surface)[1]] = FLAT_PRICE
+    return price
+
+
+def crease_costs(surface: Surface) -> FloatArray:
+    """(e,) as ``edge_costs`` on an organic surface, but for flats and visibility: for paths from a proxy."""
+    cost: FloatArray = surface.edge_lengths * _crease_prices(surface)
+    cost[surface.locked] = np.inf
+    return cost
+
+
+def _crease_prices(surface: Surface) -> FloatArray:
+    price: FloatArray = 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(turns(surface)[0])), 0, 1))
     return price
 
 

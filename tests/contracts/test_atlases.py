@@ -30,7 +30,7 @@ SHAPES: dict[str, tuple[shapes.Shape, float, float]] = {
     "ball": (shapes.icosphere(2), 9.2, 8.9),
     "bumps": (shapes.bumpy(3), 10.0, 9.9),
     "cube": (shapes.cube(3), 9.4, 8.7),
-    "torus": (shapes.torus(24, 12), 10.4, 8.8),
+    "torus": (shapes.torus(24, 12), 10.4, 10.5),
     "rough torus": (shapes.noisy(*shapes.torus(24, 12), 0.03), 9.6, 8.5),
     "handles": (shapes.handles(2, 1), 9.1, 9.1),
     "tube": (shapes.cylinder(16, 8, caps=True), 9.5, 9.7),

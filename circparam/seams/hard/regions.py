@@ -29,12 +29,12 @@ SHARP = np.radians(30)  # edges that turn more bound smooth regions
 CREASE = np.radians(20)  # edges that turn more bound regions that cannot be laid out otherwise
 BLUNT = 2 * CREASE  # creases that turn less may come from few faces on a round shape
 CURVED = 0.3  # radians of curvature: a region with less counts as developable
-FLAT_FACES = 2  # flats have more faces: quads are cut in two anywhere
+FLAT_FACES = 2  # facets of several faces have more: any quad is cut in two
 # of the area of its component: a designer's flat has more, facets of round shapes less (figures in
 # docs/experiments/hard-surfaces.md)
 LARGE_FLAT = 0.01
 REGION_FACES = 2  # at least in the mean region of a part: noise has regions of one face
-# of the area in large flats that creases bound: a surface with more is hard for sure
+# of the area in flats: a surface with more is made of facets, and is hard for sure if creases bound large ones
 MOST_FLAT = 0.5
 MOST_REGIONS = 0.75  # of the area in developable regions between creases: a hard surface has more
 MOST_BLUNT = 0.5  # of the length of its creases: a hard surface has fewer blunt ones
@@ -158,8 +158,10 @@ def hard_components(surface: Surface) -> BoolArray:
     lies mostly in large ones: fillets join the regions of a part. Few scans and organic shapes have either.
     """
     n, component = surface.components
-    large_share = _share_in_flats(surface, large_flats(surface))
-    flat_share = _share_in_flats(surface, np.bincount(flats(surface)[0]) > FLAT_FACES)
+    large = large_flats(surface)
+    large_share = _share_in_flats(surface, large)
+    several = np.bincount(flats(surface)[0]) > FLAT_FACES
+    flat_share = _share_in_flats(surface, large | several)
     count, region, developable = developable_regions(surface)
     region_share = area_share(surface, developable[region])
     hard: BoolArray = large_share > flat_share / 2
@@ -220,13 +222,23 @@ def large_flats(surface: Surface) -> BoolArray:
     of_flat = np.zeros(count, np.int64)
     of_flat[flat] = component
     large: BoolArray = group_sum(surface.areas, flat, count) > LARGE_FLAT * whole[of_flat]
-    return large & (np.bincount(flat) > FLAT_FACES)
+    return large & (np.bincount(flat) > 1)
+
+
+def facets(surface: Surface) -> BoolArray:
+    """(e,) bool: edges inside flats of organic components that are mostly flats: bent tubes of quads."""
+    flat, inside = flats(surface)
+    share = _share_in_flats(surface, np.bincount(flat) > 1)[surface.components[1]]
+    result: BoolArray = inside & (share >= MOST_FLAT)[surface.sides[0]]
+    if result.any():
+        result &= ~hard_components(surface)[surface.sides[0]]
+    return result
 
 
 def creased_flats(surface: Surface) -> BoolArray:
     """(flats,) bool: large flats whose rim is creases or boundary, at least half of it."""
     flat, _ = flats(surface)
-    large = large_flats(surface)
+    large = large_flats(surface) & (np.bincount(flat) > FLAT_FACES)
     left, right = flat[surface.sides]
     length = np.where(left == right, 0.0, surface.edge_lengths)
     length = np.where(turns(surface)[0] >= CREASE, length, -length)

@@ -7,6 +7,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands
+from circparam.seams.hard.regions import flats
 from circparam.seams.prices import edge_costs
 from circparam.seams.search import WORK_PER_FACE, Candidates, Effort, Outcome, search
 from circparam.seams.segmentation.paths import Bands, bands, chains_of, route
@@ -32,6 +33,15 @@ def shorten(atlas: Atlas, rings: int, pinned: BoolArray | None = None) -> None:
     """Make all chains of seams shortest paths, whatever their charts become. pinned: see ``propose``."""
     proposal = propose(atlas, rings, pinned)
     atlas.cut = proposal.cut(np.ones(proposal.n, bool))
+
+
+def lead_round_flats(atlas: Atlas) -> None:
+    """Lead pieces of seams round the flats that they cross, by the edges beside them."""
+    inside = np.where(flats(atlas.surface)[1], atlas.surface.edge_lengths, 0.0)
+    if inside[atlas.cut].any():
+        proposal = propose(atlas, rings=1, pieces=(PIECE_EDGES, 0))
+        old, new = proposal.costs(inside)
+        atlas.cut = proposal.cut(new < old)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from circparam.core.arrays import IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.moves.reroute import lead_round_flats
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.multires.transfer_layout import (
     Carried,
@@ -29,6 +30,7 @@ def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: P
     """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
     fine = Atlas(surface, np.zeros(len(surface.edges), bool))
     transfer_seams(coarse, proxy, fine)
+    lead_round_flats(fine)  # which the proxy does not have
     carried = _carried(fine, graph, coarse, nearest_coarse_face(surface, proxy))
     cut_mesh = fine.cut_mesh()
     bad = not_disks(cut_mesh)

@@ -16,7 +16,7 @@ from circparam.core.arrays import (
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
-from circparam.seams.prices import edge_costs
+from circparam.seams.prices import crease_costs
 from circparam.seams.segmentation.paths import Bands, Chains, bands, chains_of, route
 
 STRAY_CELLS = (0, 2)  # cells beside a seam's own that its path may use, attempt by attempt
@@ -69,7 +69,7 @@ class _Router:
         chains: Chains,
     ) -> None:
         self.fine, self.proxy, self.coarse_ends, self.boundary = fine, proxy, coarse_ends, boundary
-        self.cost = edge_costs(fine)
+        self.cost = crease_costs(fine.surface)
         # no path of a chain leaves its cells and those beside them, so other edges need not be looked at
         close = _close_to(coarse_ends, len(boundary), chains, max(STRAY_CELLS) + 1)
         member = np.append(close, False)[proxy.cell]

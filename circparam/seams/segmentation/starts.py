@@ -12,6 +12,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.accuracy import ROUGH
 from circparam.seams.cost import COST
+from circparam.seams.hard.regions import facets
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.moves.reroute import shorten
 from circparam.seams.options import Search
@@ -85,7 +86,7 @@ def _grown(
     bound = options.bound
     # what stays above the bound is split, wherever it ends; only a draft takes the word of the first steps
     rough = replace(ROUGH, give_up=bound) if options.search.draft else ROUGH
-    graph = dual_graph(surface)
+    graph = dual_graph(surface, facets(surface))
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     first_charts(atlas, graph, seeds)
     make_disks(atlas, graph)

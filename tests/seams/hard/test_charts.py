@@ -14,7 +14,7 @@ from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams import charts as module
 from circparam.seams.hard.charts import hard_atlas, unrolls_whole
-from circparam.seams.hard.regions import hard_components
+from circparam.seams.hard.regions import flats, hard_components
 from circparam.seams.hard.unroll import unroll
 from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
@@ -61,6 +61,27 @@ def test_however_a_part_lies_in_space(make) -> None:
 @pytest.mark.parametrize("bound", [1.05, 1.01])
 def test_flats_of_a_part_without_any_sharp_edge_stay_whole(bound) -> None:
     check_whole(rounded_box(), bound)
+
+
+def in_flats(shape: shapes.Shape) -> float:
+    """Length of the seams inside flats, in roots of the area."""
+    surface = surface_of(*shape)
+    atlas = charts_of(surface)
+    assert_promises(atlas, 1.05)
+    return float(surface.edge_lengths[atlas.cut & flats(surface)[1]].sum() / surface.unit)
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_no_seam_crosses_the_quads_of_a_bevelled_block(steps: int) -> None:
+    """Each side is one quad, cut in two anywhere; a fillet may be crossed."""
+    block = rounded_box(steps, 0.05)
+    assert in_flats((block.points, block.faces)) < 0.02
+
+
+@pytest.mark.parametrize("around", [12, 16])
+def test_seams_lead_round_the_quads_of_a_bent_tube(around: int) -> None:
+    """In all a tenth of a loop round the tube, 0.59, may lie inside them."""
+    assert in_flats(shapes.torus(2 * around, around)) < 0.06
 
 
 @pytest.mark.parametrize(("name", "scale"), [("flanged pipe", 1e-3), ("letters", 25.4)])
