@@ -22,11 +22,11 @@ GROUPS: tuple[dict[str, int], ...] = (
     {"read": 1},
     {"repair": 1},
     {
-        **{"seams": 1, "visibility": 6, "charts": 40, "carry": 3, "relax": 4, "enforce": 8},
+        **{"seams": 1, "visibility": 5, "charts": 37, "carry": 4, "relax": 5, "enforce": 8},
         **{"stretch": 4, "weights": 1, "solve": 1, "unfold": 1, "flatten": 1},
     },
-    {"check": 2, "repair layout": 1, "pack": 28},
-    {"verify": 4},
+    {"check": 1, "repair layout": 1, "pack": 31},
+    {"verify": 2},
     {"write": 1},
 )
 SEARCH = "search"  # the stage of all searches but the first

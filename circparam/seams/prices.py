@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray, group_count
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.visibility import edge_shares
@@ -54,9 +54,22 @@ def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
     steep = np.interp(angle, np.radians([0.5, 5, 20, 30]), [1.6, 1.2, 0.6, 0.4])
     steep = np.where(inside | (angle < FLAT), FLAT_PRICE, steep * np.where(concave, 0.8, 1.0))
     price = np.where(of_hard, steep, _soft_prices(surface))
-    return SeamPrices(
-        price, inside & of_hard, (angle >= SHARP) & of_hard, (angle >= CREASE) & of_hard
-    )
+    flat = planar(surface, inside & of_hard)
+    return SeamPrices(price, flat, (angle >= SHARP) & of_hard, (angle >= CREASE) & of_hard)
+
+
+def planar(surface: Surface, flat: BoolArray) -> BoolArray:
+    """(e,) bool: the edges ``flat`` ((e,) bool) inside flats, but for those of closed ones or with a handle.
+
+    Faces that are folded over may hang together so. No plane holds them, and they must be cut.
+    """
+    if not flat.any():
+        return flat
+    patches = surface.cut_mesh(~flat)
+    rims = group_count(patches.loops.chart, patches.n_charts)
+    whole = (rims > 0) & (patches.euler() + rims == 2)
+    result: BoolArray = flat & whole[patches.chart[surface.sides[0]]]
+    return result
 
 
 def _soft_prices(surface: Surface) -> FloatArray:

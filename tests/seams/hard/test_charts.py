@@ -12,12 +12,14 @@ from hypothesis import strategies as st
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
 from circparam.seams import charts as module
 from circparam.seams.hard.charts import hard_atlas, unrolls_whole
 from circparam.seams.hard.regions import flats, hard_components
 from circparam.seams.hard.unroll import unroll
 from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
+from circparam.seams.segmentation.grow import dual_graph, make_disks
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import assert_promises, charts_of, surface_of, uncut
@@ -82,6 +84,55 @@ def test_no_seam_crosses_the_quads_of_a_bevelled_block(steps: int) -> None:
 def test_seams_lead_round_the_quads_of_a_bent_tube(around: int) -> None:
     """In all a tenth of a loop round the tube, 0.59, may lie inside them."""
     assert in_flats(shapes.torus(2 * around, around)) < 0.06
+
+
+def plumbed() -> shapes.Shape:
+    """Two belts of squares in one plane, joined at a square and lying over each other elsewhere: a handle."""
+    box = [(x, y) for y in (0, 1) for x in (0, 1)]
+    east = [
+        (1, 0),
+        (2, 0),
+        (2, 1),
+        (2, 2),
+        (2, 3),
+        (1, 3),
+        (0, 3),
+        (-1, 3),
+        (-2, 3),
+        (-2, 2),
+        (-2, 1),
+        (-2, 0),
+        (-1, 0),
+    ]
+    north = [
+        (0, 1),
+        (0, 2),
+        (0, 3),
+        (0, 4),
+        *((x, 4) for x in (1, 2, 3)),
+        *((3, y) for y in range(3, -3, -1)),
+    ]
+    north += [(2, -2), (1, -2), (0, -2), (0, -1)]
+    number: dict[tuple[int, ...], int] = {}
+    faces = []
+    for belt, cells in enumerate([[(0, 0)], east, north]):
+        for x, y in cells:
+            corners = [(x + a, y + b) for a, b in box]
+            ids = [number.setdefault(c if c in box else (belt, *c), len(number)) for c in corners]
+            faces += [[ids[0], ids[1], ids[3]], [ids[0], ids[3], ids[2]]]
+    # a shift keeps corners that lie over each other apart
+    points = np.array([np.add(key[-2:], 0.1 * (len(key) == 3 and key[0] == 2)) for key in number])
+    return np.c_[points, np.zeros(len(points))], np.array(faces)
+
+
+def test_a_flat_with_a_handle_is_cut() -> None:
+    """No plane holds it as a whole, so it is no flat of the design."""
+    atlas = uncut(*plumbed())
+    surface = atlas.surface
+    assert not_disks(atlas.cut_mesh()).all()
+    make_disks(atlas, dual_graph(surface, edge_prices(surface).flat))
+    assert not not_disks(atlas.cut_mesh()).any()
+    assert_promises(charts_of(surface), 1.05)
 
 
 @pytest.mark.parametrize(("name", "scale"), [("flanged pipe", 1e-3), ("letters", 25.4)])
