@@ -16,6 +16,7 @@ from circparam.seams.hard.regions import facets
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.moves.reroute import shorten
 from circparam.seams.options import Search
+from circparam.seams.prices import planar
 from circparam.seams.segmentation.grow import (
     dual_graph,
     first_charts,
@@ -86,7 +87,7 @@ def _grown(
     bound = options.bound
     # what stays above the bound is split, wherever it ends; only a draft takes the word of the first steps
     rough = replace(ROUGH, give_up=bound) if options.search.draft else ROUGH
-    graph = dual_graph(surface, facets(surface))
+    graph = dual_graph(surface, planar(surface, facets(surface)))
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     first_charts(atlas, graph, seeds)
     make_disks(atlas, graph)
