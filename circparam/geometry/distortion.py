@@ -19,8 +19,9 @@ from circparam.mesh.cut_mesh import CutMesh
 # area over the square of the longest edge below which a face has no shape
 LEAST_AREA_RATIO = 1e-12
 
-# Stands in for a singular value of zero, so that a collapsed face gives a huge number and not a NaN.
-LEAST_SIGMA = 1e-150
+# Stands in for a singular value of zero, so that a collapsed face gives a huge number and not a NaN. The
+# inverse of its square is finite times any area.
+LEAST_SIGMA = 1e-130
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +174,8 @@ def measure(cut_mesh: CutMesh, uv: FloatArray) -> Measures:
     flipped = live & (signed_areas(cut_mesh.faces, uv) <= 0)
     large, small, surface = _singular(cut_mesh, uv, live)
     group = cut_mesh.chart[live]
-    layout = float((surface * large * small).sum())
-    equal = np.sqrt(float(surface.sum()) / max(layout, 1e-300)) if live.any() else 1.0
+    total, layout = float(surface.sum()), float((surface * large * small).sum())
+    equal = np.sqrt(total / max(layout, 1e-260 * total)) if live.any() else 1.0
     large, small = np.maximum(large * equal, LEAST_SIGMA), np.maximum(small * equal, LEAST_SIGMA)
     squares, inverses = _squares(large, small)
     square, inverse = float((surface * squares).sum()), float((surface * inverses).sum())

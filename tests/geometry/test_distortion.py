@@ -97,3 +97,13 @@ def test_the_stretch_of_a_linear_map_is_that_of_its_worse_direction(scales):
     assert m.tail.share_over(worst * 0.999) == pytest.approx(1)
     assert m.tail.share_over(worst * 1.001) == 0
     np.testing.assert_allclose(face_stretch(cut_mesh, 7 * uv * scales), worst)
+
+
+def test_uv_in_one_point_are_infinitely_bad_whatever_the_size_of_the_mesh() -> None:
+    """Not NaN, and no number overflows on the way."""
+    for size in (1e-12, 1.0, 1e12):
+        p, f = shapes.grid(2, 2)
+        patch, _ = patches_of((size * p, f))
+        uv = np.zeros((patch.n_vertices, 2))
+        assert measure(patch, uv).charts["sd"][0] > 1e50
+        assert np.isfinite(best_chart_scales(patch, uv)).all()
