@@ -25,9 +25,8 @@ SHORTEST_FIRST_CORNERS = 1000
 SLIVER_AREA_SHARE = 1e-9
 MAX_LOOKED_CORNERS = 200_000_000  # near the triangles of one polygon, 0.1 µs each
 _AFTER = np.array([1, 2, 0])
-HALF_AND_ROUNDING = 0.5 * (
-    1 + 1e-9
-)  # of a diagonal: the radius about a box that holds all its corners
+# of a diagonal: the radius about a box that holds all its corners
+HALF_AND_ROUNDING = 0.5 * (1 + 1e-9)
 # Looks at a corner, for each corner of a polygon and in addition, before the rest is cut in order. Three
 # looks each are enough for polygons that do not cross themselves.
 LOOKS_PER_CORNER, LEAST_LOOKS = 4, 100_000

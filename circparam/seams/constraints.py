@@ -14,6 +14,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.plural import counted
 from circparam.errors import OptionError
+from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import LEAST_WEIGHT
@@ -84,12 +85,11 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
 def _check_open(surface: Surface, locked: BoolArray) -> None:
     """Raise OptionError where faces joined by locked edges cannot be laid flat, whatever else is cut."""
     patches = surface.cut_mesh(~locked)
-    rims = group_count(patches.loops.chart, patches.n_charts)
-    handles = (2 - patches.euler() - rims) // 2
-    bad = (rims == 0) | (handles > 0)
+    bad = not_disks(patches)
     if bad.any():
         faces = bad[patches.chart]
         first = int(surface.source[faces].min())
+        rims = group_count(patches.loops.chart, patches.n_charts)
         why = "without a boundary" if (rims[bad] == 0).any() else "with a handle"
         raise OptionError(
             f"--no-seams and weights of inf leave {counted(int(faces.sum()), 'face')} {why} (the first is "

@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_count
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.visibility import edge_shares
 from circparam.mesh.atlas import Atlas, SeamPrices
+from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import CREASE, FLAT, SHARP, flats, turns
@@ -66,9 +67,7 @@ def planar(surface: Surface, flat: BoolArray) -> BoolArray:
     if not flat.any():
         return flat
     patches = surface.cut_mesh(~flat)
-    rims = group_count(patches.loops.chart, patches.n_charts)
-    whole = (rims > 0) & (patches.euler() + rims == 2)
-    result: BoolArray = flat & whole[patches.chart[surface.sides[0]]]
+    result: BoolArray = flat & ~not_disks(patches)[patches.chart[surface.sides[0]]]
     return result
 
 
