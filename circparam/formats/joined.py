@@ -82,7 +82,9 @@ class JoinedDocument(Document):
 
     def normals(self) -> FloatArray | None:
         """The normals of all corners, smooth ones in files without any."""
-        return self._of_corners("normals", _smooth)
+        return self._of_corners(
+            "normals", lambda m: corner_normals(m.points[m.faces], m.rank[m.faces])
+        )
 
     def tangents(self) -> FloatArray | None:
         """The tangents of all corners, NaN in files without any."""
@@ -197,11 +199,6 @@ def _moved(material: Material, k: int, images: int, format: str) -> Material:
         factors={_on_page(slot, names): value for slot, value in material.factors.items()},
         alike=f"{k} {material.alike}",
     )
-
-
-def _smooth(mesh: Mesh) -> FloatArray:
-    """(m, 3, 3) smooth unit normals of the corners of a mesh."""
-    return corner_normals(mesh.points[mesh.faces], mesh.rank[mesh.faces])
 
 
 def join(parts: Sequence[Document]) -> JoinedDocument:

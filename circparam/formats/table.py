@@ -77,7 +77,12 @@ class Format:
 
 def _begins(pattern: bytes) -> Callable[[bytes], bool]:
     """Whether a text begins with a pattern, behind a byte order mark and blanks."""
-    return lambda data: re.match(pattern, _text(data), re.S) is not None
+
+    def begins(data: bytes) -> bool:
+        text = data[:SNIFFED_BYTES].removeprefix(BYTE_ORDER_MARK).lstrip(b" \t\r\n")
+        return re.match(pattern, text, re.S) is not None
+
+    return begins
 
 
 def _zipped(name: bytes) -> Callable[[bytes], bool]:
@@ -105,11 +110,6 @@ def _is_ply(data: bytes) -> bool:
 
 def _always(head: bytes) -> bool:
     return True
-
-
-def _text(data: bytes) -> bytes:
-    """The beginning of a file without byte order mark and blanks."""
-    return data[:SNIFFED_BYTES].removeprefix(BYTE_ORDER_MARK).lstrip(b" \t\r\n")
 
 
 def _as_it_is(uv: FloatArray, document: Document | None) -> FloatArray:
@@ -149,7 +149,8 @@ FORMATS: Table[Format] = Table(
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is,
                       lined=_always),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
-    Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
+    Row("ply", Format(read_ply, (".ply",), lambda data: re.match(rb"ply[ \t]*[\r\n]", data) is not None,
+                      export=to_ply, round_uv=round_ply,
                       round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _begins(rb'\{.*"'), rank=1, export=to_gltf,

@@ -24,6 +24,7 @@ from circparam.formats.gltf.materials import (
     material_number,
     materials_of,
     texture_infos,
+    uv_set_of,
 )
 from circparam.formats.gltf.model import COMPONENTS, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
@@ -131,9 +132,10 @@ class TreeEdit(Packing):
             if name in attributes:
                 attributes[f"TEXCOORD_{last}"] = attributes[name]
         changed = {number, *(n for n in range(last) if f"TEXCOORD_{n}" not in attributes)}
-        lost = "TANGENT" in attributes and any(
-            tangent_set(self.json, e) in changed for e in entries
-        )
+        # tangents belong to the uv set of the normal map
+        materials = materials_of(self.json)
+        maps = [materials[e.get("material", -1)].get("normalTexture", {}) for e in entries]
+        lost = "TANGENT" in attributes and any(uv_set_of(info) in changed for info in maps)
         if lost:
             for holder in (attributes, *targets):
                 holder.pop("TANGENT", None)
@@ -217,14 +219,6 @@ class TreeEdit(Packing):
                 entry["mode"] = TRIANGLES
                 relisted += 1
         return relisted
-
-
-def tangent_set(tree: Json, entry: Json) -> int:
-    """The uv set that tangents of a primitive belong to: that of its normal map."""
-    material = tree["materials"][entry["material"]] if "material" in entry else {}
-    texture = material.get("normalTexture", {})
-    moved = texture.get("extensions", {}).get("KHR_texture_transform", {})
-    return int(moved.get("texCoord", texture.get("texCoord", 0)))
 
 
 def join_primitives(
@@ -357,8 +351,12 @@ def redressed(
         lead = group.members[0]
         if lead not in changed:
             changed[lead] = _dressed(known[lead], group, number, carried.uv_set)
-            if lead in carried.kept:
-                changed[lead] = in_set(known[lead], carried.uv_set, kept_set)
+            if lead in carried.kept:  # its textures move to a uv set of their own
+                changed[lead] = copy.deepcopy(known[lead])
+                for _, info in texture_infos(changed[lead]):
+                    if uv_set_of(info) == carried.uv_set:
+                        transform = info.get("extensions", {}).get(TRANSFORM, {})
+                        (transform if "texCoord" in transform else info)["texCoord"] = kept_set
         if changed[lead] != {}:
             entry["material"] = lead
     for k, material in changed.items():
@@ -403,17 +401,6 @@ def _dressed(material: Json, group: Group, texture: dict[str, int], uv_set: int)
             set_factors(holder, place, group.factors[place.slot])
     if out.get("alphaMode") == "MASK" and group.cutoff != out.get("alphaCutoff", 0.5):
         out["alphaCutoff"] = group.cutoff
-    return out
-
-
-def in_set(material: Json, old: int, new: int) -> Json:
-    """A material whose textures refer to one uv set in place of another."""
-    out = copy.deepcopy(material)
-    for _, info in texture_infos(out):
-        holder = info.get("extensions", {}).get(TRANSFORM, {})
-        holder = holder if "texCoord" in holder else info
-        if holder.get("texCoord", 0) == old:
-            holder["texCoord"] = new
     return out
 
 

@@ -55,7 +55,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
                 known[key] = files.add(files.names[image], files.images[image]) if again else image
                 moves[known[key]] = move
             image = known[key]
-            sets.append(_uv_set(texture))
+            sets.append(uv_set_of(texture))
         factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
         faces.append(np.full(len(p.triangles), image))
@@ -98,7 +98,7 @@ def _base_colour(material: Json) -> Json:
 
 def texture_sets(entries: Any) -> set[int]:
     """The uv sets that texture infos anywhere in a tree refer to."""
-    return {_uv_set(info) for key, info in texture_infos(entries) if key.endswith("Texture")}
+    return {uv_set_of(info) for key, info in texture_infos(entries) if key.endswith("Texture")}
 
 
 def _moved(info: Json) -> Json:
@@ -106,7 +106,7 @@ def _moved(info: Json) -> Json:
     return info.get("extensions", {}).get(TRANSFORM, {})
 
 
-def _uv_set(info: Json) -> int:
+def uv_set_of(info: Json) -> int:
     """The uv set of a texture info, by its transform where that names one."""
     return int((info | _moved(info)).get("texCoord", 0))
 
@@ -156,7 +156,16 @@ def _material(tree: Tree, entry: Json, files: "_Images") -> Material:
     for place, holder in places_of(entry):
         info = texture_info(holder, place)
         if info is not None:
-            uses[place.slot] = _use(tree, info, files)
+            texture = tree.item("textures", info["index"])
+            sampler = tree.item("samplers", texture["sampler"]) if "sampler" in texture else {}
+            wrap = tuple(_WRAPS[sampler.get(key, 10497)] for key in ("wrapS", "wrapT"))
+            uses[place.slot] = Use(
+                files.of(texture),
+                uv_set_of(info),
+                uv_transform(_moved(info)),
+                (wrap[0], wrap[1]),
+                nearest=sampler.get("magFilter") == _NEAREST,
+            )
             infos.append(info)
         factors[place.slot] = factors_of(holder, place)
     other = [key for key, info in texture_infos(entry) if not any(info is i for i in infos)]
@@ -167,16 +176,6 @@ def _material(tree: Tree, entry: Json, files: "_Images") -> Material:
         )
     alpha, cutoff = str(entry.get("alphaMode", "OPAQUE")), float(entry.get("alphaCutoff", 0.5))
     return Material(name, uses, factors, alpha, cutoff, unlike(entry))
-
-
-def _use(tree: Tree, info: Json, files: "_Images") -> Use:
-    """How a texture info shows its image."""
-    texture = tree.item("textures", info["index"])
-    sampler = tree.item("samplers", texture["sampler"]) if "sampler" in texture else {}
-    wrap = tuple(_WRAPS[sampler.get(key, 10497)] for key in ("wrapS", "wrapT"))
-    nearest = sampler.get("magFilter") == _NEAREST
-    move = uv_transform(_moved(info))
-    return Use(files.of(texture), _uv_set(info), move, (wrap[0], wrap[1]), nearest)
 
 
 class _Images(ImageFiles):

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
-from circparam.formats.ply.reading import INDICES, Element, FaceLists, Layout, Property, vertex_uv
+from circparam.formats.ply.reading import INDICES, Element, FaceLists, Layout, vertex_uv
 from circparam.formats.polygons import Polygons, list_start
 from circparam.formats.tokens import ByteArray, as_bytes, interleave, take_ranges
 from circparam.formats.vertex_split import Split
@@ -171,7 +171,11 @@ def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) ->
                 sizes, values = break_strips(
                     triangles, lists.strips, list_start(lists.strip_lengths)
                 )
-            count_code, kind = index_types(indices, sizes, len(split.source))
+            count_code, kind = indices.count_type, indices.type  # wider ones where these are narrow
+            if int(sizes.max(initial=0)) > np.iinfo(count_code).max:
+                count_code = "i4"
+            if kind[0] != "f" and len(split.source) - 1 > np.iinfo(kind).max:
+                kind = "i4"
             retype[name, indices.name] = (
                 f"property list {_NAMES[count_code]} {_NAMES[kind]} {indices.name}"
             )
@@ -181,16 +185,6 @@ def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) ->
             blocks[name] = rebuild(layout, e, drop.get(name, set()), replace=replace)
     add = {"vertex": [f"property {_NAMES[code]} {name}" for name in names]}
     return assemble(layout, header(layout, drop, add, counts, retype), blocks)
-
-
-def index_types(p: Property, sizes: IntArray, n: int) -> tuple[str, str]:
-    """Types of an index list that hold its lengths and ``n`` vertices: its own, or wider ones."""
-    count, kind = p.count_type, p.type
-    if int(sizes.max(initial=0)) > np.iinfo(count).max:
-        count = "i4"
-    if kind[0] != "f" and n - 1 > np.iinfo(kind).max:
-        kind = "i4"
-    return count, kind
 
 
 def break_strips(corner: IntArray, place: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
