@@ -13,7 +13,7 @@ from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import stored_uv
-from circparam.formats.gltf.export import to_glb, to_gltf
+from circparam.formats.gltf.export import to_gltf
 from circparam.formats.obj.document import read_obj, to_obj
 from circparam.formats.off import read_off
 from circparam.formats.ply.document import read_ply, round_ply, to_ply
@@ -150,14 +150,15 @@ FORMATS: Table[Format] = Table(
                       lined=_always),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
     Row("ply", Format(read_ply, (".ply",), lambda data: re.match(rb"ply[ \t]*[\r\n]", data) is not None,
-                      export=to_ply, round_uv=round_ply,
-                      round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
+                      export=to_ply, round_uv=round_ply, round_double=_as_it_is, peek=look_ahead_ply,
+                      lined=is_ascii, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _begins(rb'\{.*"'), rank=1, export=to_gltf,
                        round_uv=_as_gltf, unshare=partial(read_gltf, unshare=True), up="y"),
         "glTF 2.0: TEXCOORD_n; the whole tree kept"),
-    Row("glb", Format(read_gltf, (".glb", ".vrm"), lambda data: data[:4] == b"glTF", export=to_glb,
-                      round_uv=_as_gltf, unshare=partial(read_gltf, unshare=True), up="y"),
+    Row("glb", Format(read_gltf, (".glb", ".vrm"), lambda data: data[:4] == b"glTF",
+                      export=partial(to_gltf, format="glb"), round_uv=_as_gltf,
+                      unshare=partial(read_gltf, unshare=True), up="y"),
         "binary glTF 2.0: TEXCOORD_n; the whole tree kept"),
     Row("usda", _usd("usda", (".usda",), is_text, also=(".usd",)),
         "USD as text, with usd-core: primvars:st in a layer over the layers of the file"),

@@ -11,7 +11,7 @@ from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions, turned
 from circparam.formats.gltf.document import GltfDocument, read_gltf
-from circparam.formats.gltf.export import to_glb
+from circparam.formats.gltf.export import to_gltf
 from circparam.formats.gltf.morphing import Target, with_morph
 from circparam.formats.table import up_of
 from circparam.geometry.shading import corner_normals
@@ -92,7 +92,7 @@ def as_gltf(document: Document) -> tuple[GltfDocument, IntArray, list[str], list
     notes, warnings)."""
     if isinstance(document, GltfDocument):
         return document, np.arange(len(document.mesh.points)), [], []
-    made = to_glb(document, None, WriteOptions())
+    made = to_gltf(document, None, WriteOptions(), format="glb")
     return read_gltf(made.data, document.source), made.vertex_map, made.notes, made.warnings
 
 

@@ -1,8 +1,8 @@
 """Any document as a new GLB or glTF, with its materials, images, colours and normals."""
 
 import io
+import json
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from circparam.core.arrays import mask_of
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.errors import InputError, NoResultError, OutputError
+from circparam.errors import InputError, OutputError
 from circparam.formats.document import (
     Document,
     Encoded,
@@ -20,10 +20,11 @@ from circparam.formats.document import (
     not_carried,
     y_up,
 )
-from circparam.formats.gltf.buffers import glb_bytes
-from circparam.formats.gltf.document import read_gltf, store_grouping, store_pages
+from circparam.formats.gltf.buffers import Packing
+from circparam.formats.gltf.document import store_grouping, store_pages
 from circparam.formats.gltf.editing import file_uv, stored_uv
-from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json, index_type
+from circparam.formats.gltf.model import Json
+from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.scene import unit_rows
 from circparam.formats.materials import Textures, decode, linear, media_type
 from circparam.formats.source import Source
@@ -135,19 +136,23 @@ OLD_SET = "its textures keep the old uv, as set 1: circparam bake --from texture
 LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
 
 
-def to_glb(
-    document: Document, uvmap: UVMap | None, options: WriteOptions, stem: str = ""
+def to_gltf(
+    document: Document,
+    uvmap: UVMap | None,
+    options: WriteOptions,
+    stem: str = "",
+    format: str = "gltf",
 ) -> Encoded:
-    """GLB: input vertices first, duplicates behind, one primitive for each group, its materials and colours.
+    """glTF or GLB: input vertices first, duplicates behind, a primitive for each group, materials and colours.
 
-    uvmap: None keeps the uv of the document.
+    uvmap: None keeps the uv of the document. stem: names the file of the buffer; '' keeps it inside the JSON.
     """
     shown = appearance_of(document, options.colours)
     up = options.up or "y"
     points, at, changes = _placed(document.mesh, up)
     attributes = _attributes(document.mesh.faces, uvmap or shown.uv or document.uv(), shown, up)
     split = _split(document.mesh, attributes)
-    notes, warnings = not_carried(document, "glb", *shown.carried)
+    notes, warnings = not_carried(document, format, *shown.carried)
     notes += changes
     if split.added:
         notes.append(duplicated(split.added, "seams" if len(attributes) == 1 else LINES_NOTE))
@@ -156,23 +161,52 @@ def to_glb(
         warnings.append(OLD_SET)
         for material in shown.materials:
             material["pbrMetallicRoughness"].get("baseColorTexture", {})["texCoord"] = 1
-    writer = _Writer(document, shown.materials)
-    tree = writer.tree
-    store_grouping(tree, 0, exported_grouping(document, options.group_by))
-    store_pages(tree, 0, options.pages)
+    edit = _bare_tree(document, shown.materials)
+    store_grouping(edit.json, 0, exported_grouping(document, options.group_by))
+    store_pages(edit.json, 0, options.pages)
     if at.any():
-        tree["nodes"][0]["translation"] = at.tolist()
-    named = {"POSITION": writer.vectors(points[split.source], bounds=True)}
+        edit.json["nodes"][0]["translation"] = at.tolist()
+    named = {"POSITION": edit.array(points[split.source], bounds=True)}
     column = 0
     for name, (table, _) in attributes.items():
         rows = split.uv[:, column : column + table.shape[1]]
-        named[name] = writer.vectors(_IN_FILE.get(name, np.asarray)(rows))
+        named[name] = edit.array(_IN_FILE.get(name, np.asarray)(rows))
         column += table.shape[1]
+    # a primitive for each material
     order = np.argsort(shown.label, kind="stable")
-    corner = split.corner.reshape(-1, 3)[order].ravel()
-    writer.primitives(corner, np.bincount(shown.label), named, len(split.source))
-    writer.images(shown.images)
-    return Encoded(writer.glb(), "glb", split.source, order, notes=notes, warnings=warnings)
+    faces = np.split(split.corner.reshape(-1, 3)[order], np.cumsum(np.bincount(shown.label))[:-1])
+    edit.json["meshes"][0]["primitives"] = [
+        {
+            "attributes": dict(named),
+            "indices": edit.indices(corner.ravel(), len(split.source)),
+            "material": material,
+        }
+        for material, corner in enumerate(faces)
+    ]
+    for number, (data, kind) in enumerate(shown.images):
+        image = {"bufferView": edit.view(data), "mimeType": kind}
+        edit.json.setdefault("images", []).append(image)
+        edit.json.setdefault("textures", []).append({"source": number, "sampler": 0})
+        edit.json["samplers"] = [{"magFilter": 9729, "minFilter": 9987}]
+    data, extra, _ = edit.finish(format, stem)
+    return Encoded(data, format, split.source, order, extra, notes=notes, warnings=warnings)
+
+
+def _bare_tree(document: Document, materials: list[Json]) -> Packing:
+    """A tree of one node and one mesh, named as the file, without vertices."""
+    name = document.path.stem if document.path is not None else "mesh"
+    name = name.encode("utf-8", "replace").decode()  # names on a disk may be any bytes
+    tree: Json = {
+        "asset": {"version": "2.0", "generator": "circparam"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": name}],
+        "meshes": [{"name": name, "primitives": []}],
+        "materials": materials,
+        "accessors": [],
+        "bufferViews": [],
+    }
+    return Packing(Tree(json.dumps(tree).encode(), Source("memory")))
 
 
 def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, list[str]]:
@@ -203,20 +237,6 @@ def _placed(mesh: Mesh, up: str) -> tuple[npt.NDArray[np.float32], FloatArray, l
         "the mesh lies far from the origin: its node holds the place, its positions the shape": at.any(),
     }
     return points, at, [note for note, said in notes.items() if said]
-
-
-def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """glTF: its GLB, taken apart; ``stem`` names the file of its buffer (none: inside the JSON)."""
-    encoded = to_glb(document, uvmap, options)
-    again = read_gltf(encoded.data, Source("memory"))
-    whole = again.uv()
-    if whole is None:
-        raise NoResultError("the new glTF has no uv")
-    same = WriteOptions(group_by=again.group_by(), pages=options.pages)
-    out = again.rewrite(whole, same, "gltf", stem)
-    if out is None:
-        raise NoResultError("the new glTF cannot be written")
-    return replace(encoded, data=out.data, extra=out.extra, format="gltf")
 
 
 # rows (k, w) of an attribute as stored, and the row of each corner (m, 3), −1 for zeros
@@ -262,75 +282,3 @@ def _split(mesh: Mesh, attributes: dict[str, _Attribute]) -> Split:
         return split_vertices(n, vertex, rows, index.ravel())
     columns = [_of_corners(a) for a in attributes.values()] or [np.zeros((len(vertex), 1))]
     return split_vertices(n, vertex, np.concatenate(columns, axis=1), np.arange(len(vertex)))
-
-
-class _Writer:
-    """A tree on its way to a GLB: views, accessors and images are put behind each other."""
-
-    def __init__(self, document: Document, materials: list[Json]) -> None:
-        name = document.path.stem if document.path is not None else "mesh"
-        name = name.encode("utf-8", "replace").decode()  # names on a disk may be any bytes
-        self.tree: Json = {
-            "asset": {"version": "2.0", "generator": "circparam"},
-            "scene": 0,
-            "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0, "name": name}],
-            "meshes": [{"name": name, "primitives": []}],
-            "materials": materials,
-            "accessors": [],
-            "bufferViews": [],
-        }
-        self.size = 0
-        self.parts: list[bytes] = []
-
-    def view(self, data: bytes, **entry: int) -> int:
-        """A view of some bytes; its number."""
-        gap = -self.size % 4
-        self.tree["bufferViews"].append(
-            {"buffer": 0, "byteOffset": self.size + gap, "byteLength": len(data), **entry}
-        )
-        self.parts += [b"\0" * gap, data]
-        self.size += gap + len(data)
-        return len(self.tree["bufferViews"]) - 1
-
-    def accessor(self, **entry: Any) -> int:
-        """An accessor; its number."""
-        self.tree["accessors"].append(entry)
-        return len(self.tree["accessors"]) - 1
-
-    def vectors(self, rows: npt.NDArray[Any], bounds: bool = False) -> int:
-        """The accessor of a vertex attribute (k, w)."""
-        view = self.view(np.ascontiguousarray(rows, "<f4").tobytes(), target=ARRAY_BUFFER)
-        ends = {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()} if bounds else {}
-        return self.accessor(
-            bufferView=view, componentType=5126, count=len(rows), type=f"VEC{rows.shape[1]}", **ends
-        )
-
-    def primitives(
-        self, corner: IntArray, count: IntArray, named: dict[str, int], vertices: int
-    ) -> None:
-        """A primitive for each material. corner: (3 m,) vertices, those of ``count`` faces of each together."""
-        kind = index_type(vertices)
-        code = np.dtype(COMPONENTS[kind])
-        view = self.view(corner.astype(code).tobytes(), target=ELEMENT_BUFFER)
-        offset = 0
-        for material, k in enumerate(count.tolist()):
-            indices = self.accessor(
-                bufferView=view, byteOffset=offset, componentType=kind, count=3 * k, type="SCALAR"
-            )
-            primitive = {"attributes": dict(named), "indices": indices, "material": material}
-            self.tree["meshes"][0]["primitives"].append(primitive)
-            offset += 3 * k * code.itemsize
-
-    def images(self, images: list[tuple[bytes, str]]) -> None:
-        """Images, and a texture of the same number for each."""
-        for number, (data, kind) in enumerate(images):
-            entry = {"bufferView": self.view(data), "mimeType": kind}
-            self.tree.setdefault("images", []).append(entry)
-            self.tree.setdefault("textures", []).append({"source": number, "sampler": 0})
-            self.tree["samplers"] = [{"magFilter": 9729, "minFilter": 9987}]
-
-    def glb(self) -> bytes:
-        """The file."""
-        self.tree["buffers"] = [{"byteLength": self.size}]
-        return glb_bytes(self.tree, b"".join(self.parts))
