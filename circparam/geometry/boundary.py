@@ -12,13 +12,11 @@ from circparam.core.arrays import (
     mask_of,
     next_half_edge,
     norms2,
-    sorted_distinct,
 )
 from circparam.core.graph import lowest_of_cycles
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,53 +53,16 @@ class BoundarySegments:
         return loop, total - remaining[:n], total
 
 
-@dataclass(frozen=True, eq=False)
-class Rim:
-    """How boundary half-edges (b,) follow each other: following, before (b,) places in ``half_edge``."""
-
-    half_edge: IntArray
-    following: IntArray
-    before: IntArray
-
-
-def rim_of(faces: IntArray, edges: IntArray) -> Rim:
-    """The rim of faces (m, 3) joined across ``edges`` (e, 2)."""
-    h = boundary_half_edges(len(faces), edges)
-    flat = faces.ravel()
-    label = flat
-    # a vertex of several fans: follow each fan for itself
-    if len(sorted_distinct(flat[h])) < len(h):
-        label = corner_classes(len(faces), edges)[1].ravel()
-    at = np.full(int(label.max(initial=0)) + 1, -1)
-    at[label[h]] = np.arange(len(h))
-    following = at[label[next_half_edge(h)]]
-    before = np.empty(len(h), np.int64)
-    before[following] = np.arange(len(h))
-    return Rim(h, following, before)
-
-
 def boundary_in(cut_mesh: CutMesh, uv: FloatArray) -> BoundarySegments:
-    """The boundary segments of a cut mesh in a layout (nv, 2); it keeps its rim for the next one."""
-    rim: Rim | None = cut_mesh.__dict__.get("_rim")
-    if rim is None:
-        rim = cut_mesh.__dict__["_rim"] = rim_of(cut_mesh.faces, cut_mesh.edges)
-    return _segments(cut_mesh.faces, uv, cut_mesh.chart, rim, cut_mesh.n_charts)
+    """The boundary segments of a cut mesh in a layout (nv, 2).
 
-
-def boundary_of(
-    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
-) -> BoundarySegments:
-    """The boundary segments of charts; mirrored charts are walked the other way, so their inside is left."""
-    return _segments(faces, uv, chart, rim_of(faces, edges), n)
-
-
-def _segments(
-    faces: IntArray, uv: FloatArray, chart: IntArray, rim: Rim, n: int
-) -> BoundarySegments:
-    h, following, before = rim.half_edge, rim.following, rim.before
+    Mirrored charts are walked the other way, so their inside is left.
+    """
+    faces, chart, h = cut_mesh.faces, cut_mesh.chart, cut_mesh.boundary
+    following, before = cut_mesh.rim
     flat = faces.ravel()
     a, b, c = uv[faces[:, 0]], uv[faces[:, 1]], uv[faces[:, 2]]
-    area = group_sum(cross2(b - a, c - a), chart, n) / 2
+    area = group_sum(cross2(b - a, c - a), chart, cut_mesh.n_charts) / 2
     own = chart[h // 3]
     start, end = uv[flat[h]], uv[flat[next_half_edge(h)]]
     back = area[own] < 0
@@ -114,11 +75,6 @@ def _segments(
         np.where(back, following, before),
         np.sqrt(np.abs(area)),
     )
-
-
-def turned_out(boundary: BoundarySegments, n: int) -> BoolArray:
-    """(n,) charts with more than one boundary loop that runs counter-clockwise; see ``turned_loops``."""
-    return mask_of(n, boundary.chart[turned_loops(boundary)])
 
 
 def turned_loops(boundary: BoundarySegments) -> BoolArray:

@@ -53,7 +53,8 @@ def meeting(
         found.append(met)
         a, b = boundary.chart[met].T
         known = sorted_distinct(np.concatenate([known, edge_keys(a, b, n)]))
-    pairs = _distinct(np.concatenate(found), len(boundary.start))
+    met = np.concatenate(found)
+    pairs = distinct_pairs(met[:, 0], met[:, 1], len(boundary.start))
     crowded = np.zeros(0, np.int64) if between else candidates.crowded
     return pairs[:, 0], pairs[:, 1], crowded
 
@@ -94,8 +95,7 @@ def _meet(boundary: BoundarySegments, i: IntArray, j: IntArray) -> IntArray:
                 low, high = np.minimum(s[a], e[a]), np.maximum(s[a], e[a])
                 on = (sign == 0) & (low <= place).all(1) & (place <= high).all(1)
                 found.append(_touching(boundary, a[on], b[on], vertex[on]))
-    pairs = np.concatenate(found)
-    return np.sort(pairs, 1)
+    return np.concatenate(found)
 
 
 def _touching(boundary: BoundarySegments, a: IntArray, b: IntArray, vertex: IntArray) -> IntArray:
@@ -214,15 +214,15 @@ def nearby(
         )
         near = close < reach[i]
         i, j = i[near], j[near]
-        found.append(np.stack([np.minimum(i, j), np.maximum(i, j)], 1))
-    pairs = _distinct(np.concatenate(found), len(boundary.start))
+        found.append(np.stack([i, j], 1))
+    met = np.concatenate(found)
+    pairs = distinct_pairs(met[:, 0], met[:, 1], len(boundary.start))
     return pairs[:, 0], pairs[:, 1]
 
 
-def _distinct(pairs: IntArray, n: int) -> IntArray:
-    """(p, 2) pairs of numbers below n, each once, in ascending order."""
-    key = sorted_distinct(pairs[:, 0] * n + pairs[:, 1])
-    return np.stack([key // max(n, 1), key % max(n, 1)], 1)
+def distinct_pairs(a: IntArray, b: IntArray, n: int) -> IntArray:
+    """(p, 2) unordered pairs of numbers below n, each once, the lower number first, in ascending order."""
+    return np.stack(np.divmod(sorted_distinct(edge_keys(a, b, n)), max(n, 1)), 1)
 
 
 def _pieces(

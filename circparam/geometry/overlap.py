@@ -16,21 +16,18 @@ import numpy as np
 
 from circparam.core.arrays import (
     cross_areas,
-    edge_keys,
     first_of_runs,
     group_count,
     mask_of,
     next_half_edge,
     ranges,
-    sorted_distinct,
 )
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.geometry.boundary import BoundarySegments, boundary_in, boundary_of, turned_out
-from circparam.geometry.intersect import meeting, nearby, winding_pairs
+from circparam.geometry.boundary import BoundarySegments, boundary_in, turned_loops
+from circparam.geometry.intersect import distinct_pairs, meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.halfedge import shared_edges
 
 MOST_ALIKE_PAIRS = 5_000_000  # pairs of charts, above which not all of those alike are listed
 HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd: the golden ratio of 64 bits
@@ -57,30 +54,37 @@ class Overlaps:
     self_overlapping: BoolArray
     crossings: IntArray
     _boundary: BoundarySegments
-    _faces: IntArray
+    _cut_mesh: CutMesh
     _uv: FloatArray
-    _chart: IntArray
 
     @cached_property
     def pairs(self) -> IntArray:
         """(q, 2) int64 pairs of charts that overlap each other, in ascending order."""
         n = len(self.self_overlapping)
-        boundary = self._boundary
+        boundary, chart = self._boundary, self._cut_mesh.chart
         first = same_boundary(boundary)
         alone = first == np.arange(n)
         i, j, _ = meeting(boundary, between=True, among=alone)
-        chart, points = _inner_points(self._faces, self._uv, self._chart)
-        inside, outside = winding_pairs(boundary, chart[alone[chart]], points[alone[chart]])
+        # a point inside each chart: the centre of its largest face
+        corners = self._uv[self._cut_mesh.faces]
+        order = np.lexsort((-np.abs(cross_areas(corners)), chart))
+        face = order[first_of_runs(chart[order])]
+        face = face[alone[chart[face]]]
+        inside, outside = winding_pairs(boundary, chart[face], corners[face].mean(1))
         a = np.r_[boundary.chart[i], inside]
         b = np.r_[boundary.chart[j], first[outside]]
-        pairs = _key_pairs(edge_keys(a, b, n), n)
+        pairs = distinct_pairs(a, b, n)
         return pairs if alone.all() else _with_alike(pairs, first)
 
+    def near(self, margin: float, which: BoolArray, chamfers: bool = False) -> IntArray:
+        """(n,) number of pairs of boundary edges that are too near each other, in some charts ((n,) bool).
 
-def _key_pairs(keys: IntArray, n: int) -> IntArray:
-    """(p, 2) pairs of charts from keys, each once, in ascending order."""
-    key = sorted_distinct(keys)
-    return np.stack([key // max(n, 1), key % max(n, 1)], 1)
+        margin: share of the root of the chart's area in the layout. Two parts of its boundary nearer than this
+        are too near, except neighbours, parts less than 8 such distances apart along the boundary. chamfers:
+        see ``nearby``.
+        """
+        i, _ = nearby(self._boundary, margin * self._boundary.size, which, chamfers)
+        return group_count(self._boundary.chart[i], len(self.self_overlapping))
 
 
 def _with_alike(pairs: IntArray, first: IntArray) -> IntArray:
@@ -101,7 +105,7 @@ def _with_alike(pairs: IntArray, first: IntArray) -> IntArray:
         k, at = np.repeat(np.arange(len(a)), number), ranges(number)
         across = count[b][k]
         a, b = order[begin[a][k] + at // across], order[begin[b][k] + at % across]
-    return _key_pairs(edge_keys(a[a != b], b[a != b], n), n)
+    return distinct_pairs(a[a != b], b[a != b], n)
 
 
 def same_boundary(boundary: BoundarySegments) -> IntArray:
@@ -125,108 +129,50 @@ def same_boundary(boundary: BoundarySegments) -> IntArray:
     return out
 
 
-def overlaps(
-    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray | None = None
-) -> Overlaps:
-    """Charts that overlap themselves, or each other (``.pairs``).
+def overlaps(cut_mesh: CutMesh, uv: FloatArray) -> Overlaps:
+    """Charts that overlap themselves, or each other (``.pairs``). uv: (n_vertices, 2), finite.
 
-    faces: (m, 3) into uv (k, 2), finite. chart: (m,) labels 0..n−1. edges: (e, 2) pairs of half-edges inside
-    charts; None: two faces that run against each other along the same two uv vertices belong together.
     Flipped faces are not counted here (see ``signs``); a chart that is mirrored as a whole is no overlap.
     """
-    edges = shared_edges(faces) if edges is None else edges
-    n = int(chart.max(initial=-1)) + 1
-    boundary = boundary_of(faces, uv, chart, edges, n)
-    found, crossed = _on_itself(boundary, faces, uv, chart)
-    return Overlaps(found, crossed, boundary, faces, uv, chart)
+    boundary = boundary_in(cut_mesh, uv)
+    i, j, undecided = meeting(boundary, between=False)
+    found = wound_wrongly(cut_mesh, uv, boundary)
+    found[boundary.chart[i]] = True
+    found[undecided] = True
+    crossed = np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1)
+    return Overlaps(found, crossed, boundary, cut_mesh, uv)
 
 
 def self_overlapping(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     """(n_charts,) bool, charts that overlap themselves. uv: (n_vertices, 2)."""
-    return SelfContacts.of(cut_mesh, uv).meets
-
-
-@dataclass(frozen=True, eq=False)
-class SelfContacts:
-    """How charts lie on themselves. meets: (n,) bool, charts that overlap themselves."""
-
-    meets: BoolArray
-    _boundary: BoundarySegments
-
-    @staticmethod
-    def of(cut_mesh: CutMesh, uv: FloatArray) -> "SelfContacts":
-        """Those of a layout (n_vertices, 2)."""
-        boundary = boundary_in(cut_mesh, uv)
-        meets, _ = _on_itself(boundary, cut_mesh.faces, uv, cut_mesh.chart)
-        return SelfContacts(meets, boundary)
-
-    def near(self, margin: float, which: BoolArray, chamfers: bool = False) -> IntArray:
-        """(n,) number of pairs of boundary edges that are too near each other, in some charts ((n,) bool).
-
-        margin: share of the root of the chart's area in the layout. Two parts of its boundary nearer than this
-        are too near, except neighbours, parts less than 8 such distances apart along the boundary. chamfers:
-        see ``nearby``.
-        """
-        i, _ = nearby(self._boundary, margin * self._boundary.size, which, chamfers)
-        return group_count(self._boundary.chart[i], len(self.meets))
+    return overlaps(cut_mesh, uv).self_overlapping
 
 
 def crossings(uv: FloatArray, cut_mesh: CutMesh) -> IntArray:
     """(p, 2) pairs of boundary half-edges of one chart that meet, in ascending order. uv: (n_vertices, 2)."""
     boundary = boundary_in(cut_mesh, uv)
     i, j, _ = meeting(boundary, between=False)
-    a, b = boundary.half_edge[i], boundary.half_edge[j]
-    n = 3 * len(cut_mesh.faces)
-    return np.stack(np.divmod(sorted_distinct(edge_keys(a, b, n)), n), 1)
+    return distinct_pairs(boundary.half_edge[i], boundary.half_edge[j], 3 * len(cut_mesh.faces))
 
 
-def _on_itself(
-    boundary: BoundarySegments, faces: IntArray, uv: FloatArray, chart: IntArray
-) -> tuple[BoolArray, IntArray]:
-    """((n,) charts that overlap themselves, (p, 2) half-edges of one chart's boundary that meet)."""
-    i, j, undecided = meeting(boundary, between=False)
-    found = _wound_wrongly(boundary, faces, uv, chart)
-    found[boundary.chart[i]] = True
-    found[undecided] = True
-    return found, np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1)
+def wound_wrongly(cut_mesh: CutMesh, uv: FloatArray, boundary: BoundarySegments) -> BoolArray:
+    """(n_charts,) charts with a loop folded out, or with an inner vertex that is wound twice.
 
-
-def wound_wrongly(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
-    """(n_charts,) bool, charts whose boundary does not meet itself that overlap themselves all the same."""
-    boundary = boundary_in(cut_mesh, uv)
-    return _wound_wrongly(boundary, cut_mesh.faces, uv, cut_mesh.chart)
-
-
-def _wound_wrongly(
-    boundary: BoundarySegments, faces: IntArray, uv: FloatArray, chart: IntArray
-) -> BoolArray:
-    """(n,) charts with a loop folded out, or with an inner vertex that is wound twice."""
-    found = turned_out(boundary, len(boundary.size))
-    found |= _wound_twice(faces, uv, chart, boundary.half_edge, len(found))
+    Their boundary need not meet itself. boundary: that of the layout (n_vertices, 2).
+    """
+    found = mask_of(cut_mesh.n_charts, boundary.chart[turned_loops(boundary)])
+    twice = wound_twice(cut_mesh, uv)
+    if twice.any():
+        found[cut_mesh.chart[twice[cut_mesh.faces].any(1)]] = True
     return found
 
 
-def _wound_twice(
-    faces: IntArray, uv: FloatArray, chart: IntArray, h: IntArray, n: int
-) -> BoolArray:
-    """(n,) charts with an inner vertex that its faces wind round more than once. h: boundary half-edges."""
-    bad = _twice(faces, uv, h)
-    out = np.zeros(n, bool)
-    if bad.any():
-        out[chart[bad[faces].any(1)]] = True
-    return out
-
-
 def wound_twice(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
-    """(n_vertices,) bool: inner vertices that their faces wind round more than once."""
-    return _twice(cut_mesh.faces, uv, cut_mesh.boundary)
-
-
-def _twice(faces: IntArray, uv: FloatArray, h: IntArray) -> BoolArray:
-    """(k,) bool, as ``wound_twice``; h: boundary half-edges.
+    """(n_vertices,) bool: inner vertices that their faces wind round more than once.
 
     Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
     """
+    faces, h = cut_mesh.faces, cut_mesh.boundary
     on_boundary = mask_of(len(uv), faces.ravel()[h])
     on_boundary[faces.ravel()[next_half_edge(h)]] = True
     y = uv[:, 1][faces]
@@ -238,12 +184,3 @@ def _twice(faces: IntArray, uv: FloatArray, h: IntArray) -> BoolArray:
     turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
     result: BoolArray = (np.abs(turns) > 1) & ~on_boundary
     return result
-
-
-def _inner_points(faces: IntArray, uv: FloatArray, chart: IntArray) -> tuple[IntArray, FloatArray]:
-    """A point inside each chart (the centre of its largest face): (charts, (k, 2) points)."""
-    p = uv[faces]
-    area = np.abs(cross_areas(p))
-    order = np.lexsort((-area, chart))
-    best = order[first_of_runs(chart[order])]
-    return chart[best], p[best].mean(1)

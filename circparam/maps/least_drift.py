@@ -107,7 +107,7 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
     """
     n, chart = cut_mesh.n_charts, cut_mesh.chart
     wrong: BoolArray = heights(x[cut_mesh.faces], sign)[0] < LEAST_HEIGHT_PAGES / 4
-    found = overlaps(cut_mesh.faces, _stored(x), chart, cut_mesh.edges)
+    found = overlaps(cut_mesh, _stored(x))
     size = np.bincount(chart, minlength=n)
     a, b = meetings(cut_mesh, x).T // 3
     smaller = np.where(size[chart[a]] <= size[chart[b]], a, b)

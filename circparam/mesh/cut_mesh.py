@@ -13,11 +13,12 @@ from circparam.core.arrays import (
     positions_in,
     ranges,
     slices,
+    sorted_distinct,
 )
 from circparam.core.graph import cycles
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.mesh.halfedge import boundary_half_edges
+from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 # cached properties of a cut mesh that do not depend on lengths
 TOPOLOGICAL_PROPERTIES = (
@@ -27,7 +28,7 @@ TOPOLOGICAL_PROPERTIES = (
     "boundary",
     "_elimination",
     "_pattern",
-    "_rim",
+    "rim",
 )
 # cached properties that follow from the arrays alone, whatever was solved
 SHAPE_PROPERTIES = (
@@ -130,16 +131,23 @@ class CutMesh:
         return boundary_half_edges(len(self.faces), self.edges)
 
     @cached_property
+    def rim(self) -> tuple[IntArray, IntArray]:
+        """((b,), (b,)) places in ``boundary`` of the next and of the previous half-edge along the boundary."""
+        h, label = self.boundary, self.faces.ravel()
+        # a vertex of several fans: follow each fan for itself
+        if len(sorted_distinct(label[h])) < len(h):
+            label = corner_classes(len(self.faces), self.edges)[1].ravel()
+        following = positions_in(int(label.max(initial=-1)) + 1, label[h])[label[next_half_edge(h)]]
+        return following, positions_in(len(h), following)
+
+    @cached_property
     def loops(self) -> Loops:
         """The boundary loops, ordered."""
         h = self.boundary
-        flat = self.faces.ravel()
         if len(h) == 0:
             none = np.zeros(0, np.int64)
             return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
-        at = np.full(self.n_vertices, -1)
-        at[flat[h]] = np.arange(len(h))
-        labels, order, size = cycles(at[flat[next_half_edge(h)]])
+        labels, order, size = cycles(self.rim[0])
         start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
         chart = self.chart[h[order][start[:-1]] // 3]
         length = group_sum(self.lengths(h), labels, len(size))

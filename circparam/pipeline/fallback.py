@@ -54,7 +54,7 @@ def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
     sound = fault == SOUND
     if sound.any():
         part, vertices, _ = cut_mesh.subset(sound)
-        found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
+        found = overlaps(part, uv[vertices])
         fault[np.flatnonzero(sound)[found.self_overlapping]] = OVERLAPPING
     return fault, flipped
 

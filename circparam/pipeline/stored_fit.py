@@ -25,7 +25,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 from circparam.formats.io import has_doubles
-from circparam.geometry.boundary import boundary_of, turned_loops
+from circparam.geometry.boundary import boundary_in, turned_loops
 from circparam.geometry.coverage import chart_boxes, pages_of
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
@@ -288,10 +288,10 @@ def _meeting(cut_mesh: CutMesh, uv: FloatArray) -> tuple[BoolArray, IntArray]:
     wound round twice."""
     if not len(uv):
         return np.zeros(0, bool), np.zeros(0, np.int64)
-    found = overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges)
+    found = overlaps(cut_mesh, uv)
     meeting = sorted_distinct(found.crossings)
     if found.self_overlapping.any():  # holes narrower than a unit may have turned over
-        b = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
+        b = boundary_in(cut_mesh, uv)
         meeting = sorted_distinct(np.concatenate([meeting, b.half_edge[turned_loops(b)]]))
     return found.self_overlapping, meeting
 

@@ -269,7 +269,7 @@ def _overlapping(
     n, chart = cut_mesh.n_charts, cut_mesh.chart
     folded = (group_count(chart[sign > 0], n) > 0) & (group_count(chart[sign < 0], n) > 0)
     part, vertices, _ = cut_mesh.subset(which)
-    found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
+    found = overlaps(part, uv[vertices])
     number = np.flatnonzero(which)
     pairs = np.asarray(found.pairs, np.int64).reshape(-1, 2)
     return number[np.flatnonzero(found.self_overlapping | folded[which])], number[pairs]

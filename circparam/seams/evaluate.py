@@ -30,7 +30,7 @@ from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker, in_parts
-from circparam.geometry.overlap import SelfContacts, crossings, self_overlapping
+from circparam.geometry.overlap import crossings, overlaps, self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import AIMED, TRIAL
 from circparam.seams.hard.unroll import transported
@@ -222,8 +222,8 @@ def _keep_apart(moves: Moves, trial: Trial, demands: Demands, monitor: Monitor) 
     if not good.any():
         return
     sub, vid, _ = cut_mesh.subset(good)
-    contacts = SelfContacts.of(sub, trial.uv[vid])
-    over = contacts.meets.copy()
+    contacts = overlaps(sub, trial.uv[vid])
+    over = contacts.self_overlapping.copy()
     if demands.margin > 0:
         over |= contacts.near(demands.margin, ~over, chamfers=True) > 0
     number = np.flatnonzero(good)[over]

@@ -193,7 +193,7 @@ def push_apart(
         weight[todo] *= STIFFER
     if fine.any():  # parts folded out of a hole, or wound twice, have no boundaries that meet
         part, kept, _ = cut_mesh.subset(fine)
-        fine[fine] = ~wound_wrongly(part, out[kept])
+        fine[fine] = ~wound_wrongly(part, out[kept], boundary_in(part, out[kept]))
     return out * scale, fine
 
 

@@ -72,7 +72,7 @@ def test_an_atlas_keeps_every_promise(name: str, effort: str, tmp_path: Path) ->
     side = signs(uv, cut_mesh.faces)
     assert side.all()
     assert (np.abs(np.bincount(cut_mesh.chart, side)) == np.bincount(cut_mesh.chart)).all()
-    found = overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges)
+    found = overlaps(cut_mesh, uv)
     assert not found.self_overlapping.any()
     assert len(found.pairs) == 0
     assert chart_distortion(cut_mesh, uv).max() <= BOUND * (1 + 1e-4)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from circparam.geometry.overlap import crossings, overlaps, self_overlapping, signs
 from tests.support import shapes
-from tests.support.charts import flat_of, too_near
+from tests.support.charts import charts_of, flat_of, too_near
 from tests.support.exact import exact_sign
 
 # Random charts on a small grid of integers: all faces positive, many touches, many overlaps.
@@ -66,7 +66,7 @@ def brute_force(uv, faces):
 def test_self_overlap_agrees_with_all_pairs_of_faces(steps, mirror):
     uv, faces = grow(steps)
     expected = brute_force(uv, faces)
-    got = overlaps(faces, uv * [mirror, 1.0], np.zeros(len(faces), np.int64))
+    got = overlaps(*charts_of(faces, uv * [mirror, 1.0]))
     assert bool(got.self_overlapping[0]) == expected
     assert len(got.pairs) == 0
 
@@ -78,7 +78,7 @@ def test_overlap_of_two_charts_agrees_with_all_pairs_of_faces(first, second):
     assume(not brute_force(uv, f) and not brute_force(uv2, g))
     both, faces = shapes.join((uv, f), (uv2, g))
     expected = any(faces_overlap(both, a, b) for a in f for b in g + len(uv))
-    got = overlaps(faces, both, np.repeat([0, 1], [len(f), len(g)]))
+    got = overlaps(*charts_of(faces, both, np.repeat([0, 1], [len(f), len(g)])))
     assert not got.self_overlapping.any()
     assert got.pairs.tolist() == ([[0, 1]] if expected else [])
 
@@ -87,7 +87,9 @@ def test_a_chart_fits_into_the_hole_of_another():
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
     square = corners, np.array([[0, 1, 2], [0, 2, 3]])
     uv, faces = shapes.join(shapes.flat_ring(3, 5), square)
-    found = overlaps(faces, uv, (np.arange(len(faces)) >= len(faces) - 2).astype(np.int64))
+    found = overlaps(
+        *charts_of(faces, uv, (np.arange(len(faces)) >= len(faces) - 2).astype(np.int64))
+    )
     assert len(found.pairs) == 0
     assert not found.self_overlapping.any()
 
@@ -157,13 +159,13 @@ def _ring_with_flap(folded: bool) -> tuple[np.ndarray, np.ndarray]:
 def test_a_flap_folded_out_of_a_hole_overlaps_without_any_crossing(folded):
     uv, faces = _ring_with_flap(folded)
     assert (signs(uv, faces) > 0).all()
-    found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
+    found = overlaps(*charts_of(faces, uv))
     assert len(found.crossings) == 0
     assert found.self_overlapping.tolist() == [folded]
 
 
 def test_no_faces_do_not_overlap():
-    found = overlaps(np.zeros((0, 3), np.int64), np.zeros((0, 2)), np.zeros(0, np.int64))
+    found = overlaps(*charts_of(np.zeros((0, 3), np.int64), np.zeros((0, 2))))
     assert len(found.self_overlapping) == 0
     assert found.pairs.shape == found.crossings.shape == (0, 2)
 
@@ -178,7 +180,7 @@ def test_only_the_angles_round_a_vertex_tell_that_it_is_wound_twice(turns, angle
     uv, faces = uv @ np.array([[c, s], [-s, c]]), np.roll(faces, first, axis=1)
     mixed = np.array([np.roll(f, k) for k, f in enumerate(faces)])
     for corners, mirror in ((faces, 1.0), (faces, -1.0), (mixed, 1.0)):
-        found = overlaps(corners, uv * [mirror, 1.0], np.zeros(len(faces), np.int64))
+        found = overlaps(*charts_of(corners, uv * [mirror, 1.0]))
         assert len(found.crossings) == 0
         assert found.self_overlapping.tolist() == [turns > 1]
 
@@ -191,12 +193,16 @@ def test_charts_that_lie_on_one_another_are_all_found(seed: int) -> None:
     kind = rng.integers(0, 4, 25)
     uv = np.stack([np.roll(kinds[k], rng.integers(3), 0) for k in kind])
     uv[rng.random(25) < 0.3] *= [-1, 1]
-    found = overlaps(np.arange(75).reshape(-1, 3), uv.reshape(-1, 2), np.arange(25))
+    found = overlaps(*charts_of(np.arange(75).reshape(-1, 3), uv.reshape(-1, 2), np.arange(25)))
     single = {
         (i, j)
         for i in range(25)
         for j in range(i + 1, 25)
-        if len(overlaps(np.arange(6).reshape(2, 3), uv[[i, j]].reshape(-1, 2), np.arange(2)).pairs)
+        if len(
+            overlaps(
+                *charts_of(np.arange(6).reshape(2, 3), uv[[i, j]].reshape(-1, 2), np.arange(2))
+            ).pairs
+        )
     }
     assert {tuple(pair) for pair in found.pairs.tolist()} == single
 
@@ -206,5 +212,7 @@ def test_faces_on_a_patch_of_a_palette() -> None:
     n = 6000
     places = np.random.default_rng(1).integers(0, 9, (300, 1, 2)) / 10
     triangle = places[np.arange(n) % 300] + [[0, 0], [0.1, 0], [0, 0.1]]
-    pairs = overlaps(np.arange(3 * n).reshape(-1, 3), triangle.reshape(-1, 2), np.arange(n)).pairs
+    pairs = overlaps(
+        *charts_of(np.arange(3 * n).reshape(-1, 3), triangle.reshape(-1, 2), np.arange(n))
+    ).pairs
     assert set(pairs.ravel().tolist()) == set(range(n))

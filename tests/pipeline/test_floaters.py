@@ -11,6 +11,7 @@ from circparam.formats.io import read
 from circparam.geometry.overlap import overlaps, signs
 from circparam.pipeline.summary import summarise
 from tests.support import shapes
+from tests.support.charts import charts_of
 
 QUICK = {"effort": 0.01, "resolution": 256, "pack_splits": 0}
 
@@ -53,7 +54,7 @@ def test_floaters_get_a_patch_of_their_own_and_the_file_stays_whole(tmp_path, en
     charts = np.where(small, np.arange(len(f)), result.charts)
     _, charts = np.unique(charts, return_inverse=True)
     uv, number = np.unique(uvmap.uv, axis=0, return_inverse=True)
-    found = overlaps(number.reshape(-1)[uvmap.uv_faces], uv, charts.reshape(-1))
+    found = overlaps(*charts_of(number.reshape(-1)[uvmap.uv_faces], uv, charts.reshape(-1)))
     assert not found.self_overlapping.any()
     assert len(found.pairs) == 0
     # and the patch covers no centre of a texel

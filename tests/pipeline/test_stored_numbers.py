@@ -93,10 +93,10 @@ def slit(n: int = 24) -> tuple[CutMesh, np.ndarray]:
 def test_the_sides_of_a_slit_that_rounding_crosses_draw_back(name: str, mirrored: bool) -> None:
     cut_mesh, uv = slit()
     uv, number = (uv * [-1, 1] + [1, 0] if mirrored else uv), ROUNDINGS[name]
-    assert overlaps(cut_mesh.faces, number(uv), cut_mesh.chart, cut_mesh.edges).crossings.size
+    assert overlaps(cut_mesh, number(uv)).crossings.size
     got = store(cut_mesh, uv, np.array([mirrored]), number)
     assert got.sound
-    found = overlaps(cut_mesh.faces, got.uv, cut_mesh.chart, cut_mesh.edges)
+    found = overlaps(cut_mesh, got.uv)
     assert not found.self_overlapping.any()
     assert (signs(got.uv, cut_mesh.faces) == (-1 if mirrored else 1)).all()
     np.testing.assert_array_equal(number(got.uv), got.uv)

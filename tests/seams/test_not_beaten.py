@@ -14,11 +14,11 @@ import pytest
 
 import circparam
 from circparam import samples
-from circparam.geometry.boundary import boundary_of
+from circparam.geometry.boundary import boundary_in
 from circparam.geometry.intersect import nearby
-from circparam.mesh.halfedge import shared_edges
 from circparam.mesh.mesh import UVMap
 from circparam.seams.finish import MARGIN
+from tests.support.charts import charts_of
 from tests.support.formats_tools import corpus_files
 
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
@@ -58,7 +58,7 @@ def near(path: Path, **options: Any) -> float:
     faces = found.uv_faces[(found.uv_faces >= 0).all(1)]
     chart = UVMap(found.uv, faces).charts
     n = int(chart.max()) + 1
-    boundary = boundary_of(faces, found.uv, chart, shared_edges(faces), n)
+    boundary = boundary_in(*charts_of(faces, found.uv, chart))
     pairs = nearby(boundary, MARGIN / 2 * boundary.size, np.ones(n, bool))
     length = np.linalg.norm(boundary.end - boundary.start, axis=1)
     return float(length[np.unique(pairs)].sum() / np.linalg.norm(boundary.size))

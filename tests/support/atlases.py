@@ -81,7 +81,7 @@ def assert_promises(atlas: Atlas, bound: float) -> None:
     assert not not_disks(cut_mesh).any()
     np.testing.assert_allclose(uv[cut_mesh.faces], atlas.corners, rtol=0, atol=1e-9 * np.ptp(uv))
     assert (signs(uv, cut_mesh.faces) > 0).all()
-    assert not overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges).self_overlapping.any()
+    assert not overlaps(cut_mesh, uv).self_overlapping.any()
     assert chart_distortion(cut_mesh, uv).max() <= bound
 
 

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from circparam.core.monitor import Monitor
-from circparam.geometry.overlap import SelfContacts
+from circparam.geometry.overlap import overlaps
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.halfedge import shared_edges
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.methods import METHODS
@@ -36,8 +37,14 @@ def flattened(name: str, cut_mesh: CutMesh, **options: Any) -> Layout:
 
 def too_near(cut_mesh: CutMesh, uv: np.ndarray, margin: float) -> np.ndarray:
     """(n_charts,) bool: overlaps itself, or has two parts of its boundary within that share of its size."""
-    contacts = SelfContacts.of(cut_mesh, uv)
-    return contacts.meets | (contacts.near(margin, ~contacts.meets) > 0)
+    found = overlaps(cut_mesh, uv)
+    return found.self_overlapping | (found.near(margin, ~found.self_overlapping) > 0)
+
+
+def charts_of(faces, uv, chart=None) -> tuple[CutMesh, np.ndarray]:
+    """Charts in the plane (one, or labels (m,)) as a cut mesh, joined where faces share two vertices."""
+    chart = np.zeros(len(faces), np.int64) if chart is None else chart
+    return CutMesh(faces, uv[faces], chart, shared_edges(faces)), uv
 
 
 def complex_of(uv) -> np.ndarray:

@@ -15,7 +15,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.compiled import breadth_first_order, maximum_flow
 from circparam.core.graph import components, distances, matching, nearest, undirected
-from circparam.geometry.boundary import boundary_of
+from circparam.geometry.boundary import boundary_in
 from circparam.geometry.intersect import own_layers
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
@@ -113,7 +113,7 @@ def _cell_areas(graph: DualGraph, layouts: ChartLayouts) -> FloatArray:
 def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolArray]:
     """((k, 2) a point of each face, (k,) bool: its chart covers that point more than once)."""
     p = layouts.cut_mesh
-    boundary = boundary_of(p.faces, layouts.uv, p.chart, p.edges, p.n_charts)
+    boundary = boundary_in(p, layouts.uv)
     corners = layouts.uv[p.faces[faces]]
     middle = corners.mean(1)
     points = np.concatenate(
