@@ -6,6 +6,7 @@ from dataclasses import field
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+from trimesh.registration import icp, procrustes
 
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
@@ -21,6 +22,7 @@ GUESSED_LANDMARKS_PER_HANDLE = 6  # and so many more for every handle
 # mean distance of the aligned surfaces, in sizes, up to which a guess is made
 GUESS_DISTANCE_SIZES = 0.03
 ALIGNMENT_ROUNDS = 12  # of the alignment by closest points
+RIGID = {"reflection": False, "scale": False}  # motions that trimesh's registration may use
 
 
 @dataclass
@@ -124,19 +126,6 @@ def points_of(side: MapInput, vertices: list[int] | IntArray) -> FloatArray:
     return side.closed.points[vertices] / np.sqrt(side.area)
 
 
-def aligned(p: FloatArray, q: FloatArray, mirror: bool = False) -> tuple[float, FloatArray]:
-    """(root mean square distance, (3, 4) motion of p) of the rigid motion that brings p (k, 3) nearest to q.
-
-    mirror: the best one with a reflection (Kabsch 1976; Umeyama 1991).
-    """
-    cp, cq = p.mean(0), q.mean(0)
-    u, _, vt = np.linalg.svd((p - cp).T @ (q - cq))
-    sign = np.linalg.det(u) * np.linalg.det(vt) * (-1 if mirror else 1)
-    turn = (u * [1.0, 1.0, np.sign(sign)]) @ vt
-    error = float(np.sqrt((((p - cp) @ turn - (q - cq)) ** 2).sum(1).mean()))
-    return error, np.column_stack([turn.T, cq - turn.T @ cp])
-
-
 def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     """Raise TopologyError if the landmarks say that one surface is the mirror image of the other."""
     if sum(marks.exact) < 4:
@@ -144,7 +133,10 @@ def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     use = [k for k, exact in enumerate(marks.exact) if exact]
     p = points_of(a, [marks.a[k] for k in use])
     q = points_of(b, [marks.b[k] for k in use])
-    straight, mirrored = aligned(p, q)[0], aligned(p, q, mirror=True)[0]
+    straight, mirrored = (
+        float(np.sqrt(procrustes(p, q, reflection=allowed, scale=False)[2]))
+        for allowed in (False, True)
+    )
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
     if mirrored < MIRROR_ERROR_RATIO * straight and mirrored < MIRROR_ERROR_SIZES * size:
         raise TopologyError(
@@ -242,10 +234,10 @@ def _best_start(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> i
     own = np.concatenate([sampled[0], *[points_of(a, marks.a)] * 4])
     known = [points_of(b, marks.b)] * 4
     errors = [
-        aligned(own, np.concatenate([np.roll(sampled[1], -n, 0), *known]))[0]
+        procrustes(own, np.concatenate([np.roll(sampled[1], -n, 0), *known]), **RIGID)[2]
         for n in range(BOUNDARY_SAMPLES)
     ]
-    gap = np.abs(at[:-1] - np.argmin(np.round(errors, 12)) / BOUNDARY_SAMPLES)
+    gap = np.abs(at[:-1] - np.argmin(np.round(np.sqrt(errors), 12)) / BOUNDARY_SAMPLES)
     return int(np.minimum(gap, 1 - gap).argmin())
 
 
@@ -299,16 +291,14 @@ def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
     )
     step_p, step_q = (x[:: max(1, len(x) // 2000)] for x in (p, q))
     tree = cKDTree(q)
-    best, motion = np.inf, np.column_stack([np.eye(3), np.zeros(3)])
+    best, best_motion = np.inf, np.eye(4)
     cube = Rotation.create_group("O").as_matrix()
     for turn in (np.eye(3), *(axes_q.T @ swap @ axes_p for swap in cube)):
-        now = np.column_stack([turn, q.mean(0) - turn @ p.mean(0)])
-        for _ in range(ALIGNMENT_ROUNDS):
-            moved = step_p @ now[:, :3].T + now[:, 3]
-            now = aligned(step_p, q[tree.query(moved)[1]])[1]
-        moved = step_p @ now[:, :3].T + now[:, 3]
+        start = np.eye(4)
+        start[:3, :3], start[:3, 3] = turn, q.mean(0) - turn @ p.mean(0)
+        motion, moved, _ = icp(step_p, q, start, max_iterations=ALIGNMENT_ROUNDS, **RIGID)  # type: ignore[no-untyped-call]
         there = float(np.mean(tree.query(moved)[0]))
         error = (there + float(np.mean(cKDTree(moved).query(step_q)[0]))) / 2
         if error < best - 1e-9:
-            best, motion = error, now
-    return best, p @ motion[:, :3].T + motion[:, 3]
+            best, best_motion = error, motion
+    return best, p @ best_motion[:3, :3].T + best_motion[:3, 3]
