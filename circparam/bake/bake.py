@@ -308,26 +308,21 @@ def _bake_across(
 def _colours(
     document: Document, layout: UVMap, kind: str, source: Document | None, how: tuple[int, int]
 ) -> tuple[Paint, int, list[str]]:
-    """The colours or textures of a file: (paint, channels, notes); how: (uv set, size)."""
-    origin = source or document
-    if kind == "texture":
-        return _texture_colours(document, layout, source, how)
-    corners = origin.colours()
-    if corners is None:
-        raise InputError(
-            f"{origin.source.name} has no vertex colours: bake with --from texture, or give a file that has "
-            "them with --source"
-        )
-    return corner_paint(corners), 3, []
+    """The colours of a file, or its textures averaged to texels of the new layout: (paint, channels, notes).
 
-
-def _texture_colours(
-    document: Document, layout: UVMap, source: Document | None, how: tuple[int, int]
-) -> tuple[Paint, int, list[str]]:
-    """The textures of a file, averaged to texels of the new layout: (paint, channels, notes)."""
+    how: (uv set, size).
+    """
     origin, (uv_set, size) = source or document, how
-    found = origin.textures()
     name = origin.source.name
+    if kind != "texture":
+        corners = origin.colours()
+        if corners is None:
+            raise InputError(
+                f"{name} has no vertex colours: bake with --from texture, or give a file that has them with "
+                "--source"
+            )
+        return corner_paint(corners), 3, []
+    found = origin.textures()
     if found is None:
         raise InputError(f"{name} names no texture: give a file that has one with --source")
     if not found.images:

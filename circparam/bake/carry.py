@@ -157,8 +157,10 @@ def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> 
     looked: dict[Slot, FloatArray] = {}
     alike: dict[tuple[object, ...], list[tuple[Use, Slot]]] = {}
     for slot, image in material.uses.items():
-        if slot in part.group.shown:
-            alike.setdefault(layout_of(work.source, image), []).append((image, slot))
+        if slot in part.group.shown:  # images of one layout are looked up at the same texels
+            shape = work.source.images[image.image].shape
+            layout = shape, image.uv_set, image.move.tobytes(), image.wrap, image.nearest
+            alike.setdefault(layout, []).append((image, slot))
     for wanted in alike.values():
         found = look_up(work, part, wanted)
         looked |= {slot: values for (_, slot), values in zip(wanted, found, strict=True)}
@@ -194,7 +196,7 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
     """(p, 4) the mean colour of each image at the samples of texels; transparent colours are weighted by their
     opacity.
 
-    wanted: uses with a common layout (``layout_of``) and their slots, looked up at the same texels.
+    wanted: uses with a common layout, which are looked up at the same texels, and their slots.
     """
     texels, use = work.texels, wanted[0][0]
     pixel, face = texels.pixel[part.at], texels.face[part.at]
@@ -226,12 +228,6 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
             shown = seen[:, 3] > 0
             total[shown, :3] = seen[shown, :3] / seen[shown, 3:]
     return [total.astype(np.float64) for total in sums]
-
-
-def layout_of(source: Source, use: Use) -> tuple[object, ...]:
-    """Common layout of uses that are looked up at the same texels."""
-    shape = source.images[use.image].shape
-    return shape, use.uv_set, use.move.tobytes(), use.wrap, use.nearest
 
 
 def _turned(

@@ -171,7 +171,14 @@ def _dress(tree: dict[str, Any], texture: dict[str, int], kind: str) -> None:
     for primitive in bare:
         primitive["material"] = len(materials)
     if bare:
-        materials.append(_plain(texture, kind))
+        pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+        plain = {"name": "baked", "pbrMetallicRoughness": pbr}
+        if kind == "normals":
+            pbr["roughnessFactor"] = 0.6
+            plain["normalTexture"] = dict(texture)
+        else:
+            plain["pbrMetallicRoughness"] = {"baseColorTexture": dict(texture), **pbr}
+        materials.append(plain)
     if kind == "vertex-colors":  # colours of vertices would tint the image
         for mesh in tree.get("meshes", []):
             for primitive in mesh["primitives"]:
@@ -208,18 +215,6 @@ def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
         pbr.pop(name, None)
         if old in gloss:
             pbr[name] = gloss[old]
-
-
-def _plain(texture: dict[str, int], kind: str) -> dict[str, Any]:
-    """A material for faces that have none."""
-    if kind == "normals":
-        return {
-            "name": "baked",
-            "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.6},
-            "normalTexture": dict(texture),
-        }
-    pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
-    return {"name": "baked", "pbrMetallicRoughness": {"baseColorTexture": dict(texture), **pbr}}
 
 
 def bake_mesh(

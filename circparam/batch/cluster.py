@@ -61,7 +61,17 @@ class Cluster:
         for name in noisy.split():
             logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler_file is not None:
-            scheduler = address_in(scheduler_file)
+            try:
+                scheduler = str(json.loads(Path(scheduler_file).read_bytes())["address"])
+            except OSError as error:
+                raise OptionError(
+                    f"--scheduler-file {scheduler_file}: cannot be read ({error.strerror}): is the scheduler "
+                    "running?"
+                ) from None
+            except (ValueError, KeyError, TypeError):
+                raise OptionError(
+                    f"--scheduler-file {scheduler_file}: it is not a scheduler file"
+                ) from None
         try:
             address = scheduler or self._address()
             self.client = distributed.Client(
@@ -206,18 +216,6 @@ def clear_folders() -> None:
                     shutil.rmtree(left, ignore_errors=True)
             finally:
                 os.close(handle)
-
-
-def address_in(path: str) -> str:
-    """The address in a scheduler's file. Raises OptionError if there is none."""
-    try:
-        return str(json.loads(Path(path).read_bytes())["address"])
-    except OSError as error:
-        raise OptionError(
-            f"--scheduler-file {path}: cannot be read ({error.strerror}): is the scheduler running?"
-        ) from None
-    except (ValueError, KeyError, TypeError):
-        raise OptionError(f"--scheduler-file {path}: it is not a scheduler file") from None
 
 
 def refuse(worker: str, found: str) -> None:

@@ -115,13 +115,6 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}…"
 
 
-def _switch(name: str, value: object) -> bool:
-    """A value as True or False; OptionError for a word, of which any would count as true."""
-    if isinstance(value, str) or value not in (True, False):
-        raise OptionError(f"{name} {shown(value)}: give True or False")
-    return bool(value)
-
-
 def check(options: Any) -> None:
     """Check every option of an instance, None meaning "not given": its field takes the default.
 
@@ -151,7 +144,9 @@ def check(options: Any) -> None:
             if int in types[name]:
                 object.__setattr__(options, name, int(value))
         elif types[name] <= {bool, type(None)}:
-            object.__setattr__(options, name, _switch(flag(name, spec), value))
+            if isinstance(value, str) or value not in (True, False):  # any word would count as true
+                raise OptionError(f"{flag(name, spec)} {shown(value)}: give True or False")
+            object.__setattr__(options, name, bool(value))
         if spec.choices and not (isinstance(value, str) and value in spec.choices):
             choices = ", ".join(spec.choices)
             raise OptionError(f"unknown {flag(name, spec)} {shown(value)}: choose one of {choices}")

@@ -19,7 +19,9 @@ from typing import TYPE_CHECKING, Any
 from circparam.core import clock
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Monitor
-from circparam.core.pool import Pool, current, start, stop
+from circparam.core.pool import Pool, current
+from circparam.core.pool import start as start
+from circparam.core.pool import stop as stop
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -277,15 +279,3 @@ def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
     with keeping_freed(len(packed) > LARGE_TASK_BYTES), bounded:
         function, task = pickle.loads(packed)
         return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
-
-
-__all__ = [
-    "DeferredTask",
-    "Worker",
-    "cores",
-    "environment",
-    "free_cores",
-    "in_parts",
-    "start",
-    "stop",
-]

@@ -22,6 +22,7 @@ from circparam.core.arrays import (
     mask_of,
     normals_of,
     ranges,
+    sorted_distinct,
     unit,
 )
 from circparam.core.compiled import kd_tree
@@ -210,7 +211,11 @@ def _copies_of(
     left, found = asked.copy(), []
     for handed in (1.0, -1.0) if mirror else (1.0,):
         for own, base, side in _trials(parts, frames, leader, left, bases, sides):
-            motion = _motions(parts, frames, leader, own, base, side, handed)
+            # rotations, or mirrored ones, that carry the frame of each copy onto the leader's
+            lead = leader[own]
+            target = _axes(parts.points[frames.base[lead]], parts.points[frames.side[lead]], 1.0)
+            source = _axes(parts.points[base], parts.points[side], handed)
+            motion = np.einsum("kai,kaj->kij", target, source)
             size = parts.first[own + 1] - parts.first[own]
             vertex = np.repeat(parts.first[own], size) + ranges(size)
             which = np.repeat(np.arange(len(own)), size)
@@ -221,7 +226,10 @@ def _copies_of(
             match[vertex] = mine[np.minimum(near, len(mine) - 1)]
             wrong = away * scale[to] > parts.slack[own][which]
             fits = group_count(which[wrong], len(own)) == 0
-            fits &= _one_to_one(which, match[vertex], size)
+            # as many different partners as vertices
+            n_vertices = len(parts.owner)
+            partners = sorted_distinct(which * n_vertices + match[vertex]) // n_vertices
+            fits &= group_count(partners, len(own)) == size
             if fits.any():
                 found.append(
                     _same_faces(parts, leader, own[fits], match, (order, begin), mirror, flats)
@@ -234,14 +242,6 @@ def _copies_of(
 
 def _apart(points: FloatArray, leader: IntArray) -> FloatArray:
     return np.concatenate([points, 8.0 * leader[:, None]], 1)
-
-
-def _one_to_one(which: IntArray, near: IntArray, size: IntArray) -> BoolArray:
-    """(k,) bool: the vertices of each trial have as many different partners as there are, ``size`` (k,)."""
-    pairs = np.lexsort((near, which))
-    a, b = which[pairs], near[pairs]
-    new = np.r_[True, (np.diff(a) != 0) | (np.diff(b) != 0)]
-    return group_count(a[new], len(size)) == size
 
 
 def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
@@ -328,22 +328,6 @@ def _trials(
             if len(chosen):
                 own = parts.owner[chosen]
                 yield own, of[own], chosen
-
-
-def _motions(
-    parts: _Parts,
-    frames: _Frames,
-    leader: IntArray,
-    own: IntArray,
-    base: IntArray,
-    side: IntArray,
-    handed: float,
-) -> FloatArray:
-    """(k, 3, 3) rotations, or mirrored ones (handed −1), that carry the frame of a copy onto the leader's."""
-    to = leader[own]
-    target = _axes(parts.points[frames.base[to]], parts.points[frames.side[to]], 1.0)
-    source = _axes(parts.points[base], parts.points[side], handed)
-    return np.einsum("kai,kaj->kij", target, source)
 
 
 def _axes(a: FloatArray, b: FloatArray, handed: float) -> FloatArray:

@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     next_half_edge,
     normals_of,
     positions_in,
+    sorted_distinct,
     unit,
 )
 from circparam.core.graph import components
@@ -102,12 +103,9 @@ def same_flats(
         asked = b * n + a if back else a * n + b
         at = order[np.minimum(np.searchsorted(key[order], asked), len(order) - 1)]
         missed = group_count(which[key[at] != asked], count) > 0
-        fits = (
-            ~good
-            & ~missed
-            & (size[own] == size[lead])
-            & ~_twice(which * len(rim) + at, which, count)
-        )
+        different = sorted_distinct(which * len(rim) + at) // len(rim)
+        twice = group_count(different, count) < group_count(which, count)
+        fits = ~good & ~missed & ~twice & (size[own] == size[lead])
         good, turned = good | fits, turned | (fits & back)
         partner = np.where(fits[which], rim[at], partner)
     keep = good[which]
@@ -116,13 +114,6 @@ def same_flats(
     to = np.full(int(flats.label.max()) + 1, -1)
     to[flats.label[mine[keep] // 3]] = flats.label[partner[keep] // 3]
     return _corners(flats.label, vertex, component, (own, good, turned), match, to)
-
-
-def _twice(key: IntArray, which: IntArray, count: int) -> BoolArray:
-    """(count,) bool: groups in which a key stands more than once."""
-    order = np.argsort(key, kind="stable")
-    again = order[1:][key[order][1:] == key[order][:-1]]
-    return mask_of(count, which[again])
 
 
 def _astray(

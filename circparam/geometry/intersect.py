@@ -196,7 +196,11 @@ def nearby(
         beside = (loop[of[k]] == loop[of[m]]) & (step < NEIGHBOUR_MARGINS * reach[of[k]])
         keep = (close < reach[of[k]] + slack) & ~beside
         k, m = k[keep], m[keep]
-        i, j = _all_pairs(first, count, member, k, m)
+        # segments i of pieces k with segments j of pieces m, all with all
+        number = count[k] * count[m]
+        pair, at = np.repeat(np.arange(len(k)), number), ranges(number)
+        i = member[first[k][pair] + at // count[m][pair]]
+        j = member[first[m][pair] + at % count[m][pair]]
         apart = np.abs(position[i] - position[j])
         apart = np.minimum(apart, total[i] - apart)
         far = (loop[i] != loop[j]) | (apart > NEIGHBOUR_MARGINS * reach[i])
@@ -241,18 +245,6 @@ def _pieces(
     joined &= boundary.following[member[:-1]] == member[1:]
     first = np.flatnonzero(np.concatenate([[True], ~joined]))
     return first, np.diff(np.concatenate([first, [len(member)]])), member
-
-
-def _all_pairs(
-    first: IntArray, count: IntArray, member: IntArray, k: IntArray, m: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Segments i of pieces k with segments j of pieces m, all with all."""
-    number = count[k] * count[m]
-    pair = np.repeat(np.arange(len(k)), number)
-    at = ranges(number)
-    i = first[k][pair] + at // count[m][pair]
-    j = first[m][pair] + at % count[m][pair]
-    return member[i], member[j]
 
 
 def properly_cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:

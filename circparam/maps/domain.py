@@ -226,31 +226,24 @@ def laid_in_polygons(
         np.zeros((0, 2), np.int64),
     )
     w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function).reshape(-1, 3)[own]
-    side, along = _on_sides(tracer, arcs, corners)
+    # along the sides of the polygons: keys polygon · n + vertex, and places
+    keys, along = [], []
+    for number, own_arcs in enumerate(arcs):
+        for arc, start, end in zip(own_arcs, corners, np.roll(corners, -1, 0), strict=True):
+            path = tracer.arcs[arc]
+            t = mesh.shares(path)[:, None]
+            keys.append(number * mesh.n + path)
+            along.append((1 - t) * start + t * end)
+    side, first = np.unique(np.concatenate(keys), return_index=True)
     places = np.zeros((len(key), corners.shape[1]))
     free = np.ones(len(key), bool)
     at = np.searchsorted(key, side)
-    places[at], free[at] = along, False
+    places[at], free[at] = np.concatenate(along)[first], False
     matrix, to_fixed = assemble(part, w.ravel(), free)
     places[free] = Factor(matrix).solve(to_fixed @ places[~free])
     out = np.zeros((len(mesh.faces), 3, corners.shape[1]))
     out[own] = places[part.faces]
     return out
-
-
-def _on_sides(
-    tracer: Tracer, polygons: list[list[int]], corners: FloatArray
-) -> tuple[IntArray, FloatArray]:
-    """(keys polygon · n + vertex ascending, (k, d) places) of the vertices round polygons of arcs."""
-    keys, places = [], []
-    for number, arcs in enumerate(polygons):
-        for arc, start, end in zip(arcs, corners, np.roll(corners, -1, 0), strict=True):
-            path = tracer.arcs[arc]
-            t = tracer.mesh.shares(path)[:, None]
-            keys.append(number * tracer.mesh.n + path)
-            places.append((1 - t) * start + t * end)
-    key, first = np.unique(np.concatenate(keys), return_index=True)
-    return key, np.concatenate(places)[first]
 
 
 def mended(

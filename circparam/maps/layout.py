@@ -144,7 +144,12 @@ class Layout:
         heapq.heapify(queue)
         while queue and len(self.ends) < 2 * most:
             _, i, j = heapq.heappop(queue)
-            if self._group[i] == self._group[j] if joining else not self._may_meet(i, j):
+            if joining:
+                useless = self._group[i] == self._group[j]
+            else:  # where all regions are disks, an arc joins landmarks of one of them
+                corners = [{self.ends[arc][0] for arc in region} for region in self.regions()]
+                useless = self._disks and not any({i, j} <= own for own in corners)
+            if useless:
                 continue
             both = self._paths(i, j)
             if both is None:
@@ -158,12 +163,6 @@ class Layout:
                 self.split_chords()
             else:
                 self._take_back()
-
-    def _may_meet(self, i: int, j: int) -> bool:
-        """Whether an arc between two landmarks can be laid: they lie on one disk, or not all regions are."""
-        return not self._disks or any(
-            {i, j} <= {self.ends[arc][0] for arc in region} for region in self.regions()
-        )
 
     def _paths(self, i: int, j: int) -> Both | None:
         """The cheapest of: both free, one free and the other in the same sectors."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from circparam.core.arrays import unit
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions, turned
 from circparam.formats.gltf.document import GltfDocument, read_gltf
@@ -67,10 +67,18 @@ def morph(
         ]
     else:
         ends = moved(mapped, a.mesh, b.mesh)
-    tree, vertex, losses, warnings = as_gltf(a)
+    tree, vertex, warnings = a, np.arange(len(a.mesh.points)), list[str]()
+    if not isinstance(tree, GltfDocument):
+        made = to_gltf(a, None, WriteOptions(), format="glb")
+        tree, vertex = read_gltf(made.data, a.source), made.vertex_map
+        notes, warnings = notes + made.notes, made.warnings
     points = ends[vertex]
     normals = vertex_normals(tree, points)
-    times, weights = key_frames(frames)
+    # from A to B and back: slow at both ends, so that it plays in a loop without a jerk
+    t = np.linspace(0, 1, frames)
+    weight = np.round(0.5 - 0.5 * np.cos(np.pi * t), 9)
+    times = MORPH_SECONDS * np.concatenate([t, 2 - t[-2::-1]])
+    weights = np.concatenate([weight, weight[-2::-1]])
     name = (b.path.stem if b.path is not None else "target").encode("utf-8", "replace").decode()
     target = Target(points, normals, times, weights, name)
     far = np.linalg.norm(ends - a.mesh.points, axis=1)[np.unique(a.mesh.faces)]
@@ -84,24 +92,7 @@ def morph(
         "reversed": 0 if overlay else int(over.sum()),
         "overlay": overlay,
     }
-    return Morphed(with_morph(tree, target), report, notes + losses, warnings)
-
-
-def as_gltf(document: Document) -> tuple[GltfDocument, IntArray, list[str], list[str]]:
-    """A document as a glTF tree with its uv and looks: (tree, (k,) vertex of the input of each of its vertices,
-    notes, warnings)."""
-    if isinstance(document, GltfDocument):
-        return document, np.arange(len(document.mesh.points)), [], []
-    made = to_gltf(document, None, WriteOptions(), format="glb")
-    return read_gltf(made.data, document.source), made.vertex_map, made.notes, made.warnings
-
-
-def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:
-    """Times and weights from A to B and back: slow at both ends, so that it plays in a loop without a jerk."""
-    t = np.linspace(0, 1, frames)
-    weight = np.round(0.5 - 0.5 * np.cos(np.pi * t), 9)
-    times = MORPH_SECONDS * np.concatenate([t, 2 - t[-2::-1]])
-    return times, np.concatenate([weight, weight[-2::-1]])
+    return Morphed(with_morph(tree, target), report, notes, warnings)
 
 
 def vertex_normals(document: GltfDocument, points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -108,7 +108,10 @@ def repair(
     weld = weld_map(mesh, options.weld_eps)
     near = int((weld != mesh.weld).sum()) if options.weld_eps > 0 else 0
     welded = weld[mesh.faces]
-    uv = _corner_uv(uvmap)
+    uv = None  # (m, 3, 2) of the corners of all faces, NaN where one has none
+    if uvmap is not None and len(uvmap.uv):
+        index = uvmap.uv_faces
+        uv = np.where(index[..., None] >= 0, uvmap.uv[np.maximum(index, 0)].astype(float), np.nan)
     # which of the welded faces (m, 3) are solved on
     bad = degenerate_faces(points, welded)
     first = first_duplicates(welded, len(points))
@@ -148,16 +151,6 @@ def repair(
             + ". Allow it by leaving out --no-repair"
         )
     return surface, report
-
-
-def _corner_uv(uvmap: UVMap | None) -> FloatArray | None:
-    """uv (m, 3, 2) of the corners of all faces, NaN if a corner has none."""
-    if uvmap is None or len(uvmap.uv) == 0:
-        return None
-    index = uvmap.uv_faces
-    return np.where(
-        index[..., None] >= 0, uvmap.uv[np.maximum(index, 0)].astype(np.float64), np.nan
-    )
 
 
 def _joined(

@@ -45,7 +45,7 @@ def summarise(result: "Result") -> dict[str, Any]:
     numbers = _numbers(result.measures)
     left_out, options = result.floaters, result.options
     stacked, kept, groups = result.stacks, result.kept, result.groups
-    found, densities = result.verification, None
+    found, densities, effort = result.verification, None, result.effort
     if result.density is not None and options.packed:
         densities = list(density_rows(result.density, found, options.resolution_texels))
     return {
@@ -60,7 +60,14 @@ def summarise(result: "Result") -> dict[str, Any]:
         "method": result.options.method if result.work == "unwrap" else "as given",
         "cut": result.options.cut if result.work == "unwrap" else "as given",
         "options": result.options.given(),
-        "effort": _effort(result),
+        "effort": {
+            "asked": options.work,
+            "made": options.work if effort.made is None else effort.made,
+            "searches": effort.searches,
+            "best": effort.best,
+            "costs": [json_value(round(cost, 6)) for cost in effort.costs],
+            "more": effort.more,
+        },
         "vertices": len(result.mesh.points),
         "faces": len(result.mesh.faces),
         **numbers,
@@ -79,18 +86,6 @@ def summarise(result: "Result") -> dict[str, Any]:
         "notes": result.notes,
         "seconds": round(sum(result.seconds.values()), 4),
         "stages": {name: round(value, 4) for name, value in result.seconds.items()},
-    }
-
-
-def _effort(result: "Result") -> dict[str, Any]:
-    found, asked = result.effort, result.options.work
-    return {
-        "asked": asked,
-        "made": asked if found.made is None else found.made,
-        "searches": found.searches,
-        "best": found.best,
-        "costs": [json_value(round(cost, 6)) for cost in found.costs],
-        "more": found.more,
     }
 
 

@@ -15,11 +15,9 @@ from circparam.core import workers
 from circparam.core.arrays import group_sum
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
-from circparam.core.types import FloatArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
-from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import applies, checkpoint
 from circparam.pipeline.cascade import Cascade
@@ -212,24 +210,19 @@ def repack_document(
     with monitor.stage("pack"):
         as_given = np.ones(cut_mesh.n_charts, bool)
         placed = arrange(job, cut_mesh, uv, options, monitor, as_given)
-    fitted = _packed_again(job, cascade.noted(*placed.notes), cut_mesh, placed.uv)
-    return verify_and_save(job, fitted, output, monitor, "pack")
-
-
-def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray) -> Fitted:
-    """Charts of a file as stored; flips and overlaps that they had before stay as they are."""
+    cascade, uv = cascade.noted(*placed.notes), placed.uv
     n, sign = cut_mesh.n_charts, signs(uv, cut_mesh.faces)
     mirrored = group_sum(sign.astype(np.float64), cut_mesh.chart, n) < 0
-    upright = np.stack(
-        [np.where(mirrored[cut_mesh.vertex_chart], -uv[:, 0], uv[:, 0]), uv[:, 1]], 1
-    )
-    fault, _ = faults(cut_mesh, upright)
-    if (fault > 0).any():
-        return Fitted(cascade, job.stored(cut_mesh, uv))
-    turn = job.options.turns != "none" and job.kept is None
-    stored = stored_layout(job, cut_mesh, uv, mirrored, turn)
-    uvmap = job.completed(cut_mesh, stored.uv, stored.double)
-    return Fitted(cascade.noted(*stored.notes), uvmap, stored.double)
+    flip = np.where(mirrored[cut_mesh.vertex_chart], -1.0, 1.0)
+    fault, _ = faults(cut_mesh, np.stack([uv[:, 0] * flip, uv[:, 1]], 1))
+    if (fault > 0).any():  # flips and overlaps that the charts had before stay as they are
+        fitted = Fitted(cascade, job.stored(cut_mesh, uv))
+    else:
+        turn = options.turns != "none" and job.kept is None
+        stored = stored_layout(job, cut_mesh, uv, mirrored, turn)
+        uvmap = job.completed(cut_mesh, stored.uv, stored.double)
+        fitted = Fitted(cascade.noted(*stored.notes), uvmap, stored.double)
+    return verify_and_save(job, fitted, output, monitor, "pack")
 
 
 def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:

@@ -148,13 +148,10 @@ class FoldoverEnergy:
         chi = np.where(det >= 0, det + root, self.epsilon**2 / (root - np.minimum(det, 0)))
         return chi / 2, root
 
+    # a trial step may leave the range of floats; its infinite energy refuses it
+    @np.errstate(over="ignore", divide="ignore", invalid="ignore")
     def energy(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Energies of the groups and the gradient."""
-        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            # a trial step may leave the range of floats; its infinite energy refuses it
-            return self._energy(x)
-
-    def _energy(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         j = self.jacobian(x)
         (a, b), (c, d) = j
         det = a * d - b * c
