@@ -117,8 +117,7 @@ def distances(
 ) -> FloatArray:
     """(n,) distance from the nearest of several sources, infinite if none reaches. As in ``nearest``."""
     tick()
-    found: Any = dijkstra(graph, indices=sources, min_only=True, limit=limit, directed=symmetric)
-    return found
+    return dijkstra(graph, indices=sources, min_only=True, limit=limit, directed=symmetric)
 
 
 class Graph:

@@ -64,8 +64,7 @@ def _among(keys: IntArray, known: IntArray) -> BoolArray:
     if not len(known):
         return np.zeros(len(keys), bool)
     at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
-    result: BoolArray = known[at] == keys
-    return result
+    return known[at] == keys
 
 
 def _moves(boundary: BoundarySegments) -> BoolArray:

@@ -182,5 +182,4 @@ def wound_twice(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     up, down = below_next > below_previous, below_previous > below_next
     passes = (up & (sign > 0)).view(np.int8) - (down & (sign < 0)).view(np.int8)
     turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
-    result: BoolArray = (np.abs(turns) > 1) & ~on_boundary
-    return result
+    return (np.abs(turns) > 1) & ~on_boundary

@@ -222,8 +222,7 @@ class CutMesh:
 def renumbered(edges: IntArray, new_face: IntArray) -> IntArray:
     """Half-edges (e, 2) after a change of the numbers of the faces: new_face (m,)."""
     face = edges // 3
-    result: IntArray = edges + 3 * (new_face[face] - face)
-    return result
+    return edges + 3 * (new_face[face] - face)
 
 
 def rest_triangles_of(corners: FloatArray) -> FloatArray:

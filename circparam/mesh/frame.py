@@ -101,8 +101,7 @@ def _areas(corner: FloatArray) -> FloatArray:
 
 
 def _middles(corner: FloatArray) -> FloatArray:
-    result: FloatArray = (corner[:, 0] + corner[:, 1] + corner[:, 2]) / 3
-    return result
+    return (corner[:, 0] + corner[:, 1] + corner[:, 2]) / 3
 
 
 def _farthest(points: FloatArray, reach: FloatArray, size: float) -> FloatArray:

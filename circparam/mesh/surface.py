@@ -73,8 +73,7 @@ class Surface:
     def inner_edges(self, faces: BoolArray) -> BoolArray:
         """(e,) bool: both faces of the edge are among ``faces`` ((m,) bool)."""
         left, right = self.sides
-        result: BoolArray = faces[left] & faces[right]
-        return result
+        return faces[left] & faces[right]
 
     @cached_property
     def corner_vertex(self) -> IntArray:
@@ -176,8 +175,7 @@ class Surface:
     def boundary_lengths(self) -> FloatArray:
         """Length of every half-edge of ``boundary``."""
         h, corner = self.boundary, self.rest_triangles.reshape(-1, 2)
-        lengths: FloatArray = np.linalg.norm(corner[next_half_edge(h)] - corner[h], axis=1)
-        return lengths
+        return np.linalg.norm(corner[next_half_edge(h)] - corner[h], axis=1)
 
     @cached_property
     def components(self) -> tuple[int, IntArray]:

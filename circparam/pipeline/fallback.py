@@ -325,8 +325,7 @@ def _axes(surface: Surface) -> IntArray:
         )
         votes[6 * each + look] += own
         look = np.where(seen > STEEP, votes.reshape(n, 6), seen - 2).argmax(1)
-    result: IntArray = look[polygon]
-    return result
+    return look[polygon]
 
 
 def _normals(p: FloatArray, label: IntArray, n: int) -> FloatArray:

@@ -114,8 +114,7 @@ def sized(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray | None) -> FloatArr
     scale = best_chart_scales(cut_mesh, uv)
     if keep is not None:
         scale[keep] = 1.0
-    result: FloatArray = uv * scale[cut_mesh.vertex_chart][:, None]
-    return result
+    return uv * scale[cut_mesh.vertex_chart][:, None]
 
 
 def side_by_side(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:

@@ -22,21 +22,18 @@ def jacobians(gradients: FloatArray, corners: FloatArray) -> FloatArray:
     """
     a = corners[:, 1] - corners[:, 0]
     b = corners[:, 2] - corners[:, 0]
-    result: FloatArray = a[:, None] * gradients[None, :, 1] + b[:, None] * gradients[None, :, 2]
-    return result
+    return a[:, None] * gradients[None, :, 1] + b[:, None] * gradients[None, :, 2]
 
 
 def determinants(jacobian: FloatArray) -> FloatArray:
     """(m,) determinant of each J: negative where the face is flipped."""
-    result: FloatArray = jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]
-    return result
+    return jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]
 
 
 def _square(jacobian: FloatArray) -> FloatArray:
     """(m,) squared Frobenius norm of each J."""
     (a, b), (c, d) = jacobian
-    result: FloatArray = a * a + b * b + c * c + d * d
-    return result
+    return a * a + b * b + c * c + d * d
 
 
 def energy(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:

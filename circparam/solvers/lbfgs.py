@@ -42,8 +42,7 @@ class Groups:
 
     def spread(self, values: FloatArray) -> FloatArray:
         """(v, 1) the value (count,) of its group for every vertex."""
-        result: FloatArray = values[self.of][:, None]
-        return result
+        return values[self.of][:, None]
 
 
 @dataclass(frozen=True, eq=False)

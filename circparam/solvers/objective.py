@@ -124,8 +124,7 @@ class Objective:
         chart, n = self.cut_mesh.vertex_chart, self.cut_mesh.n_charts
         d, count = -step, group_count(chart, n)
         drift = np.stack([group_sum(d[:, k], chart, n) / count for k in range(2)], 1)
-        result: FloatArray = d - drift[chart]
-        return result
+        return d - drift[chart]
 
     def _blocks(self, jacobian: FloatArray, proxy: bool) -> FloatArray:
         """(2, 2, 3, m) blocks of the Hessian for the half-edges."""

@@ -124,8 +124,7 @@ class Poisson:
         if self.held is None:
             order = self.pattern.order
             uv[order] = self.factor.solve(right[order])
-            result: FloatArray = uv - uv[self.pins][self.cut_mesh.vertex_chart]
-            return result
+            return uv - uv[self.pins][self.cut_mesh.vertex_chart]
         uv[self.held[0]] = self.held[1]
         uv[self.free] = self.factor.solve(
             right[self.free] - self.rows[:, self.held[0]] @ self.held[1]

@@ -106,12 +106,10 @@ def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:
     """(n, 2, 2) blocks on the diagonal."""
     if isinstance(matrix, sps.bsr_matrix):
         row = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
-        blocks: FloatArray = matrix.data[matrix.indices == row]
-        return blocks
+        return matrix.data[matrix.indices == row]
     main, above, below = (matrix.diagonal(k) for k in (0, 1, -1))
     above, below = np.r_[above, 0.0][::2], np.r_[below, 0.0][::2]
-    result: FloatArray = np.stack([main[::2], above, below, main[1::2]], 1).reshape(-1, 2, 2)
-    return result
+    return np.stack([main[::2], above, below, main[1::2]], 1).reshape(-1, 2, 2)
 
 
 class BlockJacobi:
@@ -166,8 +164,7 @@ class CoarseSpace:
 
     def correction(self, r: FloatArray) -> FloatArray:
         """(2n,) the motion of the aggregates that the residual (2n,) asks for."""
-        result: FloatArray = self._prolong @ self._factor.solve(self._restrict @ r)
-        return result
+        return self._prolong @ self._factor.solve(self._restrict @ r)
 
 
 class TwoLevel(BlockJacobi):
@@ -186,5 +183,4 @@ class TwoLevel(BlockJacobi):
         """One symmetric V-cycle: smooth, correct on the coarse space, smooth."""
         x = 0.6 * super().__call__(r)
         x = x + self.coarse.correction(r - self.matrix @ x)
-        result: FloatArray = x + 0.6 * super().__call__(r - self.matrix @ x)
-        return result
+        return x + 0.6 * super().__call__(r - self.matrix @ x)

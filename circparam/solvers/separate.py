@@ -83,8 +83,7 @@ class _Springs:
         t = self.t[:, None]
         foot = (1 - t) * uv[self.tail] + t * uv[self.head]
         s = ((uv[self.vertex] - foot) * self.normal).sum(1)
-        result: FloatArray = np.maximum(1 - s / self.distance, 0.0)
-        return result
+        return np.maximum(1 - s / self.distance, 0.0)
 
     @cached_property
     def slopes(self) -> tuple[IntArray, FloatArray]:

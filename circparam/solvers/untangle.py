@@ -52,8 +52,7 @@ def flipped(faces: IntArray, uv: FloatArray) -> BoolArray:
     p = uv[faces]
     d, e = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     left, right = d[:, 0] * e[:, 1], d[:, 1] * e[:, 0]
-    result: BoolArray = ~(left - right > 1e-15 * (np.abs(left) + np.abs(right)))
-    return result
+    return ~(left - right > 1e-15 * (np.abs(left) + np.abs(right)))
 
 
 def untangle(

@@ -124,8 +124,7 @@ def boundary_depth(cut_mesh: CutMesh) -> FloatArray:
     j = cut_mesh.faces[:, [1, 2, 0]].ravel()
     n = cut_mesh.n_vertices
     depth = distances(undirected(n, i, j, np.ones(len(i))), source)
-    result: FloatArray = np.where(np.isfinite(depth), depth, 0.0)
-    return result
+    return np.where(np.isfinite(depth), depth, 0.0)
 
 
 def _flips(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:

@@ -86,8 +86,7 @@ def _barycentric(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
         ],
         1,
     )
-    result: FloatArray = w / w.sum(1, keepdims=True)
-    return result
+    return w / w.sum(1, keepdims=True)
 
 
 def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
