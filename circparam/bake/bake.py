@@ -24,6 +24,7 @@ from circparam.bake.sampling import (
     texel_ratio,
     texture_paint,
 )
+from circparam.bake.texels import NO_TEXEL, doubled_notes
 from circparam.core.arrays import group_max, group_min
 from circparam.core.fields import Range, shown
 from circparam.core.monitor import Monitor
@@ -97,13 +98,9 @@ def bake(
             sought += tried
             doubled += twice
             images[u, v] = dilate(image, mask)
-    notes = []
-    if doubled > 0.001 * max(covered, 1):
-        share = 100 * doubled / covered
-        notes.append(f"{share:.1f} % of the texels lie in several faces: unwrap or pack again")
     if sought == 0:
-        raise InputError("no texel lies in a face: the layout is too small, pack it first")
-    return Baked(images, covered / (len(names) * size * size), notes)
+        raise InputError(NO_TEXEL)
+    return Baked(images, covered / (len(names) * size * size), doubled_notes(doubled, covered))
 
 
 def tiles_of(layout: UVMap) -> IntArray:

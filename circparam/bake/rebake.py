@@ -23,7 +23,7 @@ from circparam.bake.sharpness import (
     rounded,
     sharpness,
 )
-from circparam.bake.texels import Texels, flat_areas
+from circparam.bake.texels import Texels, doubled_notes, flat_areas
 from circparam.core.arrays import group_sum
 from circparam.core.fields import specs
 from circparam.core.limits import auto_padding
@@ -189,13 +189,14 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
         sized = chart_sizes(source, UVMap(result.uv, result.uv_faces), size, even)
     if sized is not None:
         packing = Options(**{name: getattr(asked, name) for name in PACKING_OPTIONS}, cut="none")
-        again = repack_document(document, sized.layout, None, packing, monitor)
+        again = repack_document(document, sized[0], None, packing, monitor)
         repairs = list(dict.fromkeys([*result.repairs, *again.repairs]))
         result = replace(again, work="unwrap", effort=result.effort, repairs=repairs)
     if free:
         result = _at_size(result, needed_size(source, UVMap(result.uv, result.uv_faces)), grows)
-    said = replace(asked, density=options.density)
-    return result if sized is None else _in_own_sizes(result, sized.factor, said)
+    if sized is None:
+        return result
+    return _in_own_sizes(result, sized[1], replace(asked, density=options.density))
 
 
 def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
@@ -347,29 +348,22 @@ def _look(source: Source, layout: UVMap, carried: Carried, texels: Texels) -> Lo
     sharp = sharpness(source, layout, texels.size)
     before = len(np.unique(source.looks.face))
     notes = blurred(sharp, texels.size) + rounded(source, sharp)
-    if texels.twice > 0.001 * texels.covered:
-        share = 100 * texels.twice / texels.covered
-        notes.append(f"{share:.1f} % of the texels lie in several faces: unwrap or pack again")
     return Look(
         texels.size,
         tuple(carried.pages),
         (before, len(carried.groups)),
         sharp,
         texels.covered / texels.size**2,
-        notes,
+        notes + doubled_notes(texels.twice, texels.covered),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Sized:
-    """layout: charts at new sizes, still to be packed. factor: (m,) that of each face's chart."""
-
-    layout: UVMap
-    factor: FloatArray
-
-
-def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized | None:
+def chart_sizes(
+    source: Source, layout: UVMap, side: int, even: bool
+) -> tuple[UVMap, FloatArray] | None:
     """Charts without an image at a few texels; the others at one density, or at that of their images.
+
+    Returns the layout with charts at new sizes, still to be packed, and (m,) the factor of each face's chart.
 
     layout: of charts with one density, as ``unwrap`` makes them. side: texels of the page. even: whether charts
     with images keep one density; else images that repeat count up to PATTERN_DENSITY_RATIO times the density of
@@ -405,9 +399,8 @@ def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized |
     factor = np.minimum(np.where(shown, np.maximum(factor, least), least), 1.0)
     size = np.ones(len(layout.uv))
     size[layout.uv_faces[mapped].ravel()] = np.repeat(factor[chart[mapped]], 3)
-    return Sized(
-        UVMap(layout.uv * size[:, None], layout.uv_faces), np.where(mapped, factor[chart], 1.0)
-    )
+    sized = UVMap(layout.uv * size[:, None], layout.uv_faces)
+    return sized, np.where(mapped, factor[chart], 1.0)
 
 
 def _of_charts(value: FloatArray, area: FloatArray, chart: IntArray, n: int) -> FloatArray:

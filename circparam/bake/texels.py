@@ -20,6 +20,10 @@ from circparam.mesh.mesh import UVMap
 
 Places: TypeAlias = Iterator[npt.NDArray[np.float32]]
 FLAT_AREA_TEXELS2 = 1e-12  # texels²: below that a triangle has no inside to find places in
+DOUBLED_SHARE = (
+    1e-3  # of the texels: more of them in several faces are overlaps, not shared borders
+)
+NO_TEXEL = "no texel lies in a face: the layout is too small, pack it first"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,14 @@ def corners_in_texels(layout: UVMap, size: int) -> FloatArray:
     return xy
 
 
+def doubled_notes(twice: int, covered: int) -> list[str]:
+    """The note on a layout with too many of its covered texels in several faces."""
+    if twice <= DOUBLED_SHARE * covered:
+        return []
+    share = 100 * twice / covered
+    return [f"{share:.1f} % of the texels lie in several faces: unwrap or pack again"]
+
+
 def find_texels(layout: UVMap, size: int) -> Texels:
     """The texels of a layout on one page. Raises InputError if no texel lies in a face."""
     xy = corners_in_texels(layout, size)
@@ -63,7 +75,7 @@ def find_texels(layout: UVMap, size: int) -> Texels:
     inside = (owner >= 0).reshape(size, size)
     covered = int(np.count_nonzero(inside))
     if covered == 0:
-        raise InputError("no texel lies in a face: the layout is too small, pack it first")
+        raise InputError(NO_TEXEL)
     places: npt.NDArray[np.int32] = distance_transform_edt(
         ~inside, return_distances=False, return_indices=True
     )

@@ -18,8 +18,8 @@ from circparam.bake.rebake import (
     laid_out,
     options_of,
 )
+from circparam.core.files import check_free
 from circparam.core.monitor import Listener, Monitor
-from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import output_format, read
 from circparam.formats.joined import image_name, join
@@ -76,9 +76,7 @@ def rebake_documents(
     if any(output_format(output) != "glb" for output in outputs):  # a GLB holds its images
         groups = groups_of(source.looks, look.merge, source.kept)
         for page in sorted({slot.page for group in groups for slot in group.shown}):
-            path = outputs[0].parent / image_name(STEM, page)
-            if path.exists() and not options.overwrite:
-                raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+            check_free(outputs[0].parent / image_name(STEM, page), options.overwrite)
     result = laid_out(source, options, look, monitor)
     carried, carried_look = carried_looks(source, result, look, monitor)
     parts = [joined.dressed_part(k, carried, STEM) for k in range(len(documents))]

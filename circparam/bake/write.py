@@ -10,7 +10,7 @@ import numpy as np
 
 from circparam.bake.bake import Across, Baked, Texels, bake_document, to_image
 from circparam.bake.projection import own_frames
-from circparam.core.files import write_files
+from circparam.core.files import check_free, write_files
 from circparam.core.plural import counted
 from circparam.errors import CircparamError, InputError, OptionError
 from circparam.formats.document import Document, WriteOptions, turned, y_up
@@ -239,8 +239,7 @@ def bake_mesh(
     target = None if output is None else Path(output)
     if target is not None:
         check_target(target, kind)
-        if target.exists() and not overwrite:
-            raise OptionError(f"{target}: the file exists; replace it with --overwrite")
+        check_free(target, overwrite)
     if not isinstance(across, Across):
         across = Across(across)
     document = open_source(mesh)

@@ -37,8 +37,7 @@ def write_files(
     for path in contents:
         if path.is_dir():
             raise OutputError(f"{path}: this is a directory; name a file")
-        if path.exists() and not overwrite:
-            raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+        check_free(path, overwrite)
     folders = [path.parent for path in contents if inside in path.parent.parents]
     try:
         below = folders if inside is not None and inside.is_dir() else []
@@ -61,6 +60,12 @@ def write_files(
         where = next(reversed(list(contents)), "output")
         raise OutputError(f"{where}: cannot be written ({error.strerror or error})") from None
     return list(contents)
+
+
+def check_free(path: Path, overwrite: bool) -> None:
+    """Refuse a place where a file lies that may not be replaced. Raises OptionError."""
+    if path.exists() and not overwrite:
+        raise OptionError(f"{path}: the file exists; replace it with --overwrite")
 
 
 @contextlib.contextmanager

@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from circparam.core.files import write_files
+from circparam.core.files import check_free, write_files
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
@@ -384,8 +384,7 @@ def check_place(
     Raises OptionError.
     """
     target = Path(path)
-    if target.exists() and not overwrite:
-        raise OptionError(f"{target}: the file exists; replace it with --overwrite")
+    check_free(target, overwrite)
     check_needed(document, format, target, overwrite)
 
 

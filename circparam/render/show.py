@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from circparam.core.files import check_free
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 from circparam.errors import InputError, OptionError
@@ -225,8 +226,7 @@ def view(
     """
     path = Path(output)
     check_kind(path)
-    if path.exists() and not overwrite:
-        raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+    check_free(path, overwrite)
     if isinstance(source, Result) and (source.path in (None, "-") or not look):
         if look:
             raise OptionError(f"{', '.join(look)}: a result that is not a file takes none of these")
