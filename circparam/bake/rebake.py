@@ -96,6 +96,11 @@ class Look:
             ],
         }
 
+    def figures(self) -> dict[str, Any]:
+        """The part of the report of an unwrap: ``look``, and where they are known the figures of gates."""
+        checked = {k: v for k, v in (self.checked or {}).items() if k in ("psnr", "ssim")}
+        return {"look": self.as_dict(), **checked}
+
 
 def rebake(
     source: Any,

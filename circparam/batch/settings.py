@@ -14,6 +14,7 @@ from circparam._version import __version__
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.pipeline.gates import Gates
+from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.options import Options
 
 PLACE = "{}"  # in the name of a further file: the name of the result without its suffix
@@ -23,16 +24,18 @@ _NO_BYTES = ("timeout", "overwrite", "format", "jobs")
 
 @dataclass(frozen=True)
 class Settings:
-    """options, gates: of each unwrap. out: folder of the results. extras: further outputs of each file, by
-    ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. exit_of: the exit code and
-    line of an exception, a function of a module. run: a name of this run. fork: whether a warm server forks for
-    each mesh, else it is used again; None if the system decides.
+    """options, gates: of each unwrap. out: folder of the results. exit_of: the exit code and line of an
+    exception, a function of a module. look: how textures are carried along, None for none. extras: further
+    outputs of each file, by ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. run: a
+    name of this run. fork: whether a warm server forks for each mesh, else it is used again; None if the system
+    decides.
     """
 
     options: Options
     gates: Gates
     out: str
     exit_of: Callable[[BaseException], tuple[int, str]]
+    look: LookOptions | None = None
     extras: dict[str, str] = field(default_factory=dict)
     max_memory: int | None = None
     run: str = ""
@@ -62,6 +65,8 @@ class Settings:
         names = [f.name for f in dataclasses.fields(self.options) if f.name not in _NO_BYTES]
         values: dict[str, Any] = {name: getattr(self.options, name) for name in names}
         values |= {**self.extras, "version": self.version}
+        if self.look is not None:
+            values["look"] = vars(self.look)
 
         def plain(value: Any) -> str:  # arrays by their content
             array = hasattr(value, "tobytes")

@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from circparam.cli import common, exits, progress, signals
-from circparam.cli.unwrap import UnwrapCommand, library_options_of, memory_size
+from circparam.cli.unwrap import (
+    UnwrapCommand,
+    library_options_of,
+    look_options_of,
+    memory_size,
+)
 from circparam.cli.unwrap import command as unwrap_command
 from circparam.errors import GateError, InputError, OptionError
 
@@ -25,8 +30,8 @@ Examples:
   circparam batch meshes --out unwrapped --retry failed --fail-rate 0.02
   circparam batch --status unwrapped
 """
-# of unwrap, but not of a batch: it has --out, reads no stream, and gives each mesh one process
-_NOT_HERE = {"meshes", "output", "out_dir", "format", "jobs"}
+# of unwrap, but not of a batch: it has --out, reads no stream, and gives each mesh a process and an atlas
+_NOT_HERE = {"meshes", "output", "out_dir", "format", "jobs", "one_atlas"}
 _HELP = {
     "export_seams": "Write the seams of each file, such as '{}.seams.txt' ({}: name of the result).",
     "index_map": "Write the index map of each file, such as '{}.npz'.",
@@ -165,6 +170,7 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "BatchPlan":
         gates=parse_gates(given["fail_if"]),
         out=given["out"],
         exit_of=exits.exit_of,
+        look=look_options_of(given),
         extras={flag: given[name] for name, flag in common.FURTHER.items() if given[name]},
         max_memory=None if size is None else memory_size(size),
     )

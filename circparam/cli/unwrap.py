@@ -192,9 +192,8 @@ class _Run:
         label, searches = os.path.basename(mesh), self.options.searches
         with progress.listener(label, self.quiet, self.place, searches) as listener:
             monitor = monitor_of(self.options, listener, started)
+            from circparam.batch.mesh import unwrap_or_rebake, write_further
             from circparam.formats.io import read
-            from circparam.pipeline.summary import summarise
-            from circparam.pipeline.unwrap import unwrap_document
 
             with monitor.stage("read"):
                 document = read(
@@ -204,20 +203,11 @@ class _Run:
                     reader=self.given["reader"],
                 )
             options = replace(self.options, format=self.given["format"] if out == "-" else None)
-            look = None
-            if self.look is None:
-                result = unwrap_document(document, out, options, monitor)
-            else:
-                from circparam.bake.rebake import rebake_document
-
-                result, look = rebake_document(document, out, options, self.look, monitor)
+            result, report = unwrap_or_rebake(document, out, options, self.look, monitor)
             for name, kind in common.FURTHER.items():
                 if self.given[name]:
-                    from circparam.batch.mesh import write_further
-
                     title = os.path.basename(result.path or "")
                     write_further(kind, result, self.given[name], title, self.given["overwrite"])
-        report = summarise(result) | _look_figures(look)
         self.reports.append(report)
 
         common.print_messages(self.given, f"{mesh}: ", report["warnings"])
@@ -236,16 +226,16 @@ class _Run:
             unshare, reader = self.given["unshare"], self.given["reader"]
             with monitor.stage("read"):
                 documents = [read(mesh, unshare=unshare, reader=reader) for mesh in meshes]
-            look, places = None, [Path(out) for out in outs]
+            places = [Path(out) for out in outs]
             if self.look is None:
                 from circparam.pipeline.together import unwrap_documents
 
-                shared = unwrap_documents(documents, places, self.options, monitor)
+                report = unwrap_documents(documents, places, self.options, monitor).as_dict()
             else:
                 from circparam.bake.together import rebake_documents
 
                 shared, look = rebake_documents(documents, places, self.options, self.look, monitor)
-        report = shared.as_dict() | _look_figures(look)
+                report = shared.as_dict() | look.figures()
 
         common.print_messages(self.given, "", report["warnings"])
         page = report | {"input": f"{len(meshes)} meshes", "output": self.given["out_dir"]}
@@ -253,14 +243,6 @@ class _Run:
         shown = lambda: [tables.unwrap_table(page, verbose), "", tables.atlas_table(report)]  # noqa: E731
         common.show(self.given, report, shown)
         common.check_gates(self.gates, report, "--one-atlas")
-
-
-def _look_figures(look: Any) -> dict[str, Any]:
-    """The part of a report on carried textures; empty without them."""
-    if look is None:
-        return {}
-    checked = {k: v for k, v in (look.checked or {}).items() if k in ("psnr", "ssim")}
-    return {"look": look.as_dict(), **checked}
 
 
 def look_options_of(given: dict[str, Any]) -> LookOptions | None:

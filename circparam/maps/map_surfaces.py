@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +67,15 @@ class MapResult:
         }
 
 
+class Keywords(TypedDict, total=False):
+    """Further arguments of ``map_surfaces``, documented there."""
+
+    method: str
+    mirrored: bool
+    relax: bool
+    overlay: bool
+
+
 def map_surfaces(
     a: Any,
     b: Any,
@@ -74,11 +83,8 @@ def map_surfaces(
     landmarks: npt.ArrayLike | str | os.PathLike[str] | None = None,
     paths: Sequence[Sequence[int]] | None = None,
     charts: bool = False,
-    method: str = "mean-value",
-    mirrored: bool = False,
-    relax: bool = True,
-    overlay: bool = False,
     listener: Listener | None = None,
+    **keywords: Unpack[Keywords],
 ) -> MapResult:
     """A one-to-one map between two connected surfaces with as many handles and boundaries.
 
@@ -97,6 +103,11 @@ def map_surfaces(
     if the surfaces differ, look mirrored, or the landmarks have no common layout. Raises OptionError for a
     method with negative weights, NoResultError if double precision cannot hold the map.
     """
+    unknown = set(keywords) - set(Keywords.__annotations__)
+    if unknown:
+        raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
+    method, mirrored = keywords.get("method", "mean-value"), keywords.get("mirrored", False)
+    relax = keywords.get("relax", True)
     pairs, routes = _pairs(landmarks, paths)
     a, b = open_source(a), open_source(b)
     layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
@@ -119,7 +130,7 @@ def map_surfaces(
             "the map is the composition of the convex maps without it"
         )
     found = _result(side_a, side_b, marks, solution, method, monitor)
-    if not overlay:
+    if not keywords.get("overlay", False):
         return found
     with monitor.stage("overlay"):
         mapped = replace(found.map, overlay=refinement(side_a, side_b, solution))

@@ -145,11 +145,8 @@ def repair(
     )
     report.messages.extend(_messages(mesh, surface, report, pairs, fans))
     if report.messages and not options.allow:
-        raise TopologyError(
-            "the mesh needs repair: "
-            + "; ".join(report.messages)
-            + ". Allow it by leaving out --no-repair"
-        )
+        needed = "; ".join(report.messages)
+        raise TopologyError(f"the mesh needs repair: {needed}. Allow it by leaving out --no-repair")
     return surface, report
 
 

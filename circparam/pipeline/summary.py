@@ -37,14 +37,11 @@ def summarise(result: "Result") -> dict[str, Any]:
     gutters are filled, null where one does at once. flips, overlap, mirrored, missing: 0 in a valid layout.
     effort: searches made, the kept one, the cost of each (``AtlasCost``), and the number missing when time was
     up. dropped_components, dropped_faces: left out by --drop-floaters. density: name, faces, asked, got and
-    texels per unit of each part that --density names, null without it. groups: name, faces, charts, pages (UDIM
-    numbers) and box (u0, v0, u1, v1) of each group of --pages-by or --group-by; null without them. orient: page
-    share that upright charts cover (pack), that they cover if turned freely (pack_free), and the difference
-    (lost); null without --orient up. stages: seconds.
+    texels per unit of each part that --density names. groups: name, faces, charts, pages (UDIM numbers) and box
+    (u0, v0, u1, v1) of each group. orient: page share that upright charts cover (pack), that they cover if
+    turned freely (pack_free), and the difference (lost). These three are null if not asked for. stages: seconds.
     """
-    numbers = _numbers(result.measures)
-    left_out, options = result.floaters, result.options
-    stacked, kept, groups = result.stacks, result.kept, result.groups
+    left_out, options, kept = result.floaters, result.options, result.kept
     found, densities, effort = result.verification, None, result.effort
     if result.density is not None and options.packed:
         densities = list(density_rows(result.density, found, options.resolution_texels))
@@ -70,13 +67,13 @@ def summarise(result: "Result") -> dict[str, Any]:
         },
         "vertices": len(result.mesh.points),
         "faces": len(result.mesh.faces),
-        **numbers,
+        **_numbers(result.measures),
         "dropped_components": 0 if left_out is None else left_out.components,
         "dropped_faces": 0 if left_out is None else int(left_out.faces.sum()),
-        "stack": stacked and stacked_figures(stacked, found),
+        "stack": result.stacks and stacked_figures(result.stacks, found),
         "kept": kept and kept_figures(kept, found, options),
         "density": densities,
-        "groups": groups and list(group_rows(groups, found)),
+        "groups": result.groups and list(group_rows(result.groups, found)),
         "orient": result.orient and result.orient.as_dict(),
         "padding": options.padding_texels if options.packed else None,
         "mip_level": mip_level(options.padding_texels) if options.packed else None,

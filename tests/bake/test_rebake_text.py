@@ -1,5 +1,6 @@
 """OBJ with MTL, and PLY with TextureFile: their images go along as those of glTF do."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from circparam.formats.materials import srgb
 from circparam.mesh.mesh import UVMap
 from tests.bake.test_rebake import UPRIGHT
 from tests.support.baking import sheet, write_obj
-from tests.support.command_line import done, report, run
+from tests.support.command_line import done, one_line_error, report, run
 from tests.support.looks import bumps, psnr, waves
 from tests.support.ply_files import INDEX, XYZ, build
 
@@ -52,6 +53,23 @@ def shown(path: Path, page: str, m: int) -> FloatArray:
                 place = (source.places(use)[0][face[at]] * bary[at][..., None]).sum(1)
                 out[at] = srgb(source.sampled(use, True).sample(*place.T, use, 0)[:, :3])
     return out
+
+
+def test_a_batch_carries_textures_as_unwrap_does(folder: Path) -> None:
+    """--rebake was taken and had no effect, and --one-atlas has no sense there."""
+    words = ("--rebake", "--size", 64, "--padding", 1, *UPRIGHT[:-3])
+    done("unwrap", folder / "m.obj", *words, "-j", 1, "--out-dir", folder / "one")
+    done(
+        "batch", folder / "m.obj", *words, "-j", 1, "--out", folder / "many", "--fail-if", "flips>0"
+    )
+    written = [path for path in (folder / "one").iterdir() if path.suffix != ".obj"]
+    assert {path.suffix for path in written} == {".mtl", ".png"}
+    for path in (*written, folder / "one" / "m.obj"):
+        assert (folder / "many" / path.name).read_bytes() == path.read_bytes(), path.name
+    line = json.loads((folder / "many" / "manifest.jsonl").read_text().splitlines()[-1])
+    assert line["measures"]["look"]["materials"] == 1
+    one_line_error(run("batch", folder, "--out", folder / "x", "--size", 64), 2, "--rebake")
+    assert run("batch", folder, "--out", folder / "x", "--one-atlas").exit_code == 2
 
 
 @pytest.mark.parametrize(

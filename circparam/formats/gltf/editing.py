@@ -359,9 +359,7 @@ def redressed(
                         (transform if "texCoord" in transform else info)["texCoord"] = kept_set
         if changed[lead] != {}:
             entry["material"] = lead
-    for k, material in changed.items():
-        known[k] = material
-    out["materials"] = known
+    out["materials"] = [changed.get(k, material) for k, material in enumerate(known)]
     # entries that lost their last user go; those that never had one stay
     final: dict[int, int] = {}
     for kind, users in _USERS.items():
