@@ -26,9 +26,9 @@ _NO_BYTES = ("timeout", "overwrite", "format", "jobs")
 class Settings:
     """options, gates: of each unwrap. out: folder of the results. exit_of: the exit code and line of an
     exception, a function of a module. look: how textures are carried along, None for none. extras: further
-    outputs of each file, by ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. run: a
-    name of this run. fork: whether a warm server forks for each mesh, else it is used again; None if the system
-    decides.
+    outputs of each file, by ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh.
+    run: a name of this run. fork: whether a warm server forks for each mesh, else it is used again; None if the
+    system decides.
     """
 
     options: Options

@@ -39,7 +39,7 @@ def summarise(result: "Result") -> dict[str, Any]:
     up. dropped_components, dropped_faces: left out by --drop-floaters. density: name, faces, asked, got and
     texels per unit of each part that --density names. groups: name, faces, charts, pages (UDIM numbers) and box
     (u0, v0, u1, v1) of each group. orient: page share that upright charts cover (pack), that they cover if
-    turned freely (pack_free), and the difference (lost). These three are null if not asked for. stages: seconds.
+    turned freely (pack_free), and the difference (lost). The three are null if not asked for. stages: seconds.
     """
     left_out, options, kept = result.floaters, result.options, result.kept
     found, densities, effort = result.verification, None, result.effort
