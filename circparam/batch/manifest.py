@@ -64,16 +64,16 @@ def cut_torn_line(path: Path) -> int:
 class Manifest:
     """The manifest of a folder, open for appending; one process at a time has it.
 
-    ``path``: where its lines are on this machine. ``fresh``: whether there was none before. Raises OptionError
-    where another batch has it, OutputError if it cannot be written.
+    ``path``: where its lines are on this machine. Raises OptionError where another batch has it, OutputError if
+    it cannot be written.
     """
 
     def __init__(self, folder: Folder) -> None:
         self.folder = folder
         try:
             self.path, there = local_copy(folder)
-            self.fresh = not there
-            if folder.remote and self.fresh:  # of another folder of that name
+            fresh = folder.remote and not there
+            if fresh:  # of another folder of that name
                 self.path.unlink(missing_ok=True)
             self._stream = self.path.open("ab", buffering=0)
             self._lock()
@@ -88,7 +88,7 @@ class Manifest:
             raise
         self._synced = self._uploaded = time.monotonic()
         self._pause = UPLOAD
-        if folder.remote and self.fresh:
+        if fresh:
             self.upload()
 
     def _lock(self) -> None:
@@ -128,10 +128,9 @@ class Manifest:
         start = time.monotonic()
         try:
             self.folder.put(NAME, str(self.path))
-        except Exception as error:
+        except OutputError as error:
             raise OutputError(
-                f"{self.folder.of(NAME)}: cannot be written ({' '.join(str(error).split())}); "
-                f"its lines are kept in {self.path}: the same command again puts them there"
+                f"{error}; its lines are kept in {self.path}: the same command again puts them there"
             ) from None
         finally:
             self._uploaded = time.monotonic()

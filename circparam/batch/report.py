@@ -18,7 +18,6 @@ from circparam.batch.index import STORED_FIGURES, Index
 from circparam.batch.progress import LINE_STATUSES, printable
 from circparam.batch.store import Folder, again, root_store
 from circparam.core.types import FloatArray
-from circparam.errors import OutputError
 from circparam.formats.io import read
 from circparam.render import colours as col
 from circparam.render.compare_page import png_url
@@ -60,14 +59,8 @@ def save_report(folder: Folder, index: Index) -> str:
         writer.writerow([readable(v) if isinstance(v, bytes) else v for v in row])
     table = text.getvalue().encode("utf-8", "backslashreplace")
     page = report_page(folder, index).encode("utf-8", "backslashreplace")
-    try:
-        folder.put_bytes(TABLE_NAME, table)
-        folder.put_bytes(PAGE_NAME, page)
-    except OutputError:
-        raise
-    except Exception as error:
-        reason = getattr(error, "strerror", None) or error
-        raise OutputError(f"{folder.of(PAGE_NAME)}: cannot be written ({reason})") from None
+    folder.put_bytes(TABLE_NAME, table)
+    folder.put_bytes(PAGE_NAME, page)
     return folder.of(PAGE_NAME)
 
 

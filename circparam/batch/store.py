@@ -4,13 +4,14 @@ Local files are never handled by fsspec. A remote call is tried again some times
 and then; a file is put there whole or not at all.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
 import re
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -128,23 +129,34 @@ class Folder:
             ) from None
 
     def put(self, name: str, path: str) -> None:
-        """Put a local file there, whole: moved where the folder is local. Raises the errors of the store."""
-        if not self.remote:
-            target = self.of(name)
-            os.makedirs(os.path.dirname(target), exist_ok=True)
-            os.replace(path, target)
-            return
-        store, root = root_store(self.address)
-        again(store.put_file, path, f"{root}/{name}")
+        """Put a local file there, whole: moved where the folder is local. Raises OutputError."""
+        with self._writing(name):
+            if self.remote:
+                store, root = root_store(self.address)
+                again(store.put_file, path, f"{root}/{name}")
+            else:
+                target = self.of(name)
+                os.makedirs(os.path.dirname(target), exist_ok=True)
+                os.replace(path, target)
 
     def put_bytes(self, name: str, data: bytes, durable: bool = True) -> None:
-        """Put a small file there, whole; ``durable``: as for ``write_files``. Raises OutputError or the errors
-        of the store."""
-        if self.remote:
+        """Put a small file there, whole; ``durable``: as for ``write_files``. Raises OutputError."""
+        if not self.remote:
+            write_files({Path(self.of(name)): data}, overwrite=True, durable=durable)
+            return
+        with self._writing(name):
             store, root = root_store(self.address)
             again(store.pipe_file, f"{root}/{name}", data)
-            return
-        write_files({Path(self.of(name)): data}, overwrite=True, durable=durable)
+
+    @contextlib.contextmanager
+    def _writing(self, name: str) -> Iterator[None]:
+        """Raise the errors of a disk or a store as OutputError, caused by them."""
+        try:
+            yield
+        except Exception as error:
+            reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+            line = f"{self.of(name)}: cannot be written ({' '.join(reason.split())})"
+            raise OutputError(line) from error
 
     def get_bytes(self, name: str) -> bytes | None:
         """The content of a file in it; None if there is none."""

@@ -155,16 +155,7 @@ def _placed(
         (os.path.join(inner, f), f"{base}/{f}".lstrip("/").replace(os.sep, "/")) for f in files
     ]
     for path, name in names:
-        try:
-            folder.put(name, path)
-        except Exception as error:
-            full = isinstance(error, OSError) and error.errno in _FULL
-            reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-            problem = OutputError(
-                f"{folder.of(name)}: cannot be written ({' '.join(reason.split())})"
-            )
-            problem.__cause__ = OSError(errno.ENOSPC, "") if full else error
-            raise problem from problem.__cause__
+        folder.put(name, path)
     more = [name for _, name in names[:-1]]
     return {"output": folder.of(item.target), **output, **({"files": more} if more else {})}
 
@@ -246,8 +237,8 @@ def _renamed(values: Any, names: dict[str, str]) -> Any:
 def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | None]:
     """Download a file into a folder: (its local path, hash of its bytes).
 
-    Its companions come along: buffers of a glTF, with --copy-assets images and materials too. Raises
-    InputError, with the cause kept where it was the store.
+    Its companions come along: buffers of a glTF, with --copy-assets or --rebake images and materials too.
+    Raises InputError, with the cause kept where it was the store.
     """
     os.makedirs(folder)
     inner = address.removesuffix(archive_of(address))
@@ -255,7 +246,7 @@ def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | Non
     try:
         store, remote = open_store(address)
         again(store.get_file, remote, path)
-        everything = bool(settings.options.copy_assets)
+        everything = bool(settings.options.copy_assets) or settings.look is not None
 
         def fetched(name: str) -> Path | None:
             """The local copy of a file beside the source; reading the mesh reports a missing one."""

@@ -95,9 +95,6 @@ def _save(sample: "Sample", output: str, overwrite: bool) -> list[str]:
             "circparam unwrap -o turns it into another format"
         )
     copies = [(main, target), *((other, target.parent / other.name) for other in others)]
-    for _, path in copies:
-        if path.exists() and not overwrite:
-            raise OptionError(f"{path} exists already: give --overwrite or another name")
     contents = {path: source.read_bytes() for source, path in [*copies[1:], copies[0]]}
     write_files(contents, overwrite)
     return [str(path) for _, path in copies]

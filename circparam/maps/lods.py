@@ -127,8 +127,7 @@ def transfer(
         for job in jobs:
             apart = _check_shape(charts, job.surface, job.document)
             layout = carry_charts(charts, job.surface)
-            _check_layout(layout, job, resolution, max_drift)
-            carried.append((layout, apart, _fitted(job, layout)))
+            carried.append((layout, apart, _fitted(job, layout, resolution, max_drift)))
     out = []
     for job, output, (layout, apart, fitted) in zip(jobs, outputs, carried, strict=True):
         result = verify_and_save(job, fitted, output, monitor, "transfer")
@@ -160,9 +159,12 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
     return far
 
 
-def _check_layout(layout: CarriedLayout, job: Job, resolution: int, most: float) -> None:
-    """Raise NoResultError if faces stay flipped or overlap, if too many lie in free room, or if a corner lies
-    too far from its place in the first layout."""
+def _fitted(job: Job, layout: CarriedLayout, resolution: int, most: float) -> Fitted:
+    """The layout as stored.
+
+    Raises NoResultError if faces are flipped or overlap, if too many lie in free room, or if a corner lies too
+    far from its place in the first layout.
+    """
     surface, name = job.surface, job.document.source.name
     bad = layout.faulty if layout.faulty.any() else layout.loose
     if layout.faulty.any() or layout.loose_share > LOOSE_AREA_SHARE:
@@ -172,7 +174,6 @@ def _check_layout(layout: CarriedLayout, job: Job, resolution: int, most: float)
             f"{name}: {counted(int(bad.sum()), 'face')} would overlap others, the largest at "
             f"({_point(middle)}): give a finer mesh, or one that has the seams of the first mesh as edges"
         )
-
     drift = resolution * float(layout.drift.max())
     if drift > most:
         raise NoResultError(
@@ -180,16 +181,12 @@ def _check_layout(layout: CarriedLayout, job: Job, resolution: int, most: float)
             f"({_point(layout.farthest)}), more than --max-drift {most:g}: give a finer mesh or a "
             "larger --max-drift"
         )
-
-
-def _fitted(job: Job, layout: CarriedLayout) -> Fitted:
-    """The layout as stored. Raises NoResultError for flipped faces."""
     cut_mesh, uv = layout.atlas.open()
     uvmap = job.stored(cut_mesh, uv)
-    turned = int(flipped_faces(job.surface, uvmap).sum())
+    turned = int(flipped_faces(surface, uvmap).sum())
     if turned:
         raise NoResultError(
-            f"{job.document.source.name}: {counted(turned, 'face')} would be flipped: give a finer mesh"
+            f"{name}: {counted(turned, 'face')} would be flipped: give a finer mesh"
         )
     return Fitted(Cascade(layout.atlas), uvmap)
 
