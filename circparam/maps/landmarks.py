@@ -108,7 +108,7 @@ def add_paths(marks: Landmarks, paths: list[list[int]], a: MapInput) -> None:
             own = int(a.vertex[vertex]) if 0 <= vertex < len(a.vertex) else -1
             if own not in number:
                 raise InputError(
-                    f"path {line}: vertex {vertex} of A is not a landmark; a path joins landmarks"
+                    f"path {line}: vertex {vertex} of {a.name} is not a landmark; a path joins landmarks"
                 )
             found.append(number[own])
         for k, pair in enumerate(itertools.pairwise(found)):

@@ -110,7 +110,11 @@ def map_surfaces(
     relax = keywords.get("relax", True)
     pairs, routes = _pairs(landmarks, paths)
     a, b = open_source(a), open_source(b)
-    layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
+    names = [
+        letter if surface.path is None else surface.source.name
+        for letter, surface in zip("AB", (a, b), strict=True)
+    ]
+    layouts = (_layout(a, names[0]), _layout(b, names[1])) if charts else None
     good = [name for name in WEIGHTS.names() if POSITIVE_TAG in WEIGHTS[name].tags]
     if method not in good:
         raise OptionError(
@@ -119,7 +123,7 @@ def map_surfaces(
         )
     monitor = Monitor(listener)
     with monitor.stage("repair"):
-        side_a, side_b = map_input_of(a.mesh, "A"), map_input_of(b.mesh, "B", mirrored)
+        side_a, side_b = map_input_of(a.mesh, names[0]), map_input_of(b.mesh, names[1], mirrored)
         require_same(side_a, side_b)
     with monitor.stage("landmarks"):
         marks = _landmarks(pairs, routes, layouts, side_a, side_b, mirrored)
@@ -237,7 +241,7 @@ def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
     number = int(np.flatnonzero(a.vertex == vertex)[0])
     return [
         f"the map is far from an isometry (mean distortion {worst:.3g}; 1 is perfect), worst near vertex "
-        f"{number} of A: add a landmark there and at the end of every long thin part"
+        f"{number} of {a.name}: add a landmark there and at the end of every long thin part"
     ]
 
 

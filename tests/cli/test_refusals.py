@@ -217,10 +217,10 @@ ROWS = """
 2 | map blob.obj blob2.obj -o m.npz --method harmonic  | of circle, mean-value, floater, uniform.
 3 | map blob.obj none.obj -o m.npz                     | none.obj
 3 | map blob.obj blob2.obj -o m.npz --landmarks badpairs.txt | line 2
-4 | map blob.obj disk.obj -o m.npz                     | boundaries
+4 | map blob.obj disk.obj -o m.npz                     | blob.obj has 0 boundaries and disk.obj 1
 4 | map blob.obj mirror.obj -o m.npz --landmarks pairs.txt | --mirrored
-4 | map torus.obj plate.obj -o m.npz                   | genus 1 and B 2
-3 | map bare.obj line.obj -o m.npz                     | B: its 1 face is degenerate
+4 | map torus.obj plate.obj -o m.npz                   | torus.obj has genus 1 and plate.obj 2
+3 | map bare.obj line.obj -o m.npz                     | line.obj: its 1 face is degenerate
 2 | map blob.obj blob2.obj -o mine.npz                 | --overwrite
 
 3 | morph a.obj b.obj -o x.glb --map gone.npz          | gone.npz
