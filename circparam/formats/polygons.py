@@ -5,6 +5,7 @@ clipped in the plane of the polygon: near-linear, by a tree of the corners that 
 """
 
 import heapq
+from collections import Counter
 
 import numpy as np
 
@@ -109,31 +110,32 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
         if n > 3:
             p = points[corners[start[of_size][:, None] + np.arange(n)]]
             apex, fits = first_fan(p - p[:, :1])
-        k = np.arange(1, n - 1)
-        fan = np.stack(
-            [
-                np.broadcast_to(apex[:, None], (len(apex), n - 2)),
-                (apex[:, None] + k) % n,
-                (apex[:, None] + k + 1) % n,
-            ],
-            2,
-        )
-        triangles[at[of_size][:, None] + np.arange(n - 2)] = fan + start[of_size][:, None, None]
+        fans = _fans(apex, n)
+        triangles[at[of_size][:, None] + np.arange(n - 2)] = fans + start[of_size][:, None, None]
         for i in np.flatnonzero(~fits).tolist():  # concave ones are few
-            if n > MAX_CONCAVE_CORNERS:
+            if n > MAX_CONCAVE_CORNERS and _normal(p[i]).any():
                 raise InputError(
                     f"polygon {int(of_size[i])} is concave and has {n} corners: triangulate it first"
                 )
             f = of_size[i]
             try:
-                ears = clip_ears(p[i] - p[i, 0])
+                ears = _without_fan(p[i] - p[i, 0])
             except InputError as error:
                 raise InputError(
                     f"polygon {int(f)} is concave, has {n} corners, and {error}"
                 ) from None
-            triangles[at[f] : at[f] + n - 2] = ears + start[f]
+            triangles[at[f] : at[f] + n - 2] = -1
+            triangles[at[f] : at[f] + len(ears)] = ears + start[f]
     owner = np.repeat(np.arange(len(size)), count)
-    return Polygons(corners, start, triangles, owner)
+    made = triangles[:, 0] >= 0
+    return Polygons(corners, start, triangles[made], owner[made])
+
+
+def _fans(apex: IntArray, n: int) -> IntArray:
+    """(k, n − 2, 3) corners of the fans of k polygons of n corners, from their corners ``apex`` (k,) on."""
+    k = np.arange(1, n - 1)
+    middle = np.broadcast_to(apex[:, None], (len(apex), n - 2))
+    return np.stack([middle, (apex[:, None] + k) % n, (apex[:, None] + k + 1) % n], 2)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -147,9 +149,8 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     k, n, _ = p.shape
     normal = np.cross(p, np.roll(p, -1, axis=1)).sum(1)
     apex = np.zeros(k, np.int64)
-    flat = ~(np.abs(normal).max(1) > 0)
-    fits = flat.copy()
-    open_ = np.flatnonzero(~fits)
+    fits = np.zeros(k, bool)
+    open_ = np.flatnonzero(np.abs(normal).max(1) > 0)
     possible = np.ones((k, n), bool)
     while len(open_):
         row = np.arange(len(open_))
@@ -172,6 +173,72 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
 def _doubled_areas(a: FloatArray, b: FloatArray, normal: FloatArray) -> FloatArray:
     """(k, t) twice the area along the normal (k, 3) of triangles with sides (k, t, 3)."""
     return np.einsum("kti,ki->kt", np.cross(a, b), normal)
+
+
+def _without_fan(p: FloatArray) -> IntArray:
+    """(t, 3) corners of the triangles of a polygon that no fan fits, t ≤ n − 2. p: (n, 3) relative to corner 0.
+
+    A polygon that comes back to a point is taken apart there. Its parts share no corner, because parts may lie
+    in different charts and a corner has one uv. A polygon with a hole has parts that are wound both ways. It
+    stays whole, because all its triangles agree with its normal.
+    """
+    place = list(map(tuple, p.tolist()))
+    normal = _normal(p)
+    if len(set(place)) == len(p) and normal.any():
+        return clip_ears(p)
+    least = -SLIVER_AREA_SHARE * (normal @ normal)
+    loops = _loops(place, len(p))
+    if max(map(len, loops)) < 3:
+        return _fans(np.zeros(1, np.int64), len(p))[0]
+    if not all(_normal(p[loop]) @ normal >= least for loop in loops):
+        whole = _cut_loops(p, _loops(place, 2))
+        if all(_normal(p[triangle]) @ normal >= least for triangle in whole):
+            return whole
+    return _cut_loops(p, loops)
+
+
+def _normal(p: FloatArray) -> FloatArray:
+    """(3,) the normal of a polygon (n, 3), twice its area long."""
+    p = p - p[0]
+    return np.asarray(np.cross(p, np.roll(p, -1, axis=0)).sum(0))
+
+
+def _cut_loops(p: FloatArray, loops: list[list[int]]) -> IntArray:
+    """(t, 3) the triangles of each loop of a polygon (n, 3); loops without area give one, for their uv."""
+    out = []
+    for loop in loops:
+        if len(loop) < 3:
+            out.append(np.array([[loop[0], loop[-1], loop[-1]]]))
+            continue
+        q = p[loop] - p[loop[0]]
+        apex, fits = first_fan(q[None])
+        fan = fits[0] or not _normal(q).any()  # without a normal, no triangles are better
+        out.append(np.array(loop)[_fans(apex, len(q))[0] if fan else clip_ears(q)])
+    return np.concatenate(out)
+
+
+def _loops(place: list[tuple[float, ...]], longest: int) -> list[list[int]]:
+    """Corners of a polygon in loops: one corner, one there and back, or round an area.
+
+    place: (n, 3) the points of the corners. A walk along the outline leaves a loop at each point to which it
+    comes back after at most ``longest`` corners.
+    """
+    n, count = len(place), Counter(place)
+    plain = (k for k in range(n) if count[place[k]] == 1 and place[k - 1] != place[(k + 1) % n])
+    first = next(plain, 0)
+    loops: list[list[int]] = []
+    walk: list[int] = []
+    at: dict[tuple[float, ...], int] = {}
+    for k in [*range(first, n), *range(first)]:
+        begin = at.get(place[k])
+        if begin is not None and len(walk) - begin <= longest:
+            loops.append(walk[begin:])
+            del walk[begin:]
+            for corner in loops[-1]:
+                at.pop(place[corner], None)
+        at[place[k]] = len(walk)
+        walk.append(k)
+    return [*loops, walk]
 
 
 def clip_ears(p: FloatArray) -> IntArray:

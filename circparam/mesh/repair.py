@@ -100,8 +100,8 @@ def repair(
     uvmap: a layout to be judged or packed. Faces at an edge of more than two connect as in the layout, so
     charts are counted as their maker counted them. Of the faces with the same three points, only those with the
     same uv at all three are duplicates. The others have a place of their own. Raises InputError if no face has
-    an area. Raises TopologyError if a repair is needed and ``options.allow`` is False, or if a polygon is
-    closed in itself. Raises OptionError if the weld tolerance is no distance or larger than the mesh.
+    an area. Raises TopologyError if a repair is needed and ``options.allow`` is False. Raises OptionError if
+    the weld tolerance is no distance or larger than the mesh.
     """
     scale = mesh_scale(mesh)
     points = mesh.points if scale == 1.0 else mesh.points * scale
@@ -121,12 +121,10 @@ def repair(
     if mesh.polygons is not None:
         duplicate &= ~_part_of_another_polygon(mesh.polygons, first, duplicate, bad)
     kept, again = np.flatnonzero(~bad & ~duplicate), np.flatnonzero(duplicate)
-    if len(kept) == 0:
-        raise InputError(
-            f"its {counted(len(welded), 'face')} {plural(len(welded), 'is')} degenerate (no area): "
-            "there is nothing to unwrap"
-        )
     surface, pairs, orientation = _joined(mesh, points, welded, kept, uv, options.by_position)
+    bad |= mask_of(len(bad), kept) & ~mask_of(len(bad), surface.source)
+    bad |= duplicate & bad[first]
+    again = again[~bad[again]]
     fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~orientation.keep, 0]])
     report = RepairReport(
         weld=weld,
@@ -160,8 +158,14 @@ def _joined(
 ) -> tuple[Surface, Pairs, Orientation]:
     """The surface of the faces ``kept``, their half-edges in pairs, and how they are wound.
 
-    points: (n, 3) as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is.
+    points: (n, 3) as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is. Polygons that are
+    closed in themselves are left out: without a seam inside, no uv can show them.
     """
+    if len(kept) == 0:
+        raise InputError(
+            f"its {counted(len(welded), 'face')} {plural(len(welded), 'is')} degenerate (no area): "
+            "there is nothing to unwrap"
+        )
     # by the ranks of their positions, points have the same order however the file numbers them
     ranked = np.empty((int(mesh.rank.max()) + 1, 3))
     ranked[mesh.rank] = points
@@ -184,11 +188,8 @@ def _joined(
         )
         closed = (2 * inside >= 3 * np.bincount(polygons))[polygons]
         if closed.any():
-            number = mesh.face_number(kept[closed].min())
-            raise TopologyError(
-                f"face {number} repeats its corners until it encloses nothing: no uv can show it whole. "
-                "Name each corner once"
-            )
+            rest = np.sort(kept[~closed])
+            return _joined(mesh, points, welded, rest, uv, by_position)
     orientation = orient(normals_of(points[faces]), pairs)
     # the surface wound as ``orientation`` says; reversing a face swaps its half-edges 0 and 2
     back = orientation.reversed_faces

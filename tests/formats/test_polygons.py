@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from circparam.errors import InputError, NoResultError, TopologyError
+import circparam
+from circparam.errors import InputError, NoResultError
 from circparam.formats import polygons
 from circparam.formats.io import read_data
 from circparam.formats.polygons import Ears, triangulate
@@ -87,14 +88,55 @@ def _ring(n: int, radius: float, turn: float) -> np.ndarray:
     return middle + radius * np.stack([np.cos(angle), np.sin(angle)], 1)
 
 
-def test_a_polygon_that_closes_round_nothing_is_refused() -> None:
-    """Four corners, named over and over: two triangles up and two down, joined at all their edges."""
-    square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
-    document = read_data(square + b"f" + b" 1 2 3 4" * 100 + b" 1\n", format="obj")
-    with pytest.raises(TopologyError, match="face 1 repeats its corners"):
-        repair(document.mesh)
-    once, _ = repair(read_data(square + b"f 1 2 3 4\n", format="obj").mesh)
-    assert len(once.faces) == 2
+@pytest.mark.parametrize(
+    ("face", "kept"),
+    [
+        ("1 2 3 4" + " 1 2 3 4" * 99 + " 1", 2),
+        ("5 4 2 5 4 1 2 5 1 4 2 1", 0),
+    ],
+    ids=["laps", "tetrahedron"],
+)
+def test_a_polygon_that_closes_round_nothing_refuses_no_file(face: str, kept: int) -> None:
+    """A square that goes round a hundred times is one square; a closed polygon is set aside."""
+    points = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 5 0 0\nv 6 0 0\nv 5 1 0\n"
+    data = points + f"f {face}\nf 6 7 8\n".encode()
+    surface, _ = repair(read_data(data, format="obj").mesh)
+    assert len(surface.faces) == kept + 1
+    result = circparam.unwrap(read_data(data, format="obj"), effort="draft")
+    assert (result.status, result.verification.missing) == ("repaired", 0)
+
+
+POINTS = "0 0, 4 0, 4 4, 0 4, 1 1, 1 3, 3 3, 3 1, 8 4, 8 8, 4 8, 8 0"
+RETURNS = {
+    "spike": ("1 2 12 2 3 4", 16),
+    "spike on a spike": ("1 2 12 9 12 2 3 4", 16),
+    "spike at the first corner": ("12 2 3 4 1 2", 16),
+    "two squares": ("3 9 10 11 3 4 1 2", 32),
+    "two triangles": ("1 2 3 10 11 3", 16),
+    "crossing": ("1 2 3 11 10 3", 16),
+    "hole": ("1 2 3 4 1 5 6 7 8 5", 12),
+    "hole and spike": ("1 2 12 2 3 4 1 5 6 7 8 5", 12),
+    "every corner twice": ("1 1 2 2 3 3 4 4", 16),
+    "two rounds": ("1 2 3 4 1 2 3 4", 32),
+}
+
+
+@pytest.mark.parametrize("kind", RETURNS)
+def test_a_polygon_that_comes_back_to_a_point_keeps_its_uv_whole(kind: str) -> None:
+    """Its triangles cover its area, all corners have uv, and the result has no flip and no overlap."""
+    face, area = RETURNS[kind]
+    xy = [row.split() for row in POINTS.split(", ")]
+    lines = [*(f"v {x} {y} 0" for x, y in xy), "v 0 0 5", "v 4 0 5", f"f {face}", "f 1 13 14 2"]
+    document = read_data("\n".join(lines).encode() + b"\n", format="obj")
+    p = document.mesh.points[document.mesh.faces[document.polygons().owner == 0]]
+    areas = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])[:, 2] / 2
+    assert np.abs(areas).sum() == pytest.approx(area)
+    assert (areas >= 0).all() or kind == "crossing"
+    result = circparam.unwrap(document, effort="draft")
+    assert result.status in ("ok", "repaired")
+    assert (result.verification.flips, result.verification.missing) == (0, 0)
+    corners = document.polygons().corner_uv(UVMap(result.uv, result.uv_faces), kind)
+    assert (corners >= 0).all()
 
 
 def test_large_concave_polygons_are_refused() -> None:
