@@ -19,9 +19,9 @@ class MapInput:
     """A connected surface, with or without boundaries.
 
     name: of the file, or A or B, for messages. surface: in the winding of the solve. closed: the surface with
-    closed boundaries, the vertices of the surface first. tips (b,): the vertex that closes each boundary. loops: the vertices of each
-    boundary, in order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 if no face
-    uses it. notes: repairs.
+    closed boundaries, the vertices of the surface first. tips (b,): the vertex that closes each boundary.
+    loops: the vertices of each boundary, in order with the surface on the left. vertex (n,): of each vertex of
+    the mesh, −1 if no face uses it. notes: repairs.
     """
 
     name: str
