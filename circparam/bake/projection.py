@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
-from circparam.core.arrays import numbered_rows, slices, unit
+from circparam.core.arrays import interpolated, numbered_rows, slices, unit
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -102,8 +102,8 @@ class Projection:
 
     def find(self, face: IntArray, bary: FloatArray) -> Hits:
         """Where texels, face (p,) and barycentric coordinates (p, 3) on the target, land; t: the height."""
-        place = np.einsum("pk,pkc->pc", bary, self.corners[face])
-        normal = unit(np.einsum("pk,pkc->pc", bary, self.normals[face]))
+        place = interpolated(bary, self.corners[face])
+        normal = unit(interpolated(bary, self.normals[face]))
         hits = first_hits(self.tree, place, normal, self.reach[face], nearest=self.mapped)
         missed = np.flatnonzero(hits.face < 0)
         self.tally.sought += len(face)
@@ -115,7 +115,7 @@ class Projection:
         there = np.where(distance <= far, there, -1)
         hits.face[missed], hits.bary[missed] = there, at
         corners = self.source.points[self.source.faces[np.maximum(there, 0)]]
-        on = np.einsum("pk,pkc->pc", at, corners)
+        on = interpolated(at, corners)
         hits.t[missed] = ((on - place[missed]) * normal[missed]).sum(1)
         self.tally.empty += int(np.count_nonzero(there < 0))
         return hits
@@ -211,7 +211,7 @@ def normal_paint(
         space = own_frames(target, layout)
 
     def normals(face: IntArray, bary: FloatArray, landed: Hits) -> FloatArray:
-        normal = np.einsum("pk,pkc->pc", landed.bary, seen[landed.face])
+        normal = interpolated(landed.bary, seen[landed.face])
         return 0.5 + 0.5 * space.into(face, bary, unit(normal))
 
     return landed_paint(projection, 3, normals)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.bake.texels import flat_areas
-from circparam.core.arrays import numbered_rows, slices, unit
+from circparam.core.arrays import interpolated, numbered_rows, slices, unit
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.materials import Textures, decode
 from circparam.geometry.closest import Nearest, closest_on_triangles, samples_of, walked
@@ -37,7 +37,7 @@ def corner_paint(corners: FloatArray) -> Paint:
     """Colours of corners (m, 3, c), blended inside every face."""
 
     def paint(face: IntArray, bary: FloatArray) -> FloatArray:
-        return np.einsum("pk,pkc->pc", bary, corners[face])
+        return interpolated(bary, corners[face])
 
     return paint
 
@@ -64,7 +64,7 @@ def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tup
 
     def paint(face: IntArray, bary: FloatArray) -> FloatArray:
         out = plain[face]
-        uv = np.einsum("pk,pkc->pc", bary, layout.uv[np.maximum(layout.uv_faces[face], 0)])
+        uv = interpolated(bary, layout.uv[np.maximum(layout.uv_faces[face], 0)])
         for k, array in enumerate(arrays):
             at = np.flatnonzero(image_of[face] == k)
             out[at] = bilinear(array, np.nan_to_num(uv[at]))
@@ -157,7 +157,7 @@ def closest_paint(mesh: Mesh, closest: Closest, paint: Paint) -> Paint:
     """Colours of another surface: those of its point that is closest to each place of the mesh."""
 
     def through(face: IntArray, bary: FloatArray) -> FloatArray:
-        places = np.einsum("pk,pkc->pc", bary, mesh.points[mesh.faces[face]])
+        places = interpolated(bary, mesh.points[mesh.faces[face]])
         there, at, _ = closest.find(places)
         return paint(there, at)
 

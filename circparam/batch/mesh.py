@@ -29,6 +29,8 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
     from circparam.core.monitor import Monitor
     from circparam.errors import GateError
     from circparam.formats.io import read
+    from circparam.pipeline.summary import summarise
+    from circparam.pipeline.unwrap import unwrap_document
 
     # as many meshes are at work as there are cores, and a fork has no processes that others have opened
     options = replace(settings.options, overwrite=True, format=None, jobs=1)
@@ -38,7 +40,13 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
     monitor = Monitor(None, options.timeout, options.processes)
     with monitor.stage("read"):
         document = read(source, unshare=bool(options.unshare), reader=options.reader)
-    result, report = unwrap_or_rebake(document, target, options, settings.look, monitor)
+    if settings.look is None:
+        result, figures = unwrap_document(document, target, options, monitor), {}
+    else:
+        from circparam.bake.rebake import rebake_document
+
+        result, look = rebake_document(document, target, options, settings.look, monitor)
+        figures = look.figures()
     scratch = os.path.dirname(target)
     more = {}
     for kind, pattern in settings.extras.items():
@@ -46,6 +54,7 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
         path = os.path.join(scratch, f"further.{kind}{os.path.splitext(place)[1]}")
         write_further(kind, result, path, os.path.basename(name), overwrite=True)
         more[place] = os.path.basename(path)
+    report = summarise(result) | figures
     files = [os.path.relpath(f, scratch) for f in result.files if f != target]
     code, error = 0, None
     if missed := settings.gates.missed(report):
@@ -57,23 +66,6 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
         "files": [*files, os.path.basename(target)],
         "further": more,
     }
-
-
-def unwrap_or_rebake(
-    document: Any, target: str, options: Any, look: Any, monitor: Any
-) -> tuple[Any, dict[str, Any]]:
-    """The result of an unwrap and its report; look: how textures are carried along, None for none."""
-    from circparam.pipeline.summary import summarise
-
-    if look is None:
-        from circparam.pipeline.unwrap import unwrap_document
-
-        result = unwrap_document(document, target, options, monitor)
-        return result, summarise(result)
-    from circparam.bake.rebake import rebake_document
-
-    result, carried = rebake_document(document, target, options, look, monitor)
-    return result, summarise(result) | carried.figures()
 
 
 def write_further(kind: str, result: Any, path: str, title: str, overwrite: bool) -> None:

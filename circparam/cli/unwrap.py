@@ -192,8 +192,9 @@ class _Run:
         label, searches = os.path.basename(mesh), self.options.searches
         with progress.listener(label, self.quiet, self.place, searches) as listener:
             monitor = monitor_of(self.options, listener, started)
-            from circparam.batch.mesh import unwrap_or_rebake, write_further
             from circparam.formats.io import read
+            from circparam.pipeline.summary import summarise
+            from circparam.pipeline.unwrap import unwrap_document
 
             with monitor.stage("read"):
                 document = read(
@@ -203,11 +204,20 @@ class _Run:
                     reader=self.given["reader"],
                 )
             options = replace(self.options, format=self.given["format"] if out == "-" else None)
-            result, report = unwrap_or_rebake(document, out, options, self.look, monitor)
+            if self.look is None:
+                result, figures = unwrap_document(document, out, options, monitor), {}
+            else:
+                from circparam.bake.rebake import rebake_document
+
+                result, look = rebake_document(document, out, options, self.look, monitor)
+                figures = look.figures()
             for name, kind in common.FURTHER.items():
                 if self.given[name]:
+                    from circparam.batch.mesh import write_further
+
                     title = os.path.basename(result.path or "")
                     write_further(kind, result, self.given[name], title, self.given["overwrite"])
+        report = summarise(result) | figures
         self.reports.append(report)
 
         common.print_messages(self.given, f"{mesh}: ", report["warnings"])

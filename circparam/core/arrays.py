@@ -127,8 +127,15 @@ def first_of_each(groups: IntArray, n: int) -> IntArray:
     return out
 
 
+def interpolated(weights: FloatArray, corners: FloatArray) -> FloatArray:
+    """(k, d) values at places with barycentric weights (k, 3) in faces with values (k, 3, d) at the corners."""
+    return np.einsum("kc,kcd->kd", weights, corners)
+
+
 def group_sum(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
-    """Sum of the values of each of ``n`` groups, added in index order (so it is reproducible)."""
+    """(n,) or (n, d) sums of the values (k,) or (k, d) of each of ``n`` groups, added in index order."""
+    if values.ndim == 2:
+        return np.stack([group_sum(column, groups, n) for column in values.T], axis=1)
     return np.bincount(groups, values, n).astype(np.float64, copy=False)
 
 

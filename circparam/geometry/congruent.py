@@ -140,7 +140,7 @@ def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntA
     area = np.linalg.norm(cross, axis=1) / 2
     total = np.maximum(group_sum(area, component, n), 1e-300)
     middle = corner.mean(1)
-    centre = np.stack([group_sum(area * middle[:, k], component, n) / total for k in range(3)], 1)
+    centre = group_sum(area[:, None] * middle, component, n) / total[:, None]
     local = own - centre[owner]
     distance = np.linalg.norm(local, axis=1)
     radius = group_max(distance, owner, n)

@@ -51,7 +51,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     level &= flat[i] == flat[next_half_edge(j)]
     n, label = components(m, f[level], g[level])
     # finely bent surfaces are level from face to face and no flats
-    mean = unit(np.stack([group_sum(cross[:, k], label, n) for k in range(3)], 1))
+    mean = unit(group_sum(cross, label, n))
     height = (corner * mean[label][:, None]).sum(2)
     spread = group_max(height.max(1), label, n) + group_max(-height.min(1), label, n)
     bent = (spread > 2 * group_max(slack, label, n))[label]
@@ -89,8 +89,7 @@ def same_flats(
     own, lead = pairs
     count, n = len(own), int(vertex.max()) + 1
     flat, rim = vertex.ravel(), flats.rim
-    number = np.full(int(component.max()) + 1, -1)
-    number[own] = np.arange(count)
+    number = positions_in(int(component.max()) + 1, own)
     mine = rim[number[component[rim // 3]] >= 0]
     which = number[component[mine // 3]]
     size = group_count(component[rim // 3], len(number))

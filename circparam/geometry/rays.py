@@ -7,7 +7,7 @@ and only the remaining pairs are tested ray by ray.
 
 import numpy as np
 
-from circparam.core.arrays import blocks, first_of_runs, ranges, relabel, unit
+from circparam.core.arrays import blocks, first_of_runs, group_sum, ranges, relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
@@ -175,7 +175,7 @@ def _packets(tree: BoxTree, lines: _Lines) -> tuple[IntArray, FloatArray, FloatA
     ends = []
     radius = np.zeros(n)
     for tip in (lines.origin + out, lines.origin - out):
-        mean = np.stack([np.bincount(packet, tip[:, k]) for k in range(3)], 1) / size
+        mean = group_sum(tip, packet, n) / size
         apart = np.linalg.norm(tip - mean[packet], axis=1)
         np.maximum.at(radius, packet, apart)
         ends.append(mean)

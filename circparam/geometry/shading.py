@@ -8,7 +8,7 @@ a normal map made with these has green up, as glTF wants it.
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum, normals_of, unit
+from circparam.core.arrays import cross2, group_sum, interpolated, normals_of, unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 
@@ -33,7 +33,7 @@ class Frames:
         viewers of glTF do. The frame need not be orthogonal; viewers decode the given vectors.
         """
         t, b, n = (
-            unit(np.einsum("pk,pkc->pc", bary, axis[face]))
+            unit(interpolated(bary, axis[face]))
             for axis in (self.tangent, self.bitangent, self.normal)
         )
         bn, nt, tb = np.cross(b, n), np.cross(n, t), np.cross(t, b)
@@ -45,8 +45,7 @@ class Frames:
         """The inverse of ``into``, as viewers decode: (p, 3) unit."""
         axes = (self.tangent, self.bitangent, self.normal)
         parts = [
-            unit(np.einsum("pk,pkc->pc", bary, axis[face])) * value[:, k, None]
-            for k, axis in enumerate(axes)
+            unit(interpolated(bary, axis[face])) * value[:, k, None] for k, axis in enumerate(axes)
         ]
         return unit(parts[0] + parts[1] + parts[2])
 
@@ -110,5 +109,4 @@ def _by_group(rows: FloatArray, group: IntArray) -> FloatArray:
     _, label = np.unique(group, return_inverse=True)
     label = label.reshape(-1)
     n = int(label.max()) + 1
-    total = np.stack([group_sum(rows[:, k], label, n) for k in range(3)], 1)
-    return total[label]
+    return group_sum(rows, label, n)[label]

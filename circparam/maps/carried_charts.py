@@ -15,7 +15,15 @@ import numpy as np
 import scipy.sparse as sps
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import cross2, first_of_runs, group_sum, next_half_edge, slices, unit
+from circparam.core.arrays import (
+    cross2,
+    first_of_runs,
+    group_sum,
+    interpolated,
+    next_half_edge,
+    slices,
+    unit,
+)
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
@@ -101,8 +109,8 @@ class SourceCharts:
         ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
         self.scale = float(np.sqrt(max(Tail.of(ratio, areas).percentile(50), 1e-300)))
         self.sample, bary = samples_of(surface.areas, CHART_SAMPLE_BOUNDS)
-        self.places = np.einsum("pk,pkc->pc", bary, self.corners[self.sample])
-        uv = np.einsum("pk,pkc->pc", bary, atlas.corners[self.sample])
+        self.places = interpolated(bary, self.corners[self.sample])
+        uv = interpolated(bary, atlas.corners[self.sample])
         self.free = cKDTree(self.places)
         self.layered = cKDTree(self._lifted(self.places, self.chart[self.sample], uv))
 
@@ -165,11 +173,11 @@ class SourceCharts:
 
     def uv(self, spots: SurfacePoints) -> FloatArray:
         """(p, 2) places of points in the layout."""
-        return np.einsum("pk,pkc->pc", spots.bary, self.atlas.corners[spots.face])
+        return interpolated(spots.bary, self.atlas.corners[spots.face])
 
     def expected(self, spots: SurfacePoints, places: FloatArray, normals: FloatArray) -> FloatArray:
         """(p, 2) uv of places beside points, continued along the plane of the normals."""
-        there = np.einsum("pk,pkx->px", spots.bary, self.corners[spots.face])
+        there = interpolated(spots.bary, self.corners[spots.face])
         normal = self.atlas.surface.normals[spots.face]
         turned = turn_gradients(self.gradients[spots.face], normal, normals)
         return self.uv(spots) + np.einsum("pdx,px->pd", turned, places - there)
@@ -392,5 +400,4 @@ def _means(cut_mesh: CutMesh, corners: FloatArray) -> FloatArray:
     """(nv, 2) mean uv of the corners of each vertex."""
     flat, n = cut_mesh.faces.ravel(), cut_mesh.n_vertices
     count = np.maximum(np.bincount(flat, minlength=n), 1)
-    both = [group_sum(corners.reshape(-1, 2)[:, d], flat, n) / count for d in range(2)]
-    return np.stack(both, axis=1)
+    return group_sum(corners.reshape(-1, 2), flat, n) / count[:, None]

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import group_count, next_half_edge
+from circparam.core.arrays import first_of_each, group_count, next_half_edge
 from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
@@ -56,10 +56,7 @@ class ClosedMesh:
     @cached_property
     def first_out(self) -> IntArray:
         """(n,) one half-edge that leaves each vertex."""
-        out = np.full(self.n, -1)
-        flat = self.faces.ravel()
-        out[flat[::-1]] = np.arange(len(flat))[::-1]
-        return out
+        return first_of_each(self.faces.ravel(), self.n)
 
     @property
     def simple(self) -> bool:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import mask_of, next_half_edge, positions_in
+from circparam.core.arrays import interpolated, mask_of, next_half_edge, positions_in
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
@@ -177,7 +177,7 @@ class Cover:
 
     def direction(self, face: IntArray, w: FloatArray) -> FloatArray:
         """(k, 3) places with weights (k, 3) in faces, in the frames of these."""
-        return self.geometry.normal(np.einsum("kc,kcd->kd", w, self.cones[face]))
+        return self.geometry.normal(interpolated(w, self.cones[face]))
 
     def vectors_of(self, points: CoverPoints) -> FloatArray:
         """(k, 3) places in the frames in which they are asked for."""

@@ -12,7 +12,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import group_count, group_sum, mask_of, next_half_edge, positions_in
+from circparam.core.arrays import (
+    group_count,
+    group_sum,
+    interpolated,
+    mask_of,
+    next_half_edge,
+    positions_in,
+)
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
@@ -102,7 +109,7 @@ def _patched(
             index[mesh.half_edges(path[:-1], path[1:])] = arc + 1
     matrices = np.concatenate([np.eye(3)[None], base.across])
     development, first = own_development(mesh, index, matrices)
-    q = np.einsum("vp,vpd->vd", places.reshape(-1, 3)[first], base.corners[patch[first // 3]])
+    q = interpolated(places.reshape(-1, 3)[first], base.corners[patch[first // 3]])
     cover = Cover(base.geometry, development, base.geometry.normal(q))
     if (signs_of(cover.cones) <= 0).any():
         q, _ = mended(base.geometry, development, tracer.on, cover.vectors)

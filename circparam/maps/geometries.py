@@ -124,7 +124,7 @@ class Geometry:
     ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
         """(uv (k, 2) of vectors (k, 3) in the tangent plane of the middle of their group (k,), NaN if they are
         out of sight; the way back)."""
-        middle = self.normal(np.stack([group_sum(column, group, n) for column in q.T], 1))[group]
+        middle = self.normal(group_sum(q, group, n))[group]
         axes, up, origin = self._plane(middle)
         high = (q * up).sum(1)
         high[high <= (IN_SIGHT_COSINE if self.curvature > 0 else 0.0)] = np.nan

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import cross_areas, edge_keys, mask_of, next_half_edge
+from circparam.core.arrays import cross_areas, edge_keys, mask_of, next_half_edge, positions_in
 from circparam.core.linalg import SparseMatrix
 from circparam.core.linear_program import CHOOSE, least
 from circparam.core.records import dataclass
@@ -193,8 +193,7 @@ def _linear_step(
     free = mask_of(len(x), cut_mesh.faces[region])
     moving = np.flatnonzero(free)
     n = len(moving)
-    number = np.full(len(x), -1)
-    number[moving] = np.arange(n)
+    number = positions_in(len(x), moving)
     face = np.flatnonzero(free[cut_mesh.faces].any(1))
     height, gradient = heights(x[cut_mesh.faces], sign)
     contacts = contacts.beside(x)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from circparam.core.arrays import interpolated
 from circparam.core.fields import Range
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted, percent
@@ -145,7 +146,7 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
     """The largest distance of both surfaces, in diagonals of the first. Raises NoResultError if large."""
     there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
     face, bary = samples_of(target.areas, CHART_SAMPLE_BOUNDS)
-    places = np.einsum("pk,pkc->pc", bary, target.points[target.faces[face]])
+    places = interpolated(bary, target.points[target.faces[face]])
     back = np.asarray(cKDTree(places).query(there)[0])
     some = places[:: max(1, len(places) // SHAPE_SAMPLES)]
     gone = np.asarray(charts.free.query(some)[0])

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from circparam.core.arrays import first_of_each, interpolated
 from circparam.core.types import FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import CoverPoints
@@ -51,7 +52,7 @@ def on_half_edges(half_edge: IntArray, share: FloatArray) -> tuple[IntArray, Flo
 
 def on_surface(face: IntArray, w: FloatArray, mesh: ClosedMesh) -> Places:
     """Places on a closed mesh as places on the surface that it closes."""
-    weights = np.einsum("kc,kcd->kd", w, mesh.corners[face])
+    weights = interpolated(w, mesh.corners[face])
     weights = np.maximum(weights, 0)
     return Places(mesh.parent[face], weights / weights.sum(1, keepdims=True))
 
@@ -59,9 +60,7 @@ def on_surface(face: IntArray, w: FloatArray, mesh: ClosedMesh) -> Places:
 def at_vertices(places: Places, vertices: IntArray, there: IntArray, faces: IntArray) -> Places:
     """The places with those of some vertices set to vertices of the other surface, exactly."""
     face, weights = places.face.copy(), places.weights.copy()
-    first = np.full(int(faces.max()) + 1, -1)
-    first[faces.ravel()[::-1]] = np.arange(faces.size)[::-1]
-    h = first[there]
+    h = first_of_each(faces.ravel(), int(faces.max()) + 1)[there]
     face[vertices] = h // 3
     weights[vertices] = np.eye(3)[h % 3]
     return Places(face, weights)

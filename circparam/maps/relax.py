@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_sum
+from circparam.core.arrays import group_sum, interpolated
 from circparam.core.clock import tick
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
@@ -97,7 +97,7 @@ class MeshTarget:
     def at(self, on: CoverPoints, q: FloatArray | None = None) -> TargetPoint:
         """Places on the mesh; q (n, 3): their vectors where these are known."""
         q = self.cover.vectors_of(on) if q is None else q
-        points = np.einsum("nc,ncd->nd", on.weights, self.corners[on.face])
+        points = interpolated(on.weights, self.corners[on.face])
         return TargetPoint(q, points, self.frames[on.face], on)
 
     def triangles(
@@ -228,7 +228,7 @@ class Relaxation:
         q = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]  # (2, 3, m)
         local = np.einsum("acm,cabm->cbm", q, into)
         flat = self.corners.ravel()
-        g = np.stack([group_sum(local[:, b].ravel(), flat, n) for b in range(2)], 1)
+        g = group_sum(local.transpose(1, 0, 2).reshape(2, -1).T, flat, n)
         values, modes = dirichlet.newton_modes(jacobian)
         m = np.einsum("kadm,dcm->kacm", modes, self.gradients)  # of each mode and corner
         m = np.einsum("kacm,cabm->kcbm", m, into)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import mask_of
+from circparam.core.arrays import interpolated, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -81,7 +81,7 @@ def solve_map(
     with monitor.stage("compose"):
         on_b = composed(a, b, marks, one, two)
         corners = two.cover.mesh.points[two.cover.mesh.faces[on_b.face[: a.n]]]
-        image = np.einsum("kc,kcd->kd", on_b.weights[: a.n], corners)
+        image = interpolated(on_b.weights[: a.n], corners)
         start = distortion(a.surface.vertex_points, a.surface.corner_vertex, image)
     found = relaxed(a, b, marks, domain, on_b.take(a.closed.n), monitor) if relax else None
     turned = replace(marks, a=marks.b, b=marks.a)

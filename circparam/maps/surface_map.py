@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import normals_of, unit
+from circparam.core.arrays import interpolated, normals_of, unit
 from circparam.core.files import write_files
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -40,7 +40,7 @@ class Places:
 
     def of(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """(k, d) values ((n, d) a vertex) interpolated at the places; faces: (m, 3) of that mesh."""
-        return np.einsum("kc,kcd->kd", self.weights, values[faces[self.face]])
+        return interpolated(self.weights, values[faces[self.face]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from dataclasses import field
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import mask_of, next_half_edge
+from circparam.core.arrays import mask_of, next_half_edge, positions_in
 from circparam.core.graph import distances, nearest
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -110,9 +110,7 @@ class Tracer:
     def regions(self, known: list[list[int]]) -> IntArray:
         """(m,) the region of each face; known: the arcs round each region, which lies on their left."""
         label, euler = self.mesh.pieces(self.on_arcs(), self.on)
-        name = np.full(len(euler), -1)
-        name[label[self.left_faces(known)]] = np.arange(len(known))
-        return name[label]
+        return positions_in(len(euler), label[self.left_faces(known)])[label]
 
     def shapes(self, walks: list[list[int]]) -> list[tuple[int, list[int]]]:
         """The pieces of the mesh between the arcs: the Euler characteristic of each, and the walks round it."""

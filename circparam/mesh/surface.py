@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import mask_of, next_half_edge, norms3, positions_in, slices
+from circparam.core.arrays import mask_of, next_half_edge, normals_of, norms3, positions_in, slices
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -124,8 +124,7 @@ class Surface:
         """(m, 3) unit normals."""
         out = np.empty((len(self.faces), 3))
         for k in slices(len(out)):
-            p = self.points[self.faces[k]]
-            n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+            n = normals_of(self.points[self.faces[k]])
             out[k] = n / np.maximum(norms3(n), 1e-300)[:, None]
         return out
 
@@ -189,9 +188,7 @@ class Surface:
 
     def components_with(self, edges: BoolArray) -> BoolArray:
         """(m,) bool: every face of the components that hold some of the ``edges`` ((e,) bool)."""
-        beside = np.zeros(len(self.faces), bool)
-        beside[self.sides[0, edges]] = True
-        return self.whole_components(beside)
+        return self.whole_components(mask_of(len(self.faces), self.sides[0, edges]))
 
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""

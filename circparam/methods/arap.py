@@ -89,9 +89,7 @@ def rigid_energy(
     # gradients (m, 2, 3): force on corner k is A (J − R) g_k
     force = np.einsum("mij,mjk->mki", j * a[:, None, None], cut_mesh.gradients).reshape(-1, 2)
     flat = cut_mesh.faces.ravel()
-    gradient = np.stack(
-        [group_sum(np.ascontiguousarray(f), flat, cut_mesh.n_vertices) for f in force.T], 1
-    )
+    gradient = group_sum(force, flat, cut_mesh.n_vertices)
     gradient[hold] = 0.0
     return value, gradient
 

@@ -10,7 +10,7 @@ boundary crosses itself.
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_count, group_sum, next_half_edge
+from circparam.core.arrays import group_count, group_sum, mask_of, next_half_edge, positions_in
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -208,8 +208,7 @@ class _Flattening:
             uv[:, 0] = -self._conjugate(uv[:, 1])
             uv[:, 1] = self._conjugate(uv[:, 0])
             return uv
-        outer = np.zeros(cut_mesh.faces.size, bool)
-        outer[self.boundary.outer.half_edge] = True
+        outer = mask_of(cut_mesh.faces.size, self.boundary.outer.half_edge)
         held = outer[walk.outer.half_edge]
         curve = _closed_curve(walk, np.where(held, lengths, 0.0), turning)
         return from_jacobians(cut_mesh, targets, held=(opened.origin[at[held]], curve[held]))[0]
@@ -219,8 +218,7 @@ class _Flattening:
         n = self.cut_mesh.n_vertices
         vertices, hole, size = hole_vertices(self.cut_mesh)
         inner = int(self.inner.sum())
-        unknown = np.full(n, -1)
-        unknown[self.inner] = np.arange(inner)
+        unknown = positions_in(n, np.flatnonzero(self.inner))
         unknown[vertices] = inner + hole
         used = np.flatnonzero(unknown >= 0)
         tie = sps.csr_matrix(

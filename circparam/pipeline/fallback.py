@@ -12,7 +12,15 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_count, group_max, group_sum, positions_in, ranges
+from circparam.core.arrays import (
+    group_count,
+    group_max,
+    group_sum,
+    normals_of,
+    positions_in,
+    ranges,
+    unit,
+)
 from circparam.core.graph import components, distances, nearest
 from circparam.core.monitor import Monitor
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -237,7 +245,7 @@ def take_to_pieces(cascade: Cascade, faces: BoolArray) -> Cascade:
     fid = np.flatnonzero(faces)
     _, first, label = np.unique(polygon[fid], return_index=True, return_inverse=True)
     p = surface.points[surface.faces[fid]]
-    normal = _normals(p, label, len(first))
+    normal = unit(group_sum(normals_of(p), label, len(first)))
     origin = p[first, 0]
     x = p[first, 1] - origin
     x -= (x * normal).sum(1)[:, None] * normal
@@ -312,7 +320,7 @@ def _axes(surface: Surface) -> IntArray:
     pairs = surface.edges // 3
     glue = pairs[surface.locked]
     n, polygon = components(len(p), glue[:, 0], glue[:, 1])
-    normal = _normals(p, polygon, n)
+    normal = unit(group_sum(normals_of(p), polygon, n))
     seen = np.concatenate([normal, -normal], 1)
     look = seen.argmax(1)
     i, j = polygon[pairs[~surface.locked]].T
@@ -326,11 +334,3 @@ def _axes(surface: Surface) -> IntArray:
         votes[6 * each + look] += own
         look = np.where(seen > STEEP, votes.reshape(n, 6), seen - 2).argmax(1)
     return look[polygon]
-
-
-def _normals(p: FloatArray, label: IntArray, n: int) -> FloatArray:
-    """(n, 3) unit normal of each polygon, from its triangles p (m, 3, 3) with that label (m,)."""
-    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-    normal = np.stack([group_sum(area[:, k], label, n) for k in range(3)], 1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    return normal

@@ -100,7 +100,7 @@ def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> U
     for k in range(3):
         along = p[:, (k + 2) % 3] - p[:, (k + 1) % 3]
         turned = np.stack([-along[:, 1], along[:, 0]], 1) * height[:, k, None]
-        slope += np.stack([group_sum(turned[:, d], cut_mesh.chart, n) for d in (0, 1)], 1)
+        slope += group_sum(turned, cut_mesh.chart, n)
     # twice the integral of the gradient over each chart, in units of height times uv
     space = group_sum(surface.true_areas, cut_mesh.chart, n)
     plane = group_sum(np.abs(area), cut_mesh.chart, n)

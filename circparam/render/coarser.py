@@ -38,7 +38,7 @@ def coarser(scene: Scene, most: int) -> Scene:
     same = (cell[start] == cell[end]) & ~fixed[start] & ~fixed[end]
     # by edges, so that the two sides of a slit stay apart
     count, label = components(len(scene.uv), start[same], end[same])
-    middle = np.stack([group_sum(scene.uv[:, k], label, count) for k in (0, 1)], 1)
+    middle = group_sum(scene.uv, label, count)
     middle /= group_count(label, count)[:, None]
     away = ((scene.uv - middle[label]) ** 2).sum(1)
     nearest = np.lexsort((away, label))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from circparam.core.arrays import mask_of, next_half_edge, ranges
+from circparam.core.arrays import interpolated, mask_of, next_half_edge, ranges
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import barycentric, rasterise
@@ -47,7 +47,7 @@ def see(scene: Scene, camera: Camera, width: int, height: int, factor: int = 2) 
     pixel = np.flatnonzero(face.ravel() >= 0)
     seen = face.ravel()[pixel]
     bary = barycentric(face_xy, seen, pixel, w)
-    normal = np.einsum("pk,pkc->pc", bary, scene.corner_normals[seen])
+    normal = interpolated(bary, scene.corner_normals[seen])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     back = (scene.normals[seen] @ camera.back < 0) != scene.inside_out
     if scene.inside_out:
@@ -128,7 +128,7 @@ def paint(
 
 def checker_colours(scene: Scene, view: View, cells: float) -> FloatArray:
     """(p, 3) a checker in the colours of the charts. cells: checker cells for one uv unit."""
-    uv = np.einsum("pk,pkc->pc", view.bary, scene.corner_uv[view.face])
+    uv = interpolated(view.bary, scene.corner_uv[view.face])
     return _chart_table(scene, (0.80, 0.18))[scene.chart[view.face], _checker(uv, cells)]
 
 

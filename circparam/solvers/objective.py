@@ -3,13 +3,7 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    group_count,
-    group_sum,
-    slices,
-)
+from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum, slices
 from circparam.core.linalg import Factor, SparseMatrix, conjugate_gradients
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
@@ -96,7 +90,7 @@ class Objective:
             corner[..., k] = p[:, 0, None] * g[0] + p[:, 1, None] * g[1]
         flat = self.corners.ravel()
         n = self.cut_mesh.n_vertices
-        return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
+        return group_sum(corner.reshape(2, -1).T, flat, n)
 
     def stiffened(self, matrix: SparseMatrix, uv: FloatArray) -> SparseMatrix:
         """The Hessian at ``uv`` with additional stiffness; none here."""
@@ -122,9 +116,8 @@ class Objective:
             return np.where(self.fixed[:, None], 0.0, -step)
         # no energy sees a chart move as a whole; rounding would let it drift until its faces lose their digits
         chart, n = self.cut_mesh.vertex_chart, self.cut_mesh.n_charts
-        d, count = -step, group_count(chart, n)
-        drift = np.stack([group_sum(d[:, k], chart, n) / count for k in range(2)], 1)
-        return d - drift[chart]
+        drift = group_sum(-step, chart, n) / group_count(chart, n)[:, None]
+        return -step - drift[chart]
 
     def _blocks(self, jacobian: FloatArray, proxy: bool) -> FloatArray:
         """(2, 2, 3, m) blocks of the Hessian for the half-edges."""

@@ -9,6 +9,7 @@ from circparam.core.arrays import (
     IntArray,
     first_of_each,
     group_sum,
+    mask_of,
     next_half_edge,
     slices,
 )
@@ -82,7 +83,7 @@ def divergence(cut_mesh: CutMesh, gradients: FloatArray, targets: FloatArray) ->
     for k in slices(len(cut_mesh.faces)):
         flux, g = targets[..., k] * cut_mesh.areas[k], gradients[..., k]
         corner[..., k] = flux[:, 0, None] * g[0] + flux[:, 1, None] * g[1]
-    return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
+    return group_sum(corner.reshape(2, -1).T, flat, n)
 
 
 class Poisson:
@@ -134,9 +135,8 @@ class Poisson:
     def judged(self, uv: FloatArray) -> tuple[FloatArray, BoolArray]:
         """(Jacobians (2, 2, m), (n_charts,) bool: a face is flipped)."""
         jacobian = dirichlet.jacobians(self.gradients, uv.T[:, self.corners])
-        flipped = np.zeros(self.cut_mesh.n_charts, bool)
-        flipped[self.cut_mesh.chart[~(dirichlet.determinants(jacobian) > 0)]] = True
-        return jacobian, flipped
+        turned = ~(dirichlet.determinants(jacobian) > 0)
+        return jacobian, mask_of(self.cut_mesh.n_charts, self.cut_mesh.chart[turned])
 
 
 def clamp_stretch(jacobian: FloatArray, low: float) -> FloatArray:

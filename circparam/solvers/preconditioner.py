@@ -139,7 +139,7 @@ class CoarseSpace:
         n = len(agg)
         na = int(agg.max()) + 1
         size = group_count(agg, na).astype(np.float64)
-        centre = np.stack([np.bincount(agg, uv[:, d], na) for d in range(2)], 1) / size[:, None]
+        centre = group_sum(uv, agg, na) / size[:, None]
         offset = uv - centre[agg]
         radius = np.sqrt(np.bincount(agg, (offset**2).sum(1), na) / size) + 1e-300
         modes = np.c_[np.ones(n), offset / radius[agg][:, None]]

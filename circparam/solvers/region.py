@@ -4,7 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, numbered, positions_in
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_sum,
+    mask_of,
+    numbered,
+    positions_in,
+)
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.geometry.intrinsic import signed_areas
@@ -20,13 +28,10 @@ UPRIGHT = 0.05
 def grow(cut_mesh: CutMesh, seed: BoolArray, rings: int) -> BoolArray:
     """(m,) faces within so many vertex rings of the seed faces ((m,) bool); ``WHOLE``: their whole charts."""
     if rings >= WHOLE:
-        touched = np.zeros(cut_mesh.n_charts, bool)
-        touched[cut_mesh.chart[seed]] = True
-        return touched[cut_mesh.chart]
+        return mask_of(cut_mesh.n_charts, cut_mesh.chart[seed])[cut_mesh.chart]
     region = seed
     for _ in range(rings):
-        near = np.zeros(cut_mesh.n_vertices, bool)
-        near[cut_mesh.faces[region]] = True
+        near = mask_of(cut_mesh.n_vertices, cut_mesh.faces[region])
         a, b, c = near[cut_mesh.faces.T]
         region = a | b | c
     return region

@@ -11,7 +11,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    group_sum,
+    next_half_edge,
+    positions_in,
+)
 from circparam.core.registry import Row, Table
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
@@ -226,8 +234,7 @@ def _sides_with_chords(
     i, j = flat[h], flat[next_half_edge(h)]
     on = (side[i] >= 0) & (side[j] >= 0)
     i, j = i[on], j[on]
-    index = np.full(cut_mesh.n_charts, -1)
-    index[outer.chart[outer.start]] = np.arange(n)
+    index = positions_in(cut_mesh.n_charts, outer.chart[outer.start])
     chart = index[cut_mesh.vertex_chart[i]]
     out = np.zeros((n, k), bool)
     # a corner vertex (t = 0) belongs to its own side and to the one before it

@@ -9,7 +9,7 @@ about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, mask_of
 from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import at_best_scales, measure
@@ -141,9 +141,8 @@ def _bad_charts(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
 def _outer_vertices(cut_mesh: CutMesh) -> BoolArray:
     """(n_vertices,) on the outer boundary: a convex boundary stays where it is."""
     loops = cut_mesh.loops
-    out = np.zeros(cut_mesh.n_vertices, bool)
-    out[cut_mesh.faces.ravel()[loops.half_edges[loops.outer[loops.loop_of]]]] = True
-    return out
+    outer = loops.half_edges[loops.outer[loops.loop_of]]
+    return mask_of(cut_mesh.n_vertices, cut_mesh.faces.ravel()[outer])
 
 
 def _negative_note(weights: str, options: TutteOptions, negative: IntArray) -> list[str]:
