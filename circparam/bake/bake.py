@@ -105,10 +105,10 @@ def bake(
 
 def tiles_of(layout: UVMap) -> IntArray:
     """(m, 2) unit tile of each face, −1 for a face without uv; raises the errors of ``bake``."""
-    mapped = (layout.uv_faces >= 0).all(1)
+    mapped = layout.laid
     if not mapped.any():
         raise InputError("no face has uv to bake into: make uv first with 'circparam unwrap'")
-    corners = layout.uv[np.maximum(layout.uv_faces, 0)]
+    corners = layout.corners
     if not np.isfinite(corners[mapped]).all():
         raise InputError("the layout holds NaN or infinite uv: unwrap the mesh again")
     chart = layout.charts

@@ -69,7 +69,7 @@ def carry(
     texels = find_texels(layout, size)
     slots = {slot for group in groups for slot in group.shown}
     turns = any(slot.kind in ("normal", "direction") for slot in slots)
-    uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+    uv = layout.corners
     new = source.frames(uv) if turns else None
     xy = np.nan_to_num(corners_in_texels(layout, size))
     work = Work(source, texels, xy, new)

@@ -78,7 +78,7 @@ def _seen(source: Source, direction: FloatArray) -> tuple[FloatArray, IntArray]:
     forward = direction / np.linalg.norm(direction)
     right = np.cross([0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0], forward)
     right /= np.linalg.norm(right)
-    points = source.document.mesh.points[source.document.mesh.faces]
+    points = source.document.mesh.corners
     flat = points.reshape(-1, 3)
     low, high = flat.min(0), flat.max(0)
     scale = PICTURE_PIXELS / max(float(np.linalg.norm(high - low)), 1e-300)

@@ -87,10 +87,10 @@ class Source:
                 none = np.zeros((len(self.looks.face), 3, 2))
                 self._known[key] = none, np.zeros(len(none), bool)
             else:
-                uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+                uv = layout.corners
                 down = np.stack([uv[..., 0], 1 - uv[..., 1], np.ones(uv.shape[:2])], 2)
                 with np.errstate(invalid="ignore", over="ignore"):
-                    self._known[key] = down @ use.move.T, (layout.uv_faces >= 0).all(1)
+                    self._known[key] = down @ use.move.T, layout.laid
         return self._known[key]
 
     def sampled(self, use: Use, srgb: bool) -> SourceImage:
@@ -108,7 +108,7 @@ class Source:
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) areas of the faces in space."""
-        corners = self.document.mesh.points[self.document.mesh.faces]
+        corners = self.document.mesh.corners
         cross = normals_of(corners)
         return np.asarray(np.linalg.norm(cross, axis=1) / 2)
 
@@ -123,14 +123,12 @@ class Source:
         """(m, 3, 3) unit normals of corners: those of the file, else smooth ones."""
         mesh = self.document.mesh
         own = self.document.normals()
-        return corner_normals(mesh.points[mesh.faces], self.vertex) if own is None else own
+        return corner_normals(mesh.corners, self.vertex) if own is None else own
 
     def frames(self, corners: FloatArray) -> Frames:
         """Tangent frames over uv (m, 3, 2) with v up."""
         mesh = self.document.mesh
-        return frames_over(
-            mesh.points[mesh.faces], self.vertex, self.normals, np.nan_to_num(corners)
-        )
+        return frames_over(mesh.corners, self.vertex, self.normals, np.nan_to_num(corners))
 
     def old_frames(self, use: Use | None) -> Frames:
         """The frames in which an image tells directions: tangents of the file where it has them."""

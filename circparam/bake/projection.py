@@ -54,7 +54,7 @@ def require_shape(document: Document) -> None:
     areas no double holds."""
     mesh = document.mesh
     with np.errstate(over="ignore", invalid="ignore"):
-        corners = mesh.points[mesh.faces]
+        corners = mesh.corners
         size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
         sides = (corners[:, 1:] - corners[:, :1]) / size if size > 0 else corners[:, 1:] * 0
         area = np.cross(sides[:, 0], sides[:, 1])
@@ -85,14 +85,14 @@ class Projection:
         self.vertex = target.rank[target.faces]
         self.normals = corner_normals(self.corners, self.vertex)
         if mapped is None:
-            size = float(np.linalg.norm(np.ptp(target.points[target.faces].reshape(-1, 3), axis=0)))
+            size = float(np.linalg.norm(np.ptp(target.corners.reshape(-1, 3), axis=0)))
             self.cage = CAGE_DIAGONALS * size if cage is None else cage
             self.reach = np.full(len(target.faces), self.cage)
         else:  # a face may cut through a curved source between its corners, by less than its width
             sides = self.corners - self.corners[:, [1, 2, 0]]
             self.reach = np.linalg.norm(sides, axis=2).max(1)
             self.cage = float(self.reach.max())
-        self.tree = BoxTree(source.points[source.faces])
+        self.tree = BoxTree(source.corners)
         self.tally = Tally()
 
     @cached_property
@@ -125,7 +125,7 @@ class Projection:
         need."""
         if not self.mapped:
             return self.cage
-        face = np.repeat(np.flatnonzero((layout.uv_faces >= 0).all(1)), len(HEIGHT_PROBES))
+        face = np.repeat(np.flatnonzero(layout.laid), len(HEIGHT_PROBES))
         landed = self.find(face, np.tile(HEIGHT_PROBES, (len(face) // len(HEIGHT_PROBES), 1)))
         self.tally = Tally()
         return max(float(np.abs(landed.t[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
@@ -203,9 +203,9 @@ def normal_paint(
     seen = source.normals()
     if seen is None:
         label = source.mesh.rank[source.mesh.faces]
-        seen = corner_normals(source.mesh.points[source.mesh.faces], label, SHARP_DEGREES)
+        seen = corner_normals(source.mesh.corners, label, SHARP_DEGREES)
     if projection.mapped:
-        uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+        uv = layout.corners
         space = frames_over(projection.corners, projection.vertex, projection.normals, uv)
     else:
         space = own_frames(target, layout)
@@ -223,10 +223,10 @@ def own_frames(target: Document, layout: UVMap, own: FloatArray | None = None) -
     own: (m, 3, 3) of its corners; None takes those of its file, or smooth ones.
     """
     mesh = target.mesh
-    corners, vertex = mesh.points[mesh.faces], mesh.rank[mesh.faces]
+    corners, vertex = mesh.corners, mesh.rank[mesh.faces]
     own = target.normals() if own is None else own
     normal = corner_normals(corners, vertex) if own is None else own
-    return frames_over(corners, vertex, normal, layout.uv[np.maximum(layout.uv_faces, 0)])
+    return frames_over(corners, vertex, normal, layout.corners)
 
 
 def frames_over(

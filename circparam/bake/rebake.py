@@ -191,14 +191,14 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
     sized = None
     if options.drop_floaters is None and not named:
         even = str(options.density) != SOURCE
-        sized = chart_sizes(source, UVMap(result.uv, result.uv_faces), size, even)
+        sized = chart_sizes(source, result.layout, size, even)
     if sized is not None:
         packing = Options(**{name: getattr(asked, name) for name in PACKING_OPTIONS}, cut="none")
         again = repack_document(document, sized[0], None, packing, monitor)
         repairs = list(dict.fromkeys([*result.repairs, *again.repairs]))
         result = replace(again, work="unwrap", effort=result.effort, repairs=repairs)
     if free:
-        result = _at_size(result, needed_size(source, UVMap(result.uv, result.uv_faces)), grows)
+        result = _at_size(result, needed_size(source, result.layout), grows)
     if sized is None:
         return result
     return _in_own_sizes(result, sized[1], replace(asked, density=options.density))
@@ -225,11 +225,11 @@ def carried_looks(
     source: Source, result: Result, look: LookOptions, monitor: Monitor
 ) -> tuple[Carried, Look]:
     """The images of a source on the page of a result, and their figures."""
-    o, layout = result.options, UVMap(result.uv, result.uv_faces)
+    o = result.options
     size = o.resolution or DEFAULT_RESOLUTION
     with monitor.stage("textures"):
-        carried, texels = carry(source, layout, o.target_set or 0, size, look, monitor)
-    return carried, _look(source, layout, carried, texels)
+        carried, texels = carry(source, result.layout, o.target_set or 0, size, look, monitor)
+    return carried, _look(source, result.layout, carried, texels)
 
 
 def as_written(
@@ -265,8 +265,7 @@ def _at_size(result: Result, size: int, grows: bool) -> Result:
     if size == packed or (size < packed and not grows):
         return result
     new = replace(old, resolution=size, padding=old.padding_texels * size // packed)
-    layout = UVMap(result.uv, result.uv_faces)
-    verification = verify_layout(result.surface, layout, new, result.tiles)
+    verification = verify_layout(result.surface, result.layout, new, result.tiles)
     if len(reasons(verification, promise(new))) > len(result.reasons):
         return result
     return replace(result, options=new, verification=verification)

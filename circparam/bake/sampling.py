@@ -59,7 +59,7 @@ def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tup
     plain = textures.plain
     if channels == 4:
         plain = np.concatenate([plain, np.ones((len(plain), 1))], 1)
-    has_uv = (layout.uv_faces >= 0).all(1)
+    has_uv = layout.laid
     image_of = np.where(has_uv, textures.face, -1)
 
     def paint(face: IntArray, bary: FloatArray) -> FloatArray:
@@ -75,9 +75,7 @@ def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tup
 
 def texel_ratio(old: UVMap, old_size: float, new: UVMap, new_size: float) -> float:
     """Texels of the old layout for one texel of the new one, along a side, by the areas of both."""
-    before, after = (
-        float(flat_areas(layout.uv[np.maximum(layout.uv_faces, 0)]).sum()) for layout in (old, new)
-    )
+    before, after = (float(flat_areas(layout.corners).sum()) for layout in (old, new))
     return float(np.sqrt(before / after) * old_size / new_size) if after > 0 else 1.0
 
 
@@ -149,7 +147,7 @@ class Closest:
 def apart(mesh: Mesh, closest: Closest) -> float:
     """How far a mesh lies from a surface: the mean over the middles of some faces, in sizes of the mesh."""
     corners = mesh.points[mesh.faces[:: max(1, len(mesh.faces) // DISTANCE_SAMPLES)]]
-    size = float(np.linalg.norm(np.ptp(mesh.points[mesh.faces].reshape(-1, 3), axis=0)))
+    size = float(np.linalg.norm(np.ptp(mesh.corners.reshape(-1, 3), axis=0)))
     return float(closest.find(corners.mean(1))[2].mean()) / max(size, 1e-300)
 
 
@@ -168,6 +166,6 @@ def same_surface(a: Mesh, b: Mesh) -> bool:
     """Whether two meshes are the same triangles in the same order, up to single precision."""
     if a.faces.shape != b.faces.shape:
         return False
-    size = float(np.ptp(a.points[a.faces].reshape(-1, 3), axis=0).max())
-    gap = np.abs(a.points[a.faces] - b.points[b.faces]).max()
+    size = float(np.ptp(a.corners.reshape(-1, 3), axis=0).max())
+    gap = np.abs(a.corners - b.corners).max()
     return bool(gap <= 1e-5 * size)

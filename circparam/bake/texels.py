@@ -45,9 +45,9 @@ class Texels:
 
 def corners_in_texels(layout: UVMap, size: int) -> FloatArray:
     """(m, 3, 2) corners of faces in texels, y down; NaN for faces without uv."""
-    uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+    uv = layout.corners
     xy = np.stack([uv[..., 0], 1 - uv[..., 1]], 2) * size
-    xy[(layout.uv_faces < 0).any(1)] = np.nan
+    xy[~layout.laid] = np.nan
     return xy
 
 

@@ -1,7 +1,7 @@
 """Files in and out: OBJ, PLY, glTF and GLB come back with uv and everything else kept; STL and OFF are read.
 
 ``read`` gives a ``Document``; ``write`` puts a layout into it. No other room of the project knows a file
-format, and nothing else imports trimesh.
+format.
 """
 
 from circparam.formats.document import Document, Encoded, WriteOptions
@@ -12,10 +12,9 @@ from circparam.formats.obj.document import ObjDocument
 from circparam.formats.ply.document import PlyDocument
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
-from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, Format, sniff
+from circparam.formats.table import FORMATS, Format, default_output, sniff
 
 __all__ = [
-    "DEFAULT_OUTPUT",
     "FORMATS",
     "Document",
     "Encoded",
@@ -28,6 +27,7 @@ __all__ = [
     "Source",
     "WriteOptions",
     "Written",
+    "default_output",
     "encode",
     "format_of",
     "from_arrays",

@@ -315,8 +315,8 @@ class Document:
         old = self.require_uv(number)
         if not len(old.uv) or not len(uvmap.uv):
             return False
-        before = old.uv[np.maximum(old.uv_faces, 0)]
-        after = uvmap.uv[np.maximum(uvmap.uv_faces, 0)]
+        before = old.corners
+        after = uvmap.corners
         return bool(((old.uv_faces >= 0) & (before != after).any(2)).any())
 
     def check_edit(self, options: WriteOptions, format: str) -> None:

@@ -26,9 +26,9 @@ from circparam.formats.document import Document, Encoded, WriteOptions, check_la
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes, regular_bytes
 from circparam.formats.table import (
-    DEFAULT_OUTPUT,
     FORMATS,
     Format,
+    default_output,
     format_by_suffix,
     sniff,
     up_of,
@@ -290,7 +290,7 @@ def write(
     """
     options = options or WriteOptions()
     if os.fspath(path) == "-":
-        name = format_of("", format or DEFAULT_OUTPUT[document.format])
+        name = format_of("", format or default_output(document.format))
         encoded = encode(document, uvmap, name, options=options)
         sys.stdout.buffer.write(encoded.data)
         sys.stdout.buffer.flush()

@@ -82,9 +82,7 @@ class JoinedDocument(Document):
 
     def normals(self) -> FloatArray | None:
         """The normals of all corners, smooth ones in files without any."""
-        return self._of_corners(
-            "normals", lambda m: corner_normals(m.points[m.faces], m.rank[m.faces])
-        )
+        return self._of_corners("normals", lambda m: corner_normals(m.corners, m.rank[m.faces]))
 
     def tangents(self) -> FloatArray | None:
         """The tangents of all corners, NaN in files without any."""

@@ -1,7 +1,7 @@
 """FORMATS: every file format, as one table; all that the rest of the package knows of a format is its row."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -104,10 +104,6 @@ def _is_obj(data: bytes) -> bool:
     return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:SNIFFED_OBJ_BYTES], re.M) is not None
 
 
-def _is_ply(data: bytes) -> bool:
-    return re.match(rb"ply[ \t]*[\r\n]", data[:SNIFFED_BYTES]) is not None
-
-
 def _always(head: bytes) -> bool:
     return True
 
@@ -181,25 +177,9 @@ FORMATS: Table[Format] = Table(
 )  # fmt: skip
 
 
-class _Outputs(Mapping[str, str]):
-    """The format that a document of a format is written to when nothing is said, from the rows as they are."""
-
-    def __getitem__(self, name: str) -> str:
-        if name not in self:
-            raise KeyError(name)
-        return "glb" if name == "arrays" else FORMATS[name].function.output or name
-
-    def __contains__(self, name: object) -> bool:
-        return name == "arrays" or name in FORMATS  # arrays: a document from memory
-
-    def __iter__(self) -> Iterator[str]:
-        return iter([*FORMATS.names(), "arrays"])
-
-    def __len__(self) -> int:
-        return len(FORMATS.names()) + 1
-
-
-DEFAULT_OUTPUT: Mapping[str, str] = _Outputs()
+def default_output(format: str) -> str:
+    """The format that a document of a format (or of arrays) is written to when nothing is said."""
+    return "glb" if format == "arrays" else FORMATS[format].function.output or format
 
 
 def format_by_suffix(suffix: str) -> Row[Format] | None:

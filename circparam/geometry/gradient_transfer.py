@@ -11,7 +11,7 @@ from circparam.mesh.atlas import Atlas
 def space_gradients(atlas: Atlas) -> FloatArray:
     """(m, 2, 3): gradients of u and v of the current layout as vectors in space."""
     surface = atlas.surface
-    p = surface.points[surface.faces]
+    p = surface.corners
     opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
     hat = np.cross(surface.normals[:, None], opposite) / (2 * surface.areas)[:, None, None]
     d = atlas.corners - atlas.corners[:, :1]

@@ -254,7 +254,7 @@ def edge_shares(
     the open have a half and more, concave ones less than a half, and edges of closed inner shells none.
     """
     asked = np.arange(len(surface.edges)) if which is None else np.flatnonzero(which)
-    triangles = surface.points[surface.faces]
+    triangles = surface.corners
     if len(asked) == 0:
         return np.zeros(0)
     h = surface.edges[asked]

@@ -99,7 +99,7 @@ class SourceCharts:
         surface = atlas.surface
         self.atlas = atlas
         self.count, self.chart = atlas.charts()
-        self.corners = surface.points[surface.faces]
+        self.corners = surface.corners
         self.gradients = space_gradients(atlas)
         box = np.ptp(self.corners.reshape(-1, 3), axis=0)
         self.diagonal = max(float(np.linalg.norm(box)), 1e-300)
@@ -221,7 +221,7 @@ class CarriedLayout:
 def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     """The layout of the charts on a target of the same shape."""
     m, k = len(target.faces), len(PROBES)
-    places = np.einsum("kc,mcx->mkx", PROBES, target.points[target.faces])
+    places = np.einsum("kc,mcx->mkx", PROBES, target.corners)
     normals = np.repeat(target.normals, k, axis=0)
     probed = source.anywhere(places.reshape(-1, 3), normals)
     chart = source.chart[probed.face].reshape(m, k)
@@ -257,7 +257,7 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     drift[loose] = 0.0
     least = max(0.0, float(-heights(uv[~loose], of_face[~loose])[0].min(initial=0.0) / 2))
     _lay_anew(atlas, loose, source.scale)
-    places = target.points[target.faces].mean(1)
+    places = target.corners.mean(1)
     expected = source.expected(led, places, target.normals)
     middle = source.uv(source.on_chart(places, source.chart[led.face], expected))
     inside = np.linalg.norm(atlas.corners.mean(1) - middle, axis=1)

@@ -169,7 +169,7 @@ def _fitted(job: Job, layout: CarriedLayout, resolution: int, most: float) -> Fi
     surface, name = job.surface, job.document.source.name
     bad = layout.faulty if layout.faulty.any() else layout.loose
     if layout.faulty.any() or layout.loose_share > LOOSE_AREA_SHARE:
-        places = surface.points[surface.faces].mean(1)
+        places = surface.corners.mean(1)
         middle = places[bad][surface.areas[bad].argmax()]
         raise NoResultError(
             f"{name}: {counted(int(bad.sum()), 'face')} would overlap others, the largest at "

@@ -100,7 +100,7 @@ def vertex_normals(document: GltfDocument, points: FloatArray) -> tuple[FloatArr
     mesh = document.mesh
     label, own = weld_map(mesh)[mesh.faces], document.normals()
     if own is None:
-        before = corner_normals(mesh.points[mesh.faces], label)
+        before = corner_normals(mesh.corners, label)
     else:  # corners that share a vertex and a normal, to four digits, belong together
         before = own
         _, side = np.unique(np.round(own.reshape(-1, 3), 4) + 0.0, axis=0, return_inverse=True)

@@ -137,7 +137,7 @@ def turned_over(mapped: SurfaceMap, target: Mesh, source: Mesh) -> BoolArray:
     """(m,) faces of the target that look against the source once they are moved onto it."""
     normal = normals_of(moved(mapped, target, source)[target.faces])
     there = mapped.to_b.face[target.faces]
-    own = unit(normals_of(source.points[source.faces]))
+    own = unit(normals_of(source.corners))
     return (normal * own[there].sum(1)).sum(1) < 0
 
 

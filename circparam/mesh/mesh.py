@@ -8,7 +8,7 @@ from circparam.core.arrays import mask_of, numbered_rows
 from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 
 
@@ -77,6 +77,11 @@ class Mesh:
         return first[rank]
 
     @property
+    def corners(self) -> FloatArray:
+        """(m, 3, 3) position of the corners of each face."""
+        return self.points[self.faces]
+
+    @property
     def rank(self) -> IntArray:
         """(n,) int64: the number of every vertex's position among all, by x, then y, then z."""
         return self._positions[1]
@@ -96,6 +101,16 @@ class UVMap:
 
     uv: FloatArray
     uv_faces: IntArray
+
+    @property
+    def corners(self) -> FloatArray:
+        """(m, 3, 2) uv of the corners of each face; that of another one where a corner has none."""
+        return self.uv[np.maximum(self.uv_faces, 0)]
+
+    @property
+    def laid(self) -> BoolArray:
+        """(m,) bool: faces with uv at all corners."""
+        return np.asarray((self.uv_faces >= 0).all(1))
 
     @cached_property
     def charts(self) -> IntArray:

@@ -75,7 +75,7 @@ def _degenerate_uv(
     out[slot[rank] // 3, slot[rank] % 3] = uv_faces.ravel()[corner[rank]]
     homeless = (out < 0).all(1)
     if homeless.any():
-        centre = surface.points[surface.faces].mean(1)
+        centre = surface.corners.mean(1)
         place = surface.points[points[homeless]].mean(1)
         out[homeless] = uv_faces[kd_tree(centre).query(place)[1], 0][:, None]
     some = np.take_along_axis(out, (out >= 0).argmax(1)[:, None], 1)

@@ -49,6 +49,11 @@ class Surface:
     dense: bool = False
     whole_area: float | None = None
 
+    @property
+    def corners(self) -> FloatArray:
+        """(m, 3, 3) position of the corners of each face."""
+        return self.points[self.faces]
+
     @cached_property
     def file_corners(self) -> IntArray:
         """(m, 3) int64: the corner of the file's face that each corner is."""

@@ -17,7 +17,7 @@ from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import output_format, read, read_data
 from circparam.formats.memory import from_arrays, from_trimesh
 from circparam.formats.source import Source
-from circparam.formats.table import DEFAULT_OUTPUT, takes_unshare
+from circparam.formats.table import default_output, takes_unshare
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
@@ -77,7 +77,7 @@ def target_format(
         return options.format
     if output is not None and os.fspath(output) != "-":
         return output_format(output)
-    return DEFAULT_OUTPUT[document.format]
+    return default_output(document.format)
 
 
 def write_options(o: Options, uv_double: bool = False, group_by: str | None = None) -> WriteOptions:

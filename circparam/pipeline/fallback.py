@@ -316,7 +316,7 @@ def _axes(surface: Surface) -> IntArray:
 
     The axis nearest to the normal comes first. Neighbours then vote among axes that are nearly as good.
     """
-    p = surface.points[surface.faces]
+    p = surface.corners
     pairs = surface.edges // 3
     glue = pairs[surface.locked]
     n, polygon = components(len(p), glue[:, 0], glue[:, 1])

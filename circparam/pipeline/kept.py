@@ -47,7 +47,7 @@ class Kept:
         old = self.uvmap.uv_faces
         # a face that repair set aside is new if it had no uv and all its neighbours are new
         aside = ~np.isin(np.arange(len(old)), self.whole.source)
-        faces |= (old < 0).any(1) & (uvmap.uv_faces >= 0).all(1) & aside
+        faces |= (old < 0).any(1) & uvmap.laid & aside
         uv = np.concatenate([self.uvmap.uv, uvmap.uv])
         new = uvmap.uv_faces + len(self.uvmap.uv)
         return UVMap(uv, np.where(faces[:, None], new, old))

@@ -107,6 +107,11 @@ class Result:
         return line
 
     @property
+    def layout(self) -> UVMap:
+        """``uv`` and ``uv_faces`` as one value."""
+        return UVMap(self.uv, self.uv_faces)
+
+    @property
     def mesh(self) -> Mesh:
         """The mesh, as it was read."""
         return self.document.mesh
@@ -220,7 +225,7 @@ def with_status(result: Result, expired: bool) -> Result:
 def as_stored(result: Result, uvmap: UVMap, expired: bool) -> Result:
     """A result with the layout that was read back, verified again if a number differs; see ``with_status``."""
     found = result.verification
-    if not same_corners(uvmap, UVMap(result.uv, result.uv_faces)):
+    if not same_corners(uvmap, result.layout):
         found = verify_layout(
             result.surface, uvmap, result.options, result.tiles, result.stacks, result.kept
         )

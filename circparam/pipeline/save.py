@@ -34,7 +34,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         written = write(
             output,
             result.document,
-            UVMap(result.uv, result.uv_faces),
+            result.layout,
             format=result.format if piped else o.format,
             options=replace(write_options(o, result.uv_double, result.group_by), pages=pages),
             overwrite=o.overwrite,
@@ -83,7 +83,7 @@ def seam_pairs(result: Result) -> IntArray:
     surface, cut_mesh = result.surface, result.verification.cut_mesh
     glued = mask_of(surface.faces.size, cut_mesh.edges.ravel())
     h = surface.edges[~glued[surface.edges[:, 0]], 0]
-    corners, _ = corners_of(surface, UVMap(result.uv, result.uv_faces))
+    corners, _ = corners_of(surface, result.layout)
     h = np.concatenate([h, surface.torn_seams(corners)])
     vertex = surface.from_file(result.mesh.faces).ravel()
     a, b = vertex[h], vertex[next_half_edge(h)]

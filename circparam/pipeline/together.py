@@ -25,7 +25,6 @@ from circparam.formats.io import (
 from circparam.formats.joined import JoinedDocument, join, joined_layout
 from circparam.formats.table import output_suffix, takes_unshare
 from circparam.geometry.intrinsic import signed_areas
-from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import open_sources, write_options
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.keywords import Keywords
@@ -202,11 +201,12 @@ def save_together(
     of ``save``; an error before all outputs exist leaves none.
     """
     o = result.options
-    layout = UVMap(result.uv, result.uv_faces)
     with monitor.stage("write"):
         asked = write_options(o)
         staged = [
-            stage(path, part, joined.layout_of(k, layout), options=asked, overwrite=o.overwrite)
+            stage(
+                path, part, joined.layout_of(k, result.layout), options=asked, overwrite=o.overwrite
+            )
             for k, (part, path) in enumerate(zip(parts, outputs, strict=True))
         ]
         written = write_staged(staged, o.overwrite)

@@ -172,7 +172,7 @@ def save_result(path: str | Path, result: Result, title: str) -> None:
         charts=result.verification.charts,
         repairs=tuple(result.repairs),
     )
-    save_preview(path, result.mesh, UVMap(result.uv, result.uv_faces), result.measures, look)
+    save_preview(path, result.mesh, result.layout, result.measures, look)
 
 
 def save_scene(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError, OptionError
-from circparam.formats import DEFAULT_OUTPUT, FORMATS, sniff
+from circparam.formats import FORMATS, default_output, sniff
 from circparam.formats.io import encode, format_of, read, read_data, stored, write
 from circparam.formats.memory import from_arrays
 from tests.support.formats_tools import (
@@ -90,7 +90,7 @@ def check_named_in_messages(name: str, _: Path) -> None:
     with pytest.raises(OptionError) as caught:
         format_of("mesh.unknown")
     assert row.suffixes[0] in str(caught.value)
-    assert DEFAULT_OUTPUT[name] == (row.output or name)
+    assert default_output(name) == (row.output or name)
     for other in FORMATS:
         if other.function.export is None:
             with pytest.raises(OptionError, match=rf"write .*\b{name}\b"):

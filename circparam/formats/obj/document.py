@@ -98,7 +98,7 @@ class ObjDocument(Document):
         if lost.all():
             return None
         if lost.any():
-            a, b, c = np.moveaxis(self.mesh.points[self.mesh.faces], 1, 0)
+            a, b, c = np.moveaxis(self.mesh.corners, 1, 0)
             flat = unit(np.cross(b - a, c - a))
             normal = np.where(lost[:, :, None], flat[:, None], normal)
         return normal

@@ -107,7 +107,7 @@ def lay_out(
     padding = Options(padding=keywords.get("padding")).padding_texels
     grows = density > 0 and "resolution" not in keywords
     if grows:
-        p = document.mesh.points[document.mesh.faces]
+        p = document.mesh.corners
         normal = normals_of(p)
         area = float(np.linalg.norm(normal, axis=1).sum() / 2)
         full = math.ceil(density * math.sqrt(area / FULLEST)) + 2 * padding
