@@ -35,6 +35,9 @@ ALIKE_RADII = 2e-5  # of the radius of a component: how far points of copies may
 NOISE_SHARE = 1.2e-6
 BENT_RADIANS = 0.1  # radians by which the sums of the angles at two vertices may differ
 BASE_TRIALS = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
+NEAREST_VERTICES = (
+    6  # which tell the corners of an icosahedron in a sphere of more faces from the rest
+)
 # Rounds in which components unlike every leader of their class get a leader of their own: 30 meshes of several
 # components take three at most.
 LEADER_ROUNDS = 16
@@ -75,6 +78,15 @@ class _Parts:
     angle: FloatArray
     label: IntArray
     area: FloatArray
+
+    @cached_property
+    def crowding(self) -> FloatArray:
+        """(v,) mean distance to the nearest vertices of the component; only copies with many like vertices ask
+        for them."""
+        scale = np.maximum(self.radius, 1e-300)[self.owner]
+        apart = _apart(self.points / scale[:, None], self.owner)
+        away, _ = kd_tree(apart).query(apart, k=NEAREST_VERTICES + 1)
+        return np.asarray(np.minimum(away[:, 1:], 2.0).mean(1) * scale)
 
     @cached_property
     def flats(self) -> Flats:
@@ -198,7 +210,14 @@ def _copies_of(
     """Which of the components ``asked`` ((n,) bool) are copies of their leaders (n,)."""
     n = len(leader)
     leads = mask_of(n, leader[asked])
-    frames = _frames(parts, leads)
+    detail = np.zeros(len(parts.owner))
+    frames = _frames(parts, leads, detail)
+    bases = _like(parts, frames.base, leader, asked, detail)
+    if group_count(parts.owner[bases], n).max() > BASE_TRIALS[0]:
+        detail = parts.crowding
+        frames = _frames(parts, leads, detail)
+        bases = _like(parts, frames.base, leader, asked, detail)
+    sides = _like(parts, frames.side, leader, asked, detail)
     mine = np.flatnonzero(leads[parts.owner])
     scale = np.maximum(parts.radius, 1e-300)
     # leaders lie one after the other along a fourth axis, too far apart to be neighbours
@@ -206,8 +225,6 @@ def _copies_of(
     reach = 2 * float((parts.slack / scale)[asked].max(initial=0.0)) + 1e-9
     order = np.lexsort((*np.sort(parts.vertex, 1).T[::-1], parts.component))
     begin = np.searchsorted(parts.component[order], np.arange(n + 1))
-    bases = _like(parts, frames.base, leader, asked)
-    sides = _like(parts, frames.side, leader, asked)
     left, found = asked.copy(), []
     for handed in (1.0, -1.0) if mirror else (1.0,):
         for own, base, side in _trials(parts, frames, leader, left, bases, sides):
@@ -244,8 +261,9 @@ def _apart(points: FloatArray, leader: IntArray) -> FloatArray:
     return np.concatenate([points, 8.0 * leader[:, None]], 1)
 
 
-def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
-    """Two rare vertices of each leader, not on one line with the centroid."""
+def _frames(parts: _Parts, leads: BoolArray, detail: FloatArray) -> _Frames:
+    """Two rare vertices of each leader, not on one line with the centroid. detail: (v,) a length that no
+    motion changes."""
     n = len(leads)
     vertex = np.flatnonzero(leads[parts.owner])
     owner = parts.owner[vertex]
@@ -256,6 +274,7 @@ def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
             owner,
             np.round(parts.distance[vertex] / step),
             np.round(parts.angle[vertex] / BENT_RADIANS),
+            np.round(detail[vertex] / step),
         ],
         1,
     )
@@ -287,12 +306,17 @@ def _rarest(
     return chosen[owner]
 
 
-def _like(parts: _Parts, frame: IntArray, leader: IntArray, asked: BoolArray) -> BoolArray:
-    """(v,) bool: vertices of the components asked that are as far out as the leader's vertex, and as bent."""
+def _like(
+    parts: _Parts, frame: IntArray, leader: IntArray, asked: BoolArray, detail: FloatArray
+) -> BoolArray:
+    """(v,) bool: vertices of the components asked that are as far out as the leader's vertex, as bent, and
+    alike in ``detail``."""
     own = np.flatnonzero(asked[parts.owner])
     of = frame[leader[parts.owner[own]]]
     out = np.zeros(len(parts.owner), bool)
-    near = np.abs(parts.distance[own] - parts.distance[of]) <= 2 * parts.slack[parts.owner[own]]
+    slack = 2 * parts.slack[parts.owner[own]]
+    near = np.abs(parts.distance[own] - parts.distance[of]) <= slack
+    near &= np.abs(detail[own] - detail[of]) <= slack
     out[own] = near & (np.abs(parts.angle[own] - parts.angle[of]) <= BENT_RADIANS)
     return out
 

@@ -51,15 +51,16 @@ class Result:
     """A layout, its figures, and notes on its making.
 
     document: the input. uv (k, 2) float64 and uv_faces (m, 3) int64 for the m faces of the mesh, origin
-    bottom-left, as stored in the file; charts (m,) chart of each face, −1 for faces set aside. status: ok |
-    repaired | degraded, with reasons. warnings: necessary for a user; notes: of interest. repairs: of the mesh
-    and of the layout, one line each. iterations, stopped: of each chart as the method made it. seconds: of each
-    stage. path: the file written, None in memory; vertex_map and face_map: input vertex and face of every one
-    in that file. work: unwrap, or pack where the charts were there before. uv_double: uv need doubles where the
-    format has them. tiles: (m,) atlas of each face, or None; group_by: owner of an atlas, or None. effort: how
-    many searches the layout is the best of. floaters, stacks, density, groups: results of --drop-floaters,
-    --stack, --density, and of --pages-by or --group-by; None without the option. advice: gain of other options
-    for the page, if they were tried. orient: room that --orient up costs, None without it.
+    bottom-left, as stored in the file; charts (m,) chart of each face, −1 for faces set aside, numbered by
+    their first faces, as in messages and ``check``. status: ok | repaired | degraded, with reasons. warnings:
+    necessary for a user; notes: of interest. repairs: of the mesh and of the layout, one line each.
+    iterations, stopped: of each chart as the method made it. seconds: of each stage. path: the file written,
+    None in memory; vertex_map and face_map: input vertex and face of every one in that file. work: unwrap, or
+    pack where the charts were there before. uv_double: uv need doubles where the format has them. tiles: (m,)
+    atlas of each face, or None; group_by: owner of an atlas, or None. effort: how many searches the layout is
+    the best of. floaters, stacks, density, groups: results of --drop-floaters, --stack, --density, and of
+    --pages-by or --group-by; None without the option. advice: gain of other options for the page, if they
+    were tried. orient: room that --orient up costs, None without it.
     """
 
     options: Options
@@ -211,6 +212,12 @@ def with_status(result: Result, expired: bool) -> Result:
             f"--max-charts {most}: {count} charts were reached; separate components, forced seams and "
             "overlaps prevent fewer: allow more charts"
         )
+    if result.stacks is not None and not result.stacks.copies:
+        why = result.stacks.notes()[1:] or ["no part is a copy of another"]
+        warnings.append(f"--stack {options.stack} has no effect: {why[0]}")
+    if options.grouped and result.tiles is not None and not result.tiles.any():
+        one = options.group_by
+        warnings.append(f"--group-by {one} has no effect: the file has one {one}, and so one atlas")
     charts = np.full(len(result.mesh.faces), -1)
     charts[result.surface.source] = found.cut_mesh.chart
     return replace(

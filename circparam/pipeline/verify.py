@@ -5,7 +5,7 @@ charts are the components between them.
 """
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -201,6 +201,10 @@ def verify(
     cut = _seams(surface, corners, ok) | (own[surface.sides[0]] != own[surface.sides[1]])
     atlas = Atlas(surface, cut, corners)
     cut_mesh, uv = atlas.open()
+    # charts are numbered by their first faces in the file, whatever order the surface has
+    order = np.argsort(surface.source)
+    _, first = np.unique(cut_mesh.chart[order], return_index=True)
+    cut_mesh = replace(cut_mesh, chart=np.argsort(np.argsort(first))[cut_mesh.chart])
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
     stacked, turned, old = _declared(cut_mesh, corners, declared)
     sign = np.where(ok, signs(uv, cut_mesh.faces), 0)

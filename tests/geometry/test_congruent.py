@@ -1,6 +1,7 @@
 """Components of one shape: every copy is found, none wrongly, whatever the order; corners lie on corners."""
 
 import numpy as np
+import pytest
 
 from circparam.geometry.congruent import find_congruent
 from circparam.geometry.congruent_flats import find_flats
@@ -24,6 +25,15 @@ def test_every_copy_of_300_parts_of_40_kinds_is_found_and_none_wrongly() -> None
     np.testing.assert_array_equal(lead, first[a.kind])
     assert one.copy.sum() == (lead != np.arange(300))[a.part].sum()
     assert not one.turned.any()
+
+
+@pytest.mark.parametrize("level", [2, 3, 4])
+def test_spheres_whose_vertices_are_nearly_alike_are_copies(level: int) -> None:
+    """All vertices lie equally far out; the twelve of five faces are the ones to try."""
+    a = assemble([shapes.icosphere(level)], 4)
+    one, lead = found(a, False)
+    assert not lead.any()
+    assert one.copy.sum() == 3 * 20 * 4**level
 
 
 def test_parts_that_differ_a_little_are_no_copies() -> None:

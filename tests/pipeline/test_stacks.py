@@ -73,6 +73,31 @@ def test_parts_of_other_materials_keep_their_places_and_are_told() -> None:
     assert any("the material differs" in note for note in result.notes)
 
 
+def test_options_that_find_nothing_to_do_are_told(tmp_path: Path) -> None:
+    """Parts without copies, one mesh to group by, a mesh that one node shows: a warning each, never silence."""
+    points, faces = bolt()
+    glb = tmp_path / "one.glb"
+    circparam.unwrap((points, faces), glb, **QUICK)
+    for given in ({"stack": "identical"}, {"group_by": "mesh"}, {"unshare": True}):
+        word = next(iter(given)).replace("_", "-")
+        found = circparam.unwrap(glb, **given, **QUICK).warnings
+        assert [line for line in found if f"--{word}" in line and "has no effect" in line]
+    a = assemble([bolt()], 2)
+    document = from_arrays(a.points, a.faces, groups=a.part)
+    told = circparam.unwrap(document, stack="identical", **QUICK).warnings
+    assert any("the material differs" in line for line in told)
+
+
+def test_charts_have_the_numbers_that_check_gives_them(tmp_path: Path) -> None:
+    """By their first faces in the file, so that a chart in a message is found in every picture of the file."""
+    a = assemble(kinds(3), 5)
+    out = tmp_path / "o.obj"
+    made = circparam.unwrap((a.points, a.faces), out, **QUICK)
+    shown = circparam.inspect(out, uv_set=0).uv
+    assert made.charts[0] == 0
+    np.testing.assert_array_equal(made.charts[shown.surface.source], shown.cut_mesh.chart)
+
+
 def test_pack_stacks_what_was_unwrapped_apart(tmp_path: Path) -> None:
     a = assemble(kinds(2), 6)
     path = tmp_path / "apart.obj"

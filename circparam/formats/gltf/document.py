@@ -206,8 +206,10 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     if required:
         raise source.error(f"it is compressed with {required[0]}: {DECODE}")
     shown = scene.walk(tree)
+    warnings: list[str] = []
     if unshare:
-        scene.unshare_meshes(tree, shown)
+        if not scene.unshare_meshes(tree, shown):
+            warnings.append("--unshare has no effect: no two nodes share a mesh")
         shown = scene.walk(tree)
     parts = scene.read_meshes(tree, shown)
     faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
@@ -226,6 +228,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
         source, "glb" if tree.is_glb else "gltf", Mesh(points, faces, groups=groups),
         tuple(sets), parts.notes, _features(tree), tuple(names),
         tree=tree, primitives=parts.primitives, pools=parts.pools, again=scene.shown_again(shown),
+        warnings=tuple(warnings),
     )  # fmt: skip
 
 

@@ -226,14 +226,19 @@ def shown_again(shown: list[Shown]) -> list[tuple[int, FloatArray]]:
     return out
 
 
-def unshare_meshes(tree: Tree, shown: list[Shown]) -> None:
-    """Give every further node of a shared mesh a copy of the mesh's entry (the accessors stay shared)."""
+def unshare_meshes(tree: Tree, shown: list[Shown]) -> int:
+    """Give every further node of a shared mesh a copy of the mesh's entry (the accessors stay shared).
+
+    Returns the number of copies.
+    """
+    before = len(tree.entries("meshes"))
     taken: set[int] = set()
     for node, mesh, _ in shown:
         if mesh in taken:
             tree.json["meshes"].append(copy.deepcopy(tree.item("meshes", mesh)))
             mesh = tree.item("nodes", node)["mesh"] = len(tree.json["meshes"]) - 1
         taken.add(mesh)
+    return len(tree.entries("meshes")) - before
 
 
 def material_of(tree: Tree, primitive: Primitive) -> int:
