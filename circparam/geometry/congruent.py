@@ -35,9 +35,8 @@ ALIKE_RADII = 2e-5  # of the radius of a component: how far points of copies may
 NOISE_SHARE = 1.2e-6
 BENT_RADIANS = 0.1  # radians by which the sums of the angles at two vertices may differ
 BASE_TRIALS = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
-NEAREST_VERTICES = (
-    6  # which tell the corners of an icosahedron in a sphere of more faces from the rest
-)
+# looked at: enough to tell the corners of an icosahedron in a finer sphere from its other vertices
+NEAREST_VERTICES = 6
 # Rounds in which components unlike every leader of their class get a leader of their own: 30 meshes of several
 # components take three at most.
 LEADER_ROUNDS = 16
@@ -86,7 +85,7 @@ class _Parts:
         scale = np.maximum(self.radius, 1e-300)[self.owner]
         apart = _apart(self.points / scale[:, None], self.owner)
         away, _ = kd_tree(apart).query(apart, k=NEAREST_VERTICES + 1)
-        return np.asarray(np.minimum(away[:, 1:], 2.0).mean(1) * scale)
+        return np.asarray(np.minimum(np.asarray(away)[:, 1:], 2.0).mean(1) * scale)
 
     @cached_property
     def flats(self) -> Flats:
