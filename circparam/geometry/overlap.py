@@ -19,7 +19,6 @@ from circparam.core.arrays import (
     first_of_runs,
     group_count,
     mask_of,
-    next_half_edge,
     ranges,
 )
 from circparam.core.records import dataclass
@@ -172,9 +171,7 @@ def wound_twice(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
 
     Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
     """
-    faces, h = cut_mesh.faces, cut_mesh.boundary
-    on_boundary = mask_of(len(uv), faces.ravel()[h])
-    on_boundary[faces.ravel()[next_half_edge(h)]] = True
+    faces = cut_mesh.faces
     y = uv[:, 1][faces]
     below_next = y[:, [1, 2, 0]] < y
     below_previous = y[:, [2, 0, 1]] < y
@@ -182,4 +179,4 @@ def wound_twice(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     up, down = below_next > below_previous, below_previous > below_next
     passes = (up & (sign > 0)).view(np.int8) - (down & (sign < 0)).view(np.int8)
     turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
-    return (np.abs(turns) > 1) & ~on_boundary
+    return (np.abs(turns) > 1) & ~cut_mesh.on_boundary

@@ -104,9 +104,7 @@ def _regular(cut_mesh: CutMesh, quads: _Quads, diagonal: IntArray) -> BoolArray:
     n, first = cut_mesh.n_vertices, quads.quad == np.arange(len(quads.quad))
     tip = cut_mesh.faces[np.arange(len(first)), (diagonal + 2) % 3]
     around = group_count(cut_mesh.faces[first].ravel(), n) + group_count(tip[~first], n)
-    inner = np.ones(n, bool)
-    inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
-    wrong = inner & (around != 4)
+    wrong = ~cut_mesh.on_boundary & (around != 4)
     return group_count(cut_mesh.vertex_chart[wrong], cut_mesh.n_charts) == 0
 
 

@@ -300,8 +300,7 @@ def _untangled(
     into = way[corner // 3] @ development.of(corner)
     seen = np.einsum("kab,kb->ka", into, q[vertices])
     uv, back = geometry.projected(seen, own, len(root))
-    rest = fixed[vertices]
-    rest[part.faces.ravel()[part.boundary]] = True
+    rest = fixed[vertices] | part.on_boundary
     rest |= group_count(own[~np.isfinite(uv).all(1)], len(root))[own] > 0
     uv = np.nan_to_num(uv)
     area = group_sum(np.abs(signed_areas(part.faces, uv)), chart, len(root))

@@ -67,9 +67,7 @@ class Atlas:
     def on_boundary(self) -> BoolArray:
         """(vertices,) bool: the vertex is on a boundary of the surface itself."""
         flat = self.surface.corner_vertex.ravel()
-        out = mask_of(self.n_vertices, flat[self.surface.boundary])
-        out[flat[next_half_edge(self.surface.boundary)]] = True
-        return out
+        return mask_of(self.n_vertices, flat[self.surface.boundary])
 
     @cached_property
     def angle_defects(self) -> FloatArray:

@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     doubled_areas,
     first_of_runs,
     group_sum,
+    mask_of,
     next_half_edge,
     norms3,
     positions_in,
@@ -129,6 +130,11 @@ class CutMesh:
     def boundary(self) -> IntArray:
         """(b,) half-edges on a boundary, in ascending order."""
         return boundary_half_edges(len(self.faces), self.edges)
+
+    @property
+    def on_boundary(self) -> BoolArray:
+        """(n_vertices,) bool: vertices on a boundary; each of them begins one of its half-edges."""
+        return mask_of(self.n_vertices, self.faces.ravel()[self.boundary])
 
     @cached_property
     def rim(self) -> tuple[IntArray, IntArray]:

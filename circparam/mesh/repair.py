@@ -183,9 +183,8 @@ def _joined(
     drawn = None if uv is None else _rotated(uv[kept], first)
     pairs = pair_half_edges(ranked, mesh.rank[faces], polygons, drawn)
     if polygons is not None:
-        inside = np.bincount(
-            polygons[pairs.edges[pairs.locked, 0] // 3], minlength=polygons.max() + 1
-        )
+        glued = polygons[pairs.edges[pairs.locked, 0] // 3]
+        inside = np.bincount(glued, minlength=polygons.max() + 1)
         closed = (2 * inside >= 3 * np.bincount(polygons))[polygons]
         if closed.any():
             rest = np.sort(kept[~closed])

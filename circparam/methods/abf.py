@@ -179,8 +179,7 @@ def _system(cut_mesh: CutMesh) -> _AngleSystem:
     Round a hole of k boundary edges the corners add up to (k + 2)π in every layout: the boundary turns by −2π.
     """
     angles = corner_angles(cut_mesh)
-    inner = np.ones(cut_mesh.n_vertices, bool)
-    inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
+    inner = ~cut_mesh.on_boundary
     scale = np.ones(cut_mesh.n_vertices)
     sums = vertex_angle_sums(cut_mesh, angles)
     scale[inner] = 2 * np.pi / sums[inner]

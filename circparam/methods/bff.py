@@ -147,8 +147,7 @@ class _Flattening:
     def __init__(self, cut_mesh: CutMesh) -> None:
         self.cut_mesh, self.boundary = cut_mesh, _boundary(cut_mesh)
         self.on_outer = self.boundary.outer.vertices
-        self.inner = np.ones(cut_mesh.n_vertices, bool)
-        self.inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
+        self.inner = ~cut_mesh.on_boundary
         self.L = sps.csr_matrix(cotangent_laplacian(cut_mesh))
         self.angles = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
 

@@ -51,8 +51,7 @@ def conformal_spectral(
     """
     matrix = conformal_matrix(cut_mesh)
     chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts
-    on_boundary = np.zeros(cut_mesh.n_vertices)
-    on_boundary[cut_mesh.faces.ravel()[cut_mesh.boundary]] = 1.0
+    on_boundary = cut_mesh.on_boundary.astype(np.float64)
     shift = SHIFT * float(np.median(matrix.diagonal().real))
     factor = ComplexFactor(sps.csc_matrix(matrix + sps.diags(shift * on_boundary)))
     boundary_count = group_sum(on_boundary, chart, n)

@@ -277,10 +277,7 @@ def _patch(cut_mesh: CutMesh, exact: FloatArray, mirrored: BoolArray, rounding: 
     """All faces as they lie, counter-clockwise."""
     turned = mirrored[cut_mesh.chart][:, None]
     upright = np.where(turned, cut_mesh.faces[:, [0, 2, 1]], cut_mesh.faces)
-    flat, h = cut_mesh.faces.ravel(), cut_mesh.boundary
-    on_boundary = np.zeros(cut_mesh.n_vertices, bool)
-    on_boundary[flat[h]] = on_boundary[flat[next_half_edge(h)]] = True
-    return Patch(upright, exact, on_boundary, rounding)
+    return Patch(upright, exact, cut_mesh.on_boundary, rounding)
 
 
 def _meeting(cut_mesh: CutMesh, uv: FloatArray) -> tuple[BoolArray, IntArray]:

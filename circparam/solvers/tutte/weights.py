@@ -98,8 +98,7 @@ def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
     """
     twin = opposite_half_edges(len(cut_mesh.faces), cut_mesh.edges)
     flat = cut_mesh.faces.ravel()
-    inner = np.ones(cut_mesh.n_vertices, bool)
-    inner[flat[cut_mesh.boundary]] = False
+    inner = ~cut_mesh.on_boundary
     h = np.flatnonzero(inner[flat])
     entry = positions_in(len(flat), h)
     follower = entry[twin[np.where(h % 3 == 0, h + 2, h - 1)]]
