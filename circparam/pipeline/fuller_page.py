@@ -80,7 +80,7 @@ def searched(
     if not np.isfinite(widest):
         return [(Plan(cutter.charts, 0.0, 0, share), found)]
     page = pack_options(options)
-    search = Search(cutter, most, page, sketches, options.draft, budget, monitor)
+    search = Search(cutter, most, page, sketches, budget, monitor)
     first, *others = search.plans(share)
     cheaper = sorted((p for p in others if p.cost < first.cost), key=lambda plan: plan.cost)
     return [*((plan, None) for plan in cheaper), (first, found)]

@@ -118,19 +118,17 @@ class Ground:
 class Part:
     """A chart, or a part of a chart after cuts.
 
-    outline: scaled to the size of the surface. places: (k, 2) uv of its corners in the atlas. opened, label:
-    the atlas that it is a chart of, and its number there. ground: None if nothing was cut. box, square: area
-    of the least bounding box, side of the least square. failed: numbers of the chords along which no cut could
-    be made.
+    outline: scaled to the size of the surface. places: (k, 2) uv of its corners in the atlas. ground: None if
+    nothing was cut. box, square: area of the least bounding box, side of the least square. slit: length of the
+    slit that opens it. failed: numbers of the chords along which no cut could be made.
     """
 
     outline: Outline
     places: FloatArray
-    opened: Opened
-    label: int
     ground: Ground | None
     box: float
     square: float
+    slit: float = 0.0
     failed: set[int] = field(default_factory=set)
 
     @cached_property
@@ -151,6 +149,7 @@ class Cutter:
     limits: Limits
     through_flats: bool
     grounds: dict[int, Ground] = field(default_factory=dict)
+    slits: dict[Part, Part | None] = field(default_factory=dict)
 
     @cached_property
     def root(self) -> float:
@@ -178,15 +177,17 @@ class Cutter:
         part.failed.add(k)
         return None
 
-    def slit(self, part: Part) -> tuple[Part, float] | None:
-        """(a ring that is opened, length of the slit at the user's prices), or None."""
-        ground = part.ground or self._ground(part.outline.chart)
-        opened = slit_open(ground.opened, ground.costs)
-        if opened is None:
-            return None
-        whole = ground.part(opened.atlas, np.ones(len(ground.faces), bool))
-        parts = self._parts(whole.opened, np.zeros(1, np.int64), whole)
-        return (parts[0], self._priced(ground, opened)) if parts else None
+    def slit(self, part: Part) -> Part | None:
+        """A ring that is opened by a slit, None if none leads across it."""
+        if part not in self.slits:
+            ground = part.ground or self._ground(part.outline.chart)
+            opened = slit_open(ground.opened, ground.costs)
+            self.slits[part] = None
+            if opened is not None:
+                whole = ground.part(opened.atlas, np.ones(len(ground.faces), bool))
+                for one in self._parts(whole.opened, np.zeros(1, np.int64), whole):
+                    self.slits[part] = replace(one, slit=part.slit + self._priced(ground, opened))
+        return self.slits[part]
 
     def _priced(self, ground: Ground, after: Opened) -> float:
         """Length of the seams that are new on a ground, at the user's prices."""
@@ -204,9 +205,7 @@ class Cutter:
         for shown in outlines(cut_mesh, at_best_scales(cut_mesh, uv), which, step):
             outline = shown if ground is None else replace(shown, chart=ground.chart)
             box, square = least_frames(np.ptp(turned(outline.p), axis=0)).tolist()
-            found.append(
-                Part(outline, uv[outline.vertex], opened, shown.chart, ground, box, square)
-            )
+            found.append(Part(outline, uv[outline.vertex], ground, box, square))
         return found
 
     def _ground(self, chart: int) -> Ground:

@@ -60,9 +60,10 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Chord k of part n of a plan; log_share: of the page with it."""
+    """Chord k of part n of a plan, or of this part opened by a slit; log_share: of the page with it."""
 
     n: int
+    part: Part
     k: int
     seam: float
     log_share: float
@@ -75,14 +76,13 @@ class _Trial:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What all plans share. most: cuts. options: of packing. sketches: whether pages are sketched. paying:
-    whether each cut has to lower the cost. budget: of the faces of charts that are cut."""
+    """What all plans share. most: cuts. options: of packing. sketches: whether pages are sketched. budget: of
+    the faces of charts that are cut."""
 
     cutter: Cutter
     most: int
     options: PackOptions
     sketches: bool
-    paying: bool
     budget: Budget
     monitor: Monitor
 
@@ -95,42 +95,25 @@ class Search:
         plans = [Plan(charts, 0.0, 0, self._log_share(charts) if self.sketches else log_share)]
         best = plans[0]
         while plans[-1].cuts < min(best.cuts + AHEAD, self.most) and not self.budget.over:
-            after = self._following(self._without_rings(plans[-1]))
+            after = self._following(plans[-1])
             if after is None:
                 break
             plans.append(after)
             best = min(best, after, key=lambda plan: plan.cost)
         return plans
 
-    def _without_rings(self, plan: Plan) -> Plan:
-        """The plan with rings slit open that are wider than all else: its page is the same, and chords can
-        cross them."""
-        parts, seam = [], plan.seam
-        widest = max((p.square for p in plan.parts if not p.outline.ring), default=0.0)
-        for part in plan.parts:
-            while part.outline.ring and part.square > widest and not self.budget.over:
-                self.budget.spend(self._faces(part))
-                done = self.cutter.slit(part)
-                if done is None:
-                    break
-                part = done[0]
-                seam += done[1] / self.cutter.root
-            parts.append(part)
-        return replace(plan, parts=parts, seam=seam)
-
     def _following(self, plan: Plan) -> Plan | None:
         """The plan with the best cut more; None if no chord is left that can be cut."""
-        while trials := self._apart(plan, self._trials(plan)):
+        while trials := self._apart(self._trials(plan)):
             if self.sketches:
                 trials = self._sketched(plan, trials)
             for trial in trials:
-                part = plan.parts[trial.n]
-                self.budget.spend(self._faces(part))
-                done = self.cutter.cut(part, trial.k)
+                self.budget.spend(self._faces(trial.part))
+                done = self.cutter.cut(trial.part, trial.k)
                 if done is not None:
                     parts = [*plan.parts[: trial.n], *plan.parts[trial.n + 1 :], *done[0]]
                     share = trial.log_share if self.sketches else self._log_share(parts)
-                    seam = plan.seam + done[1] / self.cutter.root
+                    seam = plan.seam + (trial.part.slit + done[1]) / self.cutter.root
                     return Plan(parts, seam, plan.cuts + 1, share)
             if not trials or self.budget.over:
                 break
@@ -199,42 +182,45 @@ class Search:
         order = np.argsort(squares)
         others = np.full(len(squares), squares[order[-1]])
         second = squares[order[-2]] if len(squares) > 1 else 0.0
-        # where not every cut has to pay, the second widest part is cut after the widest
-        others[order[-1]] = second if self.paying else second / 2
-        now = (
-            plan.log_share
-            if self.paying
-            else self._estimate(plan.parts, boxes.sum(), squares.max())
-        )
+        # the second widest part is cut after the widest
+        others[order[-1]] = second / 2
+        now = self._estimate(plan.parts, boxes.sum(), squares.max())
         most = self._estimate(plan.parts, boxes.sum() - boxes + areas, others)
+        promising = np.flatnonzero(COST.page * (most - now) > COST.chart).tolist()
+        cut = [(n, p) for n in promising for p in self._ways(plan.parts[n])]
         found = []
-        for n in np.flatnonzero(COST.page * (most - now) > COST.chart).tolist():
-            chords = plan.parts[n].chords
+        for at, (n, part) in enumerate(cut):
+            chords = part.chords
             square = np.maximum(chords.square, others[n])
             share = self._estimate(plan.parts, boxes.sum() - boxes[n] + chords.box, square)
-            seam = chords.length / self.cutter.root
+            seam = (part.slit + chords.length) / self.cutter.root
             k = np.arange(len(seam))
-            found.append(np.stack([np.full(len(k), n), k, seam, share, seam - COST.page * share]))
+            found.append(np.stack([np.full(len(k), at), k, seam, share, seam - COST.page * share]))
         every = np.concatenate(found, axis=1) if found else np.zeros((5, 0))
-        if self.paying:
-            every = every[:, every[4] + COST.chart < -COST.page * now]
+        if not self.sketches:  # they show gains where boxes see none
+            every = every[:, COST.page * (every[3] - now) > COST.chart]
         every = every[:, np.argsort(every[4], kind="stable")]
-        return (_Trial(int(n), int(k), seam, share) for n, k, seam, share, _ in every.T)
+        return (_Trial(*cut[int(at)], int(k), seam, share) for at, k, seam, share, _ in every.T)
 
-    def _apart(self, plan: Plan, trials: Iterable[_Trial]) -> list[_Trial]:
+    def _ways(self, part: Part) -> list[Part]:
+        """A part as it is and, if it is a ring, opened by a slit: no chord of a ring divides it."""
+        opened = self.cutter.slit(part) if part.outline.ring else None
+        return [part] if opened is None else [part, opened]
+
+    def _apart(self, trials: Iterable[_Trial]) -> list[_Trial]:
         """The first of the trials that lie apart from each other and from failed ones."""
         kept: list[_Trial] = []
-        ends: dict[int, FloatArray] = {}
+        ends: dict[Part, FloatArray] = {}
         for trial in trials:
-            part = plan.parts[trial.n]
-            if trial.n not in ends:
+            part = trial.part
+            if part not in ends:
                 known = [np.concatenate(part.chords.ends(k)) for k in sorted(part.failed)]
-                ends[trial.n] = np.reshape(known, (-1, 4))
+                ends[part] = np.reshape(known, (-1, 4))
             here = np.concatenate(part.chords.ends(trial.k))
-            d = np.sqrt((np.reshape(ends[trial.n] - here, (-1, 2, 2)) ** 2).sum(2)).sum(1)
+            d = np.sqrt((np.reshape(ends[part] - here, (-1, 2, 2)) ** 2).sum(2)).sum(1)
             if (d < 2 * COARSE / CELLS * self.cutter.root).any() or not part.chords.inside(trial.k):
                 continue
-            ends[trial.n] = np.vstack([ends[trial.n], here])
+            ends[part] = np.vstack([ends[part], here])
             kept.append(trial)
             if len(kept) == CHORDS:
                 break
@@ -245,7 +231,7 @@ class Search:
         found: list[_Trial] = []
         least = np.inf
         for trial in trials:
-            part = plan.parts[trial.n]
+            part = trial.part
             halves = split(part.outline, int(part.chords.i[trial.k]), int(part.chords.j[trial.k]))
             rest = [p.outline for n, p in enumerate(plan.parts) if n != trial.n]
             wanted = max((trial.seam + COST.chart - least) / COST.page, plan.log_share)
