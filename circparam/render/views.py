@@ -4,9 +4,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
 
-from circparam.core.arrays import interpolated, mask_of, next_half_edge, ranges
+from circparam.core.arrays import interpolated, mask_of, next_half_edge, ranges, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import barycentric, rasterise
@@ -47,8 +47,7 @@ def see(scene: Scene, camera: Camera, width: int, height: int, factor: int = 2) 
     pixel = np.flatnonzero(face.ravel() >= 0)
     seen = face.ravel()[pixel]
     bary = barycentric(face_xy, seen, pixel, w)
-    normal = interpolated(bary, scene.corner_normals[seen])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    normal = unit(interpolated(bary, scene.corner_normals[seen]))
     back = (scene.normals[seen] @ camera.back < 0) != scene.inside_out
     if scene.inside_out:
         normal = -normal
@@ -269,11 +268,8 @@ def draw_lines(
     shape: (height, width). radius: half the line's width in pixels. Returns (height, width) of 0 and 1.
     """
     height, width = shape
-    mask = np.zeros(shape)
     ok = np.isfinite(start).all(1) & np.isfinite(stop).all(1)
     start, stop = start[ok], stop[ok]
-    if len(start) == 0:
-        return mask
     steps = np.ceil(np.abs(stop - start)[:, :2].max(1) / 0.7).astype(np.int64) + 1
     steps = np.minimum(steps, 4 * (height + width))
     s = np.repeat(np.arange(len(start)), steps)
@@ -284,15 +280,10 @@ def draw_lines(
     if z_buffer is not None:
         inside[inside] &= p[inside, 2] <= z_buffer[row[inside], column[inside]] + bias
     touched = mask_of(height * width, row[inside] * width + column[inside])
-    hit = np.flatnonzero(touched)
     reach = int(np.ceil(radius))
     dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    disk = dx**2 + dy**2 <= radius**2
-    for oy, ox in zip(dy[disk].tolist(), dx[disk].tolist(), strict=True):
-        r, c = hit // width + oy, hit % width + ox
-        keep = (r >= 0) & (r < height) & (c >= 0) & (c < width)
-        mask[r[keep], c[keep]] = 1
-    return mask
+    drawn = binary_dilation(touched.reshape(shape), dx**2 + dy**2 <= radius**2)
+    return drawn.astype(np.float64)
 
 
 def shrink(image: FloatArray, factor: int) -> FloatArray:
