@@ -10,9 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import group_count, group_sum, relabel
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, chart_boxes, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
@@ -201,10 +202,7 @@ def verify(
     cut = _seams(surface, corners, ok) | (own[surface.sides[0]] != own[surface.sides[1]])
     atlas = Atlas(surface, cut, corners)
     cut_mesh, uv = atlas.open()
-    # charts are numbered by their first faces in the file, whatever order the surface has
-    order = np.argsort(surface.source)
-    _, first = np.unique(cut_mesh.chart[order], return_index=True)
-    cut_mesh = replace(cut_mesh, chart=np.argsort(np.argsort(first))[cut_mesh.chart])
+    cut_mesh = _in_file_order(cut_mesh, surface.source)
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
     stacked, turned, old = _declared(cut_mesh, corners, declared)
     sign = np.where(ok, signs(uv, cut_mesh.faces), 0)
@@ -240,6 +238,13 @@ def verify(
         stacked=np.flatnonzero(stacked),
         resolution=resolution,
     )
+
+
+def _in_file_order(cut_mesh: CutMesh, source: IntArray) -> CutMesh:
+    """The charts numbered by their first faces in the file; source: (m,) face there of each face."""
+    order, chart = np.argsort(source), np.empty_like(cut_mesh.chart)
+    chart[order] = relabel(cut_mesh.chart[order])[1]
+    return replace(cut_mesh, chart=chart)
 
 
 def _declared(
