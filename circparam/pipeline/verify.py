@@ -201,8 +201,7 @@ def verify(
     own = np.zeros(len(ok), np.int64) if tiles is None else tiles[surface.source]
     cut = _seams(surface, corners, ok) | (own[surface.sides[0]] != own[surface.sides[1]])
     atlas = Atlas(surface, cut, corners)
-    cut_mesh, uv = atlas.open()
-    cut_mesh = _in_file_order(cut_mesh, surface.source)
+    cut_mesh, uv = _opened(atlas)
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
     stacked, turned, old = _declared(cut_mesh, corners, declared)
     sign = np.where(ok, signs(uv, cut_mesh.faces), 0)
@@ -240,11 +239,12 @@ def verify(
     )
 
 
-def _in_file_order(cut_mesh: CutMesh, source: IntArray) -> CutMesh:
-    """The charts numbered by their first faces in the file; source: (m,) face there of each face."""
-    order, chart = np.argsort(source), np.empty_like(cut_mesh.chart)
+def _opened(atlas: Atlas) -> tuple[CutMesh, FloatArray]:
+    """The charts of an atlas, numbered by their first faces in the file, and uv (nv, 2) of their vertices."""
+    cut_mesh, uv = atlas.open()
+    order, chart = np.argsort(atlas.surface.source), np.empty_like(cut_mesh.chart)
     chart[order] = relabel(cut_mesh.chart[order])[1]
-    return replace(cut_mesh, chart=chart)
+    return replace(cut_mesh, chart=chart), uv
 
 
 def _declared(
