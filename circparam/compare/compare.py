@@ -22,9 +22,8 @@ from circparam.core.registry import unknown_name
 from circparam.core.types import FloatArray
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.geometry.distortion import at_best_scales
-from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.mesh.mesh import UVMap
-from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.pipeline.configure import method_options, open_source
 from circparam.pipeline.flatten import find_seams
@@ -70,7 +69,8 @@ def compare(
     monitor = Monitor(listener, jobs=first.processes)
     job = prepare(open_source(source, first), None, first, monitor)
     if cut == "auto":
-        cut = "disk" if _disks(job.surface) else "charts"
+        whole = job.surface.cut_mesh(np.zeros(len(job.surface.edges), bool))
+        cut = "charts" if not_disks(whole).any() else "disk"
         useless = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "disk" else set()
         keywords = {k: v for k, v in keywords.items() if k not in useless}
     choices = _options(names, cut, keywords)
@@ -162,13 +162,6 @@ def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, 
         mine |= {"method": method, "cut": "charts" if cut == "auto" else cut}
         out[name] = from_keywords(mine)
     return out
-
-
-def _disks(surface: Surface) -> bool:
-    """Whether every component is a disk, holes allowed."""
-    whole = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    loops = np.bincount(whole.loops.chart, minlength=whole.n_charts)
-    return bool(((loops > 0) & (whole.euler() == 2 - loops)).all())
 
 
 def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:

@@ -12,7 +12,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import cross2, first_of_runs, group_max, group_sum, mask_of, positions_in
+from circparam.core.arrays import (
+    cross2,
+    first_of_runs,
+    group_count,
+    group_max,
+    group_sum,
+    mask_of,
+    positions_in,
+)
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -234,10 +242,8 @@ def _spread(patch: Patch, inner: BoolArray, by: float) -> tuple[IntArray, FloatA
     crowd, label = np.unique(np.r_[a[short], b[short]], return_inverse=True)
     half = int(short.sum())
     n, label = components(len(crowd), label[:half], label[half:])
-    count = np.bincount(label, minlength=n)
-    away = exact[crowd].copy()
-    for k in (0, 1):
-        away[:, k] -= (group_sum(exact[crowd, k], label, n) / count)[label]
+    middle = group_sum(exact[crowd], label, n) / group_count(label, n)[:, None]
+    away = exact[crowd] - middle[label]
     width = group_max(np.abs(away).max(1) / step[crowd], label, n)
     times = np.minimum(by, np.maximum(FAR_NUMBERS / np.maximum(width, 1.0), 1.0))[label]
     return crowd, patch.rounding(exact[crowd] + (times - 1)[:, None] * away)

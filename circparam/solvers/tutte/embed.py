@@ -11,7 +11,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.errors import TopologyError
-from circparam.mesh.cut_mesh import CutMesh, close_holes
+from circparam.mesh.cut_mesh import CutMesh, close_holes, not_disks
 from circparam.solvers.tutte.boundary import BOUNDARIES
 from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.tutte.weights import WEIGHTS, clamp_negative, half_edge_weights
@@ -91,12 +91,12 @@ def assemble(
 
 def require_boundary(cut_mesh: CutMesh) -> None:
     """Raise TopologyError unless every chart is a disk, with or without holes."""
-    loops = np.bincount(cut_mesh.loops.chart, minlength=cut_mesh.n_charts)
-    bad = np.flatnonzero((loops == 0) | (cut_mesh.euler() != 2 - loops))
+    bad = np.flatnonzero(not_disks(cut_mesh))
     if len(bad):
         c = int(bad[0])
-        genus = int(2 - loops[c] - cut_mesh.euler()[c]) // 2
+        loops = int((cut_mesh.loops.chart == c).sum())
+        genus = int(2 - loops - cut_mesh.euler()[c]) // 2
         raise TopologyError(
-            f"chart {c} has {loops[c]} boundaries and genus {genus}: a map into the plane needs "
+            f"chart {c} has {loops} boundaries and genus {genus}: a map into the plane needs "
             "at least one boundary and genus 0. Cut it first: --cut disk"
         )
