@@ -263,7 +263,7 @@ def rotated(vector: FloatArray, angle: float) -> FloatArray:
     return np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
 
 
-def groups_of(looks: Looks, merge: bool, kept: frozenset[int] = frozenset()) -> tuple[Group, ...]:
+def groups_of(looks: Looks, merge: bool, kept: frozenset[int]) -> tuple[Group, ...]:
     """The materials of the faces, each alone or grouped with materials that differ in textures and factors
     only.
 

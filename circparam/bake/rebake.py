@@ -277,9 +277,9 @@ def bake_all(
     output: str | os.PathLike[str],
     look: LookOptions,
     *,
-    uv_set: int = 0,
-    overwrite: bool = False,
-    monitor: Monitor | None = None,
+    uv_set: int,
+    overwrite: bool,
+    monitor: Monitor,
 ) -> tuple[Written, Look]:
     """Write a source with the uv of a document over the same triangles, and all its images carried there.
 
@@ -302,7 +302,6 @@ def bake_all(
         raise document.source.error("its layout has several tiles: --all carries into one page")
     found = Source.of(origin, bool(look.keep_tiled))
     size = look.fixed_size or needed_size(found, layout)
-    monitor = monitor or Monitor()
     with monitor.stage("bake"):
         carried, texels = carry(found, layout, uv_set, size, look, monitor)
     carried_look = _look(found, layout, carried, texels)

@@ -28,7 +28,7 @@ _QUALITY: Figures = {
 _SECONDS = ("weights", "solve", "total")
 
 
-def print_comparison(found: "Comparison", shown: str | None = None) -> None:
+def print_comparison(found: "Comparison", shown: str | None) -> None:
     """Cost and quality of each row, two tables of at most 80 columns, and the notes.
 
     shown: a name for the mesh in place of that of its file.

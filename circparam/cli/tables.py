@@ -34,7 +34,7 @@ def console(**keywords: Any) -> Console:
     return out
 
 
-def facts(rows: Iterable[tuple[str, object]] = ()) -> Table:
+def facts(rows: Iterable[tuple[str, object]]) -> Table:
     """Names and values, one pair a line; the values are plain text, or Text with a style."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), pad_edge=False)
     table.add_column(style="bold", no_wrap=True)

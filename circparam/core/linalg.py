@@ -142,13 +142,15 @@ def conjugate_gradients(
     precondition: Callable[[FloatArray], FloatArray],
     tolerance: float,
     limit: int,
+    start: FloatArray | None = None,
 ) -> FloatArray:
-    """Approximate x with matrix @ x = b, from zero; every iterate is a descent direction of ½ xᵀAx − bᵀx.
+    """Approximate x with matrix @ x = b; from zero every iterate is a descent direction of ½ xᵀAx − bᵀx.
 
     tolerance: factor by which the residual shrinks, in the norm of the preconditioner. limit: most steps.
+    start: see ``gradient_iterates``.
     """
     best, first = np.zeros_like(b), np.inf
-    iterates = islice(gradient_iterates(matrix, b, precondition), limit + 1)
+    iterates = islice(gradient_iterates(matrix, b, precondition, start), limit + 1)
     for k, (x, _, weight) in enumerate(iterates):
         best = x
         if k == 0:

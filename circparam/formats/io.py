@@ -333,7 +333,7 @@ def stage(
     return Staged(contents, written, assets.there)
 
 
-def write_staged(outputs: Sequence[Staged], overwrite: bool = False) -> list[Written]:
+def write_staged(outputs: Sequence[Staged], overwrite: bool) -> list[Written]:
     """Write several outputs into one folder, all or none; files that are the same in two of them once.
 
     Raises OptionError if different files have one place, and the errors of ``write``.

@@ -37,7 +37,7 @@ def page_figures(
     uv: FloatArray,
     used: BoolArray,
     resolution: int,
-    block: int = 1,
+    block: int,
 ) -> PageFigures:
     """The figures of a layout uv (nv, 2) on pages of ``resolution`` texels.
 

@@ -68,7 +68,7 @@ def axes(count: int) -> FloatArray:
 
 
 def seen_shares(
-    triangles: FloatArray, places: Places, count: int, pixels: int, turn: slice = ALL
+    triangles: FloatArray, places: Places, count: int, pixels: int, turn: slice
 ) -> FloatArray:
     """(k,) share of ``count`` directions, an even number, from which each place is seen: 0 to 1.
 

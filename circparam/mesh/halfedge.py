@@ -74,7 +74,7 @@ def shared_edges(faces: IntArray) -> IntArray:
 
 
 def pair_half_edges(
-    points: FloatArray, faces: IntArray, polygons: IntArray | None, uv: FloatArray | None = None
+    points: FloatArray, faces: IntArray, polygons: IntArray | None, uv: FloatArray | None
 ) -> Pairs:
     """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
 

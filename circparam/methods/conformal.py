@@ -13,6 +13,7 @@ from circparam.solvers.tutte.outer import outer_boundary
 
 MODES = 4  # vectors of the subspace of each chart: eigenvalues come close together on smooth charts
 SHIFT = 1e-11  # below the smallest eigenvalue that is not zero, above rounding
+MOST_STEPS = 60  # of the subspace iteration
 
 
 def conformal_matrix(cut_mesh: CutMesh) -> sps.csc_matrix:
@@ -40,9 +41,7 @@ def start_modes(cut_mesh: CutMesh) -> ComplexArray:
     return np.stack([z ** (k + 1) for k in range(MODES)], 1)
 
 
-def conformal_spectral(
-    cut_mesh: CutMesh, modes: ComplexArray, limit: int = 60
-) -> tuple[ComplexArray, IntArray]:
+def conformal_spectral(cut_mesh: CutMesh, modes: ComplexArray) -> tuple[ComplexArray, IntArray]:
     """The smallest pair of L_C z = λ B z of every chart, translations taken out; B marks the boundary vertices.
 
     Subspace iteration on (L_C + shift B)⁻¹ B with a Rayleigh-Ritz step, all charts in one factorisation. On
@@ -59,7 +58,7 @@ def conformal_spectral(
     steps = np.zeros(n, np.int64)
     open_charts = np.ones(n, bool)
     last_move = np.full(n, np.inf)
-    for _ in range(limit):
+    for _ in range(MOST_STEPS):
         before = x[:, 0]
         x = factor.solve_complex(on_boundary[:, None] * x)
         x -= (chart_sums(on_boundary[:, None] * x, chart, n) / boundary_count[:, None])[chart]

@@ -72,7 +72,7 @@ class _Lines:
 
 
 def align(
-    cut_mesh: CutMesh, uv: FloatArray, options: Options, group: IntArray | None = None
+    cut_mesh: CutMesh, uv: FloatArray, options: Options, group: IntArray | None
 ) -> FloatArray:
     """A packed layout (nv, 2) with straight borders along the axes on multiples of ``align_texels``.
 

@@ -59,7 +59,7 @@ def open_source(source: Any, options: Options | None = None) -> Document:
     )
 
 
-def open_sources(sources: Any, what: str, options: Options | None = None) -> list[Document]:
+def open_sources(sources: Any, what: str, options: Options) -> list[Document]:
     """Documents from a list of sources of ``unwrap``; ``what`` names the list for messages.
 
     Raises OptionError for a single source in place of a list.

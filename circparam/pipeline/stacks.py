@@ -72,7 +72,7 @@ def find_stacks(
     report: RepairReport,
     options: Options,
     tiles: IntArray | None,
-    groups: NamedGroups | None = None,
+    groups: NamedGroups | None,
 ) -> tuple[Surface, Stacks | None]:
     """The surface with one part of each kind, and the declared stacks; None without --stack.
 

@@ -8,6 +8,7 @@ from circparam.core.types import FloatArray
 from circparam.errors import OptionError
 from circparam.render.scene import Scene
 
+VISIBILITY_SAMPLES = 12_000  # places of a surface that are looked for from every direction
 UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -79,9 +80,7 @@ def _support(scene: Scene, axis: int) -> float:
         return 0.0
 
 
-def best_directions(
-    scene: Scene, count: int = 2, up: str = "auto", samples: int = 12000
-) -> FloatArray:
+def best_directions(scene: Scene, count: int, up: str = "auto") -> FloatArray:
     """(count, 3) directions that together show most of the surface, seen from slightly above if possible.
 
     Greedy: every direction adds the surface that the ones before it did not show well. Visibility comes
@@ -91,6 +90,7 @@ def best_directions(
     area = np.cumsum(scene.areas)
     if not area[-1] > 0:
         return np.tile([0.3, 0.3, 1.0], (count, 1))
+    samples = VISIBILITY_SAMPLES
     at = (np.arange(samples) + 0.5) / samples * area[-1]
     face = np.minimum(np.searchsorted(area, at), len(area) - 1)
     r = np.random.default_rng(7).random((samples, 2))

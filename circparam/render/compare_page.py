@@ -46,6 +46,7 @@ REST_COLOUR = col.NO_UV
 LETTER_WIDTH = 8.0
 CHART_UNITS, BAR_UNITS, ROW_UNITS = 640, 300, 30
 LEAST_DRAWN_VALUE = 1e-4  # lower values are drawn as this one: nobody tells them apart
+PLOT_COLUMNS = 5  # layouts beside each other in an image
 MOST_INTERVALS = 6  # so many intervals at most: their labels stand apart
 LARGEST_DRAWN_VALUE = 1e12  # collapsed faces: no scale reaches so far
 
@@ -188,7 +189,7 @@ def _table1(sizes: Sequence[Any]) -> str:
     )
 
 
-def compare_plot(meshes: Sequence[SideBySide], columns: int = 5) -> Image.Image:
+def compare_plot(meshes: Sequence[SideBySide]) -> Image.Image:
     """Methods side by side as an image: layout, checker and distortion below each other, figures under them.
 
     A mesh with one row has its three pictures beside each other.
@@ -201,9 +202,11 @@ def compare_plot(meshes: Sequence[SideBySide], columns: int = 5) -> Image.Image:
         each = [[i.height + 6 for i in row.images] for row in rows if row.images is not None]
         tallest = max([max(h) if len(rows) == 1 else sum(h) for h in each], default=60)
         cards.append(34 + tallest + 40)
-    widest = max(3 if len(d) == 1 else min(columns, len(d)) for _, d in drawn)
+    widest = max(3 if len(d) == 1 else min(PLOT_COLUMNS, len(d)) for _, d in drawn)
     wide = max(2 * margin + widest * size + (widest - 1) * gap, 660)
-    heights = [head + c * -(-len(d) // columns) for c, (_, d) in zip(cards, drawn, strict=True)]
+    heights = [
+        head + c * -(-len(d) // PLOT_COLUMNS) for c, (_, d) in zip(cards, drawn, strict=True)
+    ]
     page = Image.new("RGB", (wide, sum(heights) + margin // 2), col.PAPER)
     draw = ImageDraw.Draw(page)
     y = 0
@@ -212,8 +215,8 @@ def compare_plot(meshes: Sequence[SideBySide], columns: int = 5) -> Image.Image:
         title = fitted(draw, shown.title, 26, left - margin - 24)
         write(draw, (margin, y + 26), title, 26, col.INK)
         for k, row in enumerate(rows):
-            x = margin + (k % columns) * (size + gap)
-            _plot_card(page, draw, x, y + head + (k // columns) * card, row, len(rows) == 1)
+            x = margin + (k % PLOT_COLUMNS) * (size + gap)
+            _plot_card(page, draw, x, y + head + (k // PLOT_COLUMNS) * card, row, len(rows) == 1)
         y += height
     return page
 

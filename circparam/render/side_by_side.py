@@ -97,10 +97,8 @@ def side_by_side(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto")
     return SideBySide(title or comparison.mesh, mesh, rows, note, up)
 
 
-def draw_layouts(
-    shown: SideBySide, size: int = 300, samples: int = 2, top: float = col.END
-) -> list[DrawnLayout]:
-    """Every row drawn from the same side of the surface, with one scale of distortion that ends at ``top``.
+def draw_layouts(shown: SideBySide, size: int = 300, samples: int = 2) -> list[DrawnLayout]:
+    """Every row drawn from the same side of the surface, with one scale of distortion.
 
     size: pixels of the square layout; the views are size wide and as high as the surface needs.
     """
@@ -125,7 +123,7 @@ def draw_layouts(
         cells = checker_cells(scene, 22)
         plan = draw_plan(scene, size, samples, cells=cells)
         checker = paint(view, checker_colours(scene, view, cells), col.rgb(col.INK))
-        colours = distortion_colours(scene, view.face, top)
+        colours = distortion_colours(scene, view.face, col.END)
         distortion = paint(view, colours, col.rgb(col.INK), 0.5, 0.5)
         out.append(
             DrawnLayout(row, (to_image(plan.image), to_image(checker), to_image(distortion)))

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray, group_sum, slices
-from circparam.core.linalg import Factor, gradient_iterates
+from circparam.core.linalg import Factor, conjugate_gradients
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.poisson import clamp_stretch, divergence, laplacian
@@ -49,16 +49,11 @@ class CellPoisson:
     def towards(self, targets: FloatArray, start: FloatArray, limit: int = LIMIT) -> FloatArray:
         """(nv, 2) about the layout with these Jacobians (2, 2, m), from ``start`` (nv, 2) on."""
         right = divergence(self.cut_mesh, self.gradients, targets)
-        out = np.empty_like(start)
-        for d in range(2):
-            first = np.inf
-            iterates = gradient_iterates(self.matrix, right[:, d], self.precondition, start[:, d])
-            for k, at in enumerate(iterates):
-                first = at.weight if k == 0 else first
-                out[:, d] = at.x
-                if k == limit or not at.weight > RESIDUAL**2 * first:
-                    break
-        return out
+        columns = [
+            conjugate_gradients(self.matrix, b, self.precondition, RESIDUAL, limit, x)
+            for b, x in zip(right.T, start.T, strict=True)
+        ]
+        return np.stack(columns, axis=1)
 
     def unfolded(self, uv: FloatArray) -> FloatArray:
         """The layout (nv, 2) with few of the flips it had, by rounds of clamping the stretch of its faces.

@@ -52,7 +52,7 @@ class Appearance:
     carried: list[str]
 
 
-def appearance_of(document: Document, with_colours: bool = True) -> Appearance:
+def appearance_of(document: Document, with_colours: bool) -> Appearance:
     """The appearance of a document. with_colours: False leaves images and vertex colours out.
 
     A bad description in the document becomes a warning, because the mesh can still be written.

@@ -49,7 +49,7 @@ class Pool:
         return slice(self.first, self.first + self.count)
 
 
-def index_type(n: int, least: int = 5123) -> int:
+def index_type(n: int, least: int) -> int:
     """The component type of indices of n vertices: the smallest from ``least`` on that holds them.
 
     The highest value of a type is kept free: it restarts strips (glTF 2.0, 3.7.2.1).

@@ -63,7 +63,7 @@ def used_accessors(tree: Json) -> set[int]:
 
 
 def drop_unused(
-    tree: Json, gone: Iterable[int], accessors: int, views: int, images: Iterable[int] = ()
+    tree: Json, gone: Iterable[int], accessors: int, views: int, images: Iterable[int]
 ) -> Unused:
     """Take out the accessors ``gone``, and the views that only they used.
 

@@ -216,7 +216,7 @@ def new_comments(group_by: str | None, pages: Sequence[str], newline: str) -> by
 
 
 def with_uv(
-    scan: Scan, uv: FloatArray, corner: IntArray, group_by: str | None = None, pages: Sequence[str] = ()
+    scan: Scan, uv: FloatArray, corner: IntArray, group_by: str | None, pages: Sequence[str]
 ) -> bytes:  # fmt: skip
     """The file with the given uv (k, 2) and, for every face corner, (L,) its number (from 0; −1: none).
 
