@@ -1,7 +1,7 @@
 """How far a layout is from an isometry: one table of measures, for the whole map and for each chart.
 
-All are integrals over the surface of the singular values σ1 ≥ σ2 of the map surface → uv, weighted by the area
-of each face. Every measure is a plain number without unit, and 1 is perfect.
+All are integrals over the surface: each face has the weight of its area. σ1 ≥ σ2 are the singular values of the
+map surface → uv. Every measure is a plain number without unit, and 1 is perfect.
 """
 
 from collections.abc import Callable

@@ -110,8 +110,8 @@ def _with_alike(pairs: IntArray, first: IntArray) -> IntArray:
 def same_boundary(boundary: BoundarySegments) -> IntArray:
     """(n,) the first chart with the same boundary, segment by segment; its own number if it has no area.
 
-    Faces that show one patch of a palette lie on one another by the thousand. Boundaries are told apart by a
-    sum of 64 bits of their segments, which does not depend on the order of these.
+    Faces that show one patch of a palette lie on one another by the thousand. Two boundaries are the same
+    if sums of 64 bits of their segments are, which do not depend on the order of these.
     """
     n = len(boundary.size)
     word = (np.concatenate([boundary.start, boundary.end], 1) + 0.0).view(np.uint64)

@@ -163,8 +163,8 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
 def _fitted(job: Job, layout: CarriedLayout, resolution: int, most: float) -> Fitted:
     """The layout as stored.
 
-    Raises NoResultError if faces are flipped or overlap, if too many lie in free room, or if a corner lies too
-    far from its place in the first layout.
+    Raises NoResultError if faces are flipped or overlap, or too many lie in free room. So does a corner too far
+    from its place in the first layout.
     """
     surface, name = job.surface, job.document.source.name
     bad = layout.faulty if layout.faulty.any() else layout.loose

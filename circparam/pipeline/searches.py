@@ -125,8 +125,8 @@ def best_layout(
 class Drafted:
     """A draft beside a full search: an upper bound on its cost, and its fallback when time is up.
 
-    The cheaper layout of both gets its page. The other one may still cost less on its own page if that layout
-    is the draft's, so this page is made too, with as little work as in a draft.
+    The cheaper layout of both gets its page. If that is the draft's, the full search may still cost less on a
+    page of its own. That page is made too, with as little work as in a draft.
 
     competes: the draft also replaces a full search that ended in time.
     """

@@ -1,7 +1,7 @@
 """A packed layout whose numbers, as the format stores them, have no flip and no overlap, if that can be.
 
 Slivers of rounding are faces that stay upright in stored numbers and lose most of their width. A face that is
-100 storable numbers long and 3 wide may keep a thousandth of a cell, and its energy exceeds that of all other
+100 storable numbers long and 3 wide may keep a thousandth of a cell. Its energy then exceeds that of all other
 faces of its chart. Its vertices move to nearby storable numbers until the symmetric Dirichlet energy of their
 faces, measured against the layout before rounding, is least.
 """

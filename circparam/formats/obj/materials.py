@@ -48,7 +48,7 @@ def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
 
 
 def libraries(scan: Scan, files: ImageFiles) -> list[Statements]:
-    """Every material of the libraries that a file names; one that is missing is told as a missing image is."""
+    """Every material of the libraries that a file names; a note names one that is missing."""
     out: list[Statements] = []
     folder = files.source.folder
     for library in (one for line in scan.libraries() for one in names_in(line, folder)):
