@@ -23,7 +23,7 @@ LEAST_AUTO_TEXELS, MOST_AUTO_TEXELS = (
     512,
     8192,
 )  # sides that auto chooses from: below, a padding of 1/512 is no texel
-GROWN = 2.0  # a small part of a surface that an image magnifies is no reason for more
+GROWTH_RATIO = 2.0  # a small part of a surface that an image magnifies is no reason for more
 PNG_DEPTH_AT = 24  # byte of a PNG that tells the bits of a channel
 PATTERN_TEXELS = 2048  # the side up to which images that repeat decide
 
@@ -42,14 +42,15 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
     """The smallest power of two, SMALLEST to LARGEST, that keeps enough of the density of every image.
 
     layout: None before there is one; then the page is taken for PACKED_SHARE_GUESS by charts without
-    distortion. Repeated images need at most PATTERN_TEXELS, others at most GROWN times the side of a page with
-    all their texels.
+    distortion. Repeated images need at most PATTERN_TEXELS, others at most GROWTH_RATIO times the side of a
+    page with all their texels.
     """
     whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
     side = float(LEAST_AUTO_TEXELS)
     for _, dense, tiled in _densities(source, layout, 1):
         side = max(
-            side, min(LEAST_DENSITY_SHARE * dense, PATTERN_TEXELS if tiled else GROWN * whole)
+            side,
+            min(LEAST_DENSITY_SHARE * dense, PATTERN_TEXELS if tiled else GROWTH_RATIO * whole),
         )
     return min(1 << math.ceil(math.log2(side) - 1e-9), MOST_AUTO_TEXELS)
 

@@ -25,8 +25,9 @@ from circparam.core.workers import environment, free_cores
 from circparam.errors import OptionError
 
 ANSWER_SECONDS = 10.0  # seconds that a scheduler has for its first answer
-GONE = 2.0  # seconds that the last process of a cluster that was ended has to remove its semaphores
-YOUNG = 10.0  # seconds
+# seconds that the last process of a cluster that was ended has to remove its semaphores
+GONE_SECONDS = 2.0
+YOUNG_SECONDS = 10.0  # of a folder whose lock may still come
 FOLDER_PREFIX = "circparam-batch-dask-"  # how the folders of clusters on this machine begin
 
 
@@ -188,7 +189,7 @@ class Cluster:
             with contextlib.suppress(OSError):
                 end(process.pid, signal.SIGKILL)
         process.wait()
-        self._listener.join(GONE)
+        self._listener.join(GONE_SECONDS)
         for stream in (process.stdin, process.stdout, process.stderr):
             if stream is not None:
                 with contextlib.suppress(OSError):
@@ -212,7 +213,7 @@ def clear_folders() -> None:
         with contextlib.suppress(OSError):
             handle = os.open(left, os.O_RDONLY)
             try:
-                if time.time() - os.fstat(handle).st_mtime > YOUNG and lock(handle):
+                if time.time() - os.fstat(handle).st_mtime > YOUNG_SECONDS and lock(handle):
                     shutil.rmtree(left, ignore_errors=True)
             finally:
                 os.close(handle)

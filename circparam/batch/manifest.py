@@ -19,8 +19,9 @@ from circparam.errors import OptionError, OutputError
 
 NAME = "manifest.jsonl"
 SCHEMA = "circparam/batch/1"
-SYNC = 2.0  # seconds between two calls that make the lines durable on the disk
-UPLOAD = 30.0  # seconds between two uploads at least; they take at most a twentieth of the time
+SYNC_SECONDS = 2.0  # seconds between two calls that make the lines durable on the disk
+# seconds between two uploads at least; they take at most a twentieth of the time
+UPLOAD_SECONDS = 30.0
 
 
 def encode_line(line: dict[str, Any]) -> bytes:
@@ -87,7 +88,7 @@ class Manifest:
             self._stream.close()
             raise
         self._synced = self._uploaded = time.monotonic()
-        self._pause = UPLOAD
+        self._pause = UPLOAD_SECONDS
         if fresh:
             self.upload()
 
@@ -115,7 +116,7 @@ class Manifest:
             raise
         self._end += len(data)
         now = time.monotonic()
-        if now - self._synced > SYNC:
+        if now - self._synced > SYNC_SECONDS:
             self._synced = now
             os.fsync(self._stream.fileno())
         if self.folder.remote and now - self._uploaded > self._pause:
@@ -134,7 +135,7 @@ class Manifest:
             ) from None
         finally:
             self._uploaded = time.monotonic()
-            self._pause = max(UPLOAD, 20 * (self._uploaded - start))
+            self._pause = max(UPLOAD_SECONDS, 20 * (self._uploaded - start))
 
     def close(self) -> None:
         """Make it durable, and put it into the remote folder."""

@@ -10,7 +10,7 @@ from circparam.core.records import dataclass
 
 # bytes added to the size of a file for its weight: the least cost of an unwrap
 LEAST_WEIGHT_BYTES = 50_000
-RECENT = 300.0  # seconds that the rate is measured over
+RECENT_SECONDS = 300.0  # seconds that the rate is measured over
 LINE_STATUSES = ("ok", "repaired", "degraded", "failed")
 
 
@@ -69,7 +69,7 @@ class Meter:
         now = time.monotonic()
         if now - self._recent[-1][0] > 1.0:
             self._recent.append((now, self._done, self._weight))
-        while len(self._recent) > 2 and now - self._recent[1][0] > RECENT:
+        while len(self._recent) > 2 and now - self._recent[1][0] > RECENT_SECONDS:
             self._recent.popleft()
         then, done, weight = self._recent[0]
         seconds = max(now - then, 1e-9)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from circparam.batch.batch import Summary
     from circparam.batch.progress import Progress
 
-NAMED = 8  # of the files that run, the oldest
+NAMED_FILES = 8  # of the files that run, the oldest
 BAR_CHARACTERS = 60  # characters of the bar
 MOST_ERROR_LINES = 50  # lines about files that failed; more of them are only counted
 MINUTE = 60.0
@@ -65,7 +65,7 @@ class Screen:
                     ("━" * filled, "green"), ("━" * (BAR_CHARACTERS - filled), "bright_black")
                 ),
             ]
-            for name, seconds in progress.running[:NAMED]:
+            for name, seconds in progress.running[:NAMED_FILES]:
                 rows.append(
                     Text(
                         f"  {clock(seconds):>7}  {printable(name)}",
@@ -73,8 +73,8 @@ class Screen:
                         no_wrap=True,
                     )
                 )
-            if len(progress.running) > NAMED:
-                rows.append(Text(f"  and {len(progress.running) - NAMED} more"))
+            if len(progress.running) > NAMED_FILES:
+                rows.append(Text(f"  and {len(progress.running) - NAMED_FILES} more"))
             self._live.update(Group(*rows), refresh=True)
         elif time.monotonic() - self._reported >= MINUTE:
             self._reported = time.monotonic()
@@ -160,7 +160,8 @@ def print_status(found: dict[str, Any]) -> None:
         left = "" if run["left"] is None else f", {clock(run['left'])} left"
         rows.append(("running", f"{run['done']} of {todo}, {run['rate']:.3g} files/s{left}"))
         rows += [
-            ("", f"{clock(age):>7}  {printable(name)}") for name, age in run["running"][:NAMED]
+            ("", f"{clock(age):>7}  {printable(name)}")
+            for name, age in run["running"][:NAMED_FILES]
         ]
     console().print(facts(rows))
 

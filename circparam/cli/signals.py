@@ -19,7 +19,7 @@ from typing import TypeVar
 from circparam.cli.exits import INTERRUPTED, TERMINATED, Interrupted, Terminated
 
 T = TypeVar("T")
-GRACE = 0.7  # seconds that the main thread has to clean up by itself
+GRACE_SECONDS = 0.7  # seconds that the main thread has to clean up by itself
 # the same for a command that has processes and folders to clear away
 _LONGER: list[float] = []
 
@@ -116,7 +116,7 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
             _SPARED.remove(data[0])
         elif data[0] in (signal.SIGINT, signal.SIGTERM):
             break
-    if done.wait(max([GRACE, *_LONGER])):
+    if done.wait(max([GRACE_SECONDS, *_LONGER])):
         return
     # files of an interrupted write, if any was begun
     for path in tuple(getattr(sys.modules.get("circparam.core.files"), "TEMPORARIES", ())):

@@ -35,7 +35,7 @@ from circparam.pipeline.verify import verify
 from circparam.seams import SEAMS
 
 # texels a side: charts are packed for, and the packed share is read at, this resolution
-RASTER = 512
+RASTER_TEXELS = 512
 COMPARED_CUTS = ("auto", *SEAMS.names())
 
 
@@ -190,9 +190,9 @@ def _placed(
     as for charts that overlap themselves."""
     uv = at_best_scales(cut_mesh, uv)
     padding = options.padding_texels if options.padding else 1
-    coarse = replace(options, resolution=options.resolution or RASTER, padding=padding)
+    coarse = replace(options, resolution=options.resolution or RASTER_TEXELS, padding=padding)
     try:
-        return place(cut_mesh, uv, coarse, monitor), RASTER
+        return place(cut_mesh, uv, coarse, monitor), RASTER_TEXELS
     except (NoResultError, OptionError) as error:
         loose = place(cut_mesh, uv, replace(options, normalize=False), monitor)
         return replace(loose, notes=[f"not packed: {error}", *loose.notes]), None
@@ -217,7 +217,7 @@ def _baseline_row(scene: _Scene, name: str, *_: Any) -> Entry:
 
 
 def _figures(
-    scene: _Scene, uvmap: UVMap, resolution: int | None = RASTER
+    scene: _Scene, uvmap: UVMap, resolution: int | None = RASTER_TEXELS
 ) -> tuple[str, dict[str, float | int | None]]:
     """Status and figures of a layout; without a resolution nothing is known of its packing."""
     found = verify(scene.job.surface, uvmap, resolution=resolution)

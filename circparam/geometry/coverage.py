@@ -17,7 +17,7 @@ from circparam.mesh.cut_mesh import CutMesh
 LAST_PAGE = 2**52  # float64 has no fractions beyond
 # texels: a centre this close to an edge counts as covered; far above the rounding of the check (1e-12), far
 # below the distance that matters
-EDGE = 1e-6
+EDGE_TEXELS = 1e-6
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ def painted(start: FloatArray, end: FloatArray, part: IntArray, side: int) -> La
     """(side, side) label of the texels that closed outlines enclose, −1 for the others; row 0 is y = 0.
 
     start, end: (b, 2) edges in texels. part: (b,) label · 2, and 1 more for reversed faces: the edges of each
-    part are closed. A centre within ``EDGE`` of an edge is covered. Where labels overlap, the one that begins
-    first in a row is seen.
+    part are closed. A centre within ``EDGE_TEXELS`` of an edge is covered. Where labels overlap, the one that
+    begins first in a row is seen.
     """
     edge, row, x = row_crossings(start, end, side)
     order = np.lexsort((x, row, part[edge]))
@@ -118,7 +118,8 @@ def painted(start: FloatArray, end: FloatArray, part: IntArray, side: int) -> La
     # a row is crossed where the upper end lies above: centres at the height of a vertex, and on edges along a
     # row, may be missed
     height = [np.rint(p[:, 1] - 0.5) for p in (start, end)]
-    level = [np.abs(p[:, 1] - 0.5 - h) <= EDGE for p, h in zip((start, end), height, strict=True)]
+    tips = zip((start, end), height, strict=True)
+    level = [np.abs(p[:, 1] - 0.5 - h) <= EDGE_TEXELS for p, h in tips]
     along = np.flatnonzero(level[0] & level[1] & (height[0] == height[1]))
     tip = np.flatnonzero(level[0])
     ends = np.stack([start[along, 0], end[along, 0]])
@@ -126,8 +127,8 @@ def painted(start: FloatArray, end: FloatArray, part: IntArray, side: int) -> La
     high = np.concatenate([x[inside + 1], ends.max(0), start[tip, 0]])
     rows = np.concatenate([row[inside], height[0][along], height[0][tip]]).astype(np.int64)
     label = part[np.concatenate([edge[inside], along, tip])] // 2
-    first = np.clip(np.ceil(low - 0.5 - EDGE), 0, side).astype(np.int64)
-    stop = np.clip(np.floor(high - 0.5 + EDGE) + 1, 0, side).astype(np.int64)
+    first = np.clip(np.ceil(low - 0.5 - EDGE_TEXELS), 0, side).astype(np.int64)
+    stop = np.clip(np.floor(high - 0.5 + EDGE_TEXELS) + 1, 0, side).astype(np.int64)
     on = np.flatnonzero((stop > first) & (rows >= 0) & (rows < side))
     begin, stop, label = (rows * side + first)[on], (rows * side + stop)[on], label[on]
     # the grid out of runs of texels, counted row after row

@@ -9,7 +9,7 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 BINS_PER_QUARTER = 180  # of a quarter turn: half a degree each
 # Border along the directions of a chart, over the side of a square of its area, from which on it is a straight
 # one. A square has 4, a regular polygon of 16 sides 0.9 along two perpendicular directions.
-LONG = 1.0
+LONG_BORDER_SIDES = 1.0
 PARALLEL = np.pi / 2 / BINS_PER_QUARTER  # radians from an axis: resolution of directions
 # texels: rounding of uv to single precision on the largest page, and of what packing adds
 ON_TEXEL = 0.01
@@ -56,7 +56,7 @@ def straight_edges(edges: FloatArray, owner: IntArray, area: FloatArray) -> Bool
     edges: (b, 2). owner: (b,) their charts. area: (n,) of the charts.
     """
     found = directions(edges, owner, len(area))
-    long = (found.length >= LONG * np.sqrt(np.maximum(area, 0.0))) & (found.length > 0)
+    long = (found.length >= LONG_BORDER_SIDES * np.sqrt(np.maximum(area, 0.0))) & (found.length > 0)
     return found.along & long[owner]
 
 

@@ -134,8 +134,8 @@ def whole_development(split: Development, mesh: ClosedMesh) -> Development:
 
 @dataclass(frozen=True, eq=False)
 class CoverPoints:
-    """Places over a cover: face (k,), weights (k, 3). turn (k, 3, 3) leads from the frame of the face to that of
-    the place, which is a vertex of the other mesh."""
+    """Places over a cover: face (k,), weights (k, 3). turn (k, 3, 3) leads from the frame of the face to that
+    of the place, which is a vertex of the other mesh."""
 
     face: IntArray
     weights: FloatArray

@@ -16,7 +16,7 @@ from circparam.formats.gltf.morphing import Target, with_morph
 from circparam.formats.table import up_of
 from circparam.geometry.shading import corner_normals
 from circparam.maps.overlay import overlaid
-from circparam.maps.surface_map import MIRRORED, SurfaceMap, moved, oriented, turned_over
+from circparam.maps.surface_map import MIRRORED_SHARE, SurfaceMap, moved, oriented, turned_over
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.weld import weld_map
 
@@ -54,7 +54,7 @@ def morph(
     a, b = (turned(d) if up_of(d.format) == "z" else d for d in (a, b))  # as glTF has them
     mapped = oriented(mapped, a, b)
     over = turned_over(mapped, a.mesh, b.mesh)
-    if over.mean() > MIRRORED:
+    if over.mean() > MIRRORED_SHARE:
         raise InputError(
             f"{b.source.name}: the map flips {100 * over.mean():.0f} % of the faces: one mesh looks "
             "mirrored or reversed; turn it, and make the map again"

@@ -23,7 +23,7 @@ from circparam.formats.document import Document
 from circparam.mesh.mesh import Mesh
 
 FORMAT = "circparam-map-1"
-MIRRORED = 0.5  # share of faces turned over from which a surface looks mirrored
+MIRRORED_SHARE = 0.5  # share of faces turned over from which a surface looks mirrored
 OVERLAY = ("o_faces", "o_parents", "o_a_face", "o_a_weights", "o_b_face", "o_b_weights")
 
 

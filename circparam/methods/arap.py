@@ -23,7 +23,7 @@ from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.graded import embed_start
 
 ARAP_STEPS = 1000
-TOLERANCE = 1e-9
+ARAP_TOLERANCE = 1e-9
 
 
 def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
@@ -54,7 +54,7 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
             Groups(cut_mesh.vertex_chart, cut_mesh.n_charts),
             precondition,
             DescentOptions(
-                TOLERANCE if options.tolerance is None else options.tolerance,
+                ARAP_TOLERANCE if options.tolerance is None else options.tolerance,
                 ARAP_STEPS if options.max_iterations is None else options.max_iterations,
             ),
             monitor,

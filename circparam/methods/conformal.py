@@ -11,9 +11,10 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.outer import outer_boundary
 
-MODES = 4  # vectors of the subspace of each chart: eigenvalues come close together on smooth charts
-SHIFT = 1e-11  # below the smallest eigenvalue that is not zero, above rounding
-MOST_STEPS = 60  # of the subspace iteration
+# vectors of the subspace of each chart: eigenvalues come close together on smooth charts
+SUBSPACE_MODES = 4
+SHIFT_RATIO = 1e-11  # below the smallest eigenvalue that is not zero, above rounding
+MOST_ITERATIONS = 60  # of the subspace iteration
 
 
 def conformal_matrix(cut_mesh: CutMesh) -> sps.csc_matrix:
@@ -34,11 +35,11 @@ def conformal_matrix(cut_mesh: CutMesh) -> sps.csc_matrix:
 
 
 def start_modes(cut_mesh: CutMesh) -> ComplexArray:
-    """(n, MODES) powers of a convex map onto the unit disk: near the first modes of a smooth chart."""
+    """(n, SUBSPACE_MODES) powers of a convex map onto the unit disk: near the first modes of a smooth chart."""
     uv, _ = tutte_embedding(cut_mesh, "mean-value")
     z = uv[:, 0] + 1j * uv[:, 1]
     z = z / np.sqrt(cut_mesh.chart_areas / np.pi)[cut_mesh.vertex_chart]
-    return np.stack([z ** (k + 1) for k in range(MODES)], 1)
+    return np.stack([z ** (k + 1) for k in range(SUBSPACE_MODES)], 1)
 
 
 def conformal_spectral(cut_mesh: CutMesh, modes: ComplexArray) -> tuple[ComplexArray, IntArray]:
@@ -51,14 +52,14 @@ def conformal_spectral(cut_mesh: CutMesh, modes: ComplexArray) -> tuple[ComplexA
     matrix = conformal_matrix(cut_mesh)
     chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts
     on_boundary = cut_mesh.on_boundary.astype(np.float64)
-    shift = SHIFT * float(np.median(matrix.diagonal().real))
+    shift = SHIFT_RATIO * float(np.median(matrix.diagonal().real))
     factor = ComplexFactor(sps.csc_matrix(matrix + sps.diags(shift * on_boundary)))
     boundary_count = group_sum(on_boundary, chart, n)
     x = modes.copy()
     steps = np.zeros(n, np.int64)
     open_charts = np.ones(n, bool)
     last_move = np.full(n, np.inf)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_ITERATIONS):
         before = x[:, 0]
         x = factor.solve_complex(on_boundary[:, None] * x)
         x -= (chart_sums(on_boundary[:, None] * x, chart, n) / boundary_count[:, None])[chart]

@@ -14,7 +14,7 @@ from circparam.solvers.tutte.embed import require_boundary
 from circparam.solvers.tutte.graded import embed_start
 from circparam.solvers.untangle import untangle
 
-TOLERANCE = 1e-6
+ISOMETRIC_TOLERANCE = 1e-6
 ISOMETRIC_STEPS = 500
 
 
@@ -50,7 +50,7 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
             cut_mesh,
             uv,
             RelaxOptions(
-                tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
+                tolerance=ISOMETRIC_TOLERANCE if options.tolerance is None else options.tolerance,
                 max_iterations=ISOMETRIC_STEPS
                 if options.max_iterations is None
                 else options.max_iterations,

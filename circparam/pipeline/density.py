@@ -22,7 +22,7 @@ from circparam.pipeline.selection import GROUP_KINDS, faces_called, names_in, ne
 from circparam.pipeline.verify import Verification
 
 REST = "the rest"
-SHOWN = 12  # rows of a table of densities that a file gives
+SHOWN_ROWS = 12  # rows of a table of densities that a file gives
 _COLOUR = re.compile(r"#[0-9a-fA-F]{6}$")
 
 
@@ -174,7 +174,7 @@ def density_rows(
     faces = np.bincount(part, minlength=n)
     unit = np.sqrt(page.sum() / asked.sum())
     rows = np.flatnonzero(faces)
-    for k in rows[np.argsort(-faces[rows], kind="stable")][:SHOWN] if n > SHOWN else rows:
+    for k in rows[np.argsort(-faces[rows], kind="stable")][:SHOWN_ROWS] if n > SHOWN_ROWS else rows:
         texels = np.sqrt(page[k] / max(area[k], 1e-300))
         yield {
             "name": density.names[k],

@@ -35,9 +35,9 @@ from circparam.methods.base import MethodOptions
 from circparam.pipeline.cascade import Cascade
 
 SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
-HALVINGS = 12  # times that a chart may be halved before it is taken to pieces
+MOST_HALVINGS = 12  # times that a chart may be halved before it is taken to pieces
 # from this many halvings on, charts take a convex map that nothing relaxes
-CONVEX_HALVINGS = HALVINGS - 2
+CONVEX_HALVINGS = MOST_HALVINGS - 2
 PIECE_STEPS = 100  # Newton steps for a piece: sound pieces need about 30, slower ones are split
 PROJECTED_TRIES = 100  # steps counted for a projection, if there is no time for a map
 LATE_BOUND = 3.0  # distortion from which on a projection, in more charts, is the better of the two
@@ -46,11 +46,11 @@ LATE_SINGLE_FACES = 100  # as SINGLE_FACES, where every round counts
 SINGLE_FACES = 24  # a faulty chart with at most so many faces is taken to pieces at once
 STAND_IN = 1e-3  # least side of a triangle that stands in: of √(surface area) or the longest edge
 MOST_SINGLES = 8  # Cascade.singles at which no polygon that stands in grows any more
-GROW = 16.0  # by which such a side grows where even that is not held
+GROWTH_RATIO = 16.0  # by which such a side grows where even that is not held
 # least share of its area with which a face may be seen along the axis of its neighbours
-STEEP = 0.35
-VOTES = 12  # rounds in which faces follow most of their neighbours
-OWN = 0.5  # weight of the own axis in a vote, in boundary lengths
+STEEP_SHARE = 0.35
+VOTE_ROUNDS = 12  # rounds in which faces follow most of their neighbours
+OWN_VOTE_WEIGHT = 0.5  # weight of the own axis in a vote, in boundary lengths
 
 
 def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
@@ -124,7 +124,7 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
     with monitor.stage("repair layout"):
         few = LATE_SINGLE_FACES if late else SINGLE_FACES
         small = (size == 1) | ((size <= few) & (fault != DISTORTED))
-        spent = ((tries >= HALVINGS) & (tries < PROJECTED_TRIES)) | (
+        spent = ((tries >= MOST_HALVINGS) & (tries < PROJECTED_TRIES)) | (
             tries >= PROJECTED_TRIES + LATE_HALVINGS
         )
         single = split & (small | spent)
@@ -271,7 +271,7 @@ def _stand_in(cascade: Cascade, faces: BoolArray) -> Cascade:
     longest = group_max(cut_mesh.edge_lengths.max(1), cut_mesh.chart, n)
     side = np.maximum(longest, STAND_IN * cascade.extent)
     old = np.linalg.norm(atlas.corners[fid, 1] - atlas.corners[fid, 0], axis=1)
-    grown = group_max(np.where(singles[fid] >= 2, GROW * old, 0.0), cut_mesh.chart, n)
+    grown = group_max(np.where(singles[fid] >= 2, GROWTH_RATIO * old, 0.0), cut_mesh.chart, n)
     side = np.maximum(side, grown)
     # a polygon's triangles have all their corners on its boundary
     loops = cut_mesh.loops
@@ -325,12 +325,12 @@ def _axes(surface: Surface) -> IntArray:
     look = seen.argmax(1)
     i, j = polygon[pairs[~surface.locked]].T
     weight = surface.edge_lengths[~surface.locked]
-    own = OWN * (np.bincount(i, weight, n) + np.bincount(j, weight, n))
+    own = OWN_VOTE_WEIGHT * (np.bincount(i, weight, n) + np.bincount(j, weight, n))
     each = np.arange(n)
-    for _ in range(VOTES):
+    for _ in range(VOTE_ROUNDS):
         votes = np.bincount(6 * i + look[j], weight, 6 * n) + np.bincount(
             6 * j + look[i], weight, 6 * n
         )
         votes[6 * each + look] += own
-        look = np.where(seen > STEEP, votes.reshape(n, 6), seen - 2).argmax(1)
+        look = np.where(seen > STEEP_SHARE, votes.reshape(n, 6), seen - 2).argmax(1)
     return look[polygon]

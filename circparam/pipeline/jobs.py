@@ -17,7 +17,7 @@ MODULES = (
 )
 # Faces from which a process pays: its start costs 0.04 s here and takes 0.3 s, half of the work on 600 faces.
 # Planning cuts takes as long for few faces as for many. A draft shares only what is done in parts.
-FACES = 700
+PROCESS_FACES = 700
 FACE_BYTES = 57  # a face in a file of text, at least; more in binary
 # Bytes a face at the highest point, above the memory in use after reading. Scans of 0.3 to 0.7 million faces
 # took 2200 to 2300 (while charts are carried to the mesh), a mesh of floaters 1450.
@@ -47,7 +47,8 @@ def start_for(options: Options, faces: int) -> None:
 
     They are as many as asked for, at most the number of cores.
     """
-    if options.cut == "charts" and faces >= (workers.PARTED_FACES if options.draft else FACES):
+    least = workers.PARTED_FACES if options.draft else PROCESS_FACES
+    if options.cut == "charts" and faces >= least:
         workers.start(min(options.processes, max(workers.free_cores(), 2)), *MODULES)
 
 

@@ -35,7 +35,7 @@ from circparam.seams.stretch import STRETCH
 from circparam.solvers.objective import chart_energies
 
 # share of the seconds of the last search that must be left for another one to be begun
-LIKELY = 0.5
+LIKELY_TIME_SHARE = 0.5
 OUT_OF_TIME = "out of time for a full search: its charts are those of a draft"
 FAILURES = (CircparamError, np.linalg.LinAlgError, ArithmeticError)
 
@@ -104,7 +104,7 @@ def best_layout(
         wave = len(numbers) if monitor.deadline is None else max(monitor.jobs, 1)
         took = 0.0
         while len(costs) <= len(numbers):
-            if monitor.short(LIKELY * took):
+            if monitor.short(LIKELY_TIME_SHARE * took):
                 break
             since = time.monotonic()
             some = numbers[len(costs) - 1 : len(costs) - 1 + wave]

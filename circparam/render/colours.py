@@ -107,8 +107,9 @@ def distortion_position(distortion: FloatArray, top: float) -> FloatArray:
     return np.clip(np.nan_to_num(t, nan=0.0, posinf=1.0), 0, 1)
 
 
-END = 2.0  # of the scale of distortion where nothing else is asked for: one for all pictures
-ENDS = (1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)  # that a page offers
+# of the scale of distortion where nothing else is asked for: one for all pictures
+DISTORTION_END = 2.0
+DISTORTION_ENDS = (1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)  # that a page offers
 
 
 def line_weight(length: float) -> float:

@@ -92,7 +92,7 @@ def _section(shown: SideBySide, numbers: Sequence[int | None]) -> str:
     legend = (
         '<p class="legend">Distortion: <span>1 is perfect</span>'
         f'<i style="background:linear-gradient(90deg,{ramp})">'
-        f"</i><span>{col.END:g} or more</span>{chip}</p>"
+        f"</i><span>{col.DISTORTION_END:g} or more</span>{chip}</p>"
     )
     return (
         f"<section><h2>{escaped(shown.title)}</h2><p>{escaped(shown.note)}</p>"
@@ -211,7 +211,7 @@ def compare_plot(meshes: Sequence[SideBySide]) -> Image.Image:
     draw = ImageDraw.Draw(page)
     y = 0
     for (shown, rows), card, height in zip(drawn, cards, heights, strict=True):
-        left = draw_scale(page, draw, wide - margin, y + 32, col.END, "distortion 1")
+        left = draw_scale(page, draw, wide - margin, y + 32, col.DISTORTION_END, "distortion 1")
         title = fitted(draw, shown.title, 26, left - margin - 24)
         write(draw, (margin, y + 26), title, 26, col.INK)
         for k, row in enumerate(rows):

@@ -11,7 +11,7 @@ from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.verify import verify
-from circparam.render.colours import END
+from circparam.render.colours import DISTORTION_END
 from circparam.render.scene import Scene
 
 Figures = Sequence[tuple[str, str]]
@@ -46,7 +46,7 @@ class PictureOptions:
     note: str = ""
     up: str = "auto"
     padding: float = 0.0
-    scale_end: float = END
+    scale_end: float = DISTORTION_END
     directions: FloatArray | None = None
     samples: int | None = None
     charts: int | None = None

@@ -109,7 +109,7 @@ def viewer(
     palette = col.chart_colours(np.arange(24))
     meta = {
         "distortionEnd": top,
-        "distortionEnds": sorted({*col.ENDS, top}),
+        "distortionEnds": sorted({*col.DISTORTION_ENDS, top}),
         "palette": [col.hex_code(c) for c in palette],
         "ramp": [col.hex_code(c) for c in col.distortion_map(64)],
         "schemes": {

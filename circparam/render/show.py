@@ -23,7 +23,7 @@ from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.result import Result
 from circparam.pipeline.stored_groups import VerifiedSet, laid_apart, verify_set
-from circparam.render.colours import END
+from circparam.render.colours import DISTORTION_END
 from circparam.render.figures import (
     RASTER_TEXELS,
     PageImages,
@@ -99,8 +99,8 @@ def view_document(
         up = document.up or up_of(document.format) or up
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
-        padding=how.padding, scale_end=how.scale_end or END, repairs=tuple(notes), images=images,
-        image_note=note,
+        padding=how.padding, scale_end=how.scale_end or DISTORTION_END, repairs=tuple(notes),
+        images=images, image_note=note,
     )  # fmt: skip
     if verified is not None:
         options = replace(options, charts=verified.verification.charts)

@@ -123,7 +123,7 @@ def draw_layouts(shown: SideBySide, size: int = 300, samples: int = 2) -> list[D
         cells = checker_cells(scene, 22)
         plan = draw_plan(scene, size, samples, cells=cells)
         checker = paint(view, checker_colours(scene, view, cells), col.rgb(col.INK))
-        colours = distortion_colours(scene, view.face, col.END)
+        colours = distortion_colours(scene, view.face, col.DISTORTION_END)
         distortion = paint(view, colours, col.rgb(col.INK), 0.5, 0.5)
         out.append(
             DrawnLayout(row, (to_image(plan.image), to_image(checker), to_image(distortion)))

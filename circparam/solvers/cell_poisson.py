@@ -14,12 +14,12 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.poisson import clamp_stretch, divergence, laplacian
 
-RESIDUAL = 1e-3  # residual at which the iteration ends, in the norm of the preconditioner
-LIMIT = 80  # iterations at most; from the layout of a level it takes 20 to 60
-RIDGE = 1e-9  # of the diagonal of the cells, since no system sees a chart move as a whole
+RESIDUAL_RATIO = 1e-3  # residual at which the iteration ends, in the norm of the preconditioner
+MOST_ITERATIONS = 80  # iterations at most; from the layout of a level it takes 20 to 60
+RIDGE_SHARE = 1e-9  # of the diagonal of the cells, since no system sees a chart move as a whole
 CLAMPING_ROUNDS = 3  # of clamping: of the flips of a rough mesh they leave a twentieth
-CLAMPED = 10  # iterations after each
-LOW = 0.6  # the least singular value that a target keeps
+CLAMPED_ITERATIONS = 10  # iterations after each
+LEAST_STRETCH = 0.6  # the least singular value that a target keeps
 
 
 class CellPoisson:
@@ -39,18 +39,20 @@ class CellPoisson:
         sums = sps.csr_matrix((np.ones(n), cell, np.arange(n + 1)), shape=(n, self.cells))
         coarse = sums.T @ self.matrix @ sums
         diagonal = coarse.diagonal()
-        coarse = coarse + sps.diags(np.where(diagonal > 0, RIDGE * diagonal, 1.0))
+        coarse = coarse + sps.diags(np.where(diagonal > 0, RIDGE_SHARE * diagonal, 1.0))
         self.coarse = Factor(sps.csc_matrix(coarse))
 
     def precondition(self, r: FloatArray) -> FloatArray:
         """(nv,) approximation of the inverse Laplacian times the residual (nv,)."""
         return self.inverse * r + self.coarse.solve(group_sum(r, self.cell, self.cells))[self.cell]
 
-    def towards(self, targets: FloatArray, start: FloatArray, limit: int = LIMIT) -> FloatArray:
+    def towards(
+        self, targets: FloatArray, start: FloatArray, limit: int = MOST_ITERATIONS
+    ) -> FloatArray:
         """(nv, 2) about the layout with these Jacobians (2, 2, m), from ``start`` (nv, 2) on."""
         right = divergence(self.cut_mesh, self.gradients, targets)
         columns = [
-            conjugate_gradients(self.matrix, b, self.precondition, RESIDUAL, limit, x)
+            conjugate_gradients(self.matrix, b, self.precondition, RESIDUAL_RATIO, limit, x)
             for b, x in zip(right.T, start.T, strict=True)
         ]
         return np.stack(columns, axis=1)
@@ -58,13 +60,13 @@ class CellPoisson:
     def unfolded(self, uv: FloatArray) -> FloatArray:
         """The layout (nv, 2) with few of the flips it had, by rounds of clamping the stretch of its faces.
 
-        Parts stretched by at most 1 / ``LOW`` keep their shape (local and global steps: Liu and others 2008).
+        Parts stretched by at most 1 / ``LEAST_STRETCH`` keep their shape (local and global steps: Liu 2008).
         """
         for _ in range(CLAMPING_ROUNDS):
             targets, flipped = self._clamped(uv)
             if not flipped:
                 break
-            uv = self.towards(targets, uv, CLAMPED)
+            uv = self.towards(targets, uv, CLAMPED_ITERATIONS)
         return uv
 
     def _clamped(self, uv: FloatArray) -> tuple[FloatArray, bool]:
@@ -74,5 +76,5 @@ class CellPoisson:
         for k in slices(len(faces)):
             jacobian = dirichlet.jacobians(self.gradients[..., k], uv.T[:, faces[k].T])
             flipped |= not (dirichlet.determinants(jacobian) > 0).all()
-            targets[..., k] = clamp_stretch(jacobian, LOW)
+            targets[..., k] = clamp_stretch(jacobian, LEAST_STRETCH)
         return targets, flipped

@@ -11,7 +11,8 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 
-COLLAPSED = 1e100  # energy from which a face counts as collapsed: its gradient may leave the range of floats
+# energy from which a face counts as collapsed: its gradient may leave the range of floats
+COLLAPSED_ENERGY = 1e100
 
 
 def jacobians(gradients: FloatArray, corners: FloatArray) -> FloatArray:
@@ -47,7 +48,7 @@ def energy(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
         value = frobenius * (1 + 1 / (det * det)) / 4
         if blend:
             value = (1 - blend) * value + blend * frobenius / (2 * det)
-    return np.where((det > 0) & (value < COLLAPSED), value, np.inf)
+    return np.where((det > 0) & (value < COLLAPSED_ENERGY), value, np.inf)
 
 
 def gradient(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:

@@ -13,9 +13,9 @@ from circparam.solvers.line_search import backtrack
 
 Energy: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Precondition: TypeAlias = Callable[[FloatArray], FloatArray]
-MEMORY = 8  # pairs in memory; Nocedal and Wright (2006, section 7.2) advise 3 to 20
-CURVED = 1e-12  # sᵀy / ‖s‖‖y‖ from which the curvature of a pair exceeds rounding
-IDLE = 2  # consecutive steps below the tolerance after which a group stops
+MEMORY_PAIRS = 8  # pairs in memory; Nocedal and Wright (2006, section 7.2) advise 3 to 20
+CURVED_COSINE = 1e-12  # sᵀy / ‖s‖‖y‖ from which the curvature of a pair exceeds rounding
+IDLE_STEPS = 2  # consecutive steps below the tolerance after which a group stops
 
 
 @dataclass(frozen=True)
@@ -111,13 +111,13 @@ def descend(
         )
         moved = step > 0
         new = _Point(new.x, np.where(moved, new.value, at.value), new.gradient)
-        pairs = [*pairs, _pair(at, new, groups, precondition)][-MEMORY:]
+        pairs = [*pairs, _pair(at, new, groups, precondition)][-MEMORY_PAIRS:]
         steps += going & moved
         gain = at.value - new.value
         idle = np.where(gain > options.tolerance * np.abs(new.value), 0, idle + 1)
-        reasons[going & (idle >= IDLE)] = "converged"
+        reasons[going & (idle >= IDLE_STEPS)] = "converged"
         reasons[going & ~moved] = "no lower step"
-        going &= moved & (idle < IDLE)
+        going &= moved & (idle < IDLE_STEPS)
         at = new
         if monitor is not None:
             monitor.update(iteration / options.limit, f"energy {at.value.sum():.6g}")
@@ -134,7 +134,9 @@ def _pair(before: _Point, after: _Point, groups: Groups, precondition: Precondit
     s, y = after.x - before.x, after.gradient - before.gradient
     curvature = groups.dot(s, y)
     norm = np.sqrt(groups.dot(s, s) * groups.dot(y, y))
-    inverse = np.where(curvature > CURVED * norm, 1 / np.where(curvature > 0, curvature, 1), 0)
+    inverse = np.where(
+        curvature > CURVED_COSINE * norm, 1 / np.where(curvature > 0, curvature, 1), 0
+    )
     return _Pair(s, y, inverse, groups.dot(y, precondition(y)))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray
 
 # least decrease, as a share of the decrease that the slope predicts (Nocedal, Wright 2006, 3.4)
-ARMIJO = 1e-4
+ARMIJO_SHARE = 1e-4
 SHORTEST_STEP = 1e-10  # share of the first step below which there is no descent
 
 
@@ -25,7 +25,7 @@ def backtrack(
     while True:
         found = evaluate(step)
         with np.errstate(invalid="ignore"):
-            bad = (step > 0) & ~(found[0] <= value + ARMIJO * step * slope)
+            bad = (step > 0) & ~(found[0] <= value + ARMIJO_SHARE * step * slope)
         if not bad.any():
             return step, found
         step = np.where(bad, np.where(step < SHORTEST_STEP, 0.0, step / 2), step)

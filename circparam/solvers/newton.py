@@ -15,13 +15,15 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.line_search import backtrack
 from circparam.solvers.objective import Objective, in_units_of_faces
 
-SAFETY = 0.9  # share of the way to the first collapse that a step may go
+SAFETY_SHARE = 0.9  # share of the way to the first collapse that a step may go
 BAD_START = 20.0  # energy above which the SLIM proxy converges better than the Hessian
 PROXY_STEPS = 4
-HOPE = 1.2  # a chart is expected to gain at most this many times its last full step
-STRIDE = 1.15  # a full step that gains this many times the prediction is followed by longer ones
+HOPE_RATIO = 1.2  # a chart is expected to gain at most this many times its last full step
+# a full step that gains this many times the prediction is followed by longer ones
+STRIDE_RATIO = 1.15
 STRIDES = (2.0, 4.0, 8.0)
-SMALLER = 0.8  # the system is rebuilt when the charts that still move have less than this share of its faces
+# the system is rebuilt when the charts that still move have less than this share of its faces
+SMALLER_SHARE = 0.8
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,7 @@ class _Relaxation:
         # the floor of each chart, from its last full step; damped steps give no estimate
         after = step.to.energy
         gain = np.where(inside, energy, 0.0) - np.where(inside, after, 0.0)
-        expected = np.where(step.length > 0.5, after - HOPE * gain, 1.0)
+        expected = np.where(step.length > 0.5, after - HOPE_RATIO * gain, 1.0)
         floor = self.floor[self.charts]
         self.floor[self.charts] = np.where(inside, np.maximum(floor, expected), floor)
         self._stop(step, inside, proxy, first=number == 0)
@@ -162,7 +164,7 @@ class _Relaxation:
         """Leave out stopped charts if that makes the system clearly smaller."""
         part = self.objective.cut_mesh
         inside = self.active[self.charts]
-        if np.count_nonzero(inside[part.chart]) >= SMALLER * len(part.faces):
+        if np.count_nonzero(inside[part.chart]) >= SMALLER_SHARE * len(part.faces):
             return
         part, kept, faces = part.subset(inside)
         self.weight = None if self.weight is None else self.weight[faces]
@@ -210,7 +212,7 @@ def newton_step(
         d = np.where(bad[part.vertex_chart][:, None], -g, d)
         slope = group_sum(dot2(g, d), part.vertex_chart, n)
     collapse = objective.first_collapse(u, d)
-    reach = SAFETY * group_min(collapse, part.chart, n)
+    reach = SAFETY_SHARE * group_min(collapse, part.chart, n)
 
     def after(t: FloatArray) -> tuple[FloatArray, Iterate]:
         trial = u + t[part.vertex_chart][:, None] * d
@@ -234,7 +236,7 @@ def _stride(
     part = objective.cut_mesh
     uv, energy, jacobian, t = step.to.uv, step.to.energy, step.to.jacobian, step.length
     with np.errstate(invalid="ignore"):
-        far = (t == 1) & (before.energy - energy > STRIDE * step.predicted)
+        far = (t == 1) & (before.energy - energy > STRIDE_RATIO * step.predicted)
     for length in STRIDES:
         far &= reach >= length
         if not far.any():

@@ -19,7 +19,7 @@ from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
-RIDGE = 1e-9  # of the diagonal, since the energy does not see a chart move as a whole
+RIDGE_SHARE = 1e-9  # of the diagonal, since the energy does not see a chart move as a whole
 TRANSPOSED = np.array(
     [0, 2, 1, 3]
 )  # entries of a transposed block, where a block is (00, 01, 10, 11)
@@ -129,7 +129,7 @@ class VertexPattern:
         diagonal = -np.stack([group_sum(x, self.rows, self.n) for x in both])
         trace = diagonal[0] + diagonal[3]
         mean = group_sum(trace, self.chart, len(self.count)) / self.count
-        ridge = RIDGE * trace + 1e-4 * RIDGE * mean[self.chart]
+        ridge = RIDGE_SHARE * trace + 1e-4 * RIDGE_SHARE * mean[self.chart]
         diagonal[0] += ridge
         diagonal[3] += ridge
         data = np.concatenate([both, diagonal], axis=1)

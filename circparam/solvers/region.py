@@ -20,9 +20,10 @@ from circparam.mesh.cut_mesh import CutMesh, renumbered
 from circparam.mesh.halfedge import corner_classes
 
 WHOLE = 10**9  # rings: the whole chart
-THINNEST = 0.02  # a rest triangle of a region is at least so high, as a share of its longest edge
+# a rest triangle of a region is at least so high, as a share of its longest edge
+THINNEST_SHARE = 0.02
 # Share of its area, every face counted positive, that a region must enclose for its boundary to count as sound.
-UPRIGHT = 0.05
+UPRIGHT_SHARE = 0.05
 
 
 def grow(cut_mesh: CutMesh, seed: BoolArray, rings: int) -> BoolArray:
@@ -110,7 +111,7 @@ def moving_region(cut_mesh: CutMesh, faces: BoolArray, hold: BoolArray, uv: Floa
     signed = group_sum(area, part.chart, part.n_charts)
     size = group_sum(np.abs(area), part.chart, part.n_charts)
     # the faces share the area inside the boundary, unless the boundary itself is folded
-    enclosed = np.where(signed > UPRIGHT * size, signed, size)
+    enclosed = np.where(signed > UPRIGHT_SHARE * size, signed, size)
     scale = np.sqrt(np.maximum(enclosed, 1e-300) / part.chart_areas)
     scaled = replace(part, rest_triangles=part.rest_triangles * scale[part.chart][:, None, None])
     return Region(scaled, source, fixed)
@@ -124,7 +125,7 @@ def _thickened(rest_triangles: FloatArray) -> FloatArray:
     longest = length.max(1)
     d, e = rest_triangles[:, 1] - rest_triangles[:, 0], rest_triangles[:, 2] - rest_triangles[:, 0]
     height = 2 * ((d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / 2) / longest
-    thin = height < THINNEST * longest
+    thin = height < THINNEST_SHARE * longest
     out = rest_triangles.copy()
     if thin.any():
         # over its longest side, the opposite corner straight above the middle
@@ -133,5 +134,5 @@ def _thickened(rest_triangles: FloatArray) -> FloatArray:
         zero = np.zeros(len(rows))
         out[rows, k] = np.stack([zero, zero], 1)
         out[rows, (k + 1) % 3] = np.stack([longest[thin], zero], 1)
-        out[rows, (k + 2) % 3] = np.stack([longest[thin] / 2, THINNEST * longest[thin]], 1)
+        out[rows, (k + 2) % 3] = np.stack([longest[thin] / 2, THINNEST_SHARE * longest[thin]], 1)
     return out

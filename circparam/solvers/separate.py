@@ -36,28 +36,29 @@ from circparam.solvers.newton import Iterate, newton_step
 from circparam.solvers.objective import Objective, in_units_of_faces
 from circparam.solvers.region import cut_out
 
-PUSHES = 6
+PUSH_ROUNDS = 6
 PUSH_STEPS = 2  # Newton steps between two looks at the boundaries
 # share of the root of a chart's area that moves round a spring at first; twice that each round
 MOVED_REACH = 0.05
 # Faces of a chart that may move. Pushes of 40,000 to 270,000 faces never succeed and take most of the time
 # (docs/experiments/merging.md).
-WIDE = 30_000
+WIDE_FACES = 30_000
 # share of the root of a chart's area: parts deeper in each other are not pushed apart
-DEEPEST = 0.02
-FACING = -0.2  # cosine between outward normals below which two segments face each other
-WEIGHT = 1e-5  # of a spring at first; the energy of a chart is about 1
-STIFFER = 8.0  # times a round
-ASIDE = 1e-6  # share of the root of a chart's area: distance of the test point outside a boundary
-AFFORDED = 1.5  # times the bound's excess over 1: charts above it are not pushed
+DEEPEST_SHARE = 0.02
+FACING_COSINE = -0.2  # cosine between outward normals below which two segments face each other
+SPRING_WEIGHT = 1e-5  # of a spring at first; the energy of a chart is about 1
+STIFFER_RATIO = 8.0  # times a round
+# share of the root of a chart's area: distance of the test point outside a boundary
+ASIDE_SHARE = 1e-6
+AFFORDED_RATIO = 1.5  # times the bound's excess over 1: charts above it are not pushed
 ALL_BOUNDARY = 0.5  # charts whose boundary is over this over the margin, in roots of area, are left
-# rounds in which the conflicts of a chart must fall by the factor HEADWAY, else it is left
+# rounds in which the conflicts of a chart must fall by the factor HEADWAY_RATIO, else it is left
 PUSH_PATIENCE = 3
-HEADWAY = 0.9
+HEADWAY_RATIO = 0.9
 # Share of the boundary in conflict above which a chart is not pushed: of 113 charts that separate the worst
 # has 0.114 (docs/experiments/merging.md).
-HOPELESS = 0.13
-PULL = 1.5  # times the margin: rest length of the springs, so that the margin is reached
+HOPELESS_SHARE = 0.13
+PULL_MARGINS = 1.5  # times the margin: rest length of the springs, so that the margin is reached
 LEAST_PULL = 1e-3  # share of the root of a chart's area: the same where there is no margin
 
 
@@ -149,14 +150,14 @@ def push_apart(
     """
     work, u, scale = in_units_of_faces(cut_mesh, uv)
     # charts above the bound are not worth a round, nor charts that are hardly more than their boundary
-    limit = 1 + AFFORDED * (bound - 1)
+    limit = 1 + AFFORDED_RATIO * (bound - 1)
     around = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, cut_mesh.n_charts)
     todo = around * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
     charts, vertices = np.arange(len(todo)), np.arange(len(u))  # those still worked on
     fine, out = np.zeros(len(todo), bool), u.copy()
-    weight = np.full(len(todo), WEIGHT)
+    weight = np.full(len(todo), SPRING_WEIGHT)
     conflicts: list[IntArray] = []
-    for turn in range(PUSHES + 1):
+    for turn in range(PUSH_ROUNDS + 1):
         if not todo.any():
             break
         if not todo.all():
@@ -168,7 +169,7 @@ def push_apart(
         todo &= energy <= limit
         boundary = boundary_in(work, u)
         i, _, crowded = meeting(boundary, between=False)
-        near = nearby(boundary, PULL * margin * boundary.size, todo, chamfers)
+        near = nearby(boundary, PULL_MARGINS * margin * boundary.size, todo, chamfers)
         close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))
         tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)
@@ -177,10 +178,10 @@ def push_apart(
         todo &= ~free
         conflicts.append(group_count(boundary.chart[np.r_[i, tight]], len(todo)))
         if turn == 0:
-            todo &= conflicts[0] < HOPELESS * group_count(boundary.chart, len(todo))
+            todo &= conflicts[0] < HOPELESS_SHARE * group_count(boundary.chart, len(todo))
         if turn >= PUSH_PATIENCE:
-            todo &= conflicts[-1] < HEADWAY * conflicts[turn - PUSH_PATIENCE]
-        if turn == PUSHES or not todo.any() or (monitor is not None and monitor.expired):
+            todo &= conflicts[-1] < HEADWAY_RATIO * conflicts[turn - PUSH_PATIENCE]
+        if turn == PUSH_ROUNDS or not todo.any() or (monitor is not None and monitor.expired):
             break
         springs, lost = _find(boundary, work.faces.ravel(), near, margin, weight, todo)
         todo &= ~lost
@@ -189,7 +190,7 @@ def push_apart(
         u, wide = _moved(work, u, springs, MOVED_REACH * 2.0**turn * boundary.size)
         out[vertices] = u
         todo &= ~wide
-        weight[todo] *= STIFFER
+        weight[todo] *= STIFFER_RATIO
     if fine.any():  # parts folded out of a hole, or wound twice, have no boundaries that meet
         part, kept, _ = cut_mesh.subset(fine)
         fine[fine] = ~wound_wrongly(part, out[kept], boundary_in(part, out[kept]))
@@ -207,7 +208,7 @@ def _moved(
     region = within(
         (centres(uv, cut_mesh.faces), chart), (uv[springs.vertex], springs.chart), reach
     )
-    wide = group_count(chart[region], cut_mesh.n_charts) > WIDE
+    wide = group_count(chart[region], cut_mesh.n_charts) > WIDE_FACES
     region &= ~wide[chart]
     part, source, fixed = cut_out(cut_mesh, region, np.zeros(len(uv), bool))
     local = _in_part(springs, cut_mesh, part, source)
@@ -279,9 +280,9 @@ def _find(
     distance = np.linalg.norm(offset - t[:, None] * along[b], axis=1)
     side = (offset * normal[b]).sum(1)
     size = boundary.size[boundary.chart[b]]
-    target = (PULL * margin or LEAST_PULL) * size
-    keep = (normal[b] * out[a]).sum(1) < FACING
-    keep &= np.where(over[a], (side < 0) & (distance < DEEPEST * size), side >= 0)
+    target = (PULL_MARGINS * margin or LEAST_PULL) * size
+    keep = (normal[b] * out[a]).sum(1) < FACING_COSINE
+    keep &= np.where(over[a], (side < 0) & (distance < DEEPEST_SHARE * size), side >= 0)
     order = np.flatnonzero(keep)
     order = order[np.lexsort((b[order], distance[order], a[order]))]
     k = order[first_of_runs(a[order])]
@@ -316,7 +317,7 @@ def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArra
     segment = np.flatnonzero(charts[boundary.chart])
     middle = (boundary.start[segment] + boundary.end[segment]) / 2
     half = np.linalg.norm(boundary.end[segment] - boundary.start[segment], axis=1) / 2
-    radius = DEEPEST * boundary.size[boundary.chart[vertex]] + np.median(half)
+    radius = DEEPEST_SHARE * boundary.size[boundary.chart[vertex]] + np.median(half)
     found = kd_tree(middle).query_ball_point(boundary.start[vertex], radius, return_sorted=True)
     count = np.fromiter(map(len, found), np.int64, len(found))
     a, b = np.repeat(vertex, count), segment[np.concatenate(found).astype(np.int64)]
@@ -337,6 +338,6 @@ def _outward(boundary: BoundarySegments, vertex: IntArray) -> tuple[FloatArray, 
     turn = (np.arctan2(leaves[:, 1], leaves[:, 0]) - first) % (2 * np.pi)
     middle = first + turn / 2
     outward = np.stack([np.cos(middle), np.sin(middle)], 1)
-    point = place + ASIDE * boundary.size[boundary.chart[v], None] * outward
+    point = place + ASIDE_SHARE * boundary.size[boundary.chart[v], None] * outward
     covered = windings(boundary, point, boundary.chart[v]) != 0
     return outward[inverse], covered[inverse]

@@ -27,15 +27,16 @@ from circparam.solvers.region import WHOLE, Region, grow, moving_region
 USUAL_RINGS = (8, 3, 20, WHOLE)
 CONFORMAL_RINGS = (2, 5, 12, 30, WHOLE)
 FEW_FLIPS_RINGS = (3, 8, 20, WHOLE)  # if only a few faces are wrong
-HARDLY = 1.05  # times the faces of the region tried before, up to which a region is the same one
-POLISH = 10  # Newton steps on untangled charts, for their shape
-OUTER = 25  # rounds, each with an ε of its own
+# times the faces of the region tried before, up to which a region is the same one
+HARDLY_RATIO = 1.05
+POLISH_STEPS = 10  # Newton steps on untangled charts, for their shape
+OUTER_ROUNDS = 25  # rounds, each with an ε of its own
 # rounds without fewer flips or a worst determinant better by BETTER
 BARREN, BETTER = 5, 0.9
 DESCENT = DescentOptions(tolerance=1e-4, limit=60)
-FAR = 1e4  # times the root of its area: a group of this width is given up
-AREA = 1.0  # λ, weight of the area term against the shape term
-POSITIVE = 1e-9  # determinant above which a face counts as upright
+FAR_ROOTS = 1e4  # times the root of its area: a group of this width is given up
+AREA_WEIGHT = 1.0  # λ, weight of the area term against the shape term
+POSITIVE_DETERMINANT = 1e-9  # determinant above which a face counts as upright
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,7 @@ def untangle(
             break
         widest = rings
         region = grow(cut_mesh, bad, rings)
-        if np.array_equal(bad, last) and region.sum() <= HARDLY * tried:
+        if np.array_equal(bad, last) and region.sum() <= HARDLY_RATIO * tried:
             continue  # a larger region of equal faces would fail again
         last, tried = bad, int(region.sum())
         touched |= region
@@ -107,7 +108,9 @@ def _polished(
     part = moving_region(cut_mesh, touched, hold, uv)
     if part.fixed.all():
         return uv
-    options = RelaxOptions(tolerance=1e-3, max_iterations=POLISH, fixed=part.fixed, blend=blend)
+    options = RelaxOptions(
+        tolerance=1e-3, max_iterations=POLISH_STEPS, fixed=part.fixed, blend=blend
+    )
     x = relax(part.cut_mesh, uv[part.source], options).uv
     out = uv.copy()
     moved = ~part.fixed
@@ -155,9 +158,9 @@ class FoldoverEnergy:
         (a, b), (c, d) = j
         det = a * d - b * c
         chi, root = self.barrier(det)
-        top = a * a + b * b + c * c + d * d + AREA * (det**2 + 1)
+        top = a * a + b * b + c * c + d * d + AREA_WEIGHT * (det**2 + 1)
         value = group_sum(self.weight * top / chi, self.region.chart, self.region.n_groups)
-        by_det = (2 * AREA * det - top / root) * self.weight / chi  # χ' = χ/√
+        by_det = (2 * AREA_WEIGHT * det - top / root) * self.weight / chi  # χ' = χ/√
         scale = 2 * self.weight / chi
         stress = scale * j
         stress[0, 0] += by_det * d
@@ -198,15 +201,17 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     # flips, and how far the worst face is from upright
     best = np.full((2, region.n_groups), np.inf)
     barren = np.zeros(region.n_groups, np.int64)
-    for _ in range(OUTER):
+    for _ in range(OUTER_ROUNDS):
         determinant = FoldoverEnergy(region, np.ones(region.n_groups)).determinants(x)
         worst = group_min(determinant, region.chart, region.n_groups)
-        flips = np.bincount(region.chart[determinant <= POSITIVE], minlength=region.n_groups)
+        flips = np.bincount(
+            region.chart[determinant <= POSITIVE_DETERMINANT], minlength=region.n_groups
+        )
         now = np.stack([flips, -worst])
         barren = np.where((now < BETTER * best).any(0), 0, barren + 1)
         best = np.minimum(best, now)
         # a diverging group is given up before its numbers overflow
-        left = (worst <= POSITIVE) & ~_flown_apart(region, x)
+        left = (worst <= POSITIVE_DETERMINANT) & ~_flown_apart(region, x)
         # without a lower step now, the next round has none either
         left &= moving & (barren < BARREN)
         if not left.any() or (monitor is not None and monitor.expired):
@@ -242,5 +247,5 @@ def _flown_apart(region: Region, x: FloatArray) -> BoolArray:
     """(n_groups,) bool: the group is far wider or higher than its area implies."""
     group, n = region.cut_mesh.vertex_chart, region.n_groups
     spread = [group_max(x[:, d], group, n) - group_min(x[:, d], group, n) for d in range(2)]
-    near = np.maximum(spread[0], spread[1]) <= FAR * np.sqrt(region.cut_mesh.chart_areas)
+    near = np.maximum(spread[0], spread[1]) <= FAR_ROOTS * np.sqrt(region.cut_mesh.chart_areas)
     return ~near

@@ -132,7 +132,7 @@ def test_the_first_ctrl_c_may_only_ask() -> None:
         process.send_signal(signal.SIGINT)
         assert process.stderr.readline() == b"asked\n"
         with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(2 * signals.GRACE)  # the watcher leaves it alone as well
+            process.wait(2 * signals.GRACE_SECONDS)  # the watcher leaves it alone as well
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)
     assert process.returncode == 130

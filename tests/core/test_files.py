@@ -16,7 +16,7 @@ import os, socket, sys, threading
 from circparam.cli import signals
 reader, writer = socket.socketpair()
 writer.send(bytes([signals.signal.SIGTERM]))
-signals.GRACE = 0.0
+signals.GRACE_SECONDS = 0.0
 os._exit = lambda code: print(code, *sys.modules)
 signals._watch(reader, threading.Event())
 """

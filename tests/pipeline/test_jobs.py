@@ -146,7 +146,7 @@ def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) ->
     jobs.start_for(Options(jobs=1), 10**6)
     assert current() is None, "nothing to share"
     file = tmp_path / "m.obj"
-    least = jobs.FACES * jobs.FACE_BYTES
+    least = jobs.PROCESS_FACES * jobs.FACE_BYTES
     file.write_bytes(b"#" * (least - 1))
     for path in (file, tmp_path, tmp_path / "none.obj", "-"):
         jobs.start_for_file(Options(jobs=2), os.fspath(path))

@@ -7,7 +7,13 @@ from circparam.core.monitor import Monitor
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.region import moving_region
 from circparam.solvers.tutte.embed import tutte_embedding
-from circparam.solvers.untangle import POSITIVE, FoldoverEnergy, flipped, lower, untangle
+from circparam.solvers.untangle import (
+    POSITIVE_DETERMINANT,
+    FoldoverEnergy,
+    flipped,
+    lower,
+    untangle,
+)
 from tests.support import shapes
 from tests.support.charts import flat_of, patches_of, rim, tangled
 
@@ -97,5 +103,5 @@ def test_a_group_that_has_flown_apart_keeps_its_place_and_others_are_mended():
     assert before[apart].min() < 0
     assert before[~apart].min() < 0
     found = lower(part, x, None)
-    assert (ones.determinants(found)[~apart] > POSITIVE).all()
+    assert (ones.determinants(found)[~apart] > POSITIVE_DETERMINANT).all()
     np.testing.assert_array_equal(found[far], x[far])

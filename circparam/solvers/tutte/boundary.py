@@ -27,9 +27,9 @@ from circparam.solvers.tutte.outer import FixedBoundary, OuterBoundary, TutteOpt
 
 BoundaryFunction: TypeAlias = Callable[[CutMesh, TutteOptions], FixedBoundary]
 # Width of the ring of virtual faces, as a share of the radius of a circle with the perimeter of the chart.
-WIDTH = 0.5
+RING_WIDTH_RADII = 0.5
 # Largest turn, in radians, of the arc that stands in for a straight side with chords.
-BULGE = 0.2
+BULGE_RADIANS = 0.2
 
 
 def on_square(cut_mesh: CutMesh, options: TutteOptions) -> FixedBoundary:
@@ -70,7 +70,7 @@ def behind_virtual_faces(cut_mesh: CutMesh, options: TutteOptions) -> FixedBound
     outer = outer_boundary(cut_mesh, options.spacing)
     extended, fixed = _with_virtual_faces(cut_mesh, outer)
     return FixedBoundary(
-        extended, fixed, _circle_of(outer, cut_mesh.chart_areas * (1 + WIDTH) ** 2)
+        extended, fixed, _circle_of(outer, cut_mesh.chart_areas * (1 + RING_WIDTH_RADII) ** 2)
     )
 
 
@@ -83,8 +83,8 @@ def _with_virtual_faces(cut_mesh: CutMesh, outer: OuterBoundary) -> tuple[CutMes
     index, follower, preceding = outer.index, outer.neighbour(1), outer.neighbour(-1)
     base = cut_mesh.edge_lengths.ravel()[outer.half_edge]
     radius = group_sum(base, index, len(outer.size)) / (2 * np.pi)
-    height = WIDTH * radius[index]
-    top = base * (1 + WIDTH)
+    height = RING_WIDTH_RADII * radius[index]
+    top = base * (1 + RING_WIDTH_RADII)
     i, j = outer.vertices, outer.vertices[follower]
     outside = cut_mesh.n_vertices + np.arange(b)
     # lower face: j, i, outside of i; upper face: j, outside of i, outside of j
@@ -183,7 +183,7 @@ def _on_polygon(cut_mesh: CutMesh, outer: OuterBoundary, corners: FloatArray) ->
     t = np.clip((outer.place - begin) / np.maximum(end - begin, 1e-300), 0, 1)
     bent = _sides_with_chords(cut_mesh, outer, of, t, k)
     exterior = np.arctan2(cross2(np.roll(side, 1, 0), side), (np.roll(side, 1, 0) * side).sum(1))
-    turn = np.minimum(BULGE, np.minimum(exterior, np.roll(exterior, -1)) / 3)[of]
+    turn = np.minimum(BULGE_RADIANS, np.minimum(exterior, np.roll(exterior, -1)) / 3)[of]
     turn = np.where(bent[outer.index, of], turn, 0.0)
     along, out = _arc(t, turn)
     normal = np.stack([side[:, 1], -side[:, 0]], 1)

@@ -12,7 +12,7 @@ SPACINGS = ("arc-length", "uniform")
 
 # Least length in the spacing of boundary edges, as a share of their mean. On a circle the triangle of an arc
 # δ has area δ³/16, which must stay far above the rounding of the coordinates.
-SHORTEST = 1e-3
+SHORTEST_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def outer_boundary(cut_mesh: CutMesh, spacing: str = "arc-length") -> OuterBound
     if spacing == "arc-length":
         length = cut_mesh.edge_lengths.ravel()[h]
         mean = group_sum(length, chart, len(size)) / size
-        length = np.maximum(length, SHORTEST * mean[chart])
+        length = np.maximum(length, SHORTEST_SHARE * mean[chart])
     total = group_sum(length, chart, len(size))
     share = length / total[chart]
     run = np.cumsum(share) - share

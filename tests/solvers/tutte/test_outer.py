@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from circparam.solvers.tutte.outer import SHORTEST, outer_boundary
+from circparam.solvers.tutte.outer import SHORTEST_SHARE, outer_boundary
 from tests.support.charts import patches_of
 
 
@@ -19,4 +19,4 @@ def test_a_very_short_edge_keeps_a_share_of_the_mean():
     short = int(np.argmin(length))
     assert length[short] < 1e-8
     step = np.mod(outer.place[outer.neighbour(1)] - outer.place, 1)
-    assert step[short] == pytest.approx(SHORTEST / n, rel=2e-3)
+    assert step[short] == pytest.approx(SHORTEST_SHARE / n, rel=2e-3)
