@@ -128,7 +128,11 @@ def mirrored_atlas(
     monitor: Monitor,
     notes: list[str],
 ) -> Atlas:
-    """The atlas of one half on both, then whatever charts of both may be glued where they meet."""
+    """The atlas of one half on both, then whatever charts of both may be glued where they meet.
+
+    A seam between the halves passes faces across the plane on their negative side. Its image beside it would
+    make a chart of each of these faces.
+    """
     if options.max_charts is not None:
         options = dataclasses.replace(options, max_charts=max(options.max_charts // 2, 1))
     half = bounded_atlas(surface.part(mirror.half), bound, options, monitor, notes)
@@ -144,7 +148,6 @@ def mirrored_atlas(
     atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
         merge(atlas, MergeOptions(bound, margin=MARGIN / 2), monitor, ~between)
-        atlas.cut = mirror.closed(atlas.cut)
         if not_disks(atlas.cut_mesh()).any():
             make_disks(atlas, dual_graph(surface))
     return atlas

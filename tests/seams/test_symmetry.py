@@ -59,6 +59,15 @@ def test_faces_across_the_plane_are_their_own_image(columns: int) -> None:
     assert as_set(edges) == as_set(edges * [-1, 1, 1] + [2, 0, 0])
 
 
+def test_faces_across_the_plane_make_no_charts_of_their_own() -> None:
+    """On a sphere of triangles the seam between the halves passes them; both halves stay whole."""
+    p, f = shapes.icosphere(3)
+    assert ((p[f, 0].min(1) < -1e-9) & (p[f, 0].max(1) > 1e-9)).any()
+    result = circparam.unwrap((p, f), symmetry="x", effort="draft")
+    assert result.status == "ok"
+    assert result.measures["charts"] == 2
+
+
 def test_forced_seams_are_mirrored_too() -> None:
     surface = surface_of(*bumpy())
     flat = surface.faces.ravel()
