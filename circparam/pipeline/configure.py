@@ -150,7 +150,8 @@ def _cut_between(document: Document, surface: Surface, o: Options) -> IntArray |
     if o.cut_materials and not several:
         raise OptionError("--cut-materials has no effect: the file has one material; leave it out")
     kinds = []
-    if several and o.cut_materials is not False and o.cut != "none":
+    asked = o.cut_materials is None and not o.lightmap  # one image for all of them
+    if several and (o.cut_materials or asked) and o.cut != "none":
         kinds.append(groups)
     if o.grouped:
         kinds.append(document.labels(str(o.group_by)))

@@ -67,7 +67,8 @@ class Options:
     in the written file. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``only``, ``lock``: "KIND=NAME",
     (m,) bool of the triangles, or face numbers. ``bff_boundary``: "disk", or the target length of each edge
     of the outer boundary. ``max_distortion``: the area-weighted symmetric Dirichlet energy / 4 (1 is
-    perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where there are several.
+    perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where there are several,
+    and not for a lightmap, which is one image for all.
 
     Raises OptionError, in one line, if a value is out of range, two options contradict each other, or an option
     has no effect.
@@ -161,7 +162,7 @@ class Options:
     )
     cut_materials: bool | None = option(
         "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
-        shown="if there are several", applies=applies.with_seams,
+        shown="if there are several and no --lightmap", applies=applies.with_seams,
     )
     hide_seams: float | None = option(
         "seams", "Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length.", metavar="H",

@@ -129,6 +129,7 @@ def _stray(result: "Result") -> list[str]:
         result.work != "unwrap"
         or groups is None
         or o.cut_materials is not None
+        or o.lightmap
         or o.cut != "charts"
     ):
         return []
