@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from circparam.cli import common, exits, progress, signals
+from circparam.cli.paths import ENDINGS, check_ending
 from circparam.cli.unwrap import (
     UnwrapCommand,
     library_options_of,
@@ -69,7 +70,7 @@ def _unwrap_options() -> list[click.Parameter]:
 @common.value(
     "--workers",
     "Meshes unwrapped at the same time on this machine.  [default: cores]",
-    "-j",
+    *("-j", "--jobs", "workers"),
     type=click.IntRange(1, 10000),
     metavar="N",
 )
@@ -164,6 +165,9 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "BatchPlan":
     from circparam.pipeline.gates import parse_gates
     from circparam.pipeline.options import Options
 
+    for name, flag in common.FURTHER.items():
+        if given[name]:
+            check_ending(f"--{flag} {given[name]}", *ENDINGS.get(name, ()))
     size = given["max_memory"]
     settings = Settings(
         options=Options(**library_options_of(given)),

@@ -13,7 +13,7 @@ code  meaning
 7     out of time with no result
 8     the output cannot be written
 130   interrupted (Ctrl-C)
-143   terminated (SIGTERM)
+143   terminated (SIGTERM, or SIGHUP of a closed terminal)
 ====  =====================================================================================
 """
 

@@ -41,7 +41,7 @@ def without_outputs(meshes: tuple[str, ...]) -> tuple[list[str], list[str]]:
 
 _NOWHERE: dict[str, Any] = {"output": None, "out_dir": None}
 # endings that further files may have
-_ENDINGS = {"index_map": (".npz",), "preview": (".png", ".svg", ".html")}
+ENDINGS = {"index_map": (".npz",), "preview": (".png", ".svg", ".html")}
 
 
 def _refuse(reasons: Iterable[tuple[bool, str]]) -> None:
@@ -68,7 +68,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     for name, path in further.items():
         flag = f"--{common.FURTHER[name]}"
         _refuse([(count > 1, f"{flag} names one file, but {count} meshes are given")])
-        check_ending(f"{flag} {path}", *_ENDINGS.get(name, ()))
+        check_ending(f"{flag} {path}", *ENDINGS.get(name, ()))
         others = (*meshes, *outputs, *(p for n, p in further.items() if n != name))
         same = os.path.realpath(path) in {os.path.realpath(p) for p in others if p != "-"}
         _refuse(

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: an exception in the main thread, and an end within a second whatever it is doing.
+"""Ctrl-C, SIGTERM and SIGHUP: an exception in the main thread, and an end within a second whatever it is doing.
 
 Python delivers a signal between bytecodes, and a sparse factorisation of a large mesh is a single one that may
 take many seconds. The interpreter therefore also writes each signal to a pipe, which a watching thread reads.
@@ -29,6 +29,7 @@ _SPARED: list[int] = []
 # the progress of the work, in one line
 _STATUS: list[Callable[[], str]] = []
 ASK: signal.Signals | None = getattr(signal, "SIGUSR1", None)
+HANGUP: signal.Signals | None = getattr(signal, "SIGHUP", None)  # the terminal has closed
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -72,13 +73,22 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 @contextlib.contextmanager
 def installed() -> Iterator[None]:
-    """Handle SIGINT and SIGTERM inside the block; does nothing outside the main thread."""
+    """Handle signals that end the work inside the block; does nothing outside the main thread.
+
+    SIGHUP stays ignored where it is, as under nohup.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    old_term = signal.signal(signal.SIGTERM, _terminate)
-    old_int = signal.signal(signal.SIGINT, _interrupt)
-    old_ask = None if ASK is None else signal.signal(ASK, lambda number, frame: None)
+    handlers: dict[signal.Signals, Callable[[int, FrameType | None], None]] = {
+        signal.SIGTERM: _terminate,
+        signal.SIGINT: _interrupt,
+    }
+    if HANGUP is not None and signal.getsignal(HANGUP) is signal.SIG_DFL:
+        handlers[HANGUP] = _terminate
+    if ASK is not None:
+        handlers[ASK] = lambda number, frame: None
+    old = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     old_fd = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
@@ -90,10 +100,8 @@ def installed() -> Iterator[None]:
     finally:
         done.set()
         signal.set_wakeup_fd(old_fd)
-        signal.signal(signal.SIGTERM, old_term)
-        signal.signal(signal.SIGINT, old_int)
-        if ASK is not None:
-            signal.signal(ASK, old_ask)
+        for number, handler in old.items():
+            signal.signal(number, handler)
         writer.close()
         watcher.join(1.0)
         reader.close()
@@ -114,7 +122,7 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
                 os.write(2, f"circparam: status: {line}\n".encode())
         elif data[0] in _SPARED:
             _SPARED.remove(data[0])
-        elif data[0] in (signal.SIGINT, signal.SIGTERM):
+        elif data[0] in (signal.SIGINT, signal.SIGTERM, HANGUP):
             break
     if done.wait(max([GRACE_SECONDS, *_LONGER])):
         return

@@ -93,7 +93,8 @@ def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tupl
         for path, data in contents.items():
             real = Path(os.path.realpath(path))  # write through a link, not over it
             if not real.parent.is_dir():
-                raise OutputError(f"{path}: the folder {str(path.parent)!r} does not exist")
+                lacking = str(real.parent if path.is_symlink() else path.parent)
+                raise OutputError(f"{path}: the folder {lacking!r} does not exist")
             folder = real.parent
             # no file may be made beside a pipe or a device
             if real.exists() and not real.is_file():

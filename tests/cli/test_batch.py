@@ -34,10 +34,9 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_folder_and_the_workers_are_named_as_for_unwrap(tmp_path: Path) -> None:
-    """-o, --out-dir and -j were unknown."""
     source = write_set(tmp_path / "src", 1)
-    for flag in ("-o", "--out-dir", "--out"):
-        assert batch(source, flag, tmp_path / flag, "-j", 1, *ARGS).exit_code == 0
+    for flag, jobs in (("-o", "-j"), ("--out-dir", "--jobs"), ("--out", "--workers")):
+        assert batch(source, flag, tmp_path / flag, jobs, 1, *ARGS).exit_code == 0
         assert (tmp_path / flag / "manifest.jsonl").exists()
 
 

@@ -253,6 +253,8 @@ ROWS = """
 2 | batch src --out out --method abf --boundary circle | --boundary
 2 | batch src --out out --max-memory much              | not a size
 2 | batch src --out out --preview all.png              | {}
+2 | batch src --out out --preview {}.txt               | .png, .svg, .html
+2 | batch src --out out --map {}.txt                   | .npz
 2 | batch src --out out --fail-if flops>0              | flops
 2 | batch src --out out --fail-rate 2                  | --fail-rate
 2 | batch --status none                                | no manifest.jsonl

@@ -68,11 +68,11 @@ def program(code: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @needs_posix
 @pytest.mark.parametrize("work", [PYTHON_WORK, NATIVE_WORK], ids=["python", "native"])
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_signals_end_it_soon_and_clean(work, number, code, mesh):
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 143)])
+def test_signals_end_it_soon_and_clean(work, name, code, mesh):
     left = mesh.parent / ".half.tmp"
     with program(WAIT.format(left=str(left), work=work, mesh=str(mesh))) as process:
-        process.send_signal(number)
+        process.send_signal(getattr(signal, name))
         _, error = process.communicate(timeout=30)
     assert process.returncode == code
     assert error.count(b"\n") == 1

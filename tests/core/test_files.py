@@ -68,6 +68,13 @@ def test_two_names_of_one_file_are_refused_before_the_first_byte(tmp_path: Path)
         assert list(real.iterdir()) == []
 
 
+def test_a_link_into_a_folder_that_is_missing_names_this_folder(tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "gone" / "file")
+    with pytest.raises(OutputError, match=r"link: the folder .*gone' does not exist"):
+        files.write_files({link: b"x"})
+
+
 def test_what_is_there_stays_unless_it_may_be_replaced(tmp_path: Path) -> None:
     old, new, folder = tmp_path / "old", tmp_path / "new", tmp_path / "folder"
     old.write_text("mine")
