@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -40,7 +41,7 @@ def facts(rows: Iterable[tuple[str, object]]) -> Table:
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows:
-        table.add_row(name, value if isinstance(value, Text) else unmarked(value))
+        table.add_row(escape(name), value if isinstance(value, Text) else escape(str(value)))
     return table
 
 
@@ -51,7 +52,7 @@ def columns(first: str, heads: Iterable[str], rows: Mapping[str, Iterable[str]])
     for head in heads:
         table.add_column(head, justify="right", no_wrap=True)
     for name, cells in rows.items():
-        table.add_row(unmarked(name), *map(unmarked, cells))
+        table.add_row(escape(name), *map(escape, cells))
     return table
 
 
@@ -85,7 +86,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         u0, v0, u1, v1 = group["box"]
         place = f"{pages}, u {u0:.3f} to {u1:.3f}, v {v0:.3f} to {v1:.3f}"
         charts = counted(group["charts"], "chart")
-        rows.append((f"  {unmarked(group['name'])}", f"{charts} on {place}"))
+        rows.append((f"  {group['name']}", f"{charts} on {place}"))
     if look := report.get("look"):
         images = f"{len(look['images'])} of {look['size']} texels: {', '.join(look['images'])}"
         rows.append(("images", images))
@@ -266,7 +267,7 @@ def _densities(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "texels a unit", f"{least:.4g} to {most:.4g}"
     for part in report.get("density") or ():
         asked = f"density {part['got']:.3f}, {part['asked']:.3f} asked"
-        yield f"  {unmarked(part['name'])}", f"{part['texels']:.4g}: {asked}"
+        yield f"  {part['name']}", f"{part['texels']:.4g}: {asked}"
 
 
 def _tail(report: dict[str, Any]) -> str:
@@ -284,8 +285,3 @@ def _number(value: float | None) -> str:
     if value is None or value > 1e50:
         return "-" if value is None else "infinite"
     return f"{value:.4f}" if value < 1e4 else f"{value:.3g}"
-
-
-def unmarked(text: object) -> str:
-    """Text in which square brackets are no markup."""
-    return str(text).replace("[", r"\[")

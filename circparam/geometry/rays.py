@@ -5,6 +5,8 @@ is a capsule: its mean segment and a radius that holds all its rays. Capsules go
 and only the remaining pairs are tested ray by ray.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 
 from circparam.core.arrays import blocks, first_of_runs, group_sum, ranges, relabel, unit
@@ -16,6 +18,8 @@ BLOCK_PAIRS = 50_000  # pairs of ray and face in one block, which fits the cache
 # side of the cells whose rays make a packet, in mean diagonals of the faces' boxes
 CELL_DIAGONALS = 0.8
 BLOCK_RAYS = 200_000  # rays at once
+# origin (p, 3), unit direction (p, 3) and reach (p,) of lines
+Lines: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 EDGE_WEIGHT = 1e-9  # barycentric: rays that meet an edge meet a face beside it, whatever is rounded
 
 
@@ -131,19 +135,12 @@ def first_hits(
     face, bary, t = np.full(len(origin), -1), np.zeros((len(origin), 3)), np.zeros(len(origin))
     for at in range(0, len(origin), BLOCK_RAYS):
         part = slice(at, at + BLOCK_RAYS)
-        lines = _Lines(origin[part], direction[part], reach[part])
+        lines = origin[part], direction[part], reach[part]
         face[part], bary[part], t[part] = _first(tree, lines, nearest)
     return Hits(face, bary, t)
 
 
-@dataclass(frozen=True, eq=False)
-class _Lines:
-    origin: FloatArray
-    direction: FloatArray
-    reach: FloatArray
-
-
-def _first(tree: BoxTree, lines: _Lines, nearest: bool) -> tuple[IntArray, FloatArray, FloatArray]:
+def _first(tree: BoxTree, lines: Lines, nearest: bool) -> tuple[IntArray, FloatArray, FloatArray]:
     """One block of ``first_hits``."""
     packet, start, end, radius = _packets(tree, lines)
     segment, candidate = tree.near(start, end, radius)
@@ -153,28 +150,30 @@ def _first(tree: BoxTree, lines: _Lines, nearest: bool) -> tuple[IntArray, Float
     by_packet = np.argsort(packet, kind="stable")
     size = np.bincount(packet, minlength=len(start))
     begin, count = (np.cumsum(size) - size)[segment], size[segment]
-    columns = np.concatenate([lines.origin.T, lines.direction.T, lines.reach[None]])
+    origin, direction, reach = lines
+    columns = np.concatenate([origin.T, direction.T, reach[None]])
     found = []
     for part in blocks(count, BLOCK_PAIRS):
         c = count[part]
         ray = by_packet[np.repeat(begin[part], c) + ranges(c)]
         found.append(_met(tree, columns, ray, np.repeat(candidate[part], c)))
-    return _best(found, len(lines.origin), nearest)
+    return _best(found, len(origin), nearest)
 
 
-def _packets(tree: BoxTree, lines: _Lines) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+def _packets(tree: BoxTree, lines: Lines) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
     """Rays side by side that look the same way: ((p,) packet, (k, 3) start, (k, 3) end, (k,) radius)."""
+    origin, direction, reach = lines
     span = tree.corners.max(1) - tree.corners.min(1)
     cell = max(CELL_DIAGONALS * float(np.linalg.norm(span, axis=1).mean()), 1e-300)
-    place = np.floor((lines.origin - lines.origin.min(0)) / cell).astype(np.int64) % (1 << 20)
-    octant = ((lines.direction > 0) * [1, 2, 4]).sum(1)
+    place = np.floor((origin - origin.min(0)) / cell).astype(np.int64) % (1 << 20)
+    octant = ((direction > 0) * [1, 2, 4]).sum(1)
     key = (((place[:, 0] << 20) | place[:, 1]) << 20 | place[:, 2]) << 3 | octant
     n, packet = relabel(key)
-    out = lines.direction * lines.reach[:, None]
+    out = direction * reach[:, None]
     size = np.bincount(packet)[:, None]
     ends = []
     radius = np.zeros(n)
-    for tip in (lines.origin + out, lines.origin - out):
+    for tip in (origin + out, origin - out):
         mean = group_sum(tip, packet, n) / size
         apart = np.linalg.norm(tip - mean[packet], axis=1)
         np.maximum.at(radius, packet, apart)

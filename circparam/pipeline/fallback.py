@@ -248,8 +248,7 @@ def take_to_pieces(cascade: Cascade, faces: BoolArray) -> Cascade:
     normal = unit(group_sum(normals_of(p), label, len(first)))
     origin = p[first, 0]
     x = p[first, 1] - origin
-    x -= (x * normal).sum(1)[:, None] * normal
-    x /= np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
+    x = unit(x - (x * normal).sum(1)[:, None] * normal)
     basis = np.stack([x, np.cross(normal, x)], 1)[label]
     atlas = Atlas(surface, cut, cascade.atlas.corners)
     atlas.corners[fid] = np.einsum("mkc,mdc->mkd", p - origin[label][:, None], basis)

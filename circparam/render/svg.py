@@ -5,6 +5,7 @@ every chart is one path; in the last faces of one chart and of one step of the c
 """
 
 import re
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -186,4 +187,4 @@ def _grid(u0: float, v0: float, u1: float, v1: float) -> list[str]:
 def _escape(text: str) -> str:
     """Text for XML, which has no place for control characters and halves of surrogate pairs."""
     kept = "".join(c if c >= " " and not "\ud800" <= c <= "\udfff" else "\ufffd" for c in text)
-    return kept.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    return escape(kept)

@@ -22,6 +22,7 @@ from circparam.core.arrays import (
     next_half_edge,
     numbered,
     positions_in,
+    unit,
 )
 from circparam.core.compiled import kd_tree
 from circparam.core.linalg import SparseMatrix
@@ -290,8 +291,7 @@ def _find(
     if lost.any():
         k = k[~lost[boundary.chart[a[k]]]]
     # the mean of both normals: at two tips that touch, that of the nearest segment alone would jump about
-    away = normal[b[k]] - out[a[k]]
-    away /= np.maximum(np.linalg.norm(away, axis=1), 1e-300)[:, None]
+    away = unit(normal[b[k]] - out[a[k]])
     tail = boundary.half_edge[b[k]]
     chart = boundary.chart[b[k]]
     springs = _Springs(
