@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from trimesh.registration import icp, procrustes
 
+from circparam.core.arrays import group_sum, normals_of, unit
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -245,13 +246,23 @@ def guess(a: MapInput, b: MapInput) -> Landmarks:
     """Landmarks for two surfaces in similar poses: far-apart vertices of a and the nearest ones of b, more for
     every handle, none on boundaries.
 
-    The surfaces are aligned by their axes of inertia and closest points. Raises InputError if the fit is too
-    poor to be trusted.
+    The surfaces are aligned by their axes of inertia and closest points, by a reflection where their fronts
+    face opposite ways else. Raises InputError if the fit is too poor to be trusted, TopologyError if one
+    surface is inside out.
     """
     p = points_of(a, np.arange(a.n))
     q = points_of(b, np.arange(b.n))
-    error, moved = _best_motion(p, q)
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
+    error, motion = _best_motion(p, q)
+    if _faces_away(a, b, p, q, motion):
+        mirrored = _best_motion(p, q, mirror=True)
+        if mirrored[0] > GUESS_DISTANCE_SIZES * size or _faces_away(a, b, p, q, mirrored[1]):
+            raise TopologyError(
+                f"{b.name} is inside out beside {a.name}: where they lie on each other, their fronts face "
+                "opposite ways; turn the faces of one round, which --mirrored does"
+            )
+        error, motion = mirrored
+    moved = p @ motion[:, :3].T + motion[:, 3]
     if error > GUESS_DISTANCE_SIZES * size:
         raise InputError(
             f"{a.name} and {b.name} are too unlike to guess landmarks (aligned, {percent(error / size)} of "
@@ -281,9 +292,24 @@ def guess(a: MapInput, b: MapInput) -> Landmarks:
     return out
 
 
-def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
-    """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest
-    points.
+def _faces_away(a: MapInput, b: MapInput, p: FloatArray, q: FloatArray, motion: FloatArray) -> bool:
+    """Whether most fronts of b face against those of a after a motion (3, 4), by the nearest vertices."""
+    normals = []
+    for side in (a, b):
+        face = normals_of(side.surface.vertex_points[side.surface.corner_vertex])
+        corner = side.surface.corner_vertex.ravel()
+        sums = [group_sum(np.repeat(face[:, k], 3), corner, side.n) for k in range(3)]
+        normals.append(unit(np.stack(sums, 1)))
+    turn = motion[:, :3]
+    near = cKDTree(q).query(p @ turn.T + motion[:, 3])[1]
+    # a reflection turns the winding of the triangles that it moves
+    moved = normals[0] @ turn.T * np.sign(np.linalg.det(turn))
+    return bool((moved * normals[1][near]).sum(1).mean() < -0.5)
+
+
+def _best_motion(p: FloatArray, q: FloatArray, mirror: bool = False) -> tuple[float, FloatArray]:
+    """(mean distance both ways, motion (3, 4) of p) after aligning axes of inertia in all proper ways, then
+    closest points. mirror: all motions with a reflection.
     """
     axes_p, axes_q = (
         axes * np.linalg.det(axes)
@@ -293,7 +319,8 @@ def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
     tree = cKDTree(q)
     best, best_motion = np.inf, np.eye(4)
     cube = Rotation.create_group("O").as_matrix()
-    for turn in (np.eye(3), *(axes_q.T @ swap @ axes_p for swap in cube)):
+    for proper in (np.eye(3), *(axes_q.T @ swap @ axes_p for swap in cube)):
+        turn = -proper if mirror else proper
         start = np.eye(4)
         start[:3, :3], start[:3, 3] = turn, q.mean(0) - turn @ p.mean(0)
         motion, moved, _ = icp(step_p, q, start, max_iterations=ALIGNMENT_ROUNDS, **RIGID)  # type: ignore[no-untyped-call]
@@ -301,4 +328,4 @@ def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
         error = (there + float(np.mean(cKDTree(moved).query(step_q)[0]))) / 2
         if error < best - 1e-9:
             best, best_motion = error, motion
-    return best, p @ best_motion[:3, :3].T + best_motion[:3, 3]
+    return best, best_motion[:3]

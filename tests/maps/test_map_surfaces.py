@@ -116,6 +116,19 @@ def test_landmarks_of_a_torus_in_other_places(seed: int) -> None:
 # known answers ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("turned", [False, True], ids=["as wound", "inside out"])
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["itself", "image"])
+def test_guessed_landmarks_respect_the_fronts(sign: float, turned: bool, mirrored: bool) -> None:
+    """A blob that is about its own image, and its twins: the map is an isometry whichever way they face."""
+    a = pairs.blob(2, 1)
+    faces = a.faces[:, ::-1] if turned != (sign < 0) else a.faces
+    b = Mesh(a.points * [sign, 1, 1], faces)
+    found = circparam.map_surfaces(a, b, mirrored=mirrored)
+    assert found.a_to_b.mean < 1.01
+    assert any("guessed" in line for line in found.notes)
+
+
 @pytest.mark.parametrize("kind", ["sphere", "sphere, guessed", "torus, guessed", "genus 2"])
 def test_a_surface_on_its_own_remeshing_is_where_it_was(kind: str) -> None:
     if kind.startswith("sphere"):

@@ -17,6 +17,9 @@ FIRST, SECOND = (int(v) for v in ON_TORUS[:2, 0])
 LOOSE = Mesh(np.concatenate([BALL.points, [[9.0, 9, 9]]]), BALL.faces)
 TWO = Mesh(*shapes.row_of((BALL.points, BALL.faces), 2, 3.0))
 STICK = Mesh(BALL.points * [6, 1, 1], BALL.faces)
+TWIST = np.exp(0.7j * 3 * BALL.points[:, 0]) * (BALL.points[:, 1] + 0.4j * BALL.points[:, 2])
+CHIRAL = Mesh(np.stack([3 * BALL.points[:, 0], TWIST.real, TWIST.imag], 1), BALL.faces)
+INSIDE_OUT = Mesh(CHIRAL.points, CHIRAL.faces[:, ::-1])
 MIDDLE = int(np.linalg.norm(DISK.points[:, :2], axis=1).argmin())
 RIM = int(boundary(OTHER_DISK)[0])
 PAIRS = {
@@ -25,6 +28,7 @@ PAIRS = {
     "fewer handles": (TORUS, BALL, {}, TopologyError, "A has genus 1 and B 0"),
     "parts": (TWO, BALL, {}, TopologyError, "A: it has 2 connected parts"),
     "unlike": (BALL, STICK, {}, InputError, "too unlike to guess landmarks"),
+    "inside out": (CHIRAL, INSIDE_OUT, {}, TopologyError, "B is inside out beside A.*--mirrored"),
     "harmonic": (BALL, BALL, {"method": "harmonic"}, OptionError, "circle"),
     "lscm": (BALL, BALL, {"method": "lscm"}, OptionError, "circle"),
     "overlay": (DISK, DISK, {"overlay": True}, OptionError, "boundaries"),
