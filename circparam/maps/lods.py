@@ -143,19 +143,28 @@ def transfer(
 
 
 def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:
-    """The largest distance of both surfaces, in diagonals of the first. Raises NoResultError if large."""
+    """The largest distance of both surfaces, in diagonals of the first.
+
+    Raises NoResultError if it is large, or if the fronts of the target face the other way.
+    """
     there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
     face, bary = samples_of(target.areas, CHART_SAMPLE_BOUNDS)
     places = interpolated(bary, target.points[target.faces[face]])
     back = np.asarray(cKDTree(places).query(there)[0])
-    some = places[:: max(1, len(places) // SHAPE_SAMPLES)]
-    gone = np.asarray(charts.free.query(some)[0])
+    step = max(1, len(places) // SHAPE_SAMPLES)
+    some = places[::step]
+    gone, near = charts.free.query(some)
     far = float(max(back.max(), gone.max()) / charts.diagonal)
     if far > SHAPE_DIAGONALS:
         place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
         raise NoResultError(
             f"{document.source.name}: at ({_point(place)}) it lies {100 * far:.0f} % of the size away from the "
             f"first mesh: give one of the same shape, place and size (within {100 * SHAPE_DIAGONALS:.0f} %)"
+        )
+    fronts = target.normals[face[::step]], charts.atlas.surface.normals[charts.sample[near]]
+    if (fronts[0] * fronts[1]).sum(1).mean() < -0.5:
+        raise NoResultError(
+            f"{document.source.name}: it is inside out beside the first mesh: turn its faces round"
         )
     return far
 

@@ -164,6 +164,15 @@ def test_another_shape_is_refused_with_the_place(tmp_path: Path):
         transfer(source, [from_arrays(3 * fine[0], fine[1])])
 
 
+def test_a_level_that_is_inside_out_is_refused_at_once(tmp_path: Path):
+    """Its charts would lie mirrored; the search for a layout without flips did not end."""
+    points, faces = hill(8)
+    layout = two_charts(points, faces)
+    first = from_arrays(points, faces, layout.uv, layout.uv_faces)
+    with pytest.raises(NoResultError, match="inside out"):
+        transfer(first, [(points, faces[:, ::-1])])
+
+
 def test_a_first_mesh_without_uv(tmp_path: Path):
     with pytest.raises(InputError, match="no uv set 0"):
         transfer(from_arrays(*hill(4)), [from_arrays(*hill(4))])
