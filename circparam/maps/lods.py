@@ -153,7 +153,7 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
     back = np.asarray(cKDTree(places).query(there)[0])
     step = max(1, len(places) // SHAPE_SAMPLES)
     some = places[::step]
-    gone, near = charts.free.query(some)
+    gone, near = map(np.asarray, charts.free.query(some))
     far = float(max(back.max(), gone.max()) / charts.diagonal)
     if far > SHAPE_DIAGONALS:
         place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
