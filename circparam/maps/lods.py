@@ -17,6 +17,7 @@ from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.geometry.closest import samples_of
 from circparam.geometry.distortion import Tail
+from circparam.geometry.overlap import overlaps
 from circparam.maps.carried_charts import (
     CHART_SAMPLE_BOUNDS,
     CarriedLayout,
@@ -127,8 +128,13 @@ def transfer(
     with monitor.stage("transfer"):
         for job in jobs:
             apart = _check_shape(charts, job.surface, job.document)
-            layout = carry_charts(charts, job.surface)
-            carried.append((layout, apart, _fitted(job, layout, resolution, max_drift)))
+            try:
+                layout = carry_charts(charts, job.surface)
+                fitted = _fitted(job, layout, resolution, max_drift)
+            except NoResultError:
+                _refuse_overlaps(charts, document)  # no layout of the target can be without them
+                raise
+            carried.append((layout, apart, fitted))
     out = []
     for job, output, (layout, apart, fitted) in zip(jobs, outputs, carried, strict=True):
         result = verify_and_save(job, fitted, output, monitor, "transfer")
@@ -167,6 +173,17 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
             f"{document.source.name}: it is inside out beside the first mesh: turn its faces round"
         )
     return far
+
+
+def _refuse_overlaps(charts: SourceCharts, document: Document) -> None:
+    """Raise NoResultError if charts of the first mesh lie on each other or on themselves."""
+    cut_mesh, uv = charts.atlas.open()
+    found = overlaps(cut_mesh, uv)
+    if len(found.pairs) or found.self_overlapping.any():
+        raise NoResultError(
+            f"{document.source.name}: its charts overlap in uv, and a layout is carried only without overlaps: "
+            "lay its charts apart with circparam pack, or make new ones with circparam unwrap"
+        )
 
 
 def _fitted(job: Job, layout: CarriedLayout, resolution: int, most: float) -> Fitted:

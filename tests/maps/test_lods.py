@@ -173,6 +173,18 @@ def test_a_level_that_is_inside_out_is_refused_at_once(tmp_path: Path):
         transfer(first, [(points, faces[:, ::-1])])
 
 
+def test_a_first_mesh_whose_charts_share_texels_is_told_of(tmp_path: Path):
+    """The message named the target and asked for a finer mesh, which has the same overlaps."""
+    points, faces = hill(8)
+    uv = two_charts(points, faces)
+    right = uv.uv[:, 1] > 0.43
+    uv.uv[right] -= [0.15 + 0.2, 0.45]
+    with pytest.raises(
+        NoResultError, match=r"given arrays: its charts overlap in uv.*circparam pack"
+    ):
+        transfer(from_arrays(points, faces, uv.uv, uv.uv_faces), [hill(6)])
+
+
 def test_a_first_mesh_without_uv(tmp_path: Path):
     with pytest.raises(InputError, match="no uv set 0"):
         transfer(from_arrays(*hill(4)), [from_arrays(*hill(4))])
