@@ -130,11 +130,10 @@ def transfer(
             apart = _check_shape(charts, job.surface, job.document)
             try:
                 layout = carry_charts(charts, job.surface)
-                fitted = _fitted(job, layout, resolution, max_drift)
+                carried.append((layout, apart, _fitted(job, layout, resolution, max_drift)))
             except NoResultError:
-                _refuse_overlaps(charts, document)  # no layout of the target can be without them
+                _refuse_overlaps(charts, document)  # the target has those of the first mesh
                 raise
-            carried.append((layout, apart, fitted))
     out = []
     for job, output, (layout, apart, fitted) in zip(jobs, outputs, carried, strict=True):
         result = verify_and_save(job, fitted, output, monitor, "transfer")
