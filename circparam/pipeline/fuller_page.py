@@ -1,7 +1,7 @@
 """A fuller page for a little seam (``--pack-splits auto``).
 
 A chart is cut if and only if the cut lowers the cost of the atlas (``AtlasCost``): its seam and one more chart
-are paid by the fuller page. ``page_search`` proposes cuts by estimates and sketches of the page. The best
+are paid by the fuller page. ``page_search`` proposes cuts by estimates of the page. The best
 layouts are packed as they will be, each only as far as it may cost less than those before it, and the cheapest
 is kept. A mesh that needs no seam gets none. At a texel density that the user fixed, charts too large for
 their pages are cut so that they fit.
@@ -25,7 +25,7 @@ from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits, Opened
 from circparam.pipeline.options import Options
 from circparam.pipeline.page_cuts import Cutter, Part, joined
-from circparam.pipeline.page_search import CELLS, CHORDS, Plan, Search
+from circparam.pipeline.page_search import Plan, Search
 from circparam.pipeline.place import chart_signs, sized
 from circparam.seams.cost import COST
 from circparam.seams.search import WORK_PER_FACE
@@ -33,8 +33,6 @@ from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import TAIL_SHARE, share_over
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.stretch import STRETCH, stretch_asked
-
-PACKED = 2  # plans with cuts that are packed: a third costs 0.2 % less in 1.09 of the time; a draft packs one
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -52,8 +50,8 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     no_seam = one and cascade.atlas.seam_length <= 0
     if most < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
-    plans = searched(cascade, options, int(most), monitor)
-    return cheapest(cascade, plans, options, monitor)
+    cascade = replace(cascade, packing=packing(cascade, options, monitor))
+    return cheapest(cascade, plans_of(cascade, options, int(most), monitor), options, monitor)
 
 
 def page_cutter(cascade: Cascade, options: Options) -> Cutter:
@@ -62,59 +60,40 @@ def page_cutter(cascade: Cascade, options: Options) -> Cutter:
     return Cutter(Opened.of(cascade.atlas), limits, options.cuts_asked is not None)
 
 
-def searched(
-    cascade: Cascade, options: Options, most: int, monitor: Monitor
-) -> list[tuple[Plan, KnownPacking | None]]:
-    """The plans that cost less than the one without a cut, the cheapest first, then this one; with the packing
-    of each where it is known already.
-
-    Boxes are compared with the packed page, sketches with the sketch of the page.
-    """
-    cutter = page_cutter(cascade, options)
+def plans_of(whole: Cascade, options: Options, most: int, monitor: Monitor) -> list[Plan]:
+    """The plan of the packed page without a cut, then those that are estimated to cost less, the cheapest
+    first."""
+    cutter = page_cutter(whole, options)
+    share = -np.inf if whole.packing is None else _log_share(whole.packing)
+    if not cutter.charts:
+        return [Plan([], 0.0, 0, share)]
     budget = Budget(WORK_PER_FACE * len(cutter.whole.cut_mesh.faces), lambda: monitor.expired)
-    widest = max((np.ptp(part.outline.p, axis=0).max() for part in cutter.charts), default=np.inf)
-    one = options.pages in (None, 1)
-    sketches = one and not options.draft and 2 * widest <= CELLS * cutter.root
-    found = None if sketches else packing(cascade, options, monitor)
-    share = -np.inf if found is None else _log_share(found)
-    if not np.isfinite(widest):
-        return [(Plan(cutter.charts, 0.0, 0, share), found)]
-    page = pack_options(options)
-    search = Search(cutter, most, page, sketches, budget, monitor)
-    first, *others = search.plans(share)
-    cheaper = sorted((p for p in others if p.cost < first.cost), key=lambda plan: plan.cost)
-    return [*((plan, None) for plan in cheaper), (first, found)]
+    first, *others = Search(cutter, most, options.pages or 1, budget).plans(share)
+    cheaper = [plan for plan in others if plan.cost < first.cost]
+    return [first, *sorted(cheaper, key=lambda plan: plan.cost)]
 
 
-def cheapest(
-    whole: Cascade,
-    plans: list[tuple[Plan, KnownPacking | None]],
-    options: Options,
-    monitor: Monitor,
-) -> Cascade:
-    """The cheapest layout of the first plans and of the last, the one without cuts, packed as they will be."""
+def cheapest(whole: Cascade, plans: list[Plan], options: Options, monitor: Monitor) -> Cascade:
+    """The cheapest layout of the first plan, which has no cut and is packed, and of those after it, packed as
+    they will be; a draft packs one of those."""
     pages = options.pages or 1
     purpose = "for a fuller page" if pages == 1 else f"to fill {pages} pages"
-    layouts: list[tuple[Plan, Cascade]] = []
-    for plan, _ in plans[:-1]:
-        if len(layouts) == (1 if options.draft else PACKED):
-            break
+    best, kept = plans[0], whole
+    cost = best.cost
+    for plan in plans[1:]:
         atlas = joined(whole.atlas, plan.parts)
-        if stretch_kept(atlas, whole.atlas, options, whole.rules.bound, monitor):
-            after = replace(whole, atlas=atlas, packing=None)
-            after = after.noted(longer(counted(plan.cuts, "cut"), purpose, whole, after))
-            layouts.append((plan, after))
-    first, known = plans[-1]
-    # one that is packed sets the scale that others need
-    layouts.insert(len(layouts) if known is None else 0, (first, replace(whole, packing=known)))
-    best, kept, cost = first, whole, np.inf
-    for plan, layout in layouts:
+        if not stretch_kept(atlas, whole.atlas, options, whole.rules.bound, monitor):
+            continue
+        after = replace(whole, atlas=atlas, packing=None)
         least = 0.0 if kept.packing is None else plan.least(best, kept.packing.packed.scale)
-        found = layout.packing or packing(layout, options, monitor, least)
+        found = packing(after, options, monitor, least)
         if found is not None and plan.packed_cost(_log_share(found)) < cost:
-            best, kept = plan, replace(layout, packing=found)
+            note = longer(counted(plan.cuts, "cut"), purpose, whole, after)
+            best, kept = plan, replace(after, packing=found).noted(note)
             cost = plan.packed_cost(_log_share(found))
-    if options.cuts_asked is not None and best is first:
+        if options.draft:
+            break
+    if options.cuts_asked is not None and best is plans[0]:
         return kept.noted("--pack-splits: no cut is worth its seam")
     return kept
 
@@ -229,9 +208,7 @@ def _halves(cutter: Cutter, part: Part, side: float) -> list[Part] | None:
     page = 2 * np.log(np.maximum(chords.square / side, 1.0))
     cost = chords.length / cutter.root + COST.page * page
     for k in np.argsort(cost, kind="stable").tolist():
-        if len(part.failed) == CHORDS:
-            break
-        done = cutter.cut(part, k) if chords.inside(k) else None
+        done = cutter.cut(part, k) if cutter.worth_trying(part, k) else None
         if done is not None:
             return done[0]
     return None

@@ -9,7 +9,15 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, next_half_edge, ranges
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    next_half_edge,
+    norms2,
+    ranges,
+)
 from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales
 from circparam.geometry.intersect import properly_cross
@@ -161,6 +169,13 @@ class Cutter:
         """All charts as they are; charts without an outline are left out."""
         return self._parts(self.whole, np.arange(self.whole.cut_mesh.n_charts), None)
 
+    def worth_trying(self, part: Part, k: int) -> bool:
+        """Whether chord k lies inside its part, and no cut failed along a chord within two corners of it."""
+        chords, failed = part.chords, list(part.failed)
+        p, i, j = part.outline.p, chords.i, chords.j
+        away = norms2(p[i[failed]] - p[i[k]]) + norms2(p[j[failed]] - p[j[k]])
+        return not (away < 2 * self.root / CORNERS).any() and chords.inside(k)
+
     def cut(self, part: Part, k: int) -> tuple[list[Part], float] | None:
         """(both parts of a part cut near its chord k, length of the seam at the user's prices), or None."""
         i, j = int(part.chords.i[k]), int(part.chords.j[k])
@@ -273,23 +288,6 @@ def outlines(cut_mesh: CutMesh, uv: FloatArray, which: IntArray, step: float) ->
             v = vertex[part][kept[part]]
             out.append(Outline(chart, v, q[loop], holes))
     return out
-
-
-def split(outline: Outline, i: int, j: int) -> tuple[Outline, Outline]:
-    """Both parts of an outline, cut from corner i to corner j > i."""
-    ahead = np.arange(i, j + 1)
-    back = np.r_[np.arange(j, len(outline.p)), np.arange(i + 1)]
-    inside = [within(outline.p[ahead], hole[:1])[0] for hole in outline.holes]
-    first, second = (
-        Outline(
-            outline.chart,
-            outline.vertex[part],
-            outline.p[part],
-            [h for h, x in zip(outline.holes, inside, strict=True) if x is which],
-        )
-        for part, which in ((ahead, True), (back, False))
-    )
-    return first, second
 
 
 def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:

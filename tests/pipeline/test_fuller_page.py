@@ -88,7 +88,7 @@ def test_cuts_lower_the_cost_of_the_atlas(length: int) -> None:
     after = filled(before.atlas)
     cuts = after.atlas.charts()[0] - 1
     assert cost(after) < cost(before) if cuts else after.atlas is before.atlas
-    assert cuts >= 1 if length >= 50 else cuts <= 1
+    assert cuts >= 1 if length >= 24 else cuts <= 1
 
 
 @pytest.mark.parametrize("refine", [1, 3])
@@ -117,7 +117,7 @@ def test_flats_are_cut_only_where_the_page_pays_five_times_the_seam() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 4, 10])
-def test_charts_that_no_sketch_of_a_page_holds_are_packed_as_they_are(seed: int) -> None:
+def test_slivers_with_wide_gaps_are_packed_as_they_are(seed: int) -> None:
     """A short tube seen from above, on a coarse lattice: slivers with wide gaps for their size."""
     turn, random = 2 * np.pi * np.arange(8) / 8, np.random.default_rng(seed)
     ring = 1.1 * np.stack([np.cos(turn), np.sin(turn)], 1)

@@ -60,7 +60,7 @@ def test_more_splits_fill_the_page_more() -> None:
 
 
 def test_cuts_that_were_asked_for_are_made_beside_many_small_charts() -> None:
-    """Twenty scraps too small to be sketched have a fifth of the area: no reason to leave the cross alone."""
+    """Twenty scraps have a fifth of the area: no reason to leave the cross alone."""
     scraps = [shapes.grid(2, 2, 2.4, 2.4) for _ in range(20)]
     apart = [(p + np.array([80.0 + 3 * k, 0.0, 0.0]), f) for k, (p, f) in enumerate(scraps)]
     parts = shapes.join(star(), *apart)

@@ -49,7 +49,7 @@ class GridLayout:
     page: IntArray
 
 
-def tried_angles(box: float, square: float, reach: float = 1.0) -> FloatArray:
+def tried_angles(box: float, square: float, reach: float) -> FloatArray:
     """Even angles from that of a chart's least box, quarters from its least square, in radians.
 
     reach: radius of the chart over that of the largest one. From one angle to the next no tip moves further
@@ -66,16 +66,14 @@ def search(
     pages: int,
     budget: Budget,
     least: int = 0,
-    patience: float = np.inf,
     allowed: list[IntArray] | None = None,
 ) -> list[GridLayout]:
     """Layouts of falling page side, best first: a greedy search from many orders.
 
     Trials sort charts by area and by length, later ones with noise. Each trial takes half of the masks and the
     next blur, and finds the smallest page on which charts fit in that order. side, least: cells of the largest
-    and of the smallest page that is of use. patience: trials on end without a smaller page after which the
-    search ends; without any layout it ends after BLURS. allowed: the masks of each chart that may be used, None
-    for all.
+    and of the smallest page that is of use. Without any layout the search ends after BLURS trials. allowed: the
+    masks of each chart that may be used, None for all.
     """
     allowed = allowed or [np.arange(len(m.angle)) for m in board.masks]
     rng = np.random.default_rng(20)
@@ -84,8 +82,8 @@ def search(
     length = np.array([m.size[a].max(1).min() for m, a in zip(board.masks, allowed, strict=True)])
     least = max(least, int(length.max()), int(np.sqrt(area.sum() / pages)))
     layouts: list[GridLayout] = []
-    trial = idle = 0
-    while side >= least and idle < (patience if layouts else BLURS) and not budget.over:
+    trial = 0
+    while side >= least and (layouts or trial < BLURS) and not budget.over:
         key = np.log(area) if trial % 2 == 0 else 2 * np.log(length)
         if trial > 1:
             key = key + rng.normal(0, LOG_AREA_SPREAD, len(key))
@@ -95,7 +93,6 @@ def search(
         fits = partial(lay_out, board, order, sigma=sigma, pages=pages, choice=masks, budget=budget)
         found = smallest_page(fits, side, least)
         layouts = found + layouts
-        idle = 0 if found else idle + 1
         side = layouts[0].side - 1 if layouts else side
         trial += 1
     return layouts

@@ -1,4 +1,4 @@
-"""The search on the grid: nothing overlaps, each layout beats the one before, and sketches need the same."""
+"""The search on the grid: nothing overlaps, and each layout beats the one before."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import spectra_of
 from circparam.packing.nest.search import Board, GridLayout, search
-from circparam.packing.nest.sketch import Sketch, SketchGrid, least_page
 from tests.support.packing import blobs, edges_of
 
-GRID = SketchGrid(0.1, 0.0)
 
-
-def box(width: float, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """Edges of a rectangle."""
-    corner = np.array([[0, 0], [width, 0], [width, height], [0, height]], float) + 0.25
-    return corner, np.roll(corner, -1, axis=0)
+def rectangles(*sizes: tuple[float, float]) -> Board:
+    """Rectangles of widths and heights in cells, upright or not, on a grid of 64 cells."""
+    masks = []
+    for width, height in sizes:
+        corner = np.array([[0, 0], [width, 0], [width, height], [0, height]], float) + 2.5
+        angles = np.arange(8) * np.pi / 4
+        masks.append(chart_masks(corner, np.roll(corner, -1, axis=0), angles, 0.0))
+    return Board(masks, [spectra_of(m, 64) for m in masks], 64)
 
 
 def stars(n: int, seed: int, side: int = 64) -> Board:
@@ -55,36 +56,31 @@ def test_layouts_do_not_overlap_and_pages_get_smaller(pages: int) -> None:
         np.testing.assert_array_equal([f.mask, f.row, f.column], [same.mask, same.row, same.column])
 
 
-def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
-    return [GRID.sketch(*box(w, h)) for w, h in sizes]
+def side_of(board: Board) -> int:
+    """Side of the page that is found, which is sound."""
+    found = search(board, 60, 1, Budget(3e6, lambda: False))[0]
+    sound(board, found)
+    return found.side
 
 
-def side_of(some: list[Sketch], below: int = 60, budget: Budget | None = None) -> int | None:
-    """Side of the page that is found for some sketches, which is sound."""
-    page = least_page(some, below, 4, budget or Budget(1e12, lambda: False))
-    if page is None:
-        return None
-    sound(Board([s.masks for s in some], [], page.side), page)
-    return page.side
+def least_side(board: Board) -> int:
+    """Side of the smallest page for the first rectangle alone."""
+    return int(board.masks[0].size.max(1).min())
 
 
 @pytest.mark.parametrize(("count", "across"), [(1, 1), (4, 2), (9, 3)])
 def test_squares_lie_side_by_side(count: int, across: int) -> None:
-    some = sketches(*[(0.8, 0.8)] * count)
-    side = side_of(some)
-    assert side is not None
-    assert 8 * across <= side <= across * some[0].least
+    board = rectangles(*[(8, 8)] * count)
+    assert 8 * across <= side_of(board) <= across * least_side(board)
 
 
 def test_two_squares_need_a_page_as_wide_as_both() -> None:
     """Whatever their angles (Erdos' squares: two in a unit square have sides of 1 together)."""
-    some = sketches((1.6, 1.6), (1.6, 1.6))
-    side = side_of(some)
-    assert side is not None
-    assert 2 * 16 <= side < 2 * some[0].least
+    board = rectangles((16, 16), (16, 16))
+    assert 2 * 16 <= side_of(board) <= 2 * least_side(board)
 
 
 def test_small_ones_lie_in_the_room_beside_large_ones() -> None:
     """Two strips of 24 by 8 cells leave a third of their square: smaller ones need no larger page."""
-    strips = sketches((2.4, 0.8), (2.4, 0.8))
-    assert side_of([*strips, *sketches((0.5, 0.5), (0.5, 0.5))]) == side_of(strips)
+    strips = (24.0, 8.0), (24.0, 8.0)
+    assert side_of(rectangles(*strips, (5, 5), (5, 5))) == side_of(rectangles(*strips))
