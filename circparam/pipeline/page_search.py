@@ -70,19 +70,32 @@ class Search:
         return plans
 
     def _following(self, plan: Plan) -> Plan | None:
-        """The plan with the best cut more; None if no chord is left that can be cut."""
-        for n, part, k in self._trials(plan):
-            if self.budget.over:
+        """The plan with the best cut more; None if no chord is left that can be cut.
+
+        A way along edges may cost more than its chord: other chords are cut too while they promise more than
+        the best cut that was made.
+        """
+        best: Plan | None = None
+        least, made = np.inf, []
+        for n, part, k, cost in self._trials(plan):
+            if self.budget.over or cost >= least:
                 break
             if not self.cutter.worth_trying(part, k):
                 continue
             self.budget.spend(self._faces(part))
             done = self.cutter.cut(part, k)
-            if done is not None:
+            if done is None:
+                continue
+            part.failed.add(k)  # none beside it is tried, until the best is known
+            made.append((part, k))
+            cost += (done[1] - float(part.chords.length[k])) / self.cutter.root
+            if cost < least:
                 parts = [*plan.parts[:n], *plan.parts[n + 1 :], *done[0]]
                 seam = plan.seam + (part.slit + done[1]) / self.cutter.root
-                return Plan(parts, seam, plan.cuts + 1, self._log_share(parts))
-        return None
+                best, least = Plan(parts, seam, plan.cuts + 1, self._log_share(parts)), cost
+        for part, k in made:
+            part.failed.discard(k)
+        return best
 
     def _faces(self, part: Part) -> float:
         """Faces of a part."""
@@ -108,9 +121,11 @@ class Search:
         high = np.square(square) + np.asarray(box) / pages
         return np.asarray(np.log(area / pages) - 0.75 * np.log(low) - 0.25 * np.log(high))
 
-    def _trials(self, plan: Plan) -> Iterator[tuple[int, Part, int]]:
+    def _trials(self, plan: Plan) -> Iterator[tuple[int, Part, int, float]]:
         """Chords by their estimated cost, the best first: (number of the part in the plan, the part as it is or
-        opened by a slit, number of its chord). A cut that gains less than half a chart prepares none.
+        opened by a slit, number of its chord, its seam without what the page gains).
+
+        A cut that gains less than half a chart prepares none.
         """
         boxes = np.array([p.box for p in plan.parts])
         squares = np.array([p.square for p in plan.parts])
@@ -136,7 +151,7 @@ class Search:
         every = np.concatenate(found, axis=1) if found else np.zeros((4, 0))
         every = every[:, every[2] > COST.chart / 2]
         order = np.argsort(every[3], kind="stable")
-        return ((*cut[at], k) for at, k in every[:2, order].T.astype(np.int64).tolist())
+        return ((*cut[int(at)], int(k), cost) for at, k, _, cost in every[:, order].T.tolist())
 
     def _ways(self, part: Part) -> list[Part]:
         """A part as it is and, if it is a ring, opened by a slit: no chord of a ring divides it."""
