@@ -81,8 +81,8 @@ class Atlas:
 
     @cached_property
     def lengths(self) -> FloatArray:
-        """(e,) length of every edge, weighted by the price of a seam along it, if any."""
-        length = self.surface.edge_lengths
+        """(e,) what a seam along every edge counts: its length at its price, and at the weight of the user."""
+        length = self.surface.weighted_lengths
         return length if self.prices is None else length * self.prices.price
 
     @property

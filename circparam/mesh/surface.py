@@ -138,6 +138,14 @@ class Surface:
         """(e,) length of each edge in ``edges``."""
         return self.lengths(self.edges[:, 0])
 
+    @property
+    def weighted_lengths(self) -> FloatArray:
+        """(e,) length of each edge, times the weight that the user gives it, if any."""
+        if self.price is None or not self.weighted:
+            return self.edge_lengths
+        result: FloatArray = self.edge_lengths * self.price
+        return result
+
     def forget(self) -> None:
         """Drop cached shapes of the faces; they are computed again when needed."""
         for name in (

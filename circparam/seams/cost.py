@@ -55,9 +55,7 @@ class AtlasCost:
         surface = atlas.surface
         n, component = surface.components
         on = surface.edges[atlas.cut, 0] // 3
-        length = surface.edge_lengths[atlas.cut] / surface.unit
-        if surface.weighted and surface.price is not None:
-            length = length * surface.price[atlas.cut]
+        length = surface.weighted_lengths[atlas.cut] / surface.unit
         if flat is not None:
             length = length * (1 + self.flat * flat[atlas.cut])
         _, first = np.unique(atlas.charts()[1], return_index=True)

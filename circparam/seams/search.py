@@ -17,7 +17,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, numbered
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of, numbered
 from circparam.core.graph import components, matching
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -27,6 +27,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.cost import COST
 from circparam.seams.evaluate import Demands, Moves, jacobians, try_moves
+from circparam.solvers import dirichlet
 from circparam.solvers.pattern import eliminate_as, elimination_ranks
 
 MERGING_SHARE = 0.5  # of the search for charts that merging is
@@ -107,8 +108,8 @@ def search(
     effort: Effort,
     monitor: Monitor,
     worker: Worker | None = None,
-) -> None:
-    """Make moves of a family until none is left to try or the work is spent."""
+) -> float:
+    """Make moves of a family until none is left to try or the work is spent; returns what is left of it."""
     monitor.keep(atlas)
     work, turn = effort.work, 0
     while turn < effort.rounds and work >= 0 and not monitor.expired:
@@ -125,19 +126,35 @@ def search(
         monitor.keep(atlas)
         work, turn = work - len(outcome.faces), turn + 1
         monitor.update(MERGING_SHARE * turn / (turn + 8))
+    return work
 
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
     """What charts some moves leave. faces: (f,) of the surface. move: (charts,) that leaves each chart.
 
-    part: (f,) of each face. No seam, old or new, runs inside a part, so its layout stays as it is.
+    part: (f,) of each face. No seam, old or new, runs inside a part, so its layout stays as it is. glued:
+    (charts,) bool, parts of the chart are glued; others have only lost faces, and stay laid out.
     """
 
     cut_mesh: CutMesh
     faces: IntArray
     move: IntArray
     part: IntArray
+    glued: BoolArray
+
+    def subset(self, which: BoolArray) -> "_Batch":
+        """Some of the charts ((charts,) bool)."""
+        if which.all():
+            return self
+        cut_mesh, _, faces = self.cut_mesh.subset(which)
+        move, part = self.move[which], self.part[faces]
+        return _Batch(cut_mesh, self.faces[faces], move, part, self.glued[which])
+
+    def energies(self, atlas: Atlas) -> FloatArray:
+        """(charts,) mean energy of each chart, laid out as its faces are in the atlas."""
+        energy = dirichlet.energy(jacobians(self.cut_mesh, atlas.corners[self.faces]))
+        return self.of_charts(energy) / self.cut_mesh.chart_areas
 
     def of_charts(self, value: FloatArray) -> FloatArray:
         """(charts,) integral of a value of faces over each chart."""
@@ -166,6 +183,9 @@ def _tried(
     sound &= batch.of_moves(not_disks(batch.cut_mesh), n) == 0
     if not sound.all():
         batch = _batch(atlas, candidates, chosen, sound)
+    rest, batch = batch.subset(~batch.glued), batch.subset(batch.glued)
+    # faces that left may have held the mean below the bound
+    sound &= rest.of_moves(rest.energies(atlas) > demands.bound, n) == 0
     cut_mesh, faces = batch.cut_mesh, batch.faces
     if not len(faces):
         return Outcome(chosen, sound, cut_mesh, np.zeros((0, 2)), faces)
@@ -200,12 +220,12 @@ def _batch(atlas: Atlas, candidates: Candidates, chosen: IntArray, sound: BoolAr
     cut = candidates.seams(chosen[number])
     cut_mesh, faces = atlas.surface.part_cut_mesh(cut, label >= 0, label)
     whole = atlas.surface.inner_edges(label >= 0)[~cut]  # the edges of the cut mesh
-    uncut = cut_mesh.edges[~atlas.cut[~cut][whole]]
-    _, part = components(len(faces), *(uncut.T // 3))
+    was_cut = atlas.cut[~cut][whole]
+    _, part = components(len(faces), *(cut_mesh.edges[~was_cut].T // 3))
     count, new = components(len(faces), *(cut_mesh.edges.T // 3))
     if count > len(number):
         key = cut_mesh.chart * count + new
         charts, new = numbered(key)
-        cut_mesh = replace(cut_mesh, chart=new)
-        return _Batch(cut_mesh, faces, number[charts // count], part)
-    return _Batch(cut_mesh, faces, number, part)
+        cut_mesh, number = replace(cut_mesh, chart=new), number[charts // count]
+    glued = mask_of(cut_mesh.n_charts, cut_mesh.chart[cut_mesh.edges[was_cut, 0] // 3])
+    return _Batch(cut_mesh, faces, number, part, glued)

@@ -23,10 +23,11 @@ from circparam.seams.hard.regions import (
     turns,
 )
 from circparam.seams.hard.unroll import slits, unroll
-from circparam.seams.moves.glue import MergeOptions, merge
-from circparam.seams.options import SeamOptions
+from circparam.seams.moves.glue import Glue, MergeOptions
+from circparam.seams.moves.hand_over import HandOver
+from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
-from circparam.seams.search import WORK_PER_FACE
+from circparam.seams.search import WORK_PER_FACE, Effort, search
 from circparam.seams.segmentation.enforce import enforce, unstick
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
@@ -85,10 +86,11 @@ def _decided(
     with monitor.stage("charts"):
         graph = first_regions(atlas, bound, monitor)
         work = WORK_PER_FACE * len(atlas.surface.faces)
-        merging = MergeOptions(bound, MARGIN, work=work)
-        merge(atlas, merging, monitor, worker=worker)
+        draw = Search(draw=options.search.draw)
+        merging = MergeOptions(bound, MARGIN, work=work, search=draw)
+        merge_regions(atlas, merging, worker, monitor)
     with monitor.stage("enforce"):
-        layouts = settled(atlas, monitor)
+        layouts = settled(atlas, bound, monitor)
         enforce(atlas, graph, layouts, bound, SETTLED, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
@@ -96,6 +98,17 @@ def _decided(
             left = absorb(atlas, absorbing, options.min_chart_faces, monitor)
             notes += small_note(left, options.min_chart_faces)
     return atlas
+
+
+def merge_regions(atlas: Atlas, options: MergeOptions, worker: Worker, monitor: Monitor) -> None:
+    """Glue the regions of an atlas and hand some over, in turns, until neither makes charts cheaper."""
+    glue, hand_over = Glue(atlas, options), HandOver(atlas.charts()[1])
+    search(atlas, glue, options.demands, Effort(options.work), monitor, worker)
+    work, seams = options.work, np.zeros(0, bool)
+    while not np.array_equal(seams, atlas.cut):
+        seams = atlas.cut
+        work = search(atlas, hand_over, options.demands, Effort(work), monitor, worker)
+        work = search(atlas, glue, options.demands, Effort(work), monitor, worker)
 
 
 def unrolls_whole(surface: Surface) -> bool:
@@ -195,9 +208,11 @@ def _laid_out(
     return judge(cut_mesh, uv)
 
 
-def settled(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
-    """Relax what is not isometric yet."""
+def settled(atlas: Atlas, bound: float, monitor: Monitor) -> ChartLayouts:
+    """Relax what is not isometric yet; charts whose parts were pushed apart, and would meet again, stay."""
     cut_mesh, uv = atlas.open()
-    layouts = judge(cut_mesh, relax(cut_mesh, uv, SETTLED, monitor).uv)
+    relaxed = judge(cut_mesh, relax(cut_mesh, uv, SETTLED, monitor).uv)
+    met = relaxed.bad(bound)
+    layouts = judge(cut_mesh, np.where(met[cut_mesh.vertex_chart][:, None], uv, relaxed.uv))
     atlas.scatter(cut_mesh, layouts.uv)
     return layouts

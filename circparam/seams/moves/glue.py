@@ -163,12 +163,18 @@ def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int, worth: float) ->
     np.minimum.at(first_face, chart, np.arange(len(chart)))
     mark = np.full(len(left), len(atlas.cut) + 1)
     np.minimum.at(mark, arcs.arc, arcs.edge)
-    key = np.zeros(len(left), np.uint64)
-    for part in (first_face[left], size[left], first_face[right], size[right], mark):
-        key = (key ^ part.astype(np.uint64)) * MIX
-        key ^= key >> np.uint64(29)
+    key = hashed(first_face[left], size[left], first_face[right], size[right], mark)
     gain = length / atlas.surface.unit + np.where(left != right, worth, 0.0)
     return Glues(left, right, np.zeros(len(left)), gain, length, key, pair, arcs, atlas.cut)
+
+
+def hashed(*numbers: IntArray) -> npt.NDArray[np.uint64]:
+    """(k,) one number for each row of several (k,)."""
+    key = np.zeros(len(numbers[0]), np.uint64)
+    for part in numbers:
+        key = (key ^ part.astype(np.uint64)) * MIX
+        key ^= key >> np.uint64(29)
+    return key
 
 
 def _luck(key: npt.NDArray[np.uint64], draw: int) -> FloatArray:

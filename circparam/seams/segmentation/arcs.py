@@ -49,8 +49,5 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
     free = (valence == 1) & ~atlas.on_boundary
     tip = np.zeros(count, bool)
     tip[arc[free[a] | free[b]]] = True
-    worth = atlas.lengths
-    if atlas.surface.weighted and atlas.surface.price is not None:
-        worth = worth * atlas.surface.price
-    length = group_sum(worth[c], arc, count)
+    length = group_sum(atlas.lengths[c], arc, count)
     return Arcs(c, arc, left, right, length, tip)
