@@ -25,6 +25,7 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.coverage import chart_boxes, pages_of
 from circparam.geometry.distortion import best_chart_scales, face_stretch
 from circparam.geometry.intrinsic import signed_areas
+from circparam.geometry.overlap import self_overlapping
 from circparam.geometry.straight import ON_TEXEL, axis_parallel, straight_edges
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.check import PlacedCharts, crowded, faults
@@ -131,6 +132,7 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
             layout[some.vertex, axis] = some.to[some.line]
         good = chart_energies(cut_mesh, in_units(layout)) <= bound
         good &= share_over(cut_mesh, face_stretch(cut_mesh, in_units(layout)), limit) <= stretched
+        good &= ~self_overlapping(cut_mesh, in_units(layout))  # parts of a chart may be near each other
         out = np.where(good[cut_mesh.vertex_chart][:, None], layout, out)
     return out
 
