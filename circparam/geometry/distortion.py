@@ -273,9 +273,14 @@ def _squares(large: FloatArray, small: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _live(cut_mesh: CutMesh) -> BoolArray:
     """(m,) the face has a shape."""
-    a, b, c = cut_mesh.edge_lengths.T
+    return has_shape(cut_mesh.areas, cut_mesh.edge_lengths)
+
+
+def has_shape(areas: FloatArray, edge_lengths: FloatArray) -> BoolArray:
+    """(m,) bool: the area of a face (m,) is more than rounding beside the lengths of its edges (m, 3)."""
+    a, b, c = edge_lengths.T
     longest = np.maximum(np.maximum(a, b), c)
-    return np.asarray(cut_mesh.areas > LEAST_AREA_RATIO * longest**2)
+    return np.asarray(areas > LEAST_AREA_RATIO * longest**2)
 
 
 def _singular(

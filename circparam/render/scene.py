@@ -21,7 +21,7 @@ from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
-from circparam.geometry.distortion import dirichlet_terms, energies_at_best_scale
+from circparam.geometry.distortion import dirichlet_terms, energies_at_best_scale, has_shape
 from circparam.geometry.shading import SHARP_DEGREES, corner_normals
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.mesh import Mesh, UVMap
@@ -145,6 +145,8 @@ class Scene:
         rest = rest_triangles_of(self.points[self.faces])
         square, inverse = dirichlet_terms(rest, np.nan_to_num(self.corner_uv))
         ok = self.mapped & np.isfinite(square) & np.isfinite(inverse)
+        lengths = np.linalg.norm(rest[:, [1, 2, 0]] - rest, axis=2)
+        ok &= has_shape(self.areas, lengths)  # else one such face sets the scale of all
         out = np.where(self.mapped, np.inf, np.nan)
         out[ok] = energies_at_best_scale(square[ok], inverse[ok], self.areas[ok])
         return out

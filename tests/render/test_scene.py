@@ -29,6 +29,17 @@ def test_distortion_of_known_maps():
     assert np.allclose(compacted.distortion, (2.0**2 + 2.0**-2) * 2 / 4)
 
 
+def test_a_face_without_shape_does_not_set_the_scale_of_all():
+    """A sliver of no width in space that has an area in uv."""
+    points, faces = shapes.grid(5, 5)
+    sliver = np.array([[2, 0, 0], [3, 0, 0], [2.5, 1e-16, 0]])
+    faces = np.concatenate([faces, [[25, 26, 27]]])
+    uv = np.concatenate([points[:, :2], [[2, 0], [3, 0], [2.5, 1]]])
+    scene = make_scene(np.concatenate([points, sliver]), faces, uv, faces)
+    assert np.allclose(scene.distortion[:-1], 1.0)
+    assert np.isinf(scene.distortion[-1])
+
+
 def test_flips_are_against_the_chart():
     folded = SQUARE.copy()
     folded[3] = [0.9, 0.2]  # the second face turns over, and is the smaller one
