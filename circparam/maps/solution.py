@@ -9,10 +9,10 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import (
-    LEAST_AREA_RATIO,
     Tail,
     dirichlet_terms,
     energies_at_best_scale,
+    has_shape,
 )
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.domain import Domain, common_domain, composed, mended
@@ -191,9 +191,8 @@ def face_energies(
 ) -> tuple[FloatArray, FloatArray]:
     """(energy (m,) of the same map, 1 if a face has no shape; area (m,), 0 there)."""
     rest, there = rest_triangles_of(points[faces]), rest_triangles_of(images[faces])
-    longest = ((rest - np.roll(rest, 1, 1)) ** 2).sum(2).max(1)
     area = rest[:, 1, 0] * rest[:, 2, 1] / 2
-    live: BoolArray = area > LEAST_AREA_RATIO * longest
+    live = has_shape(area, np.linalg.norm(rest - np.roll(rest, 1, 1), axis=2))
     energies, areas = np.ones(len(faces)), np.where(live, area, 0.0)
     if not live.any():
         return energies, areas
