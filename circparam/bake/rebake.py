@@ -201,24 +201,18 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
         result = _at_size(result, needed_size(source, result.layout), grows)
     if sized is None:
         return result
-    return _in_own_sizes(result, sized[1], replace(asked, density=options.density))
-
-
-def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
-    """A result whose distortion is that of charts at the sizes that were chosen for them.
-
-    factor: (m,) size of each face's chart beside that of a page of one density. asked: options of the unwrap,
-    which the result keeps except the page.
-    """
+    # the distortion is that of charts at the sizes that were chosen for them
     o = result.options
-    options = replace(asked, resolution=o.resolution, padding=o.padding_texels)
+    kept = replace(
+        asked, density=options.density, resolution=o.resolution, padding=o.padding_texels
+    )
     found = result.verification
     own = np.ones(found.cut_mesh.n_charts)
-    own[found.cut_mesh.chart] = factor[result.surface.source]
+    own[found.cut_mesh.chart] = sized[1][result.surface.source]
     part, vertices, _ = found.cut_mesh.subset(found.used)
     alike = (found.uv / own[found.cut_mesh.vertex_chart][:, None])[vertices]
     verified = replace(found, measures=measure(part, alike))
-    return replace(result, options=options, verification=verified)
+    return replace(result, options=kept, verification=verified)
 
 
 def carried_looks(

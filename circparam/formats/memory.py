@@ -24,10 +24,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlainDocument(Document):
-    """Triangles or polygons, and perhaps a layout, without a file format that could be kept."""
+    """Triangles or polygons, and perhaps a layout, without a file format that could be kept.
+
+    wears, paint: the textures and the (m, 3, 3) colours of the corners, if there are any.
+    """
 
     polys: Polygons | None = None
     layout: UVMap | None = None
+    wears: Textures | None = None
+    paint: FloatArray | None = None
 
     def polygons(self) -> Polygons:
         """The polygons of the file, or its triangles."""
@@ -36,6 +41,14 @@ class PlainDocument(Document):
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """The layout that came with the arrays."""
         return self.layout if uv_set == 0 else None
+
+    def textures(self) -> Textures | None:
+        """The textures that came with the arrays."""
+        return self.wears
+
+    def colours(self) -> FloatArray | None:
+        """The colours that came with the arrays."""
+        return self.paint
 
 
 def from_arrays(

@@ -229,7 +229,10 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     # the first of the probes with the most votes leads the face; its chart may not hold the middle
     led = probed.take(np.arange(m) * k + votes.argmax(1))
     corners = _corner_points(source, target, led, np.arange(len(target.faces)))
-    sign = _signs(source)
+    # 1 for a chart of the source, −1 for one that lies clockwise
+    given = source.atlas.corners
+    area = signed_areas(np.arange(3 * len(given)).reshape(-1, 3), given.reshape(-1, 2))
+    sign = np.where(group_sum(area, source.chart, source.count) < 0, -1.0, 1.0)
     for _ in range(RELABEL_ROUNDS):
         if not _relabel(source, target, (probed, led, corners), sign):
             break
@@ -294,13 +297,6 @@ def _corner_points(
     normals = np.repeat(target.normals[faces], 3, axis=0)
     expected = source.expected(lead, places, normals)
     return source.on_chart(places, source.chart[lead.face], expected)
-
-
-def _signs(source: SourceCharts) -> FloatArray:
-    """(n,) 1 for a chart of the source, −1 for one that lies clockwise."""
-    corners = source.atlas.corners
-    area = signed_areas(np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 2))
-    return np.where(group_sum(area, source.chart, source.count) < 0, -1.0, 1.0)
 
 
 def _relabel(

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.sidecars import read_landmarks, read_paths
@@ -114,7 +114,12 @@ def map_surfaces(
         for letter, surface in zip("AB", (a, b), strict=True)
     ]
     layouts = (_layout(a, names[0]), _layout(b, names[1])) if charts else None
-    _check_method(method)
+    good = WEIGHTS.tagged("positive")  # others may fold
+    if method not in good:
+        raise OptionError(
+            f"a map needs weights that are positive on every mesh, not {method!r}: "
+            f"choose one of {', '.join(good)}"
+        )
     monitor = Monitor(listener)
     with monitor.stage("repair"):
         side_a, side_b = map_input_of(a.mesh, names[0]), map_input_of(b.mesh, names[1], mirrored)
@@ -133,16 +138,6 @@ def map_surfaces(
     with monitor.stage("overlay"):
         mapped = replace(found.map, overlay=refinement(side_a, side_b, solution))
     return replace(found, map=mapped, seconds=dict(monitor.seconds))
-
-
-def _check_method(method: str) -> None:
-    """Raise OptionError for weights that may be negative, whose maps may fold."""
-    good = WEIGHTS.tagged("positive")
-    if method not in good:
-        raise OptionError(
-            f"a map needs weights that are positive on every mesh, not {method!r}: "
-            f"choose one of {', '.join(good)}"
-        )
 
 
 def _pairs(
@@ -212,7 +207,15 @@ def _result(
         a_to_b = distortion(pa, fa, there)
         b_to_a = distortion(pb, fb, to_a.take(b.n).of(pa, fa))
         off = np.linalg.norm(there[exact[:, 0]] - pb[exact[:, 1]], axis=1)
-        notes += _warnings(a, there, max(a_to_b.mean, b_to_a.mean))
+        worst = max(a_to_b.mean, b_to_a.mean)
+        if worst > POOR_DISTORTION:
+            energy, _ = face_energies(pa, fa, there)
+            vertex = fa[int((energy * a.surface.areas).argmax()), 0]
+            number = int(np.flatnonzero(a.vertex == vertex)[0])
+            notes.append(
+                f"the map is far from an isometry (mean distortion {worst:.3g}; 1 is perfect), worst near "
+                f"vertex {number} of {a.name}: add a landmark there and at the end of every long thin part"
+            )
         mapped = SurfaceMap(
             for_file(to_b, a, b), for_file(to_a, b, a), fingerprint(a.mesh), fingerprint(b.mesh)
         )
@@ -234,19 +237,6 @@ def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -
     """Where vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
     places = on_surface(on_b.face, on_b.weights, mesh)
     return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)
-
-
-def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
-    """Advice on a map far from an isometry; there (n, 3): the images of the vertices of A."""
-    if worst <= POOR_DISTORTION:
-        return []
-    energy, _ = face_energies(a.surface.vertex_points, a.surface.corner_vertex, there)
-    vertex = a.surface.corner_vertex[int((energy * a.surface.areas).argmax()), 0]
-    number = int(np.flatnonzero(a.vertex == vertex)[0])
-    return [
-        f"the map is far from an isometry (mean distortion {worst:.3g}; 1 is perfect), worst near vertex "
-        f"{number} of {a.name}: add a landmark there and at the end of every long thin part"
-    ]
 
 
 def _layout(surface: Document, name: str) -> UVMap:

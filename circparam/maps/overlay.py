@@ -16,7 +16,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.materials import Textures, moved_layout
+from circparam.formats.materials import moved_layout
 from circparam.formats.memory import PlainDocument
 from circparam.geometry.closest import closest_on_triangles
 from circparam.maps.closed_mesh import ClosedMesh
@@ -223,22 +223,6 @@ def _joined(
     return np.concatenate([a.face, b.face, face]), np.concatenate([a.weights, b.weights, weights])
 
 
-@dataclass(frozen=True, eq=False)
-class OverlayDocument(PlainDocument):
-    """The overlay with the uv, colours and textures of the document it is a refinement of."""
-
-    wears: Textures | None = None
-    paint: FloatArray | None = None
-
-    def textures(self) -> Textures | None:
-        """Textures of the other document, face by face."""
-        return self.wears
-
-    def colours(self) -> FloatArray | None:
-        """(m, 3, 3) colours of the corners."""
-        return self.paint
-
-
 def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, FloatArray]:
     """(the overlay at the places of A, (k, 3) its vertices on B). mapped: from A to B.
 
@@ -268,7 +252,7 @@ def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, Fl
             uv_set=0,
         )
     colours = a.colours()
-    document = OverlayDocument(
+    document = PlainDocument(
         a.source,
         "arrays",
         Mesh(points, made.faces),

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, mask_of, normals_of
+from circparam.core.arrays import FloatArray, IntArray, mask_of, normals_of
 from circparam.core.plural import counted, plural
 from circparam.core.records import dataclass
 from circparam.errors import InputError, TopologyError
@@ -119,7 +119,9 @@ def repair(
         first = first_in_place(welded, first, uv)
     duplicate = (first != np.arange(len(welded))) & ~bad
     if mesh.polygons is not None:
-        duplicate &= ~_part_of_another_polygon(mesh.polygons, first, duplicate, bad)
+        # a corner of a polygon has one uv, so a face lies with the faces that its polygon keeps
+        own = mask_of(int(mesh.polygons.max()) + 1, mesh.polygons[~duplicate & ~bad])
+        duplicate &= ~(own[mesh.polygons] & (mesh.polygons != mesh.polygons[first]))
     kept, again = np.flatnonzero(~bad & ~duplicate), np.flatnonzero(duplicate)
     surface, pairs, orientation = _joined(mesh, points, welded, kept, uv, options.by_position)
     bad |= mask_of(len(bad), kept) & ~mask_of(len(bad), surface.source)
@@ -215,17 +217,6 @@ def _rotated(values: _Values, first: IntArray | None) -> _Values:
     if first is None:
         return values
     return values[np.arange(len(values))[:, None], (first[:, None] + np.arange(3)) % 3]
-
-
-def _part_of_another_polygon(
-    polygons: IntArray, first: IntArray, duplicate: BoolArray, bad: BoolArray
-) -> BoolArray:
-    """(m,) bool: the polygon of the face also has a face of its own, where that of its duplicate has none.
-
-    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its duplicate lies.
-    """
-    own = mask_of(int(polygons.max()) + 1, polygons[~duplicate & ~bad])
-    return own[polygons] & (polygons != polygons[first])
 
 
 def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:

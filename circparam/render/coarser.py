@@ -10,7 +10,6 @@ import numpy as np
 
 from circparam.core.arrays import first_of_runs, group_count, group_sum, mask_of
 from circparam.core.graph import components
-from circparam.core.types import BoolArray, IntArray
 from circparam.mesh.weld import first_duplicates
 from circparam.render.scene import Scene
 
@@ -46,7 +45,10 @@ def coarser(scene: Scene, most: int) -> Scene:
     corner = np.where(scene.uv_faces >= 0, kept_as[scene.uv_faces], -1)
     a, b, c = corner.T
     left = np.flatnonzero(~scene.mapped | ((a != b) & (b != c) & (c != a)))
-    left = left[~_folded(scene, corner, left)]
+    # of faces that have come to lie on each other in pairs one would end in a seam
+    first = first_duplicates(corner[left], len(scene.uv))
+    alike = group_count(first[scene.single[left]], len(left))
+    left = left[~(scene.mapped[left] & (alike[first] % 2 == 0))]
     point = np.empty(len(scene.uv), np.int64)
     point[scene.uv_faces[scene.mapped]] = scene.faces[scene.mapped]
     corner = corner[left]
@@ -55,10 +57,3 @@ def coarser(scene: Scene, most: int) -> Scene:
     return replace(
         scene, faces=faces, uv_faces=corner, chart=scene.chart[left], base=scene.once, source=source
     )
-
-
-def _folded(scene: Scene, corner: IntArray, left: IntArray) -> BoolArray:
-    """Whether faces that are left have come to lie on each other in pairs: one of two would end in a seam."""
-    first = first_duplicates(corner[left], len(scene.uv))
-    count = group_count(first[scene.single[left]], len(left))
-    return scene.mapped[left] & (count[first] % 2 == 0)

@@ -35,11 +35,6 @@ def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
     return (off + sps.diags(diagonal)).tocsr()
 
 
-def first_vertices(cut_mesh: CutMesh) -> IntArray:
-    """(n_charts,) one vertex of every chart, to pin its translation."""
-    return first_of_each(cut_mesh.vertex_chart, cut_mesh.n_charts)
-
-
 def from_jacobians(
     cut_mesh: CutMesh,
     targets: FloatArray,
@@ -106,7 +101,7 @@ class Poisson:
         self.pattern = pattern_of(cut_mesh)
         # the energy is invariant under motions of a chart: a spring at one vertex fixes its position
         pins = np.zeros(n)
-        self.pins = first_vertices(cut_mesh)
+        self.pins = first_of_each(cut_mesh.vertex_chart, cut_mesh.n_charts)
         ahead = [1, 2, 0]
         around = group_sum(
             np.abs(np.concatenate([weight.ravel(), weight.ravel()])),
