@@ -7,7 +7,7 @@ coordinates in three corners, and the sign of a determinant gives the orientatio
 """
 
 from collections.abc import Callable
-from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from circparam.core.arrays import group_sum
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
-from circparam.geometry.predicates import SignArray
+from circparam.geometry.predicates import SignArray, whole_numbers, whole_signs
 
 NEWTON_STEPS = 200  # of the radii at most; a dozen do
 # radians off a full turn round a node, times the number of nodes, to aim at
@@ -49,12 +49,10 @@ def signs_of(p: FloatArray) -> SignArray:
         + np.abs(a[:, 2]) * (np.abs(b[:, 0] * c[:, 1]) + np.abs(b[:, 1] * c[:, 0]))
     )
     out = np.sign(det).astype(np.int8)
-    for f in np.flatnonzero(~(np.abs(det) > DETERMINANT_ERROR * size)):
-        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (
-            [Fraction(x) for x in row] for row in p[f].tolist()
-        )
-        exact = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-        out[f] = (exact > 0) - (exact < 0)
+    unsure = np.flatnonzero(~(np.abs(det) > DETERMINANT_ERROR * size))
+    rows: Any = whole_numbers(p[unsure]).swapaxes(0, 1)
+    exact: Any = determinants(*rows)
+    out[unsure] = whole_signs(exact)
     return out
 
 

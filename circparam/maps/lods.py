@@ -137,18 +137,7 @@ def transfer(
     out = []
     for job, output, (layout, apart, fitted) in zip(jobs, outputs, carried, strict=True):
         result = verify_and_save(job, fitted, output, monitor, "transfer")
-        one = Transferred(
-            result,
-            drift=resolution * float(layout.drift.max()),
-            drift_mean=resolution * float(layout.drift.mean()),
-            inside_p95=resolution * Tail.of(layout.inside, job.surface.areas).percentile(95),
-            inside_max=resolution * float(layout.inside.max()),
-            apart=apart,
-            place=layout.farthest,
-            least=resolution * layout.least,
-            anew=int(layout.loose.sum()),
-            anew_share=layout.loose_share,
-        )
+        one = _transferred(result, layout, apart, resolution)
         if one.anew:
             result.warnings.append(
                 f"{counted(one.anew, 'face')} ({percent(one.anew_share)} of the surface) overlapped others and "
@@ -226,6 +215,24 @@ def _fitted(job: Job, layout: CarriedLayout, resolution: int, most: float) -> Fi
             f"{name}: {counted(turned, 'face')} would be flipped: give a finer mesh"
         )
     return Fitted(Cascade(layout.atlas), uvmap)
+
+
+def _transferred(
+    result: Result, layout: CarriedLayout, apart: float, resolution: int
+) -> Transferred:
+    p95 = Tail.of(layout.inside, layout.atlas.surface.areas).percentile(95)
+    return Transferred(
+        result,
+        resolution * float(layout.drift.max()),
+        resolution * float(layout.drift.mean()),
+        resolution * p95,
+        resolution * float(layout.inside.max()),
+        apart,
+        layout.farthest,
+        resolution * layout.least,
+        int(layout.loose.sum()),
+        layout.loose_share,
+    )
 
 
 def _point(place: FloatArray) -> str:

@@ -114,12 +114,7 @@ def map_surfaces(
         for letter, surface in zip("AB", (a, b), strict=True)
     ]
     layouts = (_layout(a, names[0]), _layout(b, names[1])) if charts else None
-    good = WEIGHTS.tagged("positive")  # others may fold
-    if method not in good:
-        raise OptionError(
-            f"a map needs weights that are positive on every mesh, not {method!r}: "
-            f"choose one of {', '.join(good)}"
-        )
+    _check_method(method)
     monitor = Monitor(listener)
     with monitor.stage("repair"):
         side_a, side_b = map_input_of(a.mesh, names[0]), map_input_of(b.mesh, names[1], mirrored)
@@ -138,6 +133,16 @@ def map_surfaces(
     with monitor.stage("overlay"):
         mapped = replace(found.map, overlay=refinement(side_a, side_b, solution))
     return replace(found, map=mapped, seconds=dict(monitor.seconds))
+
+
+def _check_method(method: str) -> None:
+    """Raise OptionError for weights that may be negative, whose maps may fold."""
+    good = WEIGHTS.tagged("positive")
+    if method not in good:
+        raise OptionError(
+            f"a map needs weights that are positive on every mesh, not {method!r}: "
+            f"choose one of {', '.join(good)}"
+        )
 
 
 def _pairs(
