@@ -128,21 +128,12 @@ class Graph:
 
     def __init__(self, n: int, a: IntArray, b: IntArray, weight: FloatArray) -> None:
         self.n = n
+        self.matrix = undirected(n, a, b, weight)
         e = np.flatnonzero(a != b)
-        low, high = np.minimum(a[e], b[e]), np.maximum(a[e], b[e])
-        key = edge_keys(low, high, n)
-        order = stable_order(key)
-        head = first_of_runs(key[order])
-        lightest = order[head]
-        count = np.diff(np.concatenate([head, [len(order)]]))
-        if len(head) < len(order):  # parallel edges are few: sort only those by weight
-            among = order[np.repeat(count > 1, count)]
-            among = among[np.lexsort((weight[e[among]], key[among]))]
-            lightest[count > 1] = among[first_of_runs(key[among])]
+        key = edge_keys(a[e], b[e], n)
+        order = np.lexsort((weight[e], key))
+        lightest = order[first_of_runs(key[order])]
         self._edge, self._key = e[lightest], key[lightest]
-        low, high = low[lightest], high[lightest]
-        matrix = sps.coo_matrix((weight[self._edge], (low, high)), shape=(n, n)).tocsr()
-        self.matrix = matrix + matrix.T
 
     def paths(self, sources: IntArray, limit: float = np.inf) -> tuple[FloatArray, IntArray]:
         """Distance (n,) from the nearest source, infinite if none is, and the node before each, else −1."""

@@ -111,25 +111,12 @@ def bad_token(tokens: Tokens, index: IntArray, kind: type[int] | type[float]) ->
 
 def digits(numbers: IntArray, prefix: bytes = b"") -> tuple[ByteArray, IntArray]:
     """Decimal digits of non-negative numbers, each behind ``prefix``: (text, (k,) length of each piece)."""
-    numbers = np.asarray(numbers, np.int64)
-    powers = 10 ** np.arange(1, 19, dtype=np.int64)
-    size = np.searchsorted(powers, numbers, side="right") + 1
-    length = size + len(prefix)
-    end = np.cumsum(length)
-    out = np.empty(int(end[-1]) if len(end) else 0, np.uint8)
-    for k, letter in enumerate(prefix):
-        out[end - length + k] = letter
-    # one pass for each decimal place, over the numbers that still have digits left
-    left, place = numbers, end - 1
-    remaining = size
-    while len(left):
-        tens = left // 10
-        out[place] = (left - tens * 10 + 48).astype(np.uint8)
-        more = remaining > 1
-        if not more.all():
-            tens, place, remaining = tens[more], place[more], remaining[more]
-        left, place, remaining = tens, place - 1, remaining - 1
-    return out, length
+    n = len(numbers)
+    text = np.asarray(numbers, np.int64).astype("S19").view(np.uint8).reshape(n, 19)
+    before = np.broadcast_to(as_bytes(prefix), (n, len(prefix)))
+    text = np.concatenate([before, text], axis=1)
+    there = text > 0  # NumPy fills up with zero bytes
+    return text[there], there.sum(1)
 
 
 def fill(total: int, lengths: IntArray, offsets: IntArray) -> npt.NDArray[np.bool_]:

@@ -78,6 +78,13 @@ class Component:
         return {"verdict": self.verdict, **vars(self), **older}
 
 
+def _total(name: str, what: str) -> cached_property[int]:
+    """A figure of a report that is the sum over its components."""
+    total = cached_property[int](lambda self: sum(getattr(c, name) for c in self.components))
+    total.__doc__ = what
+    return total
+
+
 @dataclass(frozen=True, eq=False)
 class TopologyReport:
     """The topology of a mesh after welding coincident vertices (a map: nothing is edited).
@@ -97,36 +104,17 @@ class TopologyReport:
     duplicate_faces: int
     components: list[Component]
 
-    @cached_property
-    def euler(self) -> int:
-        """Euler characteristic of the whole, non-manifold vertices split."""
-        return sum(c.euler for c in self.components)
+    euler = _total("euler", "Euler characteristic of the whole, non-manifold vertices split.")
+    boundaries = _total("boundaries", "Number of boundary loops.")
+    nonmanifold_edges = _total("nonmanifold_edges", "Edges of more than two faces.")
+    nonmanifold_vertices = _total("nonmanifold_vertices", "Vertices whose faces are several fans.")
+    inconsistent_edges = _total("inconsistent_edges", "Edges whose two faces differ in winding.")
 
     @cached_property
     def genus(self) -> int | None:
         """Sum over the components; None if one has none (non-manifold or non-orientable)."""
         known = [c.genus for c in self.components if c.genus is not None]
         return sum(known) if len(known) == len(self.components) else None
-
-    @cached_property
-    def boundaries(self) -> int:
-        """Number of boundary loops."""
-        return sum(c.boundaries for c in self.components)
-
-    @cached_property
-    def nonmanifold_edges(self) -> int:
-        """Edges of more than two faces."""
-        return sum(c.nonmanifold_edges for c in self.components)
-
-    @cached_property
-    def nonmanifold_vertices(self) -> int:
-        """Vertices whose faces do not hang together across the edges at the vertex."""
-        return sum(c.nonmanifold_vertices for c in self.components)
-
-    @cached_property
-    def inconsistent_edges(self) -> int:
-        """Edges whose two faces are inconsistently oriented."""
-        return sum(c.inconsistent_edges for c in self.components)
 
     @property
     def is_disks(self) -> bool:

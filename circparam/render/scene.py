@@ -24,6 +24,7 @@ from circparam.errors import InputError
 from circparam.geometry.distortion import dirichlet_terms, energies_at_best_scale, has_shape
 from circparam.geometry.shading import SHARP_DEGREES, corner_normals
 from circparam.mesh.cut_mesh import rest_triangles_of
+from circparam.mesh.halfedge import sort_by_edge
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.weld import first_duplicates
@@ -177,17 +178,8 @@ class Scene:
 
         Both sides of a seam are listed; the boundary of the surface is listed too.
         """
-        a = self.uv_faces.ravel()
-        b = self.uv_faces[:, [1, 2, 0]].ravel()
-        ok = (a >= 0) & (b >= 0) & np.repeat(self.single, 3)
-        n = len(self.uv) + 1
-        key = np.where(ok, edge_keys(a, b, n), -1)
-        order = np.argsort(key, kind="stable")
-        ranked = key[order]
-        lone = np.ones(len(key), bool)
-        lone[1:] &= ranked[1:] != ranked[:-1]
-        lone[:-1] &= ranked[1:] != ranked[:-1]
-        return np.sort(order[lone & (ranked >= 0)])
+        runs = sort_by_edge(self.uv_faces, len(self.uv) + 1, self.single)
+        return np.sort(runs.order[runs.head[runs.size == 1]])
 
     @cached_property
     def seam_ends(self) -> tuple[IntArray, IntArray]:
