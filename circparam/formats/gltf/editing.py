@@ -208,6 +208,8 @@ class TreeEdit(Packing):
             entry = p.entry(self.json)
             n = p.triangles.size
             corner = split.corner[at : at + n]
+            if p.turned:
+                corner = corner.reshape(-1, 3)[:, ::-1].ravel()
             at += n
             old = self.json["accessors"][entry["indices"]] if "indices" in entry else {}
             keep = {k: v for k, v in old.items() if k in ("name", "extras")}

@@ -18,13 +18,18 @@ ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963  # bufferView.target
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """Triangles of one primitive. triangles: (k, 3) int64 into the vertices of its pool."""
+    """Triangles of one primitive.
+
+    triangles: (k, 3) int64 into the vertices of its pool, as they are seen. turned: whether the file winds them
+    the other way, because the node of the mesh mirrors it (glTF 2.0, 3.7.4).
+    """
 
     mesh: int
     number: int
     pool: int
     mode: int
     triangles: IntArray
+    turned: bool = False
 
     def entry(self, tree: Json) -> Json:
         """Its entry in a tree, or in a copy of it."""

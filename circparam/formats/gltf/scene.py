@@ -145,6 +145,7 @@ def read_meshes(tree: Tree, shown: list[Shown]) -> Parts:
 def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, out: Parts) -> None:
     """Put one mesh behind those that are there."""
     known: dict[object, int] = {}
+    turned = bool(np.linalg.det(matrix[:3, :3]) < 0)
     for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
         packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
         if packed:
@@ -171,8 +172,10 @@ def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, out: Parts) -> None:
         if len(index) and index.max() >= n:
             raise tree.error(f"{what} names vertex {int(index.max())} of {n}")
         triangles = triangles_of(index, mode)
+        if turned:
+            triangles = triangles[:, ::-1]
         if len(triangles):
-            out.primitives.append(Primitive(mesh, number, known[key], mode, triangles))
+            out.primitives.append(Primitive(mesh, number, known[key], mode, triangles, turned))
 
 
 def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:

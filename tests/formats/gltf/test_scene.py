@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.scene import node_matrix
 from circparam.formats.io import encode, read_data
+from circparam.formats.source import Source
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     GltfMaker,
@@ -196,3 +198,34 @@ def test_normals_stay_upright_on_a_mesh_that_a_node_stretches() -> None:
     found = document.normals()
     assert found is not None
     np.testing.assert_allclose(found[0], [flat / np.linalg.norm(flat)] * 3, atol=1e-7)
+
+
+@pytest.mark.parametrize("mode", [4, 5, 6])
+def test_a_mirrored_mesh_is_wound_as_it_is_seen(mode: int) -> None:
+    """A negative determinant reverses the winding (glTF 2.0, 3.7.4); the index list keeps that of the file."""
+    rng = np.random.default_rng(1)
+    g = GltfMaker()
+    order = rng.permutation(9).astype("u4")
+    primitive = {
+        "attributes": {"POSITION": g.accessor(rng.normal(size=(9, 3)).astype("f4"))},
+        "indices": g.accessor(order),
+        "mode": mode,
+    }
+    plain = read_data(g.model(primitive).glb())
+    g.tree["nodes"][0]["scale"] = [1, -1, 1]
+    mirrored = read_data(g.glb())
+    before, after = (
+        np.cross(*np.diff(document.mesh.corners, axis=1).swapaxes(0, 1))
+        for document in (plain, mirrored)
+    )
+    np.testing.assert_allclose(after, before * [1, -1, 1], atol=1e-12)
+    count = mirrored.mesh.faces.size
+    uvmap = UVMap(rng.random((count, 2)), np.arange(count).reshape(-1, 3))
+    assert_round_trip(mirrored, uvmap, "glb")
+    tree = Tree(encode(mirrored, uvmap, "glb").data, Source("a.glb"))
+    entry = tree.json["meshes"][0]["primitives"][0]
+    points = tree.values(entry["attributes"]["POSITION"])
+    written = points[tree.integers(entry["indices"]).reshape(-1, 3)]
+    same = np.sort(plain.mesh.corners, axis=1)
+    np.testing.assert_array_equal(np.sort(written, axis=1), same)
+    np.testing.assert_allclose(np.cross(*np.diff(written, axis=1).swapaxes(0, 1)), before)
