@@ -93,7 +93,8 @@ def line_of(error: BaseException) -> str:
 def line_about(mesh: str, error: BaseException) -> str:
     """The same, with the mesh that the error is about."""
     line = line_of(error)
-    return line if mesh in line or isinstance(error, errors.OptionError) else f"{mesh}: {line}"
+    name = "standard input" if mesh == "-" else " ".join(mesh.split())
+    return line if name in line or isinstance(error, errors.OptionError) else f"{name}: {line}"
 
 
 def exit_of(error: BaseException) -> tuple[int, str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from circparam.cli import common
-from circparam.core.files import made_folders
+from circparam.core.files import is_there, made_folders
 from circparam.errors import OptionError, OutputError
 
 
@@ -118,7 +118,7 @@ def check_output(path: str, overwrite: bool, *endings: str, made: str | None = N
     folder = Path(path).parent
     if os.path.isdir(path):
         raise OutputError(f"{path}: this is a directory; name a file")
-    if os.path.exists(path) and not overwrite:
+    if is_there(path) and not overwrite:
         raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
     if not folder.is_dir() and (made is None or folder != Path(made)):
         raise OutputError(

@@ -64,8 +64,20 @@ def write_files(
 
 def check_free(path: Path, overwrite: bool) -> None:
     """Refuse a place where a file lies that may not be replaced. Raises OptionError."""
-    if path.exists() and not overwrite:
+    if is_there(path) and not overwrite:
         raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+
+
+def is_there(path: str | Path) -> bool:
+    """Whether something has this name. Raises OutputError where the system refuses the name itself, such as that of
+    a link to itself."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return False
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    return True
 
 
 @contextlib.contextmanager

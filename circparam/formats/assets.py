@@ -24,7 +24,7 @@ class Assets:
 
 def check_needed(document: Document, format: str, target: Path, overwrite: bool) -> None:
     """Refuse, before the work, to put a buffer in the place of another file. Raises OptionError."""
-    folder, out = document.source.folder, target.resolve().parent
+    folder, out = document.source.folder, Path(os.path.realpath(target)).parent
     if folder is None or folder == out or overwrite:
         return
     for name in document.needs(format):
@@ -45,7 +45,7 @@ def find_assets(
     overwrite: whether existing files may be replaced. Files without which the output cannot be read go along
     whatever ``copy`` says.
     """
-    folder, out = source.folder, target.resolve().parent
+    folder, out = source.folder, Path(os.path.realpath(target)).parent
     if folder is None:
         return Assets()
     named = dict.fromkeys(n for name in encoded.assets for n in names_in(name, folder))

@@ -4,6 +4,7 @@ A ``Document`` is a file in memory that can write itself again with another uv l
 kept. Each format has its own subclass; ``circparam.formats`` is the only door to them.
 """
 
+import shlex
 from collections.abc import Callable
 from dataclasses import field, replace
 from pathlib import Path
@@ -303,8 +304,10 @@ class Document:
             return encoded
         # packing and levels of detail come here too, which have neither --rebake nor --lightmap
         keep = "" if self.only_first else ", or keeps that set with --lightmap"
+        path = self.source.path
+        source = "FILE" if path is None else shlex.quote(str(path))
         cure = (
-            f"carry them over with circparam bake --all --source {self.source.name}; "
+            f"carry them over with circparam bake --all --source {source}; "
             f"circparam unwrap does it with --rebake{keep}"
         )
         warning = f"{text}, which its textures use: {cure}"

@@ -196,8 +196,5 @@ def save_scene(
     elif kind == ".html":
         data = page(scene, options, figures, before).encode()
     else:
-        raise OutputError(
-            f"{path}: {kind or 'no ending'} is not a picture format: "
-            "the name must end in .png, .svg or .html"
-        )
+        raise OutputError(f"{path}: the name of a picture must end in .png, .svg or .html")
     write_files({path: data}, overwrite=True)

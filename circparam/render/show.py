@@ -45,8 +45,7 @@ def check_kind(path: Path) -> None:
     """Raise OptionError if the ending of a picture's name tells no format."""
     if path.suffix.lower() not in PICTURE_SUFFIXES:
         raise OptionError(
-            f"{path}: {path.suffix or 'no ending'} is not a picture format: "
-            f"the name must end in {', '.join(PICTURE_SUFFIXES)}"
+            f"{path}: the name of a picture must end in {', '.join(PICTURE_SUFFIXES)}"
         )
 
 

@@ -41,3 +41,15 @@ def test_every_code_stands_in_the_text() -> None:
     assert {
         int(line.split()[0]) for line in str(exits.__doc__).splitlines() if line[:1].isdigit()
     } == (exits.DOCUMENTED)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "cause", "line"),
+    [
+        ("-", "standard input: the file is empty", "standard input: the file is empty"),
+        ("new\nline.obj", "new\nline.obj: no such file", "new line.obj: no such file"),
+        ("a.obj", "out of time", "a.obj: out of time"),
+    ],
+)
+def test_a_line_names_its_mesh_once(mesh: str, cause: str, line: str) -> None:
+    assert exits.line_about(mesh, errors.InputError(cause)) == line

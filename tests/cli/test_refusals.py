@@ -77,6 +77,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (at / name).parent.mkdir(exist_ok=True)
         shutil.copy(at / "bare.obj", at / name)
     (at / "none").mkdir()
+    (at / "loop.obj").symlink_to("loop.obj")
     return at
 
 
@@ -135,6 +136,7 @@ ROWS = """
 2 | unwrap disk.obj -o x.obj --export-seams mine.csv   | --overwrite
 2 | unwrap - disk.obj --format obj                     | one by one
 8 | unwrap disk.obj -o none                            | is a directory
+8 | unwrap disk.obj -o loop.obj --overwrite            | loop.obj: cannot be written (Too many levels
 8 | unwrap disk.obj -o x.obj --export-seams none       | is a directory
 8 | unwrap disk.obj -o x.obj --export-seams no/x       | does not exist
 2 | unwrap disk.obj --format obj -o a.obj              | --format
@@ -272,7 +274,7 @@ def listing(stage: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     def files() -> dict[str, int]:
         found = [os.path.join(top, name) for top, _, names in os.walk(".") for name in names]
-        return {name: os.stat(name).st_mtime_ns for name in found}
+        return {name: os.lstat(name).st_mtime_ns for name in found}
 
     before = files()
     yield

@@ -88,3 +88,12 @@ def test_what_is_there_stays_unless_it_may_be_replaced(tmp_path: Path) -> None:
         assert sorted(tmp_path.iterdir()) == [folder, old]
     files.write_files({new: b"x", old: b"y"}, True)
     assert (new.read_bytes(), old.read_bytes()) == (b"x", b"y")
+
+
+def test_a_link_to_itself_is_refused_and_stays(tmp_path: Path) -> None:
+    link = tmp_path / "loop.obj"
+    link.symlink_to(link.name)
+    for overwrite in (False, True):
+        with pytest.raises(OutputError, match=r"loop\.obj: cannot be written"):
+            files.write_files({link: b"x"}, overwrite)
+    assert link.is_symlink()

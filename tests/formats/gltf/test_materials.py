@@ -8,10 +8,10 @@ import pytest
 
 from circparam.bake.write import embed
 from circparam.errors import InputError
-from circparam.formats.io import read, read_data
+from circparam.formats.io import encode, read, read_data
 from circparam.formats.materials import srgb
 from circparam.formats.source import Source
-from tests.support.formats_tools import GltfMaker, grid
+from tests.support.formats_tools import GltfMaker, grid, layout_with_seams
 from tests.support.gltf_files import full_mesh, tree_of
 
 
@@ -140,3 +140,15 @@ def test_specular_glossiness_of_older_exports() -> None:
     (material,) = tree["materials"]
     assert not material.get("extensions")
     assert "baseColorTexture" in material["pbrMetallicRoughness"]
+
+
+@pytest.mark.parametrize(
+    ("source", "named"),
+    [(Source("standard input"), "FILE;"), (Source("a b.glb", Path("a b.glb")), "'a b.glb';")],
+)
+def test_the_cure_of_a_lost_uv_set_can_be_typed(source: Source, named: str) -> None:
+    g = full_mesh()
+    g.tree["materials"] = [{"normalTexture": {"index": 0}}]
+    document = read_data(g.glb(), source)
+    (warning,) = encode(document, layout_with_seams(document), "glb").warnings
+    assert f"circparam bake --all --source {named}" in warning
