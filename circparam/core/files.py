@@ -69,8 +69,7 @@ def check_free(path: Path, overwrite: bool) -> None:
 
 
 def is_there(path: str | Path) -> bool:
-    """Whether something has this name. Raises OutputError where the system refuses the name itself, such as that of
-    a link to itself."""
+    """Whether something has this name. Raises OutputError if the system refuses the name: a link to itself."""
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError, ValueError):
