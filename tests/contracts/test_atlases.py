@@ -37,6 +37,7 @@ SHAPES: dict[str, tuple[shapes.Shape, float, float]] = {
     "holes": (shapes.waved(shapes.holed_sheet(9), 0.2), 2.9, 2.9),
     "spike": (shapes.spiked_disk(300, 2.0), 5.9, 6.0),
     "fins": (shapes.fins(4), 1.5, 1.5),
+    "pinched": (shapes.pinched(), 7.8, 7.8),
     "gear": (machined("gear"), 18.5, 17.6),
     "bracket": (machined("bracket"), 9.5, 9.0),
 }

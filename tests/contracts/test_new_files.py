@@ -2,17 +2,14 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data, write
-from circparam.formats.memory import from_arrays
 from tests.support.formats_tools import (
     OFF,
     assert_round_trip,
     corpus_files,
-    grid,
     layout_with_seams,
     smooth_layout,
 )
@@ -44,40 +41,6 @@ def test_groups_and_polygons_go_where_they_can(format: str) -> None:
     if format == "glb":
         assert b"usemtl red_one\n" in back
         assert b"usemtl blue\n" in back
-
-
-def test_rounded_positions_are_noted() -> None:
-    points, faces = grid(3)
-    exact = from_arrays(points, faces)
-    assert not any("float32" in n for n in encode(exact, smooth_layout(exact), "glb").notes)
-    fine = from_arrays(points.astype(float) + 0.1, faces)
-    assert any("float32" in n for n in encode(fine, smooth_layout(fine), "glb").notes)
-    assert b"property double x" in encode(fine, smooth_layout(fine), "ply").data
-    assert b"property float x" in encode(exact, smooth_layout(exact), "ply").data
-
-
-def test_inputs_are_not_changed() -> None:
-    doc = from_arrays(*grid(4))
-    uvmap = layout_with_seams(doc)
-    uv, faces, points = uvmap.uv.copy(), uvmap.uv_faces.copy(), doc.mesh.points.copy()
-    for format in ("obj", "ply", "glb", "gltf"):
-        first = encode(doc, uvmap, format).data
-        assert encode(doc, uvmap, format).data == first  # same input, same bytes
-    np.testing.assert_array_equal(uvmap.uv, uv)
-    np.testing.assert_array_equal(uvmap.uv_faces, faces)
-    np.testing.assert_array_equal(doc.mesh.points, points)
-
-
-@pytest.mark.parametrize("path", corpus_files(".off", ".stl"))
-def test_real_off_and_stl(path: Path) -> None:
-    import trimesh
-
-    doc = read(path)
-    theirs = trimesh.load(path, process=False)
-    ours = doc.mesh.points[doc.mesh.faces]
-    np.testing.assert_array_equal(ours, theirs.vertices[theirs.faces])
-    for format in ("glb", "obj"):
-        assert_round_trip(doc, layout_with_seams(doc), format)
 
 
 def test_the_validator_finds_nothing_in_new_files(tmp_path: Path) -> None:

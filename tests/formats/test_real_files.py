@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from circparam.formats.document import Document
 from circparam.formats.io import read, read_data
+from circparam.mesh.mesh import Mesh
 from tests.support.formats_tools import corpus_files, some_corpus_files
 from tests.support.gltf_files import full_mesh, small
 from tests.support.ply_files import INDEX, THREE, XYZ, build
@@ -18,28 +20,25 @@ def spread(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.sort(np.asarray(points)[faces].mean(1) @ along, 0)
 
 
-def theirs(path: Path) -> np.ndarray:
+def assert_triangles_of_trimesh(path: Path, document: Document) -> None:
+    if document.mesh.polygons is not None or "tristrips" in document.features:
+        pytest.skip("trimesh cuts polygons by another rule, and reads no strips")
     whole = trimesh.load(path, process=False, maintain_order=True)
     whole = whole.to_mesh() if isinstance(whole, trimesh.Scene) else whole
-    return spread(whole.vertices, whole.faces)
+    ours, theirs = (
+        spread(m.points, m.faces) for m in (document.mesh, Mesh(whole.vertices, whole.faces))
+    )
+    np.testing.assert_allclose(ours, theirs, atol=1e-5 * np.abs(ours).max())
 
 
 @pytest.mark.parametrize("path", corpus_files(most=1e6))
 def test_triangles_are_those_of_trimesh(path: Path) -> None:
-    document = read(path, unshare=True)
-    if document.mesh.polygons is not None or "tristrips" in document.features:
-        pytest.skip("trimesh cuts polygons by another rule, and reads no strips")
-    ours, other = spread(document.mesh.points, document.mesh.faces), theirs(path)
-    np.testing.assert_allclose(ours, other, atol=1e-5 * np.abs(ours).max())
+    assert_triangles_of_trimesh(path, read(path, unshare=True))
 
 
 @pytest.mark.parametrize("path", some_corpus_files("CesiumMilkTruck.glb"))
 def test_the_second_reader_finds_the_same_triangles(path: Path) -> None:
-    if "tristrips" in read(path).features:
-        pytest.skip("trimesh reads no strips")
-    mesh = read(path, reader="trimesh").mesh
-    ours, other = spread(mesh.points, mesh.faces), theirs(path)
-    np.testing.assert_allclose(ours, other, atol=1e-5 * np.abs(ours).max())
+    assert_triangles_of_trimesh(path, read(path, reader="trimesh"))
 
 
 FACE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

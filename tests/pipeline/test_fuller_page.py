@@ -1,6 +1,5 @@
 """Cuts for a fuller page: made where a page so much fuller is worth the seam, and nowhere else."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,11 +57,6 @@ def test_cuts_leave_no_more_stretched_than_may_be() -> None:
     assert fuller_page.stretch_kept(after, before, limits, 1.2, Monitor())
     cut_mesh, uv = after.open()
     assert float(share_over(cut_mesh, face_stretch(cut_mesh, uv), 2.0).sum()) <= 1e-3
-
-
-def test_nothing_is_cut_that_fills_its_page() -> None:
-    square = roll(24, 24)
-    assert filled(square).atlas is square
 
 
 def test_a_mesh_without_a_seam_gets_none() -> None:
@@ -142,13 +136,6 @@ def test_thin_rings_are_opened_where_the_page_pays_for_it() -> None:
     assert unwrapped.cost(cut) < unwrapped.cost(whole) - 2
     assert not cut.verification.flipped.any()
     assert cut.verification.overlap == 0
-
-
-def test_what_may_not_be_a_seam_is_none() -> None:
-    before = roll()
-    locked = replace(before.surface, locked=np.ones(len(before.surface.edges), bool))
-    held = Atlas(locked, before.cut, before.corners)
-    assert filled(held).atlas is held
 
 
 def test_no_part_is_above_the_bound() -> None:

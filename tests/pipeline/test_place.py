@@ -37,18 +37,3 @@ def test_charts_of_a_lightmap_cross_materials(tmp_path: Path) -> None:
         assert made.measures["charts"] == charts
     cut = circparam.unwrap(path, lightmap=True, cut_materials=True, **QUICK)
     assert cut.measures["charts"] == 2
-
-
-def test_atlases_by_group() -> None:
-    """Each group fills a page of its own; what shares texels across groups is no overlap."""
-    p, f = shapes.row_of(shapes.grid(5, 5), 2)
-    document = from_arrays(p, f, groups=np.repeat([0, 1], len(f) // 2))
-    apart = circparam.unwrap(document, group_by="primitive", **QUICK)
-    assert apart.verification.valid, apart.reasons
-    u = apart.uv[apart.uv_faces]
-    half = len(f) // 2
-    for part in (u[:half], u[half:]):
-        assert np.ptp(part.reshape(-1, 2), axis=0).min() > 0.9
-    together = circparam.unwrap(document, **QUICK)
-    u = together.uv[together.uv_faces]
-    assert np.ptp(u[:half].reshape(-1, 2), axis=0).max() < 0.75

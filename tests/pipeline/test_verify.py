@@ -8,6 +8,7 @@ import pytest
 
 import circparam
 from circparam.errors import InputError, OutOfTimeError
+from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
@@ -139,6 +140,9 @@ def test_seams_that_open_a_surface_of_one_side_count(shape: shapes.Shape) -> Non
     """By hand: edges of the mesh whose two faces have other uv at their ends."""
     p, f = shape
     result = circparam.unwrap((p, f), effort=0.01)
+    assert result.verification.valid
+    assert result.measures["distortion_max_chart"] <= 1.05 * (1 + 1e-4)
+    assert not not_disks(result.verification.cut_mesh).any()
     ends = np.sort(np.stack([f, np.roll(f, -1, 1)], 2).reshape(-1, 2), 1)
     uv = result.uv[result.uv_faces]
     sides = np.stack([uv, np.roll(uv, -1, 1)], 2).reshape(-1, 2, 2)

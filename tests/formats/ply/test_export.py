@@ -29,13 +29,15 @@ def fan(n: int) -> PlainDocument:
 
 @pytest.mark.parametrize("again", [False, True])
 def test_other_programs_read_the_default(tmp_path: Path, again: bool) -> None:
-    """meshio and trimesh find the uv of every corner, in a new file and in one that is written back."""
+    """meshio and trimesh find the uv of every corner, in a new file and in one that is written back; points
+    that single precision holds are stored in it."""
     doc = from_arrays(*grid(4))
     if again:
         doc = read_data(encode(doc, smooth_layout(doc), "ply").data)
     expected = layout_with_seams(doc)
     path = tmp_path / "o.ply"
     path.write_bytes(encode(doc, expected, "ply").data)
+    assert b"property float x" in path.read_bytes()
     corners = expected.uv.astype("f4")[expected.uv_faces]
     loaded = trimesh.load(path, process=False)
     np.testing.assert_array_equal(loaded.visual.uv[loaded.faces].astype("f4"), corners)
