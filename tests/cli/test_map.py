@@ -1,14 +1,18 @@
-"""``circparam map``: the file, the report, and errors that depend on what was given."""
+"""``circparam map`` and ``morph``: files, reports and errors; odd names, and folders in the place of files."""
 
+import json
+import os
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from circparam.formats.io import read
 from circparam.maps import load_map
 from tests.support import pairs, tori
 from tests.support.baking import write_obj
 from tests.support.command_line import done, obj, one_line_error, report, run
+from tests.support.maps import written_belts
 
 
 def test_a_map_is_written_and_reported(tmp_path: Path) -> None:
@@ -68,3 +72,91 @@ def test_single_triangles_are_mapped(tmp_path: Path) -> None:
     assert "warning" not in result.stderr.lower()
     assert "0 given" in result.stdout
     np.testing.assert_allclose(load_map(tmp_path / "m.npz").to_b.weights.max(1), 1)
+
+
+def test_a_morph_and_its_figures(tmp_path: Path):
+    a, b, mapped = written_belts(tmp_path)
+    out = tmp_path / "out.glb"
+    words = ("morph", a, b, "--map", mapped, "-o", out)
+    result = done(*words)
+    assert result.stdout.strip() == str(out)
+    first = out.read_bytes()
+    one_line_error(run(*words), 2, "--overwrite")
+    assert out.read_bytes() == first
+    got = report(*words, "--overwrite", "--frames", 4)
+    assert (got["schema"], got["frames"]) == ("circparam/morph/1", 4)
+    assert (got["faces"], got["reversed"]) == (144, 0)
+    assert 0 < got["moved_mean"] < got["moved_max"] < 0.1
+    assert len(out.read_bytes()) < len(first)  # fewer key frames
+    assert "morph targets" in read(out).features
+    assert np.isfinite(read(out).mesh.points).all()
+
+
+NAMES = ("sp ace ü 数", "'quoted' #1 %20", os.fsdecode(b"odd\xff"))
+
+
+def written(folder: Path, tail: str = "") -> dict[str, Path]:
+    """Two meshes with uv and the map between both."""
+    found = dict(zip("abm", written_belts(folder, tail), strict=True))
+    return found | {"out": folder / f"out{tail}.glb", "png": folder / f"png{tail}.png"}
+
+
+def commands(n: dict[str, Path]) -> dict[str, list[object]]:
+    return {
+        "map": ["map", n["a"], n["b"], "-o", n["m"], "--overwrite"],
+        "morph": ["morph", n["a"], n["b"], "--map", n["m"], "-o", n["out"]],
+        "bake": [
+            *("bake", n["a"], "--from", "normals", "--source", n["b"], "--size", 32),
+            *("--map", n["m"], "-o", n["png"]),
+        ],
+    }
+
+
+@pytest.mark.parametrize("name", NAMES, ids=ascii)
+def test_any_name_will_do(name: str, tmp_path: Path) -> None:
+    """Read, written, drawn and reported by every command; JSON stays UTF-8."""
+    folder = tmp_path / name
+    try:
+        folder.mkdir()
+    except (OSError, UnicodeError):
+        pytest.skip("the file system has no such names")
+    names = written(folder, f" {name}")
+    mesh, extra = names["a"], folder / name
+    for words in commands(names).values():
+        output = report(*words)["output"]
+        assert Path(output[0] if isinstance(output, list) else output).stat().st_size > 100
+    asked = (
+        "--methods",
+        "lscm",
+        "--cut",
+        "disk",
+        "--report",
+        f"{extra}.html",
+        "--csv",
+        f"{extra}.csv",
+    )
+    for words in (
+        ("unwrap", mesh, "-o", f"{extra}.gltf", "--effort", "draft"),
+        ("check", mesh, "--uv"),
+        ("compare", mesh, *asked, "--plot", f"{extra}.png"),
+    ):
+        json.loads(done(*words, "--json").stdout_bytes.decode("utf-8"))
+    done("view", f"{extra}.gltf", "-o", f"{extra}.svg")
+    one_line_error(run("unwrap", f"{extra}-none.obj"), 3, "no such file")
+
+
+def test_folders_are_no_files(tmp_path: Path) -> None:
+    """An input that is a folder is an error of the input, an output that is one of the output."""
+    names = written(tmp_path)
+    before = sorted(os.listdir(tmp_path))
+    for command, words in commands(names).items():
+        for key, path in names.items():
+            if path not in words:
+                continue
+            here = tmp_path / f"folder{path.suffix}"
+            here.mkdir()
+            output = key in ("out", "png") or (command, key) == ("map", "m")
+            result = run(*(here if w == path else w for w in words), "--overwrite")
+            one_line_error(result, 8 if output else 3)
+            here.rmdir()
+    assert sorted(os.listdir(tmp_path)) == before

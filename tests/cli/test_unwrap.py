@@ -219,30 +219,6 @@ def test_an_unreadable_file_is_an_error_of_the_input(disk, monkeypatch):
         one_line_error(run("unwrap", disk, flag, disk, "--method", "lscm"), 3, "Permission denied")
 
 
-def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
-    """Read, written, drawn and reported under any bytes that the system allows; JSON stays UTF-8."""
-    name = os.fsdecode(b"m\xff \xe9")
-    try:
-        mesh = obj(tmp_path / f"{name}.obj", shapes.bumped_disk(40))
-    except OSError:
-        pytest.skip("this file system takes UTF-8 only")
-    for kind in ("obj", "gltf"):
-        out = tmp_path / f"out-{name}.{kind}"
-        assert run("unwrap", mesh, "-o", out, *CONVEX, "-q").exit_code == 0
-        assert run("check", out, "--uv").exit_code == 0
-    for kind in ("svg", "html"):
-        picture = tmp_path / f"{name}.{kind}"
-        assert run("view", tmp_path / f"out-{name}.obj", "-o", picture).exit_code == 0
-        assert picture.stat().st_size > 1000
-    page, plot, table = (tmp_path / f"{name}-c.{kind}" for kind in ("html", "png", "csv"))
-    extra = ("--report", page, "--plot", plot, "--csv", table)
-    result = done("compare", mesh, "--methods", "mean-value", "--cut", "none", *extra, "--json")
-    for said in (result.stdout_bytes, run("check", mesh, "--json").stdout_bytes):
-        assert "\\udcff" in said.decode("utf-8")
-        json.loads(said)
-    one_line_error(run("unwrap", tmp_path / os.fsdecode(b"no\xff.obj")), 3, "no such file")
-
-
 # streams, and processes of their own --------------------------------------------------------------------
 
 

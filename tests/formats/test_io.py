@@ -1,7 +1,11 @@
 """Reading and writing by name: formats told, whole files or none, standard streams."""
 
 import contextlib
+import importlib.util
 import io
+import os
+import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -95,3 +99,30 @@ def test_a_mesh_under_a_foreign_name_is_read_by_its_content(tmp_path: Path) -> N
 def test_the_suffix_of_an_output_is_that_of_the_input_where_it_has_uv() -> None:
     named = {".STL": ".glb", ".off": ".glb", ".obj": ".obj", ".PLY": ".PLY", ".none": ".none"}
     assert {suffix: output_suffix(suffix) for suffix in named} == named
+
+
+def expression(folder: Path) -> str:
+    """What the message tells to run in Blender."""
+    (folder / "mesh.fbx").write_bytes(b"Kaydara FBX Binary  \x00\x1a\x00 and so on")
+    with pytest.raises(InputError) as caught:
+        read(folder / "mesh.fbx")
+    assert "\n" not in str(caught.value)
+    found = re.search(r'blender -b --python-expr "([^"]+)"', str(caught.value))
+    return found[1].replace("MESH", "mesh")
+
+
+def test_the_page_on_formats_has_the_same_line(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "formats.md"
+    assert f'blender -b --python-expr "{expression(tmp_path)}"' in page.read_text("utf-8")
+
+
+def test_the_line_makes_a_glb_that_can_be_read(tmp_path: Path) -> None:
+    python = os.environ.get("CIRCPARAM_BPY")
+    python = python or (sys.executable if importlib.util.find_spec("bpy") else None)
+    if python is None:
+        pytest.skip("no Blender: name a Python with bpy in CIRCPARAM_BPY")
+    line = expression(tmp_path)
+    made = "import bpy; bpy.ops.export_scene.fbx(filepath='mesh.fbx')"  # the cube of a new file
+    for code in (made, line):
+        subprocess.run([python, "-c", code], cwd=tmp_path, check=True, capture_output=True)
+    assert len(read(tmp_path / "mesh.glb").mesh.faces) == 12

@@ -7,16 +7,33 @@ from hypothesis import strategies as st
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError
 from circparam.geometry.distortion import chart_distortion
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
-from circparam.pipeline.cascade import FAULTY_DISTORTION
+from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade, CascadeRules
 from circparam.pipeline.fallback import MOST_SINGLES, project_charts, take_to_pieces
 from tests.support import shapes, strategies
-from tests.support.cascades import flat, sound, start, surface_of
+from tests.support.atlases import surface_of as surface_of
+
+
+def start(
+    surface: Surface, corners: np.ndarray, cut: np.ndarray | None = None, **rules: object
+) -> Cascade:
+    cut = np.zeros(len(surface.edges), bool) if cut is None else cut
+    return Cascade(Atlas(surface, cut, corners), CascadeRules(**rules))
+
+
+def sound(cascade: Cascade) -> bool:
+    fault, flipped = fallback.faults(*cascade.open())
+    return not fault.any() and not flipped.any()
+
+
+def flat(surface: Surface) -> np.ndarray:
+    return surface.points[surface.faces][:, :, :2].copy()
 
 
 def test_a_flipped_chart_is_mapped_again_and_others_are_left_alone() -> None:

@@ -1,7 +1,9 @@
-"""However many processes work, and whatever happens to them, the result is the same."""
+"""However many processes work, and whatever happens to them, the result is the same; a bound on the memory
+is judged before the work."""
 
 import hashlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,8 +18,10 @@ import pytest
 
 import circparam
 from circparam.core import workers
+from circparam.core.memory import address_space
 from circparam.core.monitor import Monitor
 from circparam.core.pool import current
+from circparam.errors import NoResultError
 from circparam.pipeline import jobs
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.options import Options
@@ -175,3 +179,34 @@ def test_memory_that_workers_hold_is_given_back_where_it_is_missing(held, monkey
     else:
         with pytest.raises(MemoryError):
             unwrap_document(document, None, Options(**QUICK), monitor)
+
+
+FACES = 1_000_000
+
+
+def judged(monkeypatch: pytest.MonkeyPatch, limit: float | None, **options: object) -> int:
+    """The jobs that are left under such a bound."""
+    monkeypatch.setattr(jobs, "memory_limit", lambda: limit)
+    monitor = Monitor(jobs=2)
+    jobs.fit_memory("scan.ply", FACES, Options(**options), monitor)
+    return monitor.jobs
+
+
+def test_workers_go_before_the_work_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    held, need = address_space(), jobs.UNWRAP_FACE_BYTES * FACES
+    enough = 4 / 3 * (held + need)  # for a worker too, which gets a quarter
+    for limit, left in ((None, 2), (1.02 * enough, 2), (0.98 * enough, 1), (held + 0.7 * need, 1)):
+        assert judged(monkeypatch, limit) == left
+
+
+def test_what_has_no_chance_is_refused_with_a_size_that_would_do(monkeypatch):
+    with pytest.raises(NoResultError) as caught:
+        judged(monkeypatch, address_space() + 0.6 * jobs.UNWRAP_FACE_BYTES * FACES)
+    said = re.fullmatch(
+        r"scan\.ply: 1,000,000 faces take about ([\d.]+) GB, and the bound is [\d.]+ GB: "
+        r"give --max-memory ([\d.]+)G or more, or a smaller mesh",
+        str(caught.value),
+    )
+    assert judged(monkeypatch, float(said[2]) * 1e9) == 1
+    # the model knows charts alone
+    assert judged(monkeypatch, 1.0, cut="none") == 2

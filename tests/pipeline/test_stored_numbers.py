@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import Delaunay
 
 import circparam
+from circparam.formats import io
 from circparam.formats.io import read, rounding
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
@@ -16,11 +18,50 @@ from circparam.pipeline import stored_fit
 from circparam.pipeline.fallback import SOUND
 from circparam.pipeline.representable_uv import BOUNDARY_NUMBERS, RAY_NUMBERS, Patch, mend_faces
 from circparam.pipeline.stored_fit import store
-from tests.support import needles, shapes
+from tests.support import shapes
 from tests.support.atlases import cut_where, surface_of
 from tests.support.charts import flat_of
 from tests.support.exact import exact_sign
-from tests.support.needles import ROUNDINGS
+from tests.support.shapes import areas, boundary, sheet_faces
+
+ROUNDINGS = {
+    "f4": lambda uv: uv.astype(np.float32).astype(np.float64),
+    "glb": io.rounding("glb"),
+    "f8": lambda uv: uv.copy(),
+    "steps": lambda uv: np.round(uv * 2.0**24) / 2.0**24,
+    "decimals": lambda uv: np.round(uv, 7),  # as a text of seven digits would
+}
+
+
+def crowd(rng: np.random.Generator, n: int, width: float):
+    """A random square with n vertices within ``width`` of each other: (points (k, 2), faces), 0.1 wide."""
+    q = rng.uniform(-0.5, 0.5, 2) + rng.normal(size=(n, 2)) * width / 0.05
+    corners = [[-1.1, -1.1], [1.1, -1.1], [1.1, 1.1], [-1.1, 1.1]]
+    p = np.concatenate([rng.uniform(-1, 1, (60, 2)), q, corners])
+    return _upright(p * 0.05 + rng.uniform(0.1, 0.9, 2), Delaunay(p).simplices)
+
+
+def band(rng: np.random.Generator, n: int, width: float):
+    """A turned grid of n columns in which up to three rows lie only ``width`` apart: (points, faces)."""
+    y = np.sort(np.r_[np.linspace(0, 1, 4), 0.5 + np.arange(rng.integers(1, 4)) * width / 0.05])
+    px, py = np.meshgrid(np.linspace(0, 1, n), y)
+    t = rng.uniform(0, 6)
+    turn = np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]])
+    p = 0.05 * np.stack([px.ravel(), py.ravel()], 1) @ turn + rng.uniform(0.2, 0.8, 2)
+    return _upright(p, sheet_faces(len(y) - 1, n - 1))
+
+
+def boundary_vertices(faces, n: int):
+    """(n,) bool: the vertex is on a side that one face has alone."""
+    out = np.zeros(n, bool)
+    out[boundary(faces)] = True
+    return out
+
+
+def _upright(p, f):
+    area = areas(p[f])
+    return p, np.where(area[:, None] < 0, f[:, [0, 2, 1]], f)[area != 0]
+
 
 QUICK = {"effort": 0.01, "resolution": 64}
 numbers = st.floats(-2.0, 2.0) | st.sampled_from([0.0, 0.5, 1.0, 1 - 2.0**-24, 2.0**-30])
@@ -29,12 +70,12 @@ seeds = st.integers(0, 2**20)
 
 @given(
     st.sampled_from(["f4", "glb", "steps", "decimals"]),
-    st.sampled_from([needles.crowd, needles.band]),
+    st.sampled_from([crowd, band]),
     st.integers(2, 10), st.floats(-10, -7.5), seeds,
 )  # fmt: skip
 def test_needles_are_upright_after_a_few_units(name, make, n: int, width: float, seed: int) -> None:
     p, f = make(np.random.default_rng(seed), n, 10.0**width)
-    patch = Patch(f, p, needles.boundary_vertices(f, len(p)), ROUNDINGS[name])
+    patch = Patch(f, p, boundary_vertices(f, len(p)), ROUNDINGS[name])
     before = signs(patch.start, f) <= 0
     uv, spoilt = mend_faces(patch)
     np.testing.assert_array_equal(patch.rounding(uv), uv)
@@ -60,7 +101,7 @@ def test_vertices_on_a_boundary_move_little_and_others_as_far_as_they_must(
 ) -> None:
     """To be upright, and to get their shape back. Gaps between charts have no room for more: of 120 vertices
     within 1e-9 some faces stay spoilt there."""
-    p, f = needles.crowd(np.random.default_rng(seed), count, width)
+    p, f = crowd(np.random.default_rng(seed), count, width)
     patch = Patch(f, p, np.full(len(p), not inside), ROUNDINGS["f4"])
     mended, spoilt = mend_faces(patch)
     uv = stored_fit.relieve(patch, mended, np.zeros(len(f), np.int64))
@@ -135,7 +176,7 @@ def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
 
 def planted(n: int = 8, seed: int = 3) -> Surface:
     """A flat square, 0.1 wide, in which n vertices lie within 1e-9 of each other, as a mesh."""
-    p, f = needles.crowd(np.random.default_rng(seed), n, 1e-9)
+    p, f = crowd(np.random.default_rng(seed), n, 1e-9)
     return np.c_[p - p.mean(0), np.zeros(len(p))], f
 
 

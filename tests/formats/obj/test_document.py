@@ -6,9 +6,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.errors import OptionError
-from circparam.formats.io import encode, read_data
-from tests.support.formats_tools import assert_round_trip, corners, layout_with_seams, smooth_layout
-from tests.support.obj_files import naive, without_uv
+from circparam.formats import Polygons
+from circparam.formats.io import encode, read, read_data
+from circparam.formats.memory import PlainDocument
+from circparam.formats.source import Source
+from circparam.mesh.mesh import Mesh, UVMap
+from tests.support.formats_tools import (
+    assert_round_trip,
+    corners,
+    corpus_files,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.obj_files import CUBE, naive, without_uv
 
 
 def test_groups_stand_in_where_no_material_is_named() -> None:
@@ -88,3 +98,121 @@ def test_generated_files_come_back(data: bytes, seed: int) -> None:
         assert twice.data == out.data  # writing the same uv again changes nothing
     for format in ("ply", "glb"):
         assert_round_trip(document, layout_with_seams(document, seed), format)
+
+
+def test_new_vt_lines_stand_where_the_old_ones_stood() -> None:
+    document = read_data(CUBE, format="obj")
+    out = encode(document, smooth_layout(document), "obj").data
+    before = out[: out.index(b"vt ")]
+    assert before.endswith(b"v 0 1 1\n")
+    plain = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nf 1 2 3\n"
+    document = read_data(plain, format="obj")
+    out = encode(document, smooth_layout(document), "obj").data
+    assert out.startswith(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nvt ")
+
+
+def test_corners_without_uv_get_none() -> None:
+    document = read_data(CUBE, format="obj")
+    uvmap = smooth_layout(document)
+    faces = uvmap.uv_faces.copy()
+    faces[document.mesh.polygons == 1] = -1  # f v//vn
+    faces[document.mesh.polygons == 3] = -1  # f v
+    uvmap = UVMap(uvmap.uv, faces)
+    out = encode(document, uvmap, "obj").data
+    assert b"f 5//1 6//1 7//1 8//1\n" in out
+    assert b"f 2 3 7 6\n" in out
+    assert_round_trip(document, uvmap, "obj")
+
+
+@pytest.mark.parametrize("path", corpus_files(".obj", most=1e6))
+def test_real_files_keep_every_other_byte(path) -> None:
+    document = read(path)
+    for uvmap in (layout_with_seams(document), document.uv() or smooth_layout(document)):
+        out = encode(document, uvmap, "obj")
+        assert without_uv(out.data) == without_uv(path.read_bytes())
+        assert_round_trip(document, uvmap, "obj")
+
+
+@pytest.mark.parametrize(
+    ("face", "expected"),
+    [
+        (b"f 1 2 3", b"f 1/1 2/2 3/3"),
+        (b"f 1/ 2/ 3/", b"f 1/1 2/2 3/3"),
+        (b"f 1// 2// 3//", b"f 1/1/ 2/2/ 3/3/"),
+        (b"f 1/9/1 2/9/1 3/9/1", b"f 1/1/1 2/2/1 3/3/1"),
+        (b"f 1//1 2//1 3//1", b"f 1/1/1 2/2/1 3/3/1"),
+        (b"f\t-3/-1/-1  -2/9/1 3/9 # 1/2", b"f\t-3/1/-1  -2/2/1 3/3 # 1/2"),
+    ],
+)
+def test_the_field_of_vt_in_every_form(face: bytes, expected: bytes) -> None:
+    head = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n" + b"vt 0 0\n" * 9
+    document = read_data(head + face + b"\n")
+    out = encode(document, smooth_layout(document), "obj").data
+    assert out.split(b"\n")[-2] == expected
+    assert out.count(b"vt ") == 3
+
+
+@pytest.mark.parametrize("newline", [b"\n", b"\r\n", b"\r"])
+def test_new_lines_end_as_the_others_do(newline: bytes) -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".replace(b"\n", newline)
+    out = encode(read_data(data), smooth_layout(read_data(data)), "obj").data
+    assert out.count(newline) == 7
+    assert out.replace(newline, b"").count(b"\n") == out.replace(newline, b"").count(b"\r") == 0
+
+
+def test_line_elements_lose_their_vt() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nl 1/1 2/1 3\nl 1 2\n"
+    out = encode(read_data(data), smooth_layout(read_data(data)), "obj")
+    assert out.data.endswith(b"\nl 1 2 3\nl 1 2\n")
+    assert any("l elements lost their vt" in note for note in out.notes)
+    plain = read_data(data.replace(b"/1", b""))
+    assert encode(plain, smooth_layout(plain), "obj").notes == []
+
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.1, 1e-7]], float)
+
+
+def document(groups=None, names: tuple[str, ...] = (), features: tuple[str, ...] = ()):
+    """A quad, an edge that no triangle has, and a triangle."""
+    corners = np.array([0, 1, 2, 3, 0, 1, 1, 4, 2])
+    start = np.array([0, 4, 6, 9])
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [6, 7, 8]])
+    polys = Polygons(corners, start, triangles, np.array([0, 0, 2]))
+    mesh = Mesh(POINTS, corners[triangles], polygons=polys.labels, groups=groups)
+    return PlainDocument(
+        Source("x"), "off", mesh, features=features, group_names=names, polys=polys
+    )
+
+
+UV = np.array([[0.1, 0], [1, 0], [1, 1], [0, 1], [9, 9], [0.5, 1e-20]])
+FACES = np.array([[0, 1, 2], [0, 2, 3], [1, 5, 2]])
+
+
+def test_every_line() -> None:
+    """Uv that no corner uses go, a polygon of two corners is no face, digits are the shortest."""
+    out = encode(document(), UVMap(UV, FACES), "obj")
+    assert out.data.decode().split("\n") == [
+        "v 0.0 0.0 0.0", "v 1.0 0.0 0.0", "v 1.0 1.0 0.0", "v 0.0 1.0 0.0", "v 2.0 0.1 1e-07",
+        "vt 0.1 0.0", "vt 1.0 0.0", "vt 1.0 1.0", "vt 0.0 1.0", "vt 0.5 1e-20",
+        "f 1/1 2/2 3/3 4/4", "f 2/2 5/5 3/3", "",
+    ]  # fmt: skip
+    assert out.vertex_map.tolist() == [0, 1, 2, 3, 4]
+    assert out.face_map.tolist() == [0, 1, 2]
+    assert out.notes == []
+
+
+def test_corners_without_uv() -> None:
+    faces = FACES.copy()
+    faces[:2] = -1
+    data = encode(document(), UVMap(UV, faces), "obj").data
+    assert data.endswith(b"vt 1.0 0.0\nvt 1.0 1.0\nvt 0.5 1e-20\nf 1 2 3 4\nf 2/1 5/3 3/2\n")
+
+
+def test_groups_are_materials() -> None:
+    doc = document(np.array([1, 1, 0]), ("", "two  words"), ("groups", "normals"))
+    out = encode(doc, UVMap(UV, FACES), "obj")
+    assert b"usemtl two_words\nf 1/1 2/2 3/3 4/4\n" in out.data
+    assert b"usemtl group_0\nf 2/2 5/5 3/3\n" in out.data
+    assert out.notes == ["not carried into OBJ: normals"]
+    one = document(np.array([2, 2, 2]), ("a",))
+    assert encode(one, UVMap(UV, FACES), "obj").data.count(b"usemtl group_2\n") == 1

@@ -1,19 +1,41 @@
 """PLY: every element and property kept in all three encodings, compared by an independent reader."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circparam.formats import Polygons
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data, stored
+from circparam.formats.memory import PlainDocument, from_arrays
+from circparam.formats.source import Source
+from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
     corpus_files,
+    grid,
     layout_with_seams,
+    refused,
     smooth_layout,
 )
-from tests.support.ply_files import CODES, INDEX, ORDERS, THREE, XYZ, build, naive, plain, sample
+from tests.support.ply_files import (
+    CODES,
+    INDEX,
+    ORDERS,
+    THREE,
+    XYZ,
+    build,
+    naive,
+    plain,
+    sample,
+    strip_file,
+    triangles_file,
+    triangles_of,
+)
 
 
 def test_uv_kept_in_doubles_where_the_file_has_doubles() -> None:
@@ -133,3 +155,112 @@ def test_a_face_whose_list_does_not_fit_has_no_uv() -> None:
     assert (uvmap.uv_faces[1:4] == -1).all()
     assert uvmap.uv[uvmap.uv_faces[0]].tolist() == [[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]]
     assert uvmap.uv[uvmap.uv_faces[4]].tolist() == [[1, 0], [0, 1], [0.25, 0.75]]
+
+
+def test_names_of_the_uv_are_kept() -> None:
+    data = (
+        sample("ascii", uv="vertex")
+        .replace(b"float s\n", b"float texture_u\n")
+        .replace(b"float t\n", b"float texture_v\n")
+    )
+    document = read_data(data)
+    assert document.uv_sets == (0,)
+    out = encode(document, smooth_layout(document), "ply").data
+    assert b"property float texture_u\nproperty float texture_v\n" in out
+    assert b"property float s\n" not in out
+
+
+@settings(max_examples=80)
+@given(
+    st.lists(st.lists(st.integers(-1, 11), min_size=1, max_size=14), min_size=1, max_size=3),
+    st.integers(0, 5),
+)
+def test_any_strips_come_back(rows: list[list[int]], seed: int) -> None:
+    expected = [t for row in rows for t in triangles_of(row)]
+    data = strip_file("binary_little_endian", rows)
+    if not expected:
+        refused(data, "no faces")
+        return
+    document = read_data(data)
+    assert document.mesh.faces.tolist() == expected
+    assert_round_trip(document, layout_with_seams(document, seed), "ply")
+
+
+@pytest.mark.parametrize("n", [254, 255, 256])
+def test_the_last_index_of_a_type_is_used(n: int) -> None:
+    """n + 1 vertices after the split: index 255 fits a uchar, 256 does not."""
+    points = [[k, k * k % 17, 0] for k in range(n)]
+    faces, index = [[0, 1, 2], [0, 2, n - 1]], "list uchar uchar vertex_indices"
+    document = read_data(triangles_file("binary_little_endian", points, faces, index))
+    uvmap = UVMap(np.random.default_rng(0).random((5, 2)), np.array([[0, 1, 2], [4, 2, 3]]))
+    out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv="vertex")).data
+    assert (b"list uchar int" in out) == (n + 1 > 256)
+    assert naive(out)["face"][1]["vertex_indices"] == [n, 2, n - 1]
+
+
+def test_what_lies_behind_the_elements_is_kept() -> None:
+    data = sample("binary_little_endian", uv="face") + b"\0behind"
+    document = read_data(data)
+    for place in ("vertex", "face"):
+        out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv=place))
+        assert out.data.endswith(b"\0behind")
+
+
+@pytest.mark.parametrize("newline", [b"\r\n", b"\r"])
+def test_line_ends_are_kept(newline: bytes) -> None:
+    data = sample("ascii").replace(b"\n", newline)
+    document = read_data(data)
+    for uvmap in (smooth_layout(document), layout_with_seams(document)):
+        out = encode(document, uvmap, "ply").data
+        assert b"\n" not in out.replace(newline, b"")
+        back = naive(out.replace(newline, b"\n"))
+        old = plain(naive(sample("ascii"))["vertex"])
+        assert plain(back["vertex"])[: len(old)] == old
+
+
+def fan(n: int) -> PlainDocument:
+    """One polygon of n corners."""
+    a = 2 * np.pi * np.arange(n) / n
+    points = np.stack([np.cos(a), np.sin(a), 0 * a], 1).astype("f4").astype(float)
+    k = np.arange(1, n - 1)
+    triangles = np.stack([0 * k, k, k + 1], 1)
+    polys = Polygons(np.arange(n), np.array([0, n]), triangles, np.zeros(n - 2, np.int64))
+    mesh = Mesh(points, triangles, polygons=polys.labels)
+    return PlainDocument(Source("x"), "off", mesh, polys=polys)
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_other_programs_read_the_default(tmp_path: Path, again: bool) -> None:
+    """meshio and trimesh find the uv of every corner, in a new file and in one that is written back; points
+    that single precision holds are stored in it."""
+    doc = from_arrays(*grid(4))
+    if again:
+        doc = read_data(encode(doc, smooth_layout(doc), "ply").data)
+    expected = layout_with_seams(doc)
+    path = tmp_path / "o.ply"
+    path.write_bytes(encode(doc, expected, "ply").data)
+    assert b"property float x" in path.read_bytes()
+    corners = expected.uv.astype("f4")[expected.uv_faces]
+    loaded = trimesh.load(path, process=False)
+    np.testing.assert_array_equal(loaded.visual.uv[loaded.faces].astype("f4"), corners)
+    meshio = pytest.importorskip("meshio")
+    found = meshio.read(path)
+    uv = np.stack([found.point_data["s"], found.point_data["t"]], 1)
+    np.testing.assert_array_equal(uv[found.cells_dict["triangle"]], corners)
+
+
+@pytest.mark.parametrize(("place", "last"), [("vertex", 255), ("face", 127)])
+def test_list_lengths_outgrow_a_byte(place: str, last: int) -> None:
+    """A byte counts 255 corners; of uv it counts pairs, so 127."""
+    for n, kind in ((last, b"list uchar"), (last + 1, b"list int")):
+        doc = fan(n)
+        uvmap = UVMap(np.random.default_rng(0).random((n, 2)), doc.mesh.faces)
+        data = encode(doc, uvmap, "ply", options=WriteOptions(ply_uv=place)).data
+        assert kind in data
+        rows = naive(data)
+        assert rows["face"][0]["vertex_indices"] == list(range(n))
+        if place == "face":
+            got = np.array(rows["face"][0]["texcoord"]).reshape(-1, 2)
+            np.testing.assert_array_equal(got, uvmap.uv.astype("f4"))
+        again = read_data(data).uv()
+        assert len(again.uv) == n
