@@ -35,7 +35,6 @@ def level(points: FloatArray, faces: IntArray) -> tuple[Mesh, UVMap]:
 def decoded(baked: Baked, document: Document, face: IntArray, bary: FloatArray) -> FloatArray:
     """Directions in space that a viewer of glTF reads from a normal map."""
     layout = document.uv()
-    assert layout is not None
     x, y, z = (2 * sample_back(baked, layout, face, bary) - 1).T[..., None]
     space = own_frames(document, layout)
     t, b, n = (

@@ -92,7 +92,6 @@ def gloss_glb(image: int | None, **gloss: object) -> bytes:
     """A triangle whose material is one of specular-glossiness, perhaps with an image of one red texel."""
     new = from_arrays(np.eye(3), [[0, 1, 2]], np.eye(3)[:, :2] * 0.9)
     layout = new.uv()
-    assert layout is not None
     tree, binary = chunks(encode(new, layout, "glb").data)
     tree["materials"] = [{"name": "g", "extensions": {GLOSS: gloss}}]
     tree["extensionsUsed"] = [GLOSS]
@@ -171,7 +170,6 @@ def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path):
     assert tree["textures"][material["normalTexture"]["index"]]["source"] == 0
     document = read(path)
     normal = document.normals()
-    assert normal is not None
     tangent = document.tree.values(primitive["attributes"]["TANGENT"])[document.mesh.faces]
     face, bary = some_places(len(low[0].faces), 500)
     x, y, z = (2 * sample_back(baked, document.uv(), face, bary) - 1).T[..., None]
@@ -229,6 +227,5 @@ def test_a_cube_of_an_obj_is_shaded_as_its_vn_say(tmp_path: Path):
     (path,), notes = write_baked(tmp_path / "c.glb", baked, cube, 0, "normals")
     assert not any("normals" in note for note in notes)
     normals = read(path).normals()
-    assert normals is not None
     assert np.allclose(normals, cube.normals())
     assert validate(path) == [set()]

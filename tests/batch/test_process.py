@@ -153,7 +153,6 @@ def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
 def test_a_server_whose_worker_has_gone_cleans_up(tmp_path: Path) -> None:
     process, pause = WarmServer(True)._process, threading.Event()
     task, scratch = hanging(tmp_path)
-    assert process.stdin is not None
     send(process.stdin, pickle.dumps(task))
     while not (scratch / "hang.obj").exists():
         pause.wait(0.01)

@@ -98,8 +98,6 @@ def drive(
     visit = {"page": page.as_uri(), "folder": str(folder), "width": width, "height": height,
              "touch": touch, "scheme": scheme, "steps": steps}  # fmt: skip
     process = browser()
-    assert process.stdin is not None
-    assert process.stdout is not None
     process.stdin.write(json.dumps(visit) + "\n")
     process.stdin.flush()
     seen: dict[str, Any] = json.loads(process.stdout.readline())

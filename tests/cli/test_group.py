@@ -16,7 +16,6 @@ from tests.support.command_line import QUICK, obj, report, run
 
 def command_of(name: str) -> click.Command:
     command = cli.get_command(click.Context(cli), name)
-    assert command is not None
     return command
 
 

@@ -61,7 +61,6 @@ def mesh(tmp_path: Path) -> Path:
 def program(code: str) -> Iterator[subprocess.Popen[bytes]]:
     """A program that has said that it is ready."""
     with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE) as process:
-        assert process.stderr is not None
         assert process.stderr.readline() == b"ready\n"
         yield process
 

@@ -87,8 +87,6 @@ def test_a_closed_pipe_is_one_line(command: str) -> None:
     """The reader is gone before a table is written."""
     words = [sys.executable, "-m", "circparam", command]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
         process.stdout.close()
         error = process.stderr.read()
     assert error == b"circparam: error: standard output was closed before everything was written\n"

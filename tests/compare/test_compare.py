@@ -43,10 +43,8 @@ def test_every_method_gets_the_identical_cut(disk: Comparison) -> None:
 
 def test_stages_and_memory_are_measured(disk: Comparison) -> None:
     for r in disk.rows:
-        assert r.seconds is not None
         # a stage is a part of its run, and so is its median of the median; the sum of medians need not be
         assert all(0 < s <= r.seconds for s in r.stages.values())
-        assert r.peak_bytes is not None
         assert r.peak_bytes >= 0
     assert {"weights", "solve"} <= set(disk.rows[0].stages)
 

@@ -314,7 +314,6 @@ def test_no_worker_outlives_its_caller(number: str) -> None:
         stderr=subprocess.DEVNULL,
         text=True,
     ) as caller:
-        assert caller.stdout is not None
         pids = [int(word) for word in caller.stdout.readline().split()]
         assert caller.stdout.readline() == "waiting\n"
         caller.send_signal(getattr(signal, number))

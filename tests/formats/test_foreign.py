@@ -139,7 +139,6 @@ def test_a_3mf_has_the_geometry_of_its_scene() -> None:
         np.sort(np.asarray(whole.triangles).reshape(-1, 9), 0),
         atol=1e-6,
     )
-    assert document.mesh.groups is not None
     assert np.bincount(document.mesh.groups).tolist() == [48, 80]
     assert "materials" in document.warnings[0]
 

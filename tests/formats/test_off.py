@@ -17,7 +17,6 @@ def test_off_keeps_points_and_polygons() -> None:
     off = read_data(OFF)
     assert off.format == "off"
     assert off.mesh.points[4].tolist() == [0.1, 0.30000000000000004, 1.0]
-    assert off.mesh.polygons is not None
     assert off.mesh.polygons.tolist() == [0, 0, 1, 2]
     for format in ("obj", "ply"):
         assert_round_trip(off, layout_with_seams(off), format)

@@ -39,7 +39,6 @@ def test_scenes_of_several_solids_are_groups() -> None:
     solids = [b"solid a\n" + FACET + b"endsolid a\n", b"solid b\n" + 2 * raised + b"endsolid b\n"]
     mesh = read_data(b"".join(solids)).mesh
     assert mesh.points[mesh.faces][:, 0, 0].tolist() == [0, 1, 1]
-    assert mesh.groups is not None
     assert mesh.groups.tolist() == [0, 1, 1]
     one = read_data(solids[0])
     assert one.mesh.groups is None

@@ -143,7 +143,6 @@ def test_the_overlay_wears_the_colours_and_textures_of_a(tmp_path: Path) -> None
     document, _ = overlaid(one, two, known)
     places = document.mesh.points[document.mesh.faces]
     shown, looks = document.colours(), document.textures()
-    assert shown is not None
     np.testing.assert_allclose(shown, 0.5 + 0.5 * places / np.abs(a.points).max(), atol=1e-6)
     parent = known.overlay.parents[:, 0]
     red = parent < len(a.faces) // 2

@@ -34,7 +34,6 @@ def test_no_texel_of_a_neighbour_bleeds_in(padding: int) -> None:
     near = distance_transform_edt(owner < 0, return_distances=False, return_indices=True)
     filled = owner[near[0], near[1]]
     level = mip_level(padding)
-    assert level is not None
     assert not _bleeds(owner, filled, level)
     assert _bleeds(owner, filled, level + 2)
 

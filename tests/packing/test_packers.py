@@ -109,7 +109,6 @@ def test_more_charts_than_a_skyline_takes_go_into_rows_where_these_are_fuller() 
     shapes = shapes_of(*triangles(3000, 3))
     for options, fuller in ((PackOptions(256, 3), False), (PackOptions(2048, 1), True)):
         boxes = shelf_placement(shapes, options)
-        assert boxes is not None
         found = row_placement(shapes, options, Monitor(), boxes.scale)
         assert (found is not None) == fuller
     assert pack(*triangles(SKYLINE_CHARTS + 1, 5), PackOptions(1024, 1)).share[0] > 0.25

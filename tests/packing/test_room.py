@@ -32,7 +32,6 @@ def test_the_gap_stays_round_every_chart(rotate: str) -> None:
     shapes = rectangles([(0.3, 0.2), (0.2, 0.35), (0.25, 0.25)])
     asked = PackOptions(resolution=256, padding=4, rotate=rotate)
     found = find_room(shapes, [used], asked, exact=True)
-    assert found is not None
     assert found.scale == 1.0
     charts = [found.uv[4 * k : 4 * k + 4] for k in range(3)]
     for k, chart in enumerate(charts):
@@ -51,7 +50,6 @@ def test_charts_shrink_alike_or_are_refused() -> None:
     shapes = rectangles([(0.5, 0.5), (0.1, 0.1)])
     assert find_room(shapes, [used], ASKED, exact=True) is None
     found = find_room(shapes, [used], ASKED, exact=False)
-    assert found is not None
     assert 0.35 < found.scale < 0.5
     assert np.ptp(found.uv[:4], axis=0) == pytest.approx([0.5 * found.scale] * 2)
     assert np.ptp(found.uv[4:], axis=0) == pytest.approx([0.1 * found.scale] * 2)
@@ -62,7 +60,6 @@ def test_a_second_page_takes_what_the_first_has_no_room_for() -> None:
     found = find_room(
         rectangles([(0.4, 0.4)]), [page((0, 0, 1, 1)), page((0, 0, 0.5, 1))], ASKED, True
     )
-    assert found is not None
     assert found.page.tolist() == [1]
     assert 1.5 < found.uv[:, 0].min() <= found.uv[:, 0].max() < 2
 
@@ -70,7 +67,6 @@ def test_a_second_page_takes_what_the_first_has_no_room_for() -> None:
 def test_many_small_charts_find_room() -> None:
     shapes = rectangles([(0.03, 0.05)] * 150)
     found = find_room(shapes, [page((0, 0, 1, 0.5))], PackOptions(resolution=256, padding=1), True)
-    assert found is not None
     low = found.uv.reshape(150, 4, 2).min(1)
     assert found.uv[:, 1].min() > 0.5
     assert cKDTree(low).query(low, 2)[0][:, 1].min() > 0.03

@@ -59,7 +59,6 @@ def test_no_charts_are_begun_that_the_time_is_too_short_for(pace, begun, clock):
     with monitor.holding(100.0):
         assert monitor.expired
         seams = find_seams(job, monitor)
-    assert seams.uv is not None
     assert np.isfinite(seams.uv).all() == begun
     assert ("charts" in monitor.seconds) == begun
     assert any("out of time" in note for note in seams.notes) != begun

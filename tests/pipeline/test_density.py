@@ -26,7 +26,6 @@ BRACKET = samples.path("bracket")
 
 def rows(result: Result) -> dict[str, dict[str, Any]]:
     found = summarise(result)["density"]
-    assert found is not None
     return {row["name"]: row for row in found}
 
 

@@ -70,7 +70,6 @@ def test_a_mesh_without_a_seam_gets_none() -> None:
 def cost(cascade: Cascade) -> float:
     """Seams, charts and page of a layout, which cuts of a strip change."""
     found = cascade.packing or fuller_page.packing(cascade, Options(resolution=512), Monitor())
-    assert found is not None
     share = fuller_page.covered_share(found)
     return COST.finished(cascade.atlas.seam_length, cascade.atlas.charts()[0], 1.0, 0.0, share)
 

@@ -45,7 +45,6 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
 
 
 def boxes(result: Result) -> list[dict[str, Any]]:
-    assert result.groups is not None
     return list(group_rows(result.groups, result.verification))
 
 
@@ -189,7 +188,6 @@ def test_pack_turns_charts_upright_and_stacks_go_along(plain: tuple[Result, Path
     four = shapes.row_of(shapes.cube(2), 4)
     both = circparam.unwrap(four, stack="identical", orient="up", stack_offset=True, **QUICK)
     assert both.status == "ok"
-    assert both.stacks is not None
     assert both.stacks.copies == 3
 
 

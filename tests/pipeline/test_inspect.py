@@ -19,7 +19,6 @@ def test_faults_of_a_set(tmp_path: Path) -> None:
     p, f = shapes.grid(5, 5)
     good = read(obj(tmp_path / "a.obj", (p, f), p[:, :2] * 0.8 + 0.1))
     found = inspect(good, uv_set=0, resolution=64, padding=4)
-    assert found.uv is not None
     assert found.uv.valid
     assert found.faults == []
     near = read(obj(tmp_path / "b.obj", (p, f), p[:, :2] * 0.98 + 0.01))
@@ -46,7 +45,6 @@ def test_charts_hang_together_as_the_layout_shows_them() -> None:
     by_angle = verify(repair(mesh)[0], UVMap(uv, f))
     assert by_angle.numbers()["charts"] == 4
     found = inspect(from_arrays(p, f, uv=uv, uv_faces=f), uv_set=0, resolution=64, padding=0)
-    assert found.uv is not None
     assert (found.uv.numbers()["charts"], found.uv.flips, found.uv.overlap) == (2, 0, 0)
     assert found.uv.numbers()["seam_length"] == 0
 
@@ -86,7 +84,6 @@ RIGHT = shapes.grid(5, 5)[0][:, :2] * [-0.4, 0.4] + [
 )
 def test_backs_are_faces_of_their_own(back: np.ndarray, bare: int, fault: str) -> None:
     found = two_sided(back, bare)
-    assert found.uv is not None
     assert [line for line in found.faults if fault in line] == found.faults[:1]
     assert found.uv.valid == (fault == "" or "outside" in fault)
     assert bare or not np.isfinite(back).all() or found.uv.numbers()["charts"] == 2
@@ -96,7 +93,6 @@ def test_backs_are_faces_of_their_own(back: np.ndarray, bare: int, fault: str) -
 def test_backs_that_lie_on_their_fronts_are_judged_with_them() -> None:
     """What unwrap promises of duplicates: they take the uv of the face that was kept."""
     found = two_sided(shapes.grid(5, 5)[0][:, :2] * 0.4 + [0.03, 0.3])
-    assert found.uv is not None
     assert (found.uv.valid, found.uv.numbers()["charts"], found.shared) == (True, 1, 32)
     assert any("32 faces on a face" in line for line in found.notes)
 
@@ -107,7 +103,6 @@ def test_faces_without_area_have_uv_too() -> None:
     line = np.array([[0, 1, 2]])
     uv_faces = np.r_[f, [[-1, -1, -1]]]
     found = inspect(from_arrays(p, np.r_[f, line], uv=p[:, :2], uv_faces=uv_faces), uv_set=0)
-    assert found.uv is not None
     assert (found.uv.missing, found.uv.valid) == (1, False)
 
 
@@ -116,7 +111,6 @@ def test_faces_without_area_have_uv_too() -> None:
 )
 def test_empty_pages_between_cost_nothing(far: float, pages: int, outside: int) -> None:
     found = two_sided(np.round(RIGHT * 8) / 8 + [far, 0])
-    assert found.uv is not None
     n = found.uv.numbers()
     assert n["pages"] == pages
     assert n["outside"] >= outside
@@ -127,7 +121,6 @@ def test_empty_pages_between_cost_nothing(far: float, pages: int, outside: int) 
 
 def test_uv_that_no_float_holds_are_none() -> None:
     found = two_sided(RIGHT * 1e300)
-    assert found.uv is not None
     assert found.uv.missing == 32
     assert any("do not fit float32" in line for line in found.notes)
 
@@ -135,7 +128,6 @@ def test_uv_that_no_float_holds_are_none() -> None:
 def test_too_many_pages_are_told_and_not_drawn() -> None:
     p, f = shapes.row_of(shapes.grid(2, 2), 101, gap=1.0)
     found = inspect(from_arrays(p, f, uv=p[:, :2] / 2 + 0.25, uv_faces=f), uv_set=0)
-    assert found.uv is not None
     n = found.uv.numbers()
     assert (n["pages"], n["pack"], n["border_texels"]) == (101, None, None)
     assert any("101 pages" in line for line in found.faults)

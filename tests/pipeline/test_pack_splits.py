@@ -108,8 +108,6 @@ BENT = shapes.half_cylinder()
 def texels(result: Result) -> float:
     """Pages that are covered, in all."""
     pages, share = result.measures["pages"], result.measures["pack"]
-    assert pages is not None
-    assert share is not None
     return pages * share
 
 

@@ -34,7 +34,6 @@ def test_pins_hold_in_the_written_file(tmp_path: Path, method: str, ending: str)
     assert result.status == "ok"
     written = read(out)
     uvmap = written.uv()
-    assert result.vertex_map is not None
     vertex = result.vertex_map[written.mesh.faces]
     for k, u, v in PINS:
         found = uvmap.uv[uvmap.uv_faces[vertex == k]]

@@ -64,7 +64,6 @@ def test_what_has_an_atlas_of_its_own_stands_in_the_file(tmp_path: Path, suffix:
     document = read(out)
     assert document.group_by() == "primitive"
     found = inspect(document, uv_set=0, resolution=256, padding=2)
-    assert found.uv is not None
     assert found.uv.overlap == 0
     assert not found.faults
     assert any("each primitive has an atlas" in note for note in found.notes)

@@ -44,7 +44,6 @@ def test_what_is_left_is_of_the_scene_and_covers_it(seed: int, n: int, holes: in
     scene = sheet(n, seed, holes)
     shown = coarser(scene, len(scene.faces) // 4)
     assert len(shown.faces) < 0.75 * len(scene.faces)
-    assert shown.source is not None
     assert (shown.chart == scene.chart[shown.source]).all()
     # every corner has a place and a uv that belong together
     place = np.empty(len(scene.uv), np.int64)
@@ -98,7 +97,6 @@ def test_faces_without_uv_and_copies_are_drawn_too() -> None:
     double = with_instances(scene, [(np.arange(len(scene.faces)), matrix)])
     shown = coarser(double, 1600)
     assert shown.once is scene
-    assert shown.source is not None
     assert np.array_equal(shown.distortion, scene.distortion[shown.source], equal_nan=True)
     assert (~shown.mapped).sum() == 200
     left, right = (shown.points[shown.faces].mean(1)[:, 0] > 2.0) ^ np.array([[True], [False]])

@@ -147,7 +147,6 @@ def test_pictures_tell_the_figures_of_the_reports(tmp_path: Path):
     result = circparam.unwrap(path, tmp_path / "out.obj", effort=0.01)
     document = read(tmp_path / "out.obj")
     uvmap = document.uv()
-    assert uvmap is not None
     told = dict(view_figures(verified_set(document, 0), scene_of(document, uvmap)))
     assert told == dict(as_figures(result.measures))
     assert result.measures["seam_length"] > 0

@@ -60,9 +60,7 @@ def test_topology_of_the_manifest(name: str) -> None:
 
 def test_bracket_has_two_materials_and_quads() -> None:
     mesh = samples.load("bracket").mesh
-    assert mesh.groups is not None
     assert len(np.unique(mesh.groups)) == 2
-    assert mesh.polygons is not None
     assert samples.files("bracket")[1].name == "bracket.mtl"
 
 

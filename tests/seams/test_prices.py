@@ -82,7 +82,6 @@ def test_a_flat_is_dearer_than_its_rim_however_many_see_the_rim() -> None:
     surface = surface_of(*shapes.cube(2))
     prices = edge_prices(surface)
     seen = replace(surface, price=visibility_prices(surface, 0.5))
-    assert seen.price is not None
     assert prices.flat.any()
     assert seen.price[~prices.flat].max() > 2
     uncut = np.zeros(len(surface.edges), bool)

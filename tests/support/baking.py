@@ -91,7 +91,6 @@ def back(baked: Baked, folder: Path) -> float:
     new, old = read(folder / "new.obj"), read(folder / "old.obj")
     face, bary = some_places(len(new.mesh.faces))
     layout, before = new.uv(), old.uv()
-    assert layout is not None
     image = np.asarray(Image.open(folder / "skin.png").convert("RGB"), float) / 255
     there = np.einsum("pk,pkc->pc", bary, before.uv[before.uv_faces[face]])
     # away from the texture's own edge, where repeating mixes both sides

@@ -112,7 +112,6 @@ def look_up(
     texture = tree.json["textures"][info["index"]]
     entry = tree.json["images"][texture["source"]]
     if "uri" in entry:
-        assert document.source.folder is not None
         data = (document.source.folder / entry["uri"]).read_bytes()
     else:
         data = bytes(tree.view(entry["bufferView"], "")[0])

@@ -110,7 +110,6 @@ def heads() -> Image.Image:
     mapped = known("head-1", "head-2", "head-1")
     baked = bake_document(second, "texture", source=first, across=Across(mapped), size=512)
     found, start = first.textures(), scene_of(first)
-    assert found is not None
     skin, _ = texture_paint(found, first.texture_layout(found))
     end = moved(mapped, first.mesh, second.mesh)
     side = np.array([0.75, 0.25, 0.9])
@@ -142,7 +141,6 @@ def covers() -> Image.Image:
     coarse, dense = samples.load("cover-coarse"), samples.load("cover-dense")
     baked = bake_document(coarse, "normals", source=dense, across=Across("nearest"), size=1024)
     layout = coarse.uv()
-    assert layout is not None
     space, code = own_frames(coarse, layout), baked_colour(coarse, baked)
 
     def told(face: IntArray, bary: FloatArray) -> FloatArray:

@@ -109,7 +109,6 @@ def test_materials_images_and_normals_of_an_obj_go_along(painted: Document) -> N
     old, kept = painted.uv(), again.uv(1)
     np.testing.assert_array_equal(corners(kept), corners(old)[out.face_map])
     normals, own = again.normals(), painted.normals()
-    assert normals is not None
     np.testing.assert_allclose(normals, own[out.face_map], atol=1e-7)
     assert own[0].tolist() == [[0, 0, 1]] * 3  # that without a direction has the one of its face
     found = again.textures()
@@ -135,7 +134,6 @@ def test_colours_of_vertices_go_along() -> None:
         out = encode(document, smooth_layout(document), "glb")
         again = read_data(out.data)
         found, own = again.colours(), document.colours()
-        assert found is not None
         np.testing.assert_allclose(found, own[out.face_map], atol=1e-6)
         linear = again.tree.values(again.pools[0].attributes["COLOR_0"])
         assert abs(linear[:, 1].max() - 0.503) < 0.001  # of 188, by IEC 61966-2-1

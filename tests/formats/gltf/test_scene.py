@@ -93,7 +93,6 @@ def test_primitives_that_share_their_vertices_keep_sharing_them() -> None:
     g.tree["materials"] = [{"name": "a"}, {}]
     document = read_data(g.model(*halves, lines).glb())
     assert len(document.mesh.points) == 16
-    assert document.mesh.groups is not None
     assert document.mesh.groups.tolist() == [0] * 7 + [1] * 11
     assert document.group_names == ("material_1", "a")
     assert document.labels("primitive").tolist() == [0] * 7 + [1] * 11
@@ -196,7 +195,6 @@ def test_normals_stay_upright_on_a_mesh_that_a_node_stretches() -> None:
     a, b, c = document.mesh.points
     flat = np.cross(b - a, c - a)
     found = document.normals()
-    assert found is not None
     np.testing.assert_allclose(found[0], [flat / np.linalg.norm(flat)] * 3, atol=1e-7)
 
 

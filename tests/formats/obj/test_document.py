@@ -24,7 +24,6 @@ from tests.support.obj_files import CUBE, naive, without_uv
 def test_groups_stand_in_where_no_material_is_named() -> None:
     data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\ng one\nf 1 2 3\no two\nf 3 2 1\ng one\nf 2 3 1\n"
     document = read_data(data, format="obj")
-    assert document.mesh.groups is not None
     assert document.mesh.groups.tolist() == [0, 1, 0]
     assert document.group_names == ("one", "two")
 

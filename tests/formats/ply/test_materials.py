@@ -25,7 +25,6 @@ def test_colours_of_vertices(encoding: str, kind: str, full: object, part: objec
     data = build(encoding, {"vertex": (XYZ + channels(kind), rows),
                             "face": ([INDEX], [[[0, 1, 2]], [[3, 2, 0]]])})  # fmt: skip
     colours = read_data(data).colours()
-    assert colours is not None
     one, other = [1, 0, 0.2], [0, 1, 0]
     np.testing.assert_allclose(colours, [[one] * 3, [other, one, one]], atol=1e-7)
 

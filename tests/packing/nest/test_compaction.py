@@ -29,7 +29,6 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
     shapes = shapes_of(np.arange(3 * n).reshape(n, 3), uv, np.arange(n))
     options = PackOptions(resolution=1024, padding=4)
     start = skyline_placement(shapes, options, Monitor())
-    assert start is not None
     after = Ascent(start, 256.0).climb(growth_of(shapes, options))
     assert finish(shapes, after, options)[1] is None
     assert after.scale > 1.02 * start.scale

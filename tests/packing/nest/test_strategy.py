@@ -36,7 +36,6 @@ def test_a_fixed_scale_takes_the_fewest_pages(density, pages):
     options = PackOptions(resolution=256, padding=2, rotate="none", texel_density=density, pages=6)
     task = PackTask(shapes, options, Monitor(), {}, lambda p: True)
     placement = nested(task)
-    assert placement is not None
     assert placement.scale == pytest.approx(density)
     assert len(set(placement.page)) == pages
     assert finish(shapes, placement, options)[1] is None
