@@ -33,6 +33,8 @@ _UNREAD = {"image/ktx2": "KTX2, which is not decoded"} | dict.fromkeys(
     ("video/mp4", "video/webm"), "a video"
 )
 
+UNMOVED = np.eye(2, 3)  # an affine map of uv that leaves them in place
+
 
 @dataclass(frozen=True, eq=False)
 class Textures:
@@ -64,8 +66,7 @@ def moved_layout(uvmap: UVMap, textures: Textures) -> UVMap:
         return uvmap
     pairs = np.stack([uvmap.uv_faces, np.where(moved, textures.face, -1)[:, None] + [[0] * 3]], 2)
     rows, number = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-    unmoved = np.eye(2, 3)
-    matrix = np.stack([*textures.moves, unmoved])[rows[:, 1]]  # image −1 is the last
+    matrix = np.stack([*textures.moves, UNMOVED])[rows[:, 1]]  # image −1 is the last
     uv = np.einsum("kij,kj->ki", matrix[:, :, :2], uvmap.uv[rows[:, 0]]) + matrix[:, :, 2]
     uv_faces = np.where(uvmap.uv_faces < 0, -1, number.reshape(-1, 3))
     return UVMap(uv, uv_faces)
@@ -82,7 +83,9 @@ class ImageFiles:
         self.images: list[bytes] = []
         self.names: list[str] = []
         self.notes: list[str] = []
+        self.moves: dict[int, FloatArray] = {}
         self._known: dict[str, int] = {}
+        self._moved: dict[tuple[int, bytes], int] = {}
 
     def add(self, name: str, data: bytes) -> int:
         """The number of an image in memory."""
@@ -100,6 +103,15 @@ class ImageFiles:
             except OSError:
                 self.missing(f"texture {name} is missing: put it beside the mesh")
         return self._known[name]
+
+    def moved(self, image: int, move: FloatArray) -> int:
+        """The number of an image under a move (2, 3) of the uv: an image that is moved in two ways is two."""
+        key = image, move.tobytes()
+        if key not in self._moved:
+            again = not np.array_equal(self.moves.get(image, move), move)
+            number = self.add(self.names[image], self.images[image]) if again else image
+            self._moved[key], self.moves[number] = number, move
+        return self._moved[key]
 
     def missing(self, line: str) -> None:
         """Note an image that cannot be had; strict: raise InputError."""
@@ -120,9 +132,17 @@ class ImageFiles:
 
     def textures(self, face: IntArray, plain: FloatArray, uv_set: int = 0) -> Textures:
         """All images read so far, as ``Textures`` with (m,) image and (m, 3) plain colour of each face."""
-        return Textures(
-            tuple(self.images), tuple(self.names), face, plain, uv_set, notes=self.notes
-        )
+        moves = tuple(self.moves.get(k, UNMOVED) for k in range(len(self.images)))
+        if all(np.array_equal(move, UNMOVED) for move in moves):
+            moves = ()
+        names = tuple(self.names)
+        return Textures(tuple(self.images), names, face, plain, uv_set, self.notes, moves=moves)
+
+
+def upwards(down: FloatArray) -> FloatArray:
+    """(2, 3) an affine map of uv with v downwards, as one of uv with v upwards."""
+    shift = [down[0, 2] + down[0, 1], 1 - down[1, 2] - down[1, 1]]  # both sides with v upwards
+    return np.column_stack([down[:, :2] * [[1, -1], [-1, 1]], shift]) + 0.0
 
 
 def tint(name: str, factor: FloatArray, has_image: bool) -> str:

@@ -12,7 +12,6 @@ import circparam
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.io import read
-from circparam.formats.joined import join
 from circparam.formats.memory import from_arrays
 from circparam.geometry.raster import fragments
 from circparam.mesh.mesh import UVMap
@@ -226,16 +225,3 @@ def test_files_that_differ_and_have_one_name_are_not_mixed_up(folder: Path, tmp_
     Image.fromarray(waves(9, 32)).save(other / "three.png")
     result = run("unwrap", folder / "three.obj", other / "five.obj", *words, "--overwrite")
     one_line_error(result, 2, "three.png", "differ")
-
-
-def test_every_format_stores_shared_uv_to_the_bit(folder: Path) -> None:
-    """u, v and 1 − v are float32, also far out."""
-    whole = join([read(path) for path in files(folder)])
-    rng = np.random.default_rng(3)
-    uv = np.concatenate([rng.random((1000, 2)), rng.normal(0, 300, (1000, 2)), [[0, 0], [1, 1]]])
-    stored = whole.rounded(uv)
-    for numbers in (stored, 1 - stored[:, 1]):
-        np.testing.assert_array_equal(numbers.astype(np.float32), numbers)
-    np.testing.assert_allclose(stored[:1000], uv[:1000], atol=2**-24)
-    np.testing.assert_allclose(stored, uv, rtol=1e-6, atol=1e-6)
-    np.testing.assert_array_equal(whole.rounded(stored), stored)

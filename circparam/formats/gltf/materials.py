@@ -13,7 +13,7 @@ from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.slots import GLOSS, factors_of, places_of, texture_info, unlike
 from circparam.formats.looks import Looks, Material, Use, Wrap
-from circparam.formats.materials import ImageFiles, Textures, srgb, tint
+from circparam.formats.materials import ImageFiles, Textures, srgb, tint, upwards
 
 TRANSFORM, WEBP, VARIANTS = "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_variants"
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
@@ -39,8 +39,6 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     """
     files = _Images(tree)
     faces, plain, sets, tints = [], [], [], []
-    known: dict[tuple[int, bytes], int] = {}
-    moves: dict[int, FloatArray] = {}
     for p in primitives:
         entry = p.entry(tree.json)
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
@@ -48,13 +46,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
         texture = pbr.get("baseColorTexture")
         image = -1 if texture is None else files.of(tree.item("textures", texture["index"]))
         if texture is not None and image >= 0:
-            move = affine(_moved(texture))
-            key = image, move.tobytes()
-            if key not in known:  # an image that is moved in two ways is two
-                again = not np.array_equal(moves.get(image, move), move)
-                known[key] = files.add(files.names[image], files.images[image]) if again else image
-                moves[known[key]] = move
-            image = known[key]
+            image = files.moved(image, affine(_moved(texture)))
             sets.append(uv_set_of(texture))
         factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
@@ -67,10 +59,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     if len(set(sets)) > 1:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
     found = files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
-    found = replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
-    if all(np.array_equal(move, np.eye(2, 3)) for move in moves.values()):
-        return found
-    return replace(found, moves=tuple(moves[k] for k in range(len(found.images))))
+    return replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
 
 
 def affine(moved: Json) -> FloatArray:
@@ -78,9 +67,7 @@ def affine(moved: Json) -> FloatArray:
 
     The example of the extension, the lower left quadrant turned by 90°, tells the direction.
     """
-    down = uv_transform(moved)
-    shift = [down[0, 2] + down[0, 1], 1 - down[1, 2] - down[1, 1]]  # both sides with v upwards
-    return np.column_stack([down[:, :2] * [[1, -1], [-1, 1]], shift]) + 0.0
+    return upwards(uv_transform(moved))
 
 
 def _base_colour(material: Json) -> Json:

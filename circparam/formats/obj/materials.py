@@ -13,7 +13,7 @@ import numpy as np
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, Wrap, pixels
-from circparam.formats.materials import ImageFiles, Textures, linear, srgb, tint
+from circparam.formats.materials import ImageFiles, Textures, linear, srgb, tint, upwards
 from circparam.formats.obj.mtl import Statements, alpha_of, colour_of, read_mtl, split_options
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source, found_beside, names_in, regular_bytes
@@ -70,9 +70,12 @@ def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
     known: dict[str, tuple[int, FloatArray, float]] = {}
     for m in libraries(scan, files):
         values = m.values
-        shown = split_options(values.get("map_kd", ""))[1]
+        options, shown = split_options(values.get("map_kd", ""))
+        number = files.read(shown) if shown else -1
+        if number >= 0:
+            number = files.moved(number, upwards(_placed(options)[0]))
         colour, opacity = colour_of(values.get("kd", "1 1 1")), alpha_of(values.get("d", "1"))
-        known[m.name] = files.read(shown) if shown else -1, colour, opacity
+        known[m.name] = number, colour, opacity
     if not known and not files.notes:
         return None
     names, at = _materials_of_faces(scan, owner, list(known))

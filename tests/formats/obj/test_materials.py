@@ -7,6 +7,7 @@ import pytest
 
 from circparam.formats.io import read, read_data
 from circparam.formats.obj.mtl import Statements, colour_of, image_names, read_mtl, split_options
+from tests.support.formats_tools import corners
 
 FACES = b"f 1 2 3\nf 3 2 1\n"
 
@@ -151,3 +152,18 @@ def test_how_much_light_a_material_lets_through(folder: Path, line: str, alpha: 
     if alpha < 1:
         assert found.alpha.tolist() == [alpha, 1]
         assert found.tints == ("material 'a' shows alpha 0.3",)
+
+
+def test_an_image_may_be_scaled_and_moved(folder: Path) -> None:
+    """By the options of one material; a corner that another one shares with it stays for that one."""
+    (folder / "far.mtl").write_text(
+        "newmtl a\nmap_Kd -s 2 3 1 -o 0.5 0.25 s.png\nnewmtl b\nmap_Kd t.png\n"
+    )
+    (folder / "t.png").write_bytes(b"t")
+    uv = "vt 0.1 0.2\nvt 0.3 0.4\nvt 0.5 0.6\n"
+    faces = "usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1/1 3/3 4/2\nusemtl none\nf 1 2 3\n"
+    found = textures(folder, f"mtllib far.mtl\n{uv}{faces}".encode())
+    document = read(folder / "m.obj")
+    plain, placed = corners(document.uv()), corners(document.texture_layout(found))
+    np.testing.assert_allclose(placed[0], plain[0] * [2, 3] + [0.5, 0.25])
+    np.testing.assert_array_equal(placed[1:], plain[1:])
