@@ -110,7 +110,7 @@ def check_ending(path: str, *endings: str) -> None:
 
 
 def check_output(path: str, overwrite: bool, *endings: str, made: str | None = None) -> None:
-    """Refuse a file that is there, a folder in its place, a folder that is missing, and other endings.
+    """Refuse a file that is there, a folder in its place, a folder that is missing or locked, other endings.
 
     made: a folder that will be made, so that it need not be there. Raises OptionError, OutputError.
     """
@@ -124,6 +124,12 @@ def check_output(path: str, overwrite: bool, *endings: str, made: str | None = N
         raise OutputError(
             f"{path}: the folder {str(folder)!r} does not exist: create it, or name another"
         )
+    real = os.path.realpath(path)
+    place = os.path.dirname(real)
+    # a pipe or a device needs no place for a new file
+    new = os.path.isfile(real) or not os.path.exists(real)
+    if new and os.path.isdir(place) and not os.access(place, os.W_OK):
+        raise OutputError(f"{path}: the folder {place!r} cannot be written to: name another")
 
 
 @contextlib.contextmanager

@@ -111,6 +111,18 @@ def test_a_further_file_that_does_not_fit_is_an_error(flag, meshes, tiny, tmp_pa
     assert out.read_text().count("\nf ") > 0
 
 
+@pytest.mark.parametrize(
+    "words", ["unwrap plain -o @/x.obj", "unwrap plain --preview @/x.svg", "view plain -o @/x.png"]
+)
+def test_a_folder_that_cannot_be_written_to_is_refused_before_any_work(words, tiny, tmp_path):
+    """Before the mesh is read, which is broken."""
+    broken = tmp_path / "broken.obj"
+    broken.write_text("f 1 2 3\n")
+    subprocess.run(["mount", "-o", "remount,ro", str(tiny)], check=True)
+    words = words.replace("@", str(tiny)).replace("plain", str(broken))
+    one_line_error(run(*words.split()), 8, "cannot be written to: name another")
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
 @pytest.mark.parametrize("words", [["methods"], ["samples"], ["check", "done", "--uv", "--json"]])
 def test_a_full_standard_output_is_an_error(words: list[str], meshes: dict[str, str]) -> None:
