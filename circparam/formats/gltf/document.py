@@ -170,9 +170,9 @@ class GltfDocument(Document):
         return replace(out, needed=self.needs(format))
 
     def textured_sets(self) -> set[int]:
-        """The uv sets that textures of the materials refer to, those of extensions too."""
+        """The uv sets that textures refer to: those of materials, and of extensions of materials and faces."""
         with sound_tree(self.source, "a material"):
-            return materials.texture_sets(self.tree.json.get("materials", []))
+            return materials.texture_sets([self.tree.json.get(k) for k in ("materials", "meshes")])
 
     def flaws(self) -> list[str]:
         """Views that end inside their last row: three.js and assimp refuse such a file."""

@@ -16,6 +16,7 @@ from circparam.formats.looks import Looks, Material, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint, upwards
 
 TRANSFORM, WEBP, VARIANTS = "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_variants"
+POINTER = "KHR_animation_pointer"
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _NEAREST = 9728
 
@@ -85,7 +86,9 @@ def _base_colour(material: Json) -> Json:
 
 def texture_sets(entries: Any) -> set[int]:
     """The uv sets that texture infos anywhere in a tree refer to."""
-    return {uv_set_of(info) for key, info in texture_infos(entries) if key.endswith("Texture")}
+    return {
+        uv_set_of(info) for key, info in texture_infos(entries) if key.lower().endswith("texture")
+    }
 
 
 def _moved(info: Json) -> Json:
@@ -112,15 +115,33 @@ def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
         _material(tree, entry, files) if k in shown else Material("")
         for k, entry in enumerate(entries)
     )
-    for p in primitives:
-        entry = p.entry(tree.json)
-        if VARIANTS in entry.get("extensions", {}):
-            raise tree.error(
-                f"its faces show other materials by {VARIANTS}, whose textures would stay behind: keep the uv "
-                "set with --lightmap, or export one variant"
-            )
+    _check_carried(tree, primitives)
     face = np.repeat(np.array(used, np.int64), [len(p.triangles) for p in primitives])
     return Looks(tuple(files.images), tuple(files.names), materials, face)
+
+
+def _check_carried(tree: Tree, primitives: list[Primitive]) -> None:
+    """Raise InputError where an extension uses textures or changes materials, both of which are made anew."""
+    keep = "keep the uv set with --lightmap, or"
+    for p in primitives:
+        extensions = p.entry(tree.json).get("extensions", {})
+        if VARIANTS in extensions:
+            raise tree.error(
+                f"its faces show other materials by {VARIANTS}, whose textures would stay behind: "
+                f"{keep} export one variant"
+            )
+        if using := [name for name, held in extensions.items() if any(texture_infos(held))]:
+            raise tree.error(
+                f"its faces use textures by {using[0]}, which would stay behind: "
+                f"{keep} remove that extension"
+            )
+    channels = [c for a in tree.entries("animations") for c in a["channels"]]
+    targets = [c["target"].get("extensions", {}).get(POINTER, {}) for c in channels]
+    if any(str(target.get("pointer")).startswith("/materials/") for target in targets):
+        raise tree.error(
+            f"its animations change materials by {POINTER}, which name materials and textures of "
+            f"the old uv: {keep} remove these channels"
+        )
 
 
 def materials_of(tree: Json) -> list[Json]:

@@ -152,3 +152,38 @@ def test_the_cure_of_a_lost_uv_set_can_be_typed(source: Source, named: str) -> N
     document = read_data(g.glb(), source)
     (warning,) = encode(document, layout_with_seams(document), "glb").warnings
     assert f"circparam bake --all --source {named}" in warning
+
+
+def extended(kind: str) -> GltfMaker:
+    """A textured mesh with an extension that uses its textures or its materials."""
+    g = full_mesh()
+    g.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(b"picture").decode()}]
+    g.tree["textures"] = [{"source": 0}]
+    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    (primitive,) = g.tree["meshes"][0]["primitives"]
+    if kind == "KHR_materials_variants":
+        primitive["extensions"] = {kind: {"mappings": [{"material": 0, "variants": [0]}]}}
+    if kind == "EXT_mesh_features":
+        texture = {"index": 0, "texCoord": 1, "channels": [0]}
+        primitive["extensions"] = {kind: {"featureIds": [{"featureCount": 2, "texture": texture}]}}
+    if kind == "KHR_animation_pointer":
+        pointer = {"pointer": "/materials/0/pbrMetallicRoughness/baseColorFactor"}
+        time, value = (g.accessor(np.zeros((2, w), "f4")) for w in (1, 4))
+        channel = {"sampler": 0, "target": {"path": "pointer", "extensions": {kind: pointer}}}
+        g.tree["animations"] = [
+            {"channels": [channel], "samplers": [{"input": time, "output": value}]}
+        ]
+    return g
+
+
+@pytest.mark.parametrize(
+    "kind", ["KHR_materials_variants", "EXT_mesh_features", "KHR_animation_pointer"]
+)
+def test_textures_that_an_extension_uses_are_not_carried_away(kind: str) -> None:
+    """Nothing in the core refers to them: their numbers would name other textures, or none."""
+    with pytest.raises(InputError, match=f"by {kind}.*--lightmap"):
+        read_data(extended(kind).glb()).looks()
+
+
+def test_a_texture_of_an_extension_of_faces_needs_its_uv_set() -> None:
+    assert read_data(extended("EXT_mesh_features").glb()).textured_sets() == {0, 1}
