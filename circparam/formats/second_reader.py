@@ -100,10 +100,12 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
         if not len(getattr(part, "faces", ())):
             continue
         p = np.asarray(part.vertices, np.float64)
+        f = np.asarray(part.faces, np.int64)
         if not np.array_equal(transform, np.eye(4)):
             p = p @ transform[:3, :3].T + transform[:3, 3]
         points.append(p)
-        faces.append(np.asarray(part.faces, np.int64))
+        # a mirroring node turns faces over: they are wound as they are seen
+        faces.append(f[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else f)
         uv = getattr(getattr(part, "visual", None), "uv", None)
         table = None if uv is None else np.asarray(uv, np.float64)
         tables.append(None if table is None or table.shape != (len(p), 2) else table)

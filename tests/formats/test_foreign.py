@@ -143,6 +143,16 @@ def test_a_3mf_has_the_geometry_of_its_scene() -> None:
     assert "materials" in document.warnings[0]
 
 
+@pytest.mark.parametrize("scale", [1.0, -1.0])
+def test_faces_are_wound_as_they_are_seen(scale: float) -> None:
+    """A cube points outwards under a mirroring node too."""
+    made = trimesh.Scene()
+    place = np.diag([scale, 1, 1, 1])
+    made.add_geometry(trimesh.Trimesh(*shapes.cube(2), process=False), transform=place)
+    mesh = read_data(made.export(file_type="glb"), reader="trimesh").mesh
+    assert trimesh.Trimesh(mesh.points, mesh.faces, process=False).volume > 0
+
+
 def test_node_transforms_of_collada_apply() -> None:
     document = read_data(collada())
     assert document.mesh.points[document.mesh.faces].reshape(-1, 3).min(0).tolist() == [5, 0, 0]
