@@ -13,6 +13,7 @@ from click.testing import Result
 from circparam.batch.manifest import encode_line
 from circparam.batch.progress import Meter, Progress, printable
 from circparam.cli.batch_progress import Screen, clock, headline
+from tests.cli.test_group import command_of
 from tests.support.batch_faults import QUICK, told, write_set
 from tests.support.command_line import Terminal, one_line_error, run
 
@@ -34,10 +35,12 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_folder_and_the_workers_are_named_as_for_unwrap(tmp_path: Path) -> None:
-    source = write_set(tmp_path / "src", 1)
-    for flag, jobs in (("-o", "-j"), ("--out-dir", "--jobs"), ("--out", "--workers")):
-        assert batch(source, flag, tmp_path / flag, jobs, 1, *ARGS).exit_code == 0
-        assert (tmp_path / flag / "manifest.jsonl").exists()
+    source, out = write_set(tmp_path / "src", 1), tmp_path / "out"
+    assert batch(source, "-o", out, "-j", 1, *ARGS).exit_code == 0
+    assert (out / "manifest.jsonl").exists()
+    named = [set(param.opts) for param in command_of("batch").params]
+    for names in ({"-o", "--out-dir", "--out"}, {"-j", "--jobs", "--workers"}):
+        assert any(names <= opts for opts in named)
 
 
 def test_a_run_its_status_and_gates(shared: str, tmp_path: Path) -> None:

@@ -198,12 +198,15 @@ def test_large_polygons_take_time_by_their_corners(straight: bool) -> None:
     assert looked[1] < 8 * looked[0]
 
 
-def test_thousands_of_spikes_are_refused_in_bounded_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_thousands_of_spikes_are_tiled_or_refused_in_bounded_work(monkeypatch) -> None:
     rng = np.random.default_rng(0)
     angle, radius = np.sort(rng.random(2000)) * 2 * np.pi, 0.2 + rng.random(2000)
     star = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], 1)
+    triangles, normals, normal = cut(star)
+    assert len(triangles) == 1998
+    assert (normals @ normal > 0).all()
+    np.testing.assert_allclose(normals.sum(0), normal, atol=1e-12)
     text = "".join(f"v {x} {y} {z}\n" for x, y, z in star.tolist())
     text += "f " + " ".join(str(k + 1) for k in range(2000)) + "\n"
-    assert len(read_data(text.encode(), format="obj").mesh.faces) == 1998
     monkeypatch.setattr("circparam.formats.polygons.MAX_LOOKED_CORNERS", 10_000)
     refused(text.encode(), "too intricate: triangulate it first", "obj")

@@ -69,7 +69,7 @@ def two_panels(tmp_path: Path) -> Path:
     """Two squares with materials face and sole, the second laid out three times as large, as a file."""
     path = tmp_path / "panels.obj"
     path.write_text("""
-        v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 3 0 0\nv 4 0 0\nv 4 1 0\nv 3 1 0
+        v 0 0 0\nv .1 0 0\nv .1 .1 0\nv 0 .1 0\nv .3 0 0\nv .4 0 0\nv .4 .1 0\nv .3 .1 0
         vt 0 0\nvt .2 0\nvt .2 .2\nvt 0 .2\nvt .3 0\nvt .9 0\nvt .9 .6\nvt .3 .6
         usemtl face\nf 1/1 2/2 3/3 4/4\nusemtl sole\nf 5/5 6/6 7/7 8/8
     """)

@@ -57,6 +57,8 @@ def test_floaters_get_a_patch_of_their_own_and_the_file_stays_whole(tmp_path, en
     found = overlaps(*charts_of(number.reshape(-1)[uvmap.uv_faces], uv, charts.reshape(-1)))
     assert not found.self_overlapping.any()
     assert len(found.pairs) == 0
+    # where stored numbers are finest: glTF counts v from the top
+    assert (corners[small][..., 1] > 0.5).all() == (ending == "glb")
     # and the patch covers no centre of a texel
     texel = np.floor(corners[small] * 256 + 0.5)
     assert len(np.unique(texel.reshape(-1, 2), axis=0)) == 1
