@@ -51,7 +51,11 @@ def found_seams(mesh: Path, folder: Path, *output: Path, **options: Any) -> bool
 
 @pytest.mark.parametrize("suffix", ["obj", "glb"])
 def test_it_goes_on_with_the_same_bytes(suffix: str, mesh: Path, tmp_path: Path) -> None:
-    folder, whole, again = tmp_path / "c", tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+    folder, whole, again = (
+        tmp_path / "new" / "c",
+        tmp_path / f"a.{suffix}",
+        tmp_path / f"b.{suffix}",
+    )
     circparam.unwrap(mesh, whole, **QUICK)
     stopped(mesh, folder, again)
     assert not again.exists()

@@ -175,8 +175,12 @@ def test_up_is_v_in_charts_that_have_one(angle: float) -> None:
 @pytest.mark.parametrize("ending", ["obj", "ply"])
 def test_the_user_names_up_where_the_format_does_not(tmp_path: Any, ending: str) -> None:
     path = tmp_path / f"up.{ending}"
-    circparam.unwrap(BRACKET, path, orient="up", up="z", **QUICK)
-    assert read(path).uv() is not None
+    asked: dict[str, Any] = {"orient": "up", "overwrite": True, **QUICK}
+    for axis, name in ((1, "y"), (2, "z")):  # along the tube, and across the sheet
+        found = rise(circparam.unwrap(leaning_tube(0.0), path, up=name, **asked), axis)
+        steep = found[np.hypot(*found.T) > 0.5]
+        assert len(steep)
+        assert np.abs(steep[:, 0]).max() < 1e-5 < steep[:, 1].min()
     with pytest.raises(OptionError, match="up has no effect"):
         circparam.unwrap(BRACKET, tmp_path / f"b.{ending}", up="z", **QUICK)
 
