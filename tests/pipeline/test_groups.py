@@ -172,6 +172,17 @@ def test_up_is_v_in_charts_that_have_one(angle: float) -> None:
     assert free.measures["charts"] == result.measures["charts"]
 
 
+def test_up_is_v_in_charts_that_lie_mirrored_too() -> None:
+    """The side of a cube that its file winds the other way."""
+    p, f = shapes.cube(2)
+    side = (p[f][:, :, 0] == p[:, 0].max()).all(1)
+    turned = np.where(side[:, None], f[:, ::-1], f)
+    found = rise(circparam.unwrap((p, turned), orient="up", sharp=60, **QUICK))
+    steep = found[np.hypot(*found.T) > 0.5]
+    assert len(steep) == 4
+    assert np.abs(steep[:, 0]).max() < 1e-5 < steep[:, 1].min()
+
+
 @pytest.mark.parametrize("ending", ["obj", "ply"])
 def test_the_user_names_up_where_the_format_does_not(tmp_path: Any, ending: str) -> None:
     path = tmp_path / f"up.{ending}"

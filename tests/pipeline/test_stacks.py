@@ -52,6 +52,9 @@ def test_a_copy_that_lies_elsewhere_counts_as_an_overlap() -> None:
     a = assemble([bolt()], 3)
     result = circparam.unwrap((a.points, a.faces), stack="identical", **QUICK)
     assert result.verification.overlap == 0
+    told = summarise(result)["stack"]
+    assert told["seam_length"] == pytest.approx(told["seam_length_unstacked"] / 3)
+    assert told["density_gain"] == pytest.approx(np.sqrt(3))
     uv = result.uv[result.uv_faces].reshape(-1, 2).copy()
     own = np.arange(len(uv)).reshape(-1, 3)
     moved = a.part == 1
