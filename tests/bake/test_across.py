@@ -94,6 +94,11 @@ def test_heights_are_those_of_the_bumps(tmp_path: Path):
     assert image.dtype == np.uint16
     bottom, top = baked.report["height_range"]
     assert (bottom, top) == (-0.06, 0.06)
+    mapped = Across(known_map(target.mesh, source.mesh))
+    own = bake_document(target, "height", source=source, across=mapped, size=64)
+    low_end, high_end = own.report["height_range"]
+    assert -low_end == high_end
+    assert 0 < high_end < 0.02, "a map leads to the bumps, and leaves what lies between vertices"
     face, bary = some_places(len(low[0].faces), 1000)
     grey = bilinear(image / 65535, np.einsum("pk,pkc->pc", bary, low[1].uv[low[1].uv_faces[face]]))
     height = bottom + (top - bottom) * grey[:, 0]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.bake.carry import carry
+from circparam.bake.carry import carry, with_cutoff
 from circparam.bake.look_source import Source
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError
@@ -225,6 +225,19 @@ def test_a_cut_out_keeps_its_edge() -> None:
     assert (shown == still).mean() > 0.99
     clear = shown & still & (seen(before, face, bary)["base"][:, 0] < 42 / 255)
     assert np.percentile(new["base"][clear, 0], 99) < 60 / 255
+
+
+@pytest.mark.parametrize(
+    ("own", "common"), [(0.3, 0.7), (0.7, 0.3), (0.5, 0.5), (0.0, 0.5), (0.5, 1.0)]
+)
+def test_an_edge_moves_to_the_common_cut_off_and_both_ends_stay(own: float, common: float) -> None:
+    """Cut-offs at an end have no room on one side: there alpha stays."""
+    alpha = np.linspace(0, 1, 101)
+    out = with_cutoff(alpha, own, common)
+    assert (np.diff(out) > 0).all()
+    np.testing.assert_allclose(out[[0, -1]], [0, 1], atol=1e-12)
+    inner = 0 < own < 1 and 0 < common < 1
+    np.testing.assert_allclose(np.interp(own, alpha, out), common if inner else own)
 
 
 @pytest.mark.parametrize("mode", ["MASK", "BLEND"])
