@@ -241,6 +241,16 @@ def test_normals_of_a_file_are_those_that_it_is_shaded_with(tmp_path: Path):
     assert np.abs(baked.tiles[0, 0][..., :2].astype(int) - 128).min() > 10
 
 
+def test_faces_at_one_place_of_the_page_have_frames_of_their_own(tmp_path: Path):
+    """A triangle and one turned by a quarter with the same uv: each tangent runs along u of its own face."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 0, 0], [5, 1, 0], [4, 0, 0.0]])
+    faces = np.arange(6).reshape(2, 3)
+    target = stored(tmp_path, "a", Mesh(points, faces), UVMap(points[:3, :2], faces % 3))
+    along_u = (points[faces[:, 1]] - points[faces[:, 0]])[:, None]
+    tangent = own_frames(target, target.uv()).tangent
+    np.testing.assert_allclose(tangent, np.broadcast_to(along_u, tangent.shape), atol=1e-12)
+
+
 def test_sources_without_area_or_beyond_any_double_are_named(tmp_path: Path):
     points, faces = sheet(3)
     layout = UVMap(points[:, :2].copy(), faces)
