@@ -46,8 +46,7 @@ def decoded(baked: Baked, document: Document, face: IntArray, bary: FloatArray) 
 
 def angle(a: FloatArray, b: FloatArray) -> FloatArray:
     """Degrees between unit vectors."""
-    out: FloatArray = np.degrees(np.arccos(np.clip((a * b).sum(1), -1, 1)))
-    return out
+    return np.degrees(np.arccos(np.clip((a * b).sum(1), -1, 1)))
 
 
 def test_normals_of_a_dense_mesh_as_a_ray_tracer_sees_them(tmp_path: Path):

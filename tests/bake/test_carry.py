@@ -55,13 +55,11 @@ def carried(
     layout = page(document)
     made, _ = carry(Source.of(document), layout, uv_set, size, look)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
-    out = read_data(encode(document.dressed(made), layout, "glb", options=options).data)
-    return out
+    return read_data(encode(document.dressed(made), layout, "glb", options=options).data)
 
 
 def read_model(materials: list[dict], g: Painted) -> GltfDocument:
-    out = read_data(model(materials, g).glb())
-    return out
+    return read_data(model(materials, g).glb())
 
 
 def all_maps(g: Painted, seed: int, **other: Any) -> dict[str, Any]:

@@ -34,8 +34,7 @@ def index() -> Iterator[Index]:
 
 def data_of(page: str) -> dict[str, Any]:
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
-    data: dict[str, Any] = json.loads(found[1])
-    return data
+    return json.loads(found[1])
 
 
 def test_ten_thousand_files_fit_and_more_are_in_the_table_alone(index, tmp_path):

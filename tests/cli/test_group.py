@@ -15,8 +15,7 @@ from tests.support.command_line import QUICK, obj, report, run
 
 
 def command_of(name: str) -> click.Command:
-    command = cli.get_command(click.Context(cli), name)
-    return command
+    return cli.get_command(click.Context(cli), name)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -51,8 +51,7 @@ def _side(draw: st.DrawFn, at: np.ndarray, odd: int) -> np.ndarray:
     uv = at @ draw(st.sampled_from(TURNS)) * scale + place + [64 * far, 0]
     if draw(st.booleans()):
         uv[draw(st.integers(0, len(uv) - 1))] += [2 * draw(st.integers(-4, 4)) * scale, scale]
-    result: np.ndarray = uv + np.array([odd, 0])
-    return result
+    return uv + np.array([odd, 0])
 
 
 def _obj(at: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> bytes:
@@ -117,8 +116,7 @@ def _meet(s: np.ndarray, t: np.ndarray) -> bool:
             a, b, c = (one[(k + i) % 3] for i in range(3))
 
             def side(p: np.ndarray, a: np.ndarray = a, b: np.ndarray = b) -> np.ndarray:
-                result: np.ndarray = (b - a)[0] * (p - a)[..., 1] - (b - a)[1] * (p - a)[..., 0]
-                return result
+                return (b - a)[0] * (p - a)[..., 1] - (b - a)[1] * (p - a)[..., 0]
 
             own = side(c)
             if own == 0 or (side(other) * np.sign(own) <= 0).all():

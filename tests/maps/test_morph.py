@@ -29,8 +29,7 @@ Z_UP = {"rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, 0.5], "translation": [1, 2
 
 
 def reopened(data: bytes) -> GltfDocument:
-    document = read_gltf(data, Source("morph.glb"))
-    return document
+    return read_gltf(data, Source("morph.glb"))
 
 
 def ends(document: GltfDocument) -> tuple[np.ndarray, np.ndarray]:

@@ -141,8 +141,7 @@ def rise(result: Result, axis: int = 1) -> np.ndarray:
     area = np.abs(np.linalg.det(edges))
     scale = np.sqrt(area.sum() / 2 / result.surface.areas.sum())
     out = [np.bincount(v.cut_mesh.chart, slope[:, d, 0] * area) for d in (0, 1)]
-    result_: np.ndarray = np.stack(out, 1) / np.bincount(v.cut_mesh.chart, area)[:, None] * scale
-    return result_
+    return np.stack(out, 1) / np.bincount(v.cut_mesh.chart, area)[:, None] * scale
 
 
 def leaning_tube(angle: float) -> circparam.Document:

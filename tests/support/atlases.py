@@ -39,8 +39,7 @@ def cut_between(surface: Surface, label: np.ndarray) -> Atlas:
 
 def cut_where(surface: Surface, on: np.ndarray) -> np.ndarray:
     """(e,) bool: edges both ends of which are chosen vertices ((n,) bool over the points)."""
-    result: np.ndarray = on[ends(surface)].all(1)
-    return result
+    return on[ends(surface)].all(1)
 
 
 def ends(surface: Surface) -> np.ndarray:
@@ -51,8 +50,7 @@ def ends(surface: Surface) -> np.ndarray:
 
 def middles(surface: Surface) -> np.ndarray:
     """(m, 3) centroids of the faces."""
-    result: np.ndarray = surface.points[surface.faces].mean(1)
-    return result
+    return surface.points[surface.faces].mean(1)
 
 
 def as_it_lies(atlas: Atlas) -> Atlas:

@@ -29,8 +29,7 @@ def done(*words: object, **keywords: Any) -> Result:
 
 def report(*words: object) -> dict[str, Any]:
     """The document that a command prints with --json; it must go well."""
-    document: dict[str, Any] = json.loads(done(*words, "--json").stdout)
-    return document
+    return json.loads(done(*words, "--json").stdout)
 
 
 def one_line_error(result: Result, code: int, *words: str) -> None:
