@@ -301,6 +301,9 @@ def test_parts_of_materials_are_groups(tmp_path: Path) -> None:
     document = read(tmp_path / "g.usda")
     assert document.group_names == ("m", "glass")
     assert document.mesh.groups.tolist() == [0] * 8 + [1] * 4
+    circparam.unwrap(tmp_path / "g.usda", tmp_path / "p.usda", pages_by="material", **QUICK)
+    held = Sdf.Layer.FindOrOpen(str(tmp_path / "p.usda")).customLayerData["circparam"]["pages"]
+    assert dict(held) == {"1001": "m", "1002": "glass"}
 
 
 @pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz"])
