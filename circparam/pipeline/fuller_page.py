@@ -50,7 +50,8 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     no_seam = one and cascade.atlas.seam_length <= 0
     if most < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
-    cascade = replace(cascade, packing=packing(cascade, options, monitor))
+    if not options.draft:
+        cascade = replace(cascade, packing=packing(cascade, options, monitor))
     return cheapest(cascade, plans_of(cascade, options, int(most), monitor), options, monitor)
 
 
@@ -61,21 +62,23 @@ def page_cutter(cascade: Cascade, options: Options) -> Cutter:
 
 
 def plans_of(whole: Cascade, options: Options, most: int, monitor: Monitor) -> list[Plan]:
-    """The plan of the packed page without a cut, then those that are estimated to cost less, the cheapest
-    first."""
+    """The plan of the page without a cut, then those that are estimated to cost less, the cheapest first."""
     cutter = page_cutter(whole, options)
-    share = -np.inf if whole.packing is None else _log_share(whole.packing)
+    share = None if whole.packing is None else _log_share(whole.packing)
     if not cutter.charts:
-        return [Plan([], 0.0, 0, share)]
+        return [Plan([], 0.0, 0, 0.0)]
     budget = Budget(WORK_PER_FACE * len(cutter.whole.cut_mesh.faces), lambda: monitor.expired)
-    first, *others = Search(cutter, most, options.pages or 1, budget).plans(share)
+    search = Search(cutter, most, options.pages or 1, budget, options.draft)
+    first, *others = search.plans(share)
     cheaper = [plan for plan in others if plan.cost < first.cost]
     return [first, *sorted(cheaper, key=lambda plan: plan.cost)]
 
 
 def cheapest(whole: Cascade, plans: list[Plan], options: Options, monitor: Monitor) -> Cascade:
-    """The cheapest layout of the first plan, which has no cut and is packed, and of those after it, packed as
-    they will be; a draft packs one of those."""
+    """The cheapest layout of the first plan, which has no cut, and of those after it.
+
+    All are packed as they will be, the first one already. A draft goes by the estimates and packs none.
+    """
     pages = options.pages or 1
     purpose = "for a fuller page" if pages == 1 else f"to fill {pages} pages"
     best, kept = plans[0], whole
@@ -85,14 +88,14 @@ def cheapest(whole: Cascade, plans: list[Plan], options: Options, monitor: Monit
         if not stretch_kept(atlas, whole.atlas, options, whole.rules.bound, monitor):
             continue
         after = replace(whole, atlas=atlas, packing=None)
+        note = longer(counted(plan.cuts, "cut"), purpose, whole, after)
+        if options.draft:
+            return after.noted(note)
         least = 0.0 if kept.packing is None else plan.least(best, kept.packing.packed.scale)
         found = packing(after, options, monitor, least)
         if found is not None and plan.packed_cost(_log_share(found)) < cost:
-            note = longer(counted(plan.cuts, "cut"), purpose, whole, after)
             best, kept = plan, replace(after, packing=found).noted(note)
             cost = plan.packed_cost(_log_share(found))
-        if options.draft:
-            break
     if options.cuts_asked is not None and best is plans[0]:
         return kept.noted("--pack-splits: no cut is worth its seam")
     return kept

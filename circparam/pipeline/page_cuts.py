@@ -74,7 +74,7 @@ class Chords:
     """Chords of one outline from corner i to corner j, i < j: all (c,). Some may leave the outline.
 
     length: of each. least: area of the smaller part. box: sum of the least bounding boxes of both parts.
-    square: side of the smallest square that holds either part.
+    square: side of the smallest square that holds either part. widest: box of the part that needs it.
     """
 
     outline: Outline
@@ -84,6 +84,7 @@ class Chords:
     least: FloatArray
     box: FloatArray
     square: FloatArray
+    widest: FloatArray
 
     def ends(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Both ends of chord k, each (2,)."""
@@ -128,7 +129,8 @@ class Part:
 
     outline: scaled to the size of the surface. places: (k, 2) uv of its corners in the atlas. ground: None if
     nothing was cut. box, square: area of the least bounding box, side of the least square. slit: length of the
-    slit that opens it. failed: numbers of the chords along which no cut could be made.
+    slit that opens it. drawn: cut along chords themselves, so nothing but the outline is known. failed: numbers
+    of the chords along which no cut could be made.
     """
 
     outline: Outline
@@ -137,6 +139,7 @@ class Part:
     box: float
     square: float
     slit: float = 0.0
+    drawn: bool = False
     failed: set[int] = field(default_factory=set)
 
     @cached_property
@@ -191,6 +194,19 @@ class Cutter:
                 return parts, self._priced(ground, opened)
         part.failed.add(k)
         return None
+
+    def drawn(self, part: Part, k: int) -> list[Part]:
+        """Both parts of a part cut along its chord k itself, as outlines alone."""
+        shown, i, j = part.outline, int(part.chords.i[k]), int(part.chords.j[k])
+        corners = np.arange(len(shown.p))
+        parts = []
+        for mine in (corners[i : j + 1], np.r_[corners[j:], corners[: i + 1]]):
+            p = shown.p[mine]
+            holes = [hole for hole in shown.holes if within(p, hole[:1])[0]]
+            outline = Outline(shown.chart, shown.vertex[mine], p, holes)
+            box, square = least_frames(np.ptp(turned(p), axis=0)).tolist()
+            parts.append(Part(outline, part.places[mine], None, box, square, drawn=True))
+        return parts
 
     def slit(self, part: Part) -> Part | None:
         """A ring that is opened by a slit, None if none leads across it."""
@@ -307,18 +323,10 @@ def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
     total = float(outline.fans.sum())
     cumulative = np.r_[0.0, np.cumsum(outline.fans)]
     first = cumulative[pick[j]] - cumulative[pick[i]] + cross2(q[j], q[i]) / 2
-    ahead, back = (
-        extents(p, pick, np.r_[i, j], np.r_[j - i, k - j + i]).reshape(2, 2, -1).swapaxes(0, 1)
-    )
-    return Chords(
-        outline,
-        pick[i],
-        pick[j],
-        gap[i, j],
-        np.minimum(first, total - first),
-        ahead[0] + back[0],
-        np.maximum(ahead[1], back[1]),
-    )
+    box, square = extents(p, pick, np.r_[i, j], np.r_[j - i, k - j + i]).reshape(2, 2, -1)
+    widest = np.where(square[0] > square[1], box[0], box[1])
+    least = np.minimum(first, total - first)
+    return Chords(outline, pick[i], pick[j], gap[i, j], least, box.sum(0), square.max(0), widest)
 
 
 def turned(points: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from circparam.packing.budget import Budget
 from circparam.pipeline.page_cuts import Cutter, Part
 from circparam.seams.cost import COST
 
-AHEAD = 4  # cuts without gain that are made before the search ends: a ring lies well in four parts
+AHEAD = 4  # cuts without gain before the search ends: a ring lies well in four parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,24 +50,51 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What all plans share. most: cuts. pages: that are filled. budget: of the faces of charts that are cut."""
+    """What all plans share. most: cuts. pages: that are filled. budget: of the faces of charts that are cut.
+    draft: whether plans are compared by their estimates alone."""
 
     cutter: Cutter
     most: int
     pages: int
     budget: Budget
+    draft: bool
 
-    def plans(self, log_share: float) -> list[Plan]:
-        """The plan without a cut, and plans with one cut more each. log_share: of the page without cuts."""
+    def plans(self, log_share: float | None) -> list[Plan]:
+        """The plan without a cut, and plans with one cut more each. log_share: of the page without cuts, None
+        to estimate that one too."""
+        if log_share is None:
+            log_share = self._log_share(self.cutter.charts)
         plans = [Plan(self.cutter.charts, 0.0, 0, log_share)]
         best = plans[0]
         while plans[-1].cuts < min(best.cuts + AHEAD, self.most) and not self.budget.over:
+            if self.draft and not self._promising(plans[-1], best):
+                break
             after = self._following(plans[-1])
             if after is None:
                 break
             plans.append(after)
             best = min(best, after, key=lambda plan: plan.cost)
         return plans
+
+    def _promising(self, plan: Plan, best: Plan) -> bool:
+        """Whether cuts along chords themselves, the best first, lead to less than the best plan costs."""
+        while plan.cuts < min(best.cuts + AHEAD, self.most):
+            drawn = self._drawn(plan)
+            if drawn is None:
+                return False
+            plan = drawn
+            if plan.cost < best.cost:
+                return True
+        return False
+
+    def _drawn(self, plan: Plan) -> Plan | None:
+        """The plan with one cut more along the best chord itself; None if no chord is left."""
+        for n, part, k, _ in self._trials(plan):
+            if self.cutter.worth_trying(part, k):
+                parts = [*plan.parts[:n], *plan.parts[n + 1 :], *self.cutter.drawn(part, k)]
+                seam = plan.seam + (part.slit + float(part.chords.length[k])) / self.cutter.root
+                return Plan(parts, seam, plan.cuts + 1, self._log_share(parts))
+        return None
 
     def _following(self, plan: Plan) -> Plan | None:
         """The plan with the best cut more; None if no chord is left that can be cut.
@@ -105,21 +132,26 @@ class Search:
 
     def _log_share(self, parts: list[Part]) -> float:
         """Logarithm of the covered share that is estimated for a page of some parts."""
-        box = sum(p.box for p in parts)
-        return float(self._estimate(parts, box, max(p.square for p in parts)))
+        widest = max(parts, key=lambda p: p.square)
+        boxes = np.array([p.box for p in parts])
+        return float(self._estimate(parts, boxes.sum(), widest.square, widest.box))
 
     def _estimate(
-        self, parts: list[Part], box: FloatArray | float, square: FloatArray | float
+        self,
+        parts: list[Part],
+        boxes: FloatArray | float,
+        square: FloatArray | float,
+        widest: FloatArray | float,
     ) -> FloatArray:
-        """Logarithm of the share of a page by the sum of all least boxes and the widest least square.
+        """Logarithm of the share of a page by the sum of all least boxes, square and box of the widest part.
 
-        Between two pages: the larger one of the square and of charts that interlock half, and the square with
-        all boxes beside it. Pages of 2 to 70 charts lie at a quarter of the way, on a scale of logarithms.
+        The mean of two pages. One is the larger of the square and of charts that interlock half; the other is
+        the square with all other boxes beside it. One chart fills its square.
         """
-        area, pages = sum(p.outline.area for p in parts), self.pages
-        low = np.maximum(np.square(square), (np.asarray(box) + area) / (2 * pages))
-        high = np.square(square) + np.asarray(box) / pages
-        return np.asarray(np.log(area / pages) - 0.75 * np.log(low) - 0.25 * np.log(high))
+        area, pages, square = sum(p.outline.area for p in parts), self.pages, np.square(square)
+        low = np.maximum(square, (np.asarray(boxes) + area) / (2 * pages))
+        high = square + (np.asarray(boxes) - widest) / pages
+        return np.asarray(np.log(area / pages) - np.log(low * high) / 2)
 
     def _trials(self, plan: Plan) -> Iterator[tuple[int, Part, int, float]]:
         """Chords by their estimated cost, the best first: (number of the part in the plan, the part as it is or
@@ -127,23 +159,28 @@ class Search:
 
         A cut that gains less than half a chart prepares none.
         """
-        boxes = np.array([p.box for p in plan.parts])
-        squares = np.array([p.square for p in plan.parts])
-        areas = np.array([p.outline.area for p in plan.parts])
+        parts = plan.parts
+        boxes = np.array([p.box for p in parts])
+        squares = np.array([p.square for p in parts])
+        areas = np.array([p.outline.area for p in parts])
         order = np.argsort(squares)
-        others = np.full(len(squares), squares[order[-1]])
-        second = squares[order[-2]] if len(squares) > 1 else 0.0
+        # of all parts but one: square and box of the widest
+        others = np.full(len(parts), squares[order[-1]])
+        widest = np.full(len(parts), boxes[order[-1]])
         # the second widest part is cut after the widest
-        others[order[-1]] = second / 2
-        now = self._estimate(plan.parts, boxes.sum(), squares.max())
-        most = self._estimate(plan.parts, boxes.sum() - boxes + areas, others)
+        others[order[-1]] = squares[order[-2]] / 2 if len(parts) > 1 else 0.0
+        widest[order[-1]] = boxes[order[-2]] / 4 if len(parts) > 1 else 0.0
+        rest, now = boxes.sum() - boxes, self._log_share(parts)
+        most = self._estimate(parts, rest + areas, others, widest)
         promising = np.flatnonzero(COST.page * (most - now) > COST.chart).tolist()
-        cut = [(n, p) for n in promising for p in self._ways(plan.parts[n])]
+        cut = [(n, p) for n in promising for p in self._ways(parts[n])]
         found = []
         for at, (n, part) in enumerate(cut):
             chords = part.chords
-            square = np.maximum(chords.square, others[n])
-            share = self._estimate(plan.parts, boxes.sum() - boxes[n] + chords.box, square)
+            wider = chords.square > others[n]
+            square = np.where(wider, chords.square, others[n])
+            box = np.where(wider, chords.widest, widest[n])
+            share = self._estimate(parts, rest[n] + chords.box, square, box)
             seam = (part.slit + chords.length) / self.cutter.root
             gain = COST.page * (share - now)
             k = np.arange(len(seam))
@@ -155,5 +192,5 @@ class Search:
 
     def _ways(self, part: Part) -> list[Part]:
         """A part as it is and, if it is a ring, opened by a slit: no chord of a ring divides it."""
-        opened = self.cutter.slit(part) if part.outline.ring else None
+        opened = self.cutter.slit(part) if part.outline.ring and not part.drawn else None
         return [part] if opened is None else [part, opened]
