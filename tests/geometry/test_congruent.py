@@ -50,6 +50,20 @@ def test_labels_part_copies() -> None:
     assert len(np.unique(a.part[one.copy])) == 2
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+@pytest.mark.parametrize("mirror", [0.0, 0.5])
+def test_flats_with_other_triangles_are_copies_at_any_size(mirror: float, scale: float) -> None:
+    p, f = kinds(4)[3]
+    own = [(scale * p, other_triangles(p, f, k)) for k in range(6)]
+    a = assemble(own, 6, mirror=mirror, gap=5 * scale)
+    one, lead = found(a, mirror > 0)
+    assert (lead == 0).all()
+    assert one.copy.sum() == 5 * len(f)
+    there = a.points[a.faces].reshape(-1, 3)[one.corner]
+    sides = [np.linalg.norm(c - np.roll(c, 1, 1), axis=2) for c in (a.points[a.faces], there)]
+    np.testing.assert_allclose(*sides, rtol=1e-9)
+
+
 def test_a_flat_that_ends_elsewhere_is_no_copy() -> None:
     p, f = kinds(4)[3]
     bent = p.copy()

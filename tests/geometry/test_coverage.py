@@ -20,12 +20,15 @@ def squares(corners: list[tuple[float, float]], size: float) -> tuple[CutMesh, n
 
 
 @settings(max_examples=25)
-@given(st.integers(0, 10**6), st.integers(8, 60))
-def test_the_boundary_alone_tells_what_faces_cover(seed: int, resolution: int) -> None:
+@given(st.integers(0, 10**6), st.integers(8, 60), st.booleans())
+def test_the_boundary_alone_tells_what_faces_cover(seed: int, resolution: int, fold: bool) -> None:
+    """And the edges along which a chart is folded over itself."""
     p, f = shapes.delaunay_disk(40, seed % 1000)
     rng = np.random.default_rng(seed)
     p = p * 0.3 + [0.5, 0.5, 0] + [*rng.uniform(-0.1, 0.1, 2), 0]
     cut_mesh, uv = flat_of((p, f))
+    if fold:
+        uv[:, 0] = np.abs(uv[:, 0] - 0.5) + 0.3
     got = label_grid(cut_mesh, uv, resolution) >= 0
     # centres that lie on a boundary to the last digit may fall on either side
     assert (got != (covered(cut_mesh.faces, uv, cut_mesh.chart, resolution)[0] >= 0)).sum() <= 2
