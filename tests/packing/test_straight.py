@@ -65,3 +65,13 @@ def test_one_box_alone_fills_its_page() -> None:
         faces, uv, chart = boxes([[1.0, height]], 0.4)
         off = askew(faces, pack(faces, uv, chart, PackOptions(512, 2)).uv, chart)[0]
         assert off < 1e-9 if along else off > 0.7
+
+
+@pytest.mark.parametrize("count", [1, 7, 60, 300])
+def test_every_packer_keeps_straight_charts_upright(count: int) -> None:
+    """One chart, few, those of the skyline, and more than are nested."""
+    rng = np.random.default_rng(count)
+    charts = boxes(0.2 + rng.random((count, 2)), 3 * rng.random(count))
+    asked = PackOptions(resolution=512, padding=1, effort=0.05, straighten="all")
+    side = np.diff(pack(*charts, asked).uv.reshape(count, 4, 2), axis=1)
+    assert np.abs(side).min(2).max() < 1e-9

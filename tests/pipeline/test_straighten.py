@@ -7,7 +7,6 @@ import circparam
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
-from circparam.packing import PackOptions, pack
 from circparam.pipeline.developable import unrolled
 from tests.support import parts, shapes
 
@@ -83,20 +82,3 @@ def test_all_lays_straight_borders_along_the_axes() -> None:
         assert result.verification.coverage.gap >= 5
     assert share["all"] > 0.9
     assert share["all"] >= share["off"]
-
-
-@pytest.mark.parametrize("count", [1, 7, 60, 300])
-def test_every_packer_keeps_straight_charts_upright(count: int) -> None:
-    """One chart, few, those of the skyline, and more than are nested."""
-    rng = np.random.default_rng(count)
-    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
-    uv = []
-    for t in rng.random(count) * 3:
-        c, s = np.cos(t), np.sin(t)
-        uv.append((corner * (0.2 + rng.random(2))) @ np.array([[c, s], [-s, c]]))
-    quads = np.array([[0, 1, 2], [0, 2, 3]])
-    faces = np.concatenate([quads + 4 * k for k in range(count)])
-    asked = PackOptions(resolution=512, padding=1, effort=0.05, straighten="all")
-    packed = pack(faces, np.concatenate(uv), np.repeat(np.arange(count), 2), asked)
-    side = np.diff(packed.uv.reshape(count, 4, 2), axis=1)
-    assert np.abs(side).min(2).max() < 1e-9
