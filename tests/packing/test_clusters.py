@@ -16,7 +16,7 @@ from tests.support.packing import QUICK, blobs, promise
 def test_every_group_has_a_box_of_its_own(groups: int, pages: int, rotate: str) -> None:
     faces, uv, chart = blobs(14, groups)
     group = np.arange(14) % groups
-    options = PackOptions(192, 2, rotate, pages=pages, effort=QUICK)
+    options = PackOptions(320, 2, rotate, pages=pages, effort=QUICK)
     packed = pack_clusters(faces, uv, chart, group, options, Monitor())
     promise(faces, uv, chart, packed, options)
     own = [packed.uv[np.unique(faces[group[chart] == k])] for k in range(groups)]
@@ -24,7 +24,7 @@ def test_every_group_has_a_box_of_its_own(groups: int, pages: int, rotate: str) 
         assert len(np.unique(packed.page[group == k])) == 1
         for other in own[:k]:
             apart = np.maximum(mine.min(0) - other.max(0), other.min(0) - mine.max(0))
-            assert apart.max() * 192 > 2
+            assert apart.max() * 320 > 2
 
 
 def test_a_density_is_kept_or_refused() -> None:
