@@ -41,3 +41,16 @@ def test_charts_follow_the_seams_also_when_the_same_array_changes() -> None:
         chart[0] = 1
     cut[:] = False
     assert whole.charts(cut)[0] == 1
+
+
+@pytest.mark.parametrize("unit", [1.0, 4.0])
+def test_lengths_areas_and_gradients_are_those_in_space_in_any_unit(unit: float) -> None:
+    whole = surface_of(*shapes.noisy(*shapes.icosphere(1), 0.1))
+    found = whole.cut_mesh(np.zeros(len(whole.edges), bool)).in_units_of(unit)
+    p = whole.points[whole.faces] / unit
+    sides = np.linalg.norm(np.roll(p, -1, 1) - p, axis=2)
+    np.testing.assert_allclose(found.edge_lengths, sides)
+    np.testing.assert_allclose(found.lengths(np.arange(sides.size)), sides.ravel())
+    np.testing.assert_allclose(found.areas, shapes.areas(p))
+    place = np.einsum("fak,fkb->fab", found.gradients, found.rest_triangles)
+    np.testing.assert_allclose(place, np.broadcast_to(np.eye(2), place.shape), atol=1e-9)
