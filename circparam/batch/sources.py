@@ -19,6 +19,7 @@ from circparam.core.records import dataclass
 from circparam.errors import InputError, OptionError
 
 _WILD = re.compile(r"[*?\[]")
+_ANY_FOLDERS = re.compile(r"(?<![^/\\])(?:\*\*[/\\]+)*\*\*(?:[/\\]+|$)")  # **/, also several
 OWN_OUTPUT = re.compile(r"_uv\.[^./]+$")  # an output of ``unwrap`` beside its source
 
 
@@ -106,7 +107,10 @@ class Listing:
         start = _WILD.search(pattern)
         base = os.path.dirname(pattern[: start.start()]) if start else ""
         known, found = suffixes(), False
-        for path in glob.iglob(pattern, recursive=True):
+        paths: Iterable[str] = _matches(pattern)
+        if len(_ANY_FOLDERS.findall(pattern)) > 1:  # a/**/b/**/c names c more than once
+            paths = dict.fromkeys(paths)
+        for path in paths:
             real = os.path.realpath(path)
             inside = self.out is not None and real.startswith(self.out + os.sep)
             if _suffix(path) in known and os.path.isfile(path) and not inside:
@@ -114,6 +118,18 @@ class Listing:
                 yield _local(path, os.path.relpath(path, base or ".").replace(os.sep, "/"))
         if not found:
             raise InputError(f"{pattern}: no mesh file has a name of that form")
+
+
+def _matches(pattern: str) -> Iterator[str]:
+    """The paths of a glob; ``**`` goes into no linked folder, which may lead back to one above."""
+    found = _ANY_FOLDERS.search(pattern)
+    if found is None:
+        yield from glob.iglob(pattern)
+        return
+    for top in glob.iglob(pattern[: found.start()] or os.curdir):
+        for folder, below, _ in os.walk(top):
+            below[:] = [name for name in below if not name.startswith(".")]
+            yield from _matches(os.path.join(glob.escape(folder), pattern[found.end() :] or "*"))
 
 
 def list_lines(path: str) -> Iterator[str]:

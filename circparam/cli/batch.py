@@ -169,12 +169,17 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "BatchPlan":
         if given[name]:
             check_ending(f"--{flag} {given[name]}", *ENDINGS.get(name, ()))
     size = given["max_memory"]
+    options, look = Options(**library_options_of(given)), look_options_of(given)
+    if look is not None:
+        from circparam.bake.rebake import check_page
+
+        check_page(options)
     settings = Settings(
-        options=Options(**library_options_of(given)),
+        options=options,
         gates=parse_gates(given["fail_if"]),
         out=given["out"],
         exit_of=exits.exit_of,
-        look=look_options_of(given),
+        look=look,
         extras={flag: given[name] for name, flag in common.FURTHER.items() if given[name]},
         max_memory=None if size is None else memory_size(size),
     )

@@ -53,6 +53,20 @@ def test_globs_and_files(tmp_path: Path) -> None:
         names(tmp_path / "nowhere")
 
 
+def test_stars_enter_no_linked_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Links that lead back would list a tree forty times, two of them in each folder for ever."""
+    tree(tmp_path, "x/a.obj", "x/y/b.obj", "x/y/y/c.obj", "x/.hidden/d.obj")
+    for name in ("x/back", "x/again", "x/y/up"):
+        (tmp_path / name).symlink_to(tmp_path / "x", target_is_directory=True)
+    every = ["a.obj", "y/b.obj", "y/y/c.obj"]
+    for pattern in ("**/*.obj", "**", "**/**/*.obj"):
+        assert names(tmp_path / "x" / pattern) == every
+    assert names(tmp_path / "x/**/y/**/c.obj") == ["y/y/c.obj"]
+    assert names(tmp_path / "x/back/*.obj") == ["a.obj"]
+    monkeypatch.chdir(tmp_path / "x")
+    assert names(Path("**/*.obj")) == every
+
+
 def test_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tree(tmp_path, "x/a.obj", "x/y/b.obj", "z/new\nline.obj")
     monkeypatch.chdir(tmp_path)

@@ -253,6 +253,7 @@ ROWS = """
 2 | batch src --out src                                | would overwrite itself
 2 | batch src --out out --workers 2 --scheduler tcp://x:1 | exclude
 2 | batch src --out out --method abf --boundary circle | --boundary
+2 | batch src --out out --rebake --pages 2             | --rebake draws one page
 2 | batch src --out out --max-memory much              | not a size
 2 | batch src --out out --preview all.png              | {}
 2 | batch src --out out --preview {}.txt               | .png, .svg, .html
