@@ -42,12 +42,13 @@ def limit_stretch(
     """
     cut_mesh, uv = atlas.open()
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
+    # how often slits have not helped the chart of each face; where tips were cut off there is nothing to slit
+    failed = np.zeros(len(atlas.surface.faces), np.int64)
     if slits and limits.cuts_off:
         _cut_off(atlas, limits, monitor)
-        return
-    # how often slits have not helped the chart of each face
-    failed = np.zeros(len(atlas.surface.faces), np.int64)
-    for _ in range(ROUNDS if slits else 0):
+        failed += 2
+    # as many rounds of slits, each of which may fail, as of splits
+    for _ in range(2 * ROUNDS if slits else 0):
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
         over = share_over(cut_mesh, stretch, limits.most)
