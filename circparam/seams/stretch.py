@@ -33,7 +33,10 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
     asked = stretch_asked(options.max_stretch, options.max_distortion)
     free = asked and options.max_charts is None and options.min_chart_faces == 1
     local, cuts_off = (LOCAL, free) if options.search.draft else (None, False)
-    limits = Limits(bound, options.max_stretch or STRETCH, local=local, cuts_off=cuts_off)
+    explicit = options.max_stretch is not None
+    limits = Limits(
+        bound, options.max_stretch or STRETCH, local=local, cuts_off=cuts_off, asked=explicit
+    )
     return limits, asked, free
 
 

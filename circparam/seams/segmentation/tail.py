@@ -3,7 +3,8 @@
 Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
 much, the others, of which there are a hundred times as many, give way by little. Where that is not enough, a
 slit leads from the boundary towards the curvature that asks for it; at last a chart is split. A draft does not
-look for slits: it cuts the tips off.
+look for slits: it cuts the tips off, and splits what is left. Where a user asked for the stretch, tips are cut off
+too if nothing else helps.
 """
 
 import numpy as np
@@ -44,6 +45,7 @@ def limit_stretch(
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
     # how often slits have not helped the chart of each face; where tips were cut off there is nothing to slit
     failed = np.zeros(len(atlas.surface.faces), np.int64)
+    last = np.inf  # share that is stretched too much where tips were cut off
     if slits and limits.cuts_off:
         _cut_off(atlas, limits, monitor)
         failed += 2
@@ -60,7 +62,12 @@ def limit_stretch(
         peaks = _peaks(cut_mesh, uv, far & (failed <= 1), left)
         if len(peaks):
             failed += _slit(atlas, cut_mesh, peaks, failed, limits, monitor)
-        elif not splits or not _split(atlas, cut_mesh, over, limits, monitor):
+        elif splits and _split(atlas, cut_mesh, over, limits, monitor):
+            continue
+        elif limits.asked and splits and over.sum() < last:
+            last = over.sum()
+            _cut_off(atlas, limits, monitor)
+        else:
             return
 
 

@@ -47,7 +47,7 @@ def test_weights_alone_hold_the_default():
     assert_promises(better, 1.05)
 
 
-DRAFT = {"local": 8, "cuts_off": True}  # parts are cut off, no chart is split
+DRAFT = {"local": 8, "cuts_off": True}  # parts are cut off, not slit to
 
 
 @pytest.mark.parametrize("how", [{}, DRAFT], ids=["full", "draft"])
@@ -60,6 +60,23 @@ def test_seams_hold_what_weights_cannot(shape, most, how):
     assert share_over(loose, most) > 1e-3
     assert share_over(better, most) <= 1e-3
     assert better.seam_length > loose.seam_length
+    assert_promises(better, 1.05)
+
+
+@pytest.mark.parametrize(
+    ("shape", "most", "how"),
+    [
+        (shapes.torus(24, 12), 1.25, {}),
+        (shapes.icosphere(3), 1.15, DRAFT),
+        (shapes.bumpy(3), 1.25, DRAFT),
+        (shapes.cube(6), 1.15, DRAFT),
+    ],
+    ids=["torus", "ball in a draft", "bumps in a draft", "cube in a draft"],
+)
+def test_a_stretch_that_was_asked_for_holds_where_one_remedy_does_not_help(shape, most, how):
+    """Halves of a torus are stretched like the whole; a chart that is all tip has nothing to cut off."""
+    better = held(fewest(shape), most, asked=True, **how)
+    assert share_over(better, most) <= 1e-3
     assert_promises(better, 1.05)
 
 
