@@ -3,8 +3,8 @@
 Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
 much, the others, of which there are a hundred times as many, give way by little. Where that is not enough, a
 slit leads from the boundary towards the curvature that asks for it; at last a chart is split. A draft does not
-look for slits: it cuts the tips off, and splits what is left. Where a user asked for the stretch, tips are cut off
-too if nothing else helps.
+look for slits: it cuts the tips off, and splits what is left. Where a user asked for the stretch, tips are cut
+off too if nothing else helps.
 """
 
 import numpy as np

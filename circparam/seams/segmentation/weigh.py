@@ -30,8 +30,8 @@ class Limits:
     the surface may exceed. near: share of the root of a chart's area that moves round such faces at first.
     local: iterations of a step, where what moves is only a few rings wide, and charts too large for a round too
     many (None: charts move as a whole as long as they do not lie on themselves then). cuts_off: parts that
-    weights do not mend are cut off, not slit to. asked: whether a user asked for this stretch; then parts are cut
-    off too where neither slits nor splits help.
+    weights do not mend are cut off, not slit to. asked: whether a user asked for this stretch; then parts are
+    cut off too where neither slits nor splits help.
     """
 
     bound: float
