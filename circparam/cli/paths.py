@@ -55,7 +55,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     """Refuse impossible outputs before any work. Raises OptionError, OutputError."""
     count, named, format = len(meshes), given["output"] is not None, given["format"] is not None
     clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
-    apart = "rename one of them" if given.get("one_atlas") else "unwrap them one by one"
+    apart = "rename one of them" if given.get("one_atlas") else "give them one by one"
     twice = list(meshes).count("-") > 1
     further = {name: str(given[name]) for name in common.FURTHER if given.get(name)}
     _refuse([

@@ -102,8 +102,9 @@ def parsed(text: ByteArray, count: int, kind: type) -> npt.NDArray[Any]:
 def bad_token(tokens: Tokens, index: IntArray, kind: type[int] | type[float]) -> int:
     """The first of the given words that is not a number of that kind: only used to say where it is."""
     for i in index.ravel().tolist():
+        word = tokens.clean[tokens.start[i] : tokens.end[i]].tobytes()
         try:
-            kind(tokens.clean[tokens.start[i] : tokens.end[i]].tobytes())
+            kind(word.replace(b"_", b"?"))  # Python alone takes 1_000
         except ValueError:
             return int(i)
     return int(index.ravel()[0])

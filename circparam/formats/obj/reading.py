@@ -83,7 +83,9 @@ class Scan:
         try:
             out[there] = t.floats(words)
         except ValueError:
-            raise self.error(bad_token(t, words, float), "a number is malformed") from None
+            token = bad_token(t, words, float)
+            comma = ": write decimal points" if "," in (word := self.word(token)) else ""
+            raise self.error(token, f"{word!r} is not a number{comma}") from None
         return out
 
     @cached_property
@@ -133,12 +135,18 @@ class Scan:
         cut_end[three] = cut_start[three] + 1 + size[first_field[three] + 1]
         return out, cut_start, cut_end
 
+    def word(self, token: int) -> str:
+        """The beginning of a word, for messages."""
+        t = self.tokens
+        text = t.clean[t.start[token] : min(t.end[token], t.start[token] + 24)].tobytes()
+        return text.decode("ascii", "backslashreplace")
+
     def _bad_corner(self, tokens: IntArray) -> Exception:
         t = self.tokens
         for i in tokens.tolist():
             word = t.clean[t.start[i] : t.end[i]].tobytes()
             if not all(p == b"" or p.lstrip(b"+-").isdigit() for p in word.split(b"/")):
-                shown = word[:24].decode("ascii", "backslashreplace")
+                shown = self.word(i)
                 return self.error(i, f"{shown!r} is not a face corner (v, v/vt, v//vn or v/vt/vn)")
         return self.error(int(tokens[0]), "a face corner is malformed")
 
