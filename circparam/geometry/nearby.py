@@ -6,8 +6,6 @@ from circparam.core.arrays import group_boxes
 from circparam.core.compiled import kd_tree
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
-BRUTE_PAIRS = 4_000_000  # of points and places up to which all are compared: a tree takes 0.1 s to import, too
-
 
 def centres(uv: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 2) centre of each face (m, 3) of a layout (n, 2)."""
@@ -32,24 +30,11 @@ def within(
     some = np.flatnonzero(near[:, 0] & near[:, 1] & ~out)
     if len(some) == 0:
         return out
-    if len(some) * len(to) > BRUTE_PAIRS:
-        out[some] = _by_tree(at[some], group[some], places, reach)
-        return out
-    square = (at[some, :1] - to[:, 0]) ** 2
-    square += (at[some, 1:] - to[:, 1]) ** 2
-    square[group[some, None] != of] = np.inf
-    out[some] = square.min(1) < reach[group[some]] ** 2
-    return out
-
-
-def _by_tree(
-    at: FloatArray, group: IntArray, places: tuple[FloatArray, IntArray], reach: FloatArray
-) -> BoolArray:
-    """``within`` of many points and places; groups are layers of space that lie far apart."""
-    to, of = places
+    # groups are layers of space that lie far apart
     apart = 4.0 * float(np.ptp(np.concatenate([at, to]), axis=0).max())
     apart += float(reach[np.isfinite(reach)].max(initial=1.0))
     tree = kd_tree(np.c_[to, of * apart])
-    most = float(reach[np.unique(of)].max())
-    far, _ = tree.query(np.c_[at, group * apart], distance_upper_bound=most)
-    return far < reach[group]
+    at, group = at[some], group[some]
+    far, _ = tree.query(np.c_[at, group * apart], distance_upper_bound=float(reach[of].max()))
+    out[some] = far < reach[group]
+    return out
