@@ -32,7 +32,7 @@ SHAPES: dict[str, tuple[shapes.Shape, float, float]] = {
     "cube": (shapes.cube(3), 9.4, 8.7),
     "torus": (shapes.torus(24, 12), 10.4, 10.5),
     "rough torus": (shapes.noisy(*shapes.torus(24, 12), 0.03), 9.6, 8.5),
-    "handles": (shapes.handles(2, 1), 9.1, 9.1),
+    "handles": (shapes.handles(2, 1), 10.5, 9.1),
     "tube": (shapes.cylinder(16, 8, caps=True), 9.5, 9.7),
     "holes": (shapes.waved(shapes.holed_sheet(9), 0.2), 2.9, 2.9),
     "spike": (shapes.spiked_disk(300, 2.0), 5.9, 6.0),
