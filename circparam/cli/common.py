@@ -280,9 +280,9 @@ def check_gates(gates: Any, report: dict[str, Any], about: str) -> None:
         raise GateError(f"{about}: --fail-if {'; '.join(missed)}")
 
 
-def complain(about: str, error: BaseException) -> int:
-    """Print the error of one mesh, for commands that go on with the next; its exit code."""
-    click.echo(f"circparam: error: {exits.line_about(about, error)}", err=True)
+def complain(about: str, error: BaseException, several: bool = False) -> int:
+    """Print the error of one mesh, alone or of several, for commands that go on; its exit code."""
+    click.echo(f"circparam: error: {exits.line_about(about, error, several)}", err=True)
     return exits.code_of(error)
 
 

@@ -90,11 +90,12 @@ def line_of(error: BaseException) -> str:
     return " ".join(text.split())
 
 
-def line_about(mesh: str, error: BaseException) -> str:
-    """The same, with the mesh that the error is about."""
+def line_about(mesh: str, error: BaseException, several: bool = False) -> str:
+    """The same, with the mesh that the error is about; of one mesh alone an error of an option needs none."""
     line = line_of(error)
     name = "standard input" if mesh == "-" else " ".join(mesh.split())
-    return line if name in line or isinstance(error, errors.OptionError) else f"{name}: {line}"
+    known = name in line or (isinstance(error, errors.OptionError) and not several)
+    return line if known else f"{name}: {line}"
 
 
 def exit_of(error: BaseException) -> tuple[int, str]:

@@ -165,11 +165,12 @@ class _Run:
         try:
             work(*args)
         except (CircparamError, MemoryError) as error:
-            code = common.complain(about, error)
+            several = self.place[1] > 1
+            code = common.complain(about, error, several)
             if not isinstance(error, GateError):
                 from circparam.pipeline.summary import SCHEMA
 
-                said = {"error": exits.line_about(about, error), "exit": code}
+                said = {"error": exits.line_about(about, error, several), "exit": code}
                 known = {"schema": SCHEMA.format("unwrap"), "output": None, "status": "failed"}
                 self.reports.append(known | said | failed)
                 if self.as_json:

@@ -160,6 +160,17 @@ def test_a_number_of_charts_that_cannot_be_is_told(tmp_path: Path) -> None:
         assert reached in (None, json.loads(got.stdout)["charts"])
 
 
+def test_an_option_that_does_not_fit_one_of_several_meshes_names_it(tmp_path: Path) -> None:
+    small, large = (
+        obj(tmp_path / f"{name}.obj", (size * shapes.grid(3, 3)[0], shapes.grid(3, 3)[1]))
+        for name, size in (("small", 0.1), ("large", 9.0))
+    )
+    words = ("--no-scale", "--effort", "draft", "--out-dir", tmp_path / "out", "-q")
+    result = run("unwrap", small, large, *words)
+    one_line_error(result, 2, "error: " + str(large) + ": at the sizes given")
+    assert os.listdir(tmp_path / "out") == ["small.obj"]
+
+
 def test_several_meshes_end_with_a_summary(tmp_path: Path) -> None:
     """One line a mesh, failed ones too, and how many of each status; the folder is made."""
     a = obj(tmp_path / "a.obj", shapes.bumped_disk(100))
@@ -253,7 +264,7 @@ needs_posix = pytest.mark.skipif(os.name != "posix", reason="pipes with names, s
 @pytest.mark.parametrize(
     ("stream", "code", "error"),
     [
-        (0, 3, b"circparam: error: -: standard input: the file is empty\n"),
+        (0, 3, b"circparam: error: standard input: the file is empty\n"),
         (1, 8, b"circparam: error: the output: Bad file descriptor\n"),
         (2, 0, b""),
     ],
