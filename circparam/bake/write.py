@@ -145,6 +145,12 @@ def embed(
         {"source": len(tree["images"]) - 1, "sampler": len(tree["samplers"]) - 1}
     )
     texture = {"index": len(tree["textures"]) - 1, "texCoord": uv_set}
+    _dress(tree, texture, kind)
+    return edit.finish("glb", "")[0]
+
+
+def _dress(tree: dict[str, Any], texture: dict[str, int], kind: str) -> None:
+    """Let every material of a tree show the texture, in place; primitives without a material get one."""
     materials = tree.setdefault("materials", [])
     for material in materials:
         if kind == "normals":
@@ -177,7 +183,6 @@ def embed(
         for mesh in tree.get("meshes", []):
             for primitive in mesh["primitives"]:
                 primitive["attributes"].pop("COLOR_0", None)
-    return edit.finish("glb", "")[0]
 
 
 def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
@@ -186,22 +191,7 @@ def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
     if material.get("extensions") == {}:
         material.pop("extensions")
     if gloss is not None:
-        # no metal, and roughness for missing gloss
-        pbr = material.setdefault("pbrMetallicRoughness", {})
-        if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
-            # otherwise the factor is only a part of the value
-            factor_alone = "specularGlossinessTexture" not in gloss
-            pbr["metallicFactor"] = 0.0
-            pbr["roughnessFactor"] = (
-                1.0 - float(gloss.get("glossinessFactor", 1.0)) if factor_alone else 0.9
-            )
-        for name, old in (
-            ("baseColorFactor", "diffuseFactor"),
-            ("baseColorTexture", "diffuseTexture"),
-        ):
-            pbr.pop(name, None)
-            if old in gloss:
-                pbr[name] = gloss[old]
+        _as_metallic(material, gloss)
     pbr = material.setdefault("pbrMetallicRoughness", {})
     factor = pbr.pop("baseColorFactor", None)
     if factor is not None and "baseColorTexture" not in pbr:
@@ -209,6 +199,22 @@ def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
     if factor is not None and any(f != 1 for f in factor):
         pbr["baseColorFactor"] = factor
     pbr["baseColorTexture"] = dict(texture)
+
+
+def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
+    """A specular-glossiness material in the words of glTF 2.0: no metal, roughness for missing gloss."""
+    pbr = material.setdefault("pbrMetallicRoughness", {})
+    if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
+        # otherwise the factor is only a part of the value
+        factor_alone = "specularGlossinessTexture" not in gloss
+        pbr["metallicFactor"] = 0.0
+        pbr["roughnessFactor"] = (
+            1.0 - float(gloss.get("glossinessFactor", 1.0)) if factor_alone else 0.9
+        )
+    for name, old in (("baseColorFactor", "diffuseFactor"), ("baseColorTexture", "diffuseTexture")):
+        pbr.pop(name, None)
+        if old in gloss:
+            pbr[name] = gloss[old]
 
 
 def bake_mesh(

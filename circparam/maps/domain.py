@@ -136,14 +136,23 @@ def composed(
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
     """Replace the arcs from number ``first`` on by diagonals, on both meshes, in place."""
-    # arcs to replace together: of each region one at most, where both regions make a quadrilateral
+    for arcs in _rounds(layout, first):
+        for tracer in layout.tracers:
+            _lay_diagonals(tracer, layout, arcs, weights)
+            tracer.split_chords()
+
+
+def _rounds(layout: Layout, first: int) -> list[list[int]]:
+    """Arcs to replace together: of each region one at most, and only between regions that make a
+    quadrilateral.
+    """
     region_of = {arc: n for n, r in enumerate(layout.regions()) for arc in r}
     corners = {
         arc: {layout.ends[side][0] for side in _sides(layout, arc)}
         for arc in range(first, len(layout.ends), 2)
     }
     left = [arc for arc, own in corners.items() if len(own) == 4]
-    rounds = []
+    out = []
     while left:
         taken: set[int] = set()
         now = []
@@ -152,12 +161,9 @@ def straighten(layout: Layout, weights: str, first: int) -> None:
             if not pair & taken:
                 taken |= pair
                 now.append(arc)
-        rounds.append(now)
+        out.append(now)
         left = [arc for arc in left if arc not in now]
-    for arcs in rounds:
-        for tracer in layout.tracers:
-            _lay_diagonals(tracer, layout, arcs, weights)
-            tracer.split_chords()
+    return out
 
 
 def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str) -> None:
@@ -252,47 +258,55 @@ def mended(
 ) -> tuple[FloatArray, int]:
     """(vectors (n, 3) of the vertices with fewer faces turned over than by q (n, 3), the number left).
 
-    development: of a mesh over the geometry. fixed (n,): vertices that stay. Patches round turned faces are
-    laid in the tangent plane of their middle, by the foldover-free energy; those out of sight there stay.
+    development: of a mesh over the geometry. fixed (n,): vertices that stay.
     """
     for rings in UNTANGLED_RINGS:
-        mesh, turned = development.mesh, development.turned(q)
-        if turned.any():
-            near = mask_of(mesh.n, mesh.faces[turned])
-            for _ in range(rings):
-                near[mesh.faces[near[mesh.faces].any(1)]] = True
-            inside = np.repeat(near[mesh.faces].all(1), 3)
-            within = inside & inside[mesh.twin]
-            h = np.flatnonzero(within)
-            _, label = components(len(mesh.faces), h // 3, mesh.twin[h] // 3)
-            faces = np.flatnonzero(np.isin(label, label[turned]) & inside[::3])
-            _, root, chart = np.unique(label[faces], return_index=True, return_inverse=True)
-            # a vertex where two patches touch is one of each
-            key, first, local = np.unique(
-                chart[:, None] * mesh.n + mesh.faces[faces], return_index=True, return_inverse=True
-            )
-            own, vertices = np.divmod(key, mesh.n)
-            number = positions_in(len(mesh.faces), faces)
-            pairs = np.stack([h, mesh.twin[h]], 1)[(number[h // 3] >= 0) & (h < mesh.twin[h])]
-            part = CutMesh(
-                local.reshape(-1, 3),
-                mesh.cut_mesh.rest_triangles[faces],
-                chart,
-                3 * number[pairs // 3] + pairs % 3,
-            )
-            # all vertices of a patch in the frame of its first face
-            way = development.rolled_out(faces[root], within)[1]
-            corner = 3 * faces[first // 3] + first % 3
-            into = way[corner // 3] @ development.of(corner)
-            seen = np.einsum("kab,kb->ka", into, q[vertices])
-            uv, back = geometry.projected(seen, own, len(root))
-            rest = fixed[vertices] | part.on_boundary
-            rest |= group_count(own[~np.isfinite(uv).all(1)], len(root))[own] > 0
-            uv = np.nan_to_num(uv)
-            area = group_sum(np.abs(signed_areas(part.faces, uv)), chart, len(root))
-            unit = np.sqrt(part.chart_areas / np.maximum(area, 1e-300))[own][:, None]
-            found, _ = untangle(part, uv * unit, rest)
-            new = np.linalg.solve(into, back(found / unit)[..., None])[..., 0]
-            q = q.copy()
-            q[vertices[~rest]] = geometry.normal(np.asarray(new, np.float64))[~rest]
+        if development.turned(q).any():
+            q = _untangled(geometry, development, fixed, q, rings)
     return q, int(development.turned(q).sum())
+
+
+def _untangled(
+    geometry: Geometry, development: Development, fixed: BoolArray, q: FloatArray, rings: int
+) -> FloatArray:
+    """Patches of so many rings round turned faces, each in the tangent plane of its middle, by the
+    foldover-free energy. Patches with vertices out of sight stay."""
+    mesh, turned = development.mesh, development.turned(q)
+    near = mask_of(mesh.n, mesh.faces[turned])
+    for _ in range(rings):
+        near[mesh.faces[near[mesh.faces].any(1)]] = True
+    inside = np.repeat(near[mesh.faces].all(1), 3)
+    within = inside & inside[mesh.twin]
+    h = np.flatnonzero(within)
+    _, label = components(len(mesh.faces), h // 3, mesh.twin[h] // 3)
+    faces = np.flatnonzero(np.isin(label, label[turned]) & inside[::3])
+    _, root, chart = np.unique(label[faces], return_index=True, return_inverse=True)
+    # a vertex where two patches touch is one of each
+    key, first, local = np.unique(
+        chart[:, None] * mesh.n + mesh.faces[faces], return_index=True, return_inverse=True
+    )
+    own, vertices = np.divmod(key, mesh.n)
+    number = positions_in(len(mesh.faces), faces)
+    pairs = np.stack([h, mesh.twin[h]], 1)[(number[h // 3] >= 0) & (h < mesh.twin[h])]
+    part = CutMesh(
+        local.reshape(-1, 3),
+        mesh.cut_mesh.rest_triangles[faces],
+        chart,
+        3 * number[pairs // 3] + pairs % 3,
+    )
+    # all vertices of a patch in the frame of its first face
+    way = development.rolled_out(faces[root], within)[1]
+    corner = 3 * faces[first // 3] + first % 3
+    into = way[corner // 3] @ development.of(corner)
+    seen = np.einsum("kab,kb->ka", into, q[vertices])
+    uv, back = geometry.projected(seen, own, len(root))
+    rest = fixed[vertices] | part.on_boundary
+    rest |= group_count(own[~np.isfinite(uv).all(1)], len(root))[own] > 0
+    uv = np.nan_to_num(uv)
+    area = group_sum(np.abs(signed_areas(part.faces, uv)), chart, len(root))
+    unit = np.sqrt(part.chart_areas / np.maximum(area, 1e-300))[own][:, None]
+    found, _ = untangle(part, uv * unit, rest)
+    new = np.linalg.solve(into, back(found / unit)[..., None])[..., 0]
+    out = q.copy()
+    out[vertices[~rest]] = geometry.normal(np.asarray(new, np.float64))[~rest]
+    return out

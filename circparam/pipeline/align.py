@@ -132,9 +132,8 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
             layout[some.vertex, axis] = some.to[some.line]
         good = chart_energies(cut_mesh, in_units(layout)) <= bound
         good &= share_over(cut_mesh, face_stretch(cut_mesh, in_units(layout)), limit) <= stretched
-        good &= ~self_overlapping(
-            cut_mesh, in_units(layout)
-        )  # parts of a chart may be near each other
+        # parts of a chart may be near each other
+        good &= ~self_overlapping(cut_mesh, in_units(layout))
         out = np.where(good[cut_mesh.vertex_chart][:, None], layout, out)
     return out
 

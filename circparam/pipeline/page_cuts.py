@@ -195,7 +195,7 @@ class Cutter:
         part.failed.add(k)
         return None
 
-    def drawn(self, part: Part, k: int) -> list[Part]:
+    def straight_parts(self, part: Part, k: int) -> list[Part]:
         """Both parts of a part cut along its chord k itself, as outlines alone."""
         shown, i, j = part.outline, int(part.chords.i[k]), int(part.chords.j[k])
         corners = np.arange(len(shown.p))

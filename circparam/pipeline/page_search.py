@@ -91,7 +91,8 @@ class Search:
         """The plan with one cut more along the best chord itself; None if no chord is left."""
         for n, part, k, _ in self._trials(plan):
             if self.cutter.worth_trying(part, k):
-                parts = [*plan.parts[:n], *plan.parts[n + 1 :], *self.cutter.drawn(part, k)]
+                halves = self.cutter.straight_parts(part, k)
+                parts = [*plan.parts[:n], *plan.parts[n + 1 :], *halves]
                 seam = plan.seam + (part.slit + float(part.chords.length[k])) / self.cutter.root
                 return Plan(parts, seam, plan.cuts + 1, self._log_share(parts))
         return None

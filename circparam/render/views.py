@@ -51,14 +51,7 @@ def see(scene: Scene, camera: Camera, width: int, height: int, factor: int = 2) 
     back = (scene.normals[seen] @ camera.back < 0) != scene.inside_out
     if scene.inside_out:
         normal = -normal
-    # a key light from the upper left, wrapped round the shape, over a soft sky
-    n = np.stack([normal @ camera.right, normal @ camera.up, normal @ camera.back], 1)
-    n[back] *= -1
-    key = (
-        np.clip(0.5 + 0.5 * (n @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))), 0, 1) ** 1.6
-    )
-    sky = 0.5 + 0.5 * n[:, 1]
-    light = (0.42 + 0.56 * key + 0.10 * sky) * _occlusion(z, pixel, factor)
+    light = _brightness(normal, back, camera) * _occlusion(z, pixel, factor)
     lines = _seam_lines(scene, camera, z, factor)
     return View(width, height, factor, pixel, seen, bary, light, back, z, lines)
 
@@ -80,6 +73,17 @@ def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> Flo
     length = np.linalg.norm(xy[b] - xy[a], axis=1).sum() / 4 / min(w, h)
     radius = 0.75 * factor * col.line_weight(length)
     return draw_lines(lines[a], lines[b], (h, w), radius, z, 3.5 * factor * pixel_size)
+
+
+def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArray:
+    """A key light from the upper left, wrapped round the shape, over a soft sky."""
+    n = np.stack([normal @ camera.right, normal @ camera.up, normal @ camera.back], 1)
+    n[back] *= -1
+    key = (
+        np.clip(0.5 + 0.5 * (n @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))), 0, 1) ** 1.6
+    )
+    sky = 0.5 + 0.5 * n[:, 1]
+    return 0.42 + 0.56 * key + 0.10 * sky
 
 
 def _occlusion(z: FloatArray, pixel: IntArray, factor: int) -> FloatArray:

@@ -102,13 +102,7 @@ def descend(
     reasons = np.full(n, "iterations", dtype="<U16")
     pairs: list[_Pair] = []
     for iteration in range(options.limit):
-        # steepest descent where the memory misleads uphill
-        direction = -_two_loop(at.gradient, pairs, groups, precondition)
-        slope = groups.dot(at.gradient, direction)
-        uphill = ~(slope < 0)
-        if uphill.any():
-            direction = np.where(uphill[groups.of][:, None], -precondition(at.gradient), direction)
-            slope = groups.dot(at.gradient, direction)
+        direction, slope = _direction(at.gradient, pairs, groups, precondition)
         step, (_, new) = backtrack(
             partial(_along, energy, at, direction, groups),
             np.where(going & (slope < 0), 1.0, 0.0),
@@ -144,6 +138,19 @@ def _pair(before: _Point, after: _Point, groups: Groups, precondition: Precondit
         curvature > CURVED_COSINE * norm, 1 / np.where(curvature > 0, curvature, 1), 0
     )
     return _Pair(s, y, inverse, groups.dot(y, precondition(y)))
+
+
+def _direction(
+    gradient: FloatArray, pairs: list[_Pair], groups: Groups, precondition: Precondition
+) -> tuple[FloatArray, FloatArray]:
+    """(direction (v, 2), its slope (count,)): steepest descent where the memory misleads uphill."""
+    direction = -_two_loop(gradient, pairs, groups, precondition)
+    slope = groups.dot(gradient, direction)
+    uphill = ~(slope < 0)
+    if uphill.any():
+        direction = np.where(uphill[groups.of][:, None], -precondition(gradient), direction)
+        slope = groups.dot(gradient, direction)
+    return direction, slope
 
 
 def _two_loop(

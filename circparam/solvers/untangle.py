@@ -211,11 +211,7 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
         barren = np.where((now < BETTER * best).any(0), 0, barren + 1)
         best = np.minimum(best, now)
         # a diverging group is given up before its numbers overflow
-        # a group far wider or higher than its area implies has flown apart
-        group, n = region.cut_mesh.vertex_chart, region.n_groups
-        spread = [group_max(x[:, d], group, n) - group_min(x[:, d], group, n) for d in range(2)]
-        near = np.maximum(spread[0], spread[1]) <= FAR_ROOTS * np.sqrt(region.cut_mesh.chart_areas)
-        left = (worst <= POSITIVE_DETERMINANT) & near
+        left = (worst <= POSITIVE_DETERMINANT) & ~_flown_apart(region, x)
         # without a lower step now, the next round has none either
         left &= moving & (barren < BARREN)
         if not left.any() or (monitor is not None and monitor.expired):
@@ -245,3 +241,11 @@ def _descended(region: Region, x: FloatArray, epsilon: FloatArray) -> tuple[Floa
     groups = Groups(region.cut_mesh.vertex_chart, region.n_groups)
     found = descend(energy.energy, x, groups, precondition, DESCENT)
     return found.x, found.steps
+
+
+def _flown_apart(region: Region, x: FloatArray) -> BoolArray:
+    """(n_groups,) bool: the group is far wider or higher than its area implies."""
+    group, n = region.cut_mesh.vertex_chart, region.n_groups
+    spread = [group_max(x[:, d], group, n) - group_min(x[:, d], group, n) for d in range(2)]
+    near = np.maximum(spread[0], spread[1]) <= FAR_ROOTS * np.sqrt(region.cut_mesh.chart_areas)
+    return ~near

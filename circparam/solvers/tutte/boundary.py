@@ -68,7 +68,17 @@ def behind_virtual_faces(cut_mesh: CutMesh, options: TutteOptions) -> FixedBound
     The real boundary is free to move; the whole is still a convex map: nothing flips.
     """
     outer = outer_boundary(cut_mesh, options.spacing)
-    # each edge carries an isosceles trapezoid, as if the boundary were a circle with a flat ring around it
+    extended, fixed = _with_virtual_faces(cut_mesh, outer)
+    return FixedBoundary(
+        extended, fixed, _circle_of(outer, cut_mesh.chart_areas * (1 + RING_WIDTH_RADII) ** 2)
+    )
+
+
+def _with_virtual_faces(cut_mesh: CutMesh, outer: OuterBoundary) -> tuple[CutMesh, IntArray]:
+    """(cut mesh with two virtual faces outside every boundary edge, after the real ones; (b,) outer vertices).
+
+    Each edge carries an isosceles trapezoid, as if the boundary were a circle with the flat ring around it.
+    """
     b = len(outer.vertices)
     index, follower, preceding = outer.index, outer.neighbour(1), outer.neighbour(-1)
     base = cut_mesh.edge_lengths.ravel()[outer.half_edge]
@@ -103,9 +113,7 @@ def behind_virtual_faces(cut_mesh: CutMesh, options: TutteOptions) -> FixedBound
         np.concatenate([cut_mesh.chart, outer.chart, outer.chart]),
         edges,
     )
-    return FixedBoundary(
-        extended, outside, _circle_of(outer, cut_mesh.chart_areas * (1 + RING_WIDTH_RADII) ** 2)
-    )
+    return extended, outside
 
 
 _CONVEX = frozenset({"convex-boundary"})
