@@ -1,5 +1,6 @@
 """Shared fixtures: where the real meshes are, and reproducible random numbers."""
 
+import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -59,12 +60,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 @pytest.fixture(scope="session")
-def shared() -> Iterator[str]:
-    """The address of a scheduler with two workers, for tests that neither start nor end one."""
-    from circparam.batch.cluster import Cluster
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a scheduler with two workers, each a process, for tests that neither start nor end one."""
+    import dask
+    from distributed import LocalCluster
 
-    cluster = Cluster(workers=2)
-    try:
-        yield cluster.client.scheduler.address
-    finally:
-        cluster.kill()
+    quiet = {"dashboard_address": "127.0.0.1:0", "silence_logs": logging.CRITICAL}
+    with (
+        dask.config.set({"temporary-directory": str(tmp_path_factory.mktemp("dask"))}),
+        LocalCluster(2, threads_per_worker=1, **quiet) as cluster,
+    ):
+        yield cluster.scheduler_address

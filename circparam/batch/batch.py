@@ -172,11 +172,13 @@ def _work(
     hooks: Hooks,
 ) -> bool:
     """Run the items that are due; whether all are done."""
-    cluster = Cluster(plan.workers, plan.scheduler, plan.scheduler_file)
+    folder, status = manifest.folder, _StatusFile(manifest.folder, hooks.listener)
+    work = None if folder.remote else folder.of(WORK_FOLDER)
+    cluster = Cluster(plan.workers, plan.scheduler, plan.scheduler_file, work)
     try:
         batch = Batch(
             cluster, index.items(), pack_settings(settings), manifest, meter,
-            _StatusFile(manifest.folder, hooks.listener), hooks.on_line, plan.task, plan.last,
+            status, hooks.on_line, plan.task, plan.last,
         )  # fmt: skip
         with hooks.started(batch.ask_to_stop):
             finished = batch.run()

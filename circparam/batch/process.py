@@ -20,8 +20,8 @@ from circparam.core.workers import environment
 START_SECONDS = 120.0  # seconds that a server may take to import everything
 REPORT_SECONDS = 30.0  # seconds that a server has, after the hard stop of a mesh, to report it
 TICK_SECONDS = 0.1
-_FREE: "list[WarmServer]" = []
-_LOCK, _COMING = threading.Lock(), threading.Lock()
+_SERVERS: "list[WarmServer]" = []
+_LOCK = threading.Lock()
 
 
 class GoneError(Exception):
@@ -41,7 +41,7 @@ class WarmServer:
     """One warm server process."""
 
     def __init__(self, forks: bool) -> None:
-        self.forks = forks
+        self.forks, self.busy = forks, True
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "circparam.batch.server", "fork" if forks else "reuse"],
             env=server_environment(),
@@ -50,6 +50,7 @@ class WarmServer:
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C is not for it
         )
+        _SERVERS.append(self)
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
         threading.Thread(target=self._listen, daemon=True).start()
         self._answer(time.monotonic() + START_SECONDS, None)
@@ -122,36 +123,24 @@ class WarmServer:
 @contextlib.contextmanager
 def warm_server(forks: bool) -> Iterator[WarmServer]:
     """A free server, started where there is none; a server that has ended is not used again."""
-    with _COMING, _LOCK:  # one that starts with the worker is worth waiting for
-        server = next((s for s in _FREE if s.forks == forks and s.alive), None)
-        _FREE[:] = [s for s in _FREE if s is not server and s.alive]
+    with _LOCK:
+        _SERVERS[:] = [s for s in _SERVERS if s.alive]
+        server = next((s for s in _SERVERS if s.forks == forks and not s.busy), None)
+        if server is not None:
+            server.busy = True
     server = server or WarmServer(forks)
     try:
         yield server
     finally:
-        if server.alive:
-            with _LOCK:
-                _FREE.append(server)
-
-
-def start_ahead(forks: bool) -> None:
-    """Begin to start a server: the first mesh finds it warm."""
-
-    def start() -> None:
-        with _COMING, contextlib.suppress(GoneError):
-            _FREE.append(WarmServer(forks))
-
-    threading.Thread(target=start, daemon=True).start()
+        server.busy = False
 
 
 def close_servers() -> None:
-    """End all servers that are free."""
-    with _LOCK:
-        servers, _FREE[:] = list(_FREE), []
-    for server in servers:
+    """End all servers, and the meshes that they are at."""
+    for server in _SERVERS:
         server.close()
 
 
 atexit.register(close_servers)
 if hasattr(os, "register_at_fork"):  # a fork of the worker does not share its servers
-    os.register_at_fork(after_in_child=_FREE.clear)
+    os.register_at_fork(after_in_child=_SERVERS.clear)

@@ -90,9 +90,7 @@ def private_semaphores() -> list[str]:
 def test_a_batch_and_its_continuation(tmp_path: Path) -> None:
     """On a cluster of its own, which leaves nothing in temporary folders; then there is nothing to do."""
     source, out, scratch = write_set(tmp_path / "src", 3), tmp_path / "out", tmp_path / "scratch"
-    old = scratch / "circparam-batch-dask-killed"
-    (old / "dask-scratch-space").mkdir(parents=True)
-    os.utime(old, (0, 0))
+    scratch.mkdir()
     command = [*PROGRAM, str(source), "--out", str(out), "-q", "--workers", "1", *ARGS]
     ended = subprocess.run(
         [*private_semaphores(), *command], env={**environment(), "TMPDIR": str(scratch)},
@@ -193,9 +191,9 @@ def command_line(pid: int) -> bytes:
         return b""
 
 
-def clusters_of(pid: int) -> list[int]:
-    """Clusters that a process has started."""
-    return [c for c in children(pid) if b"batch.local" in command_line(c)]
+def started(pid: int, kind: bytes) -> list[int]:
+    """Processes of a kind that a process has started."""
+    return [c for c in children(pid) if kind in command_line(c)]
 
 
 @pytest.mark.slow
@@ -218,8 +216,7 @@ class Killer:
     def __call__(self, line: dict[str, Any]) -> None:
         self.lines += 1
         if self.lines in self.after:
-            started = [c for cluster in clusters_of(os.getpid()) for c in children(cluster)]
-            workers = [c for c in started if b"spawn_main" in command_line(c)]
+            workers = started(os.getpid(), b"spawn_main")
             if workers:
                 os.kill(self.random.choice(workers), signal.SIGKILL)
                 self.killed += 1
@@ -271,17 +268,18 @@ def count_lines(out: Path) -> int:
     "moments", [[2], pytest.param([0, 1, 7, 20, 33], marks=pytest.mark.slow)], ids=["once", "five"]
 )
 def test_the_client_is_killed_and_continued(moments, shared, tmp_path):
-    """Its cluster ends with it, and removes its folder."""
+    """Its warm server ends with it."""
     count = 5 if len(moments) == 1 else 40
     source, out, scratch = write_set(tmp_path / "src", count), tmp_path / "out", tmp_path / "tmp"
     for moment in moments:
         with start_batch(source, out, scratch) as process:
             wait_for(lambda moment=moment: has_lines(out, moment), process)
-            (cluster,) = clusters_of(process.pid)
+            wait_for(lambda pid=process.pid: started(pid, b"batch.server"), process)
+            (server,) = started(process.pid, b"batch.server")
             process.kill()
             process.communicate()
-        assert becomes(lambda cluster=cluster: not Path(f"/proc/{cluster}").exists())
-        assert becomes(lambda: not list(scratch.iterdir()))
+        assert becomes(lambda server=server: not Path(f"/proc/{server}").exists())
+        assert list(scratch.iterdir()) == []
     summary = batch(source, out, scheduler=shared)
     assert summary.counts == {"ok": count}
     expect_quiet(source, out, count)
@@ -493,8 +491,9 @@ def test_a_stop_does_not_wait_for_a_mesh_that_takes_long(tmp_path: Path) -> None
 def test_a_batch_that_is_ended_leaves_nothing_either(tmp_path: Path) -> None:
     source, out, scratch = write_set(tmp_path / "src", 2), tmp_path / "out", tmp_path / "scratch"
     with start_batch(source, out, scratch) as process:
-        wait_for(lambda: any(scratch.glob("*/*")), process)
+        wait_for(lambda: any(out.glob(".circparam-batch/*/*")), process)
         process.send_signal(signal.SIGTERM)
         _, error = process.communicate(timeout=60)
     assert b"Traceback" not in error
-    assert becomes(lambda: not list(scratch.iterdir()))
+    assert list(scratch.iterdir()) == []
+    assert files(out) <= set(told(out))

@@ -4,8 +4,8 @@
 
 rate: generated meshes of 300 to 3,000 faces on two workers, beside one warm process and beside
 ``xargs -P2 circparam unwrap``, both on every so many-th of them. Seconds of the clock say something on a quiet
-machine alone; processor seconds are told beside. empty: tasks that do nothing, for what the client and the
-scheduler cost.
+machine alone; processor seconds are told beside. empty: tasks that do nothing, for what the client
+costs.
 """
 
 import argparse
@@ -90,11 +90,6 @@ def cpu_of_children() -> float:
     return float(sum(os.times()[2:4]))
 
 
-def clusters() -> list[psutil.Process]:
-    """The local cluster that this process has started."""
-    return [p for p in psutil.Process().children() if "circparam.batch.local" in p.cmdline()]
-
-
 WARM = """
 import sys, time, circparam
 circparam.unwrap(sys.argv[1], sys.argv[1] + ".warm.obj", overwrite=True)
@@ -155,7 +150,7 @@ def rate(chosen: argparse.Namespace) -> list[Line]:
 
         def on_line(line: dict[str, Any]) -> None:
             looked = len(spent) % 10 == 0 or len(spent) >= count - 5
-            cpu = cpu_of_tree(clusters()[0]) + sum(os.times()[:2]) if looked else spent[-1][2]
+            cpu = cpu_of_tree(psutil.Process()) if looked else spent[-1][2]
             spent.append((len(spent) + 1, time.perf_counter(), cpu))
 
         summary = run_batch(
@@ -177,13 +172,8 @@ def rate(chosen: argparse.Namespace) -> list[Line]:
         ]  # fmt: skip
 
 
-def resident(pid: int) -> float:
-    """Megabytes that a process holds."""
-    return psutil.Process(pid).memory_info().rss / 1e6
-
-
 def empty(chosen: argparse.Namespace) -> list[Line]:
-    """What a task costs the client, and the memory of client and scheduler."""
+    """What a task costs the client with its scheduler, and their memory."""
     count = chosen.tasks
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -192,14 +182,12 @@ def empty(chosen: argparse.Namespace) -> list[Line]:
             if k % 1000 == 0:
                 sub.mkdir(parents=True)
             (sub / f"{k:07d}.obj").touch()
-        memory: list[tuple[int, float, float]] = []
+        memory: list[tuple[int, float]] = []
 
         def listen(progress: Progress) -> None:
-            found = clusters()
-            if found:
-                memory.append((progress.done, resident(os.getpid()), resident(found[0].pid)))
-                if len(memory) % 60 == 1:
-                    print(memory[-1], f"{progress.rate:.0f}/s", flush=True)
+            memory.append((progress.done, psutil.Process().memory_info().rss / 1e6))
+            if len(memory) % 60 == 1:
+                print(memory[-1], f"{progress.rate:.0f}/s", flush=True)
 
         start, cpu = time.perf_counter(), time.process_time()
         plan = BatchPlan(
@@ -214,9 +202,7 @@ def empty(chosen: argparse.Namespace) -> list[Line]:
             Line("client, CPU a task", 1e3 * cpu / count, "ms", "<= 5", "listing to report"),
             Line("tasks", count / seconds, "1/s", None, f"{count} in {seconds:.0f} s of the clock"),
             Line("memory of the client", max(m[1] for m in memory), "MB", "<= 500"),
-            Line("memory of the scheduler", max(m[2] for m in memory), "MB", "<= 500"),
             Line("client, growth over the last half", half[-1][1] - half[0][1], "MB", "<= 10"),
-            Line("scheduler, growth over the last half", half[-1][2] - half[0][2], "MB", "<= 10"),
             Line("report.html", page, "MB", "<= 5", "the first 10,000 of them"),
         ]  # fmt: skip
 
