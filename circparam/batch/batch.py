@@ -96,6 +96,8 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
     with Index() as index:
         listing = Listing(plan.sources, None if folder.remote else folder.address)
         total = index.add_sources(listing, folder)
+        for pattern in settings.extras.values():
+            index.check_further(pattern)
         if listing.own:
             hooks.note(f"{listing.own} files named *_uv.* are results of unwrap: they are left out")
         if not total:

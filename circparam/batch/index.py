@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from circparam.batch.settings import PLACE
 from circparam.batch.sources import SourceFile, output_name
 from circparam.batch.store import Folder, digest
 from circparam.core.records import dataclass
@@ -101,6 +102,22 @@ class Index:
                     f"{_text(other)} and {_text(source)} would both be written to {_text(target)}: "
                     "give them two folders of results"
                 )
+
+    def check_further(self, pattern: str) -> None:
+        """Raise OptionError if two files would write one further file of this name, with ``{}`` for the stem."""
+        self.data.create_function(
+            "stem", 1, lambda name: os.path.splitext(name)[0], deterministic=True
+        )
+        hit = self.data.execute(
+            "SELECT min(source), max(source), stem(target) AS its FROM file GROUP BY its "
+            "HAVING count(*) > 1 LIMIT 1"
+        ).fetchone()
+        if hit is not None:
+            place = pattern.replace(PLACE, _text(hit[2]))
+            raise OptionError(
+                f"{_text(hit[0])} and {_text(hit[1])} would both write {place}: "
+                "give them two folders of results"
+            )
 
     def count(self, condition: str) -> int:
         """How many files meet a condition of SQL."""

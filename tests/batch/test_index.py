@@ -113,3 +113,17 @@ def test_a_result_that_is_gone_is_made_again(index: Index) -> None:
 
     assert due(index, exists=gone) == ["a.obj"]
     assert asked == [("a.obj", 9)]
+
+
+def test_further_files_that_collide(index, tmp_path):
+    """Results of two formats do not collide, pictures of both would."""
+    names = ("a/m.obj", "m.obj", "a/m.ply", "m.2.obj")
+    index.add_sources([SourceFile(f"/s/{n}", n) for n in names], Folder(str(tmp_path)))
+    with pytest.raises(OptionError, match=r"/s/a/m.obj and /s/a/m.ply would both write a/m.png:"):
+        index.check_further("{}.png")
+
+
+def test_further_files_of_equal_names_in_two_folders(index, tmp_path):
+    names = ("m.obj", "a/m.ply", "m.1.obj")
+    index.add_sources([SourceFile(f"/s/{n}", n) for n in names], Folder(str(tmp_path)))
+    index.check_further("{}.npz")

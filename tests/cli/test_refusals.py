@@ -264,6 +264,7 @@ ROWS = """
 2 | batch src --status out                             | takes no other argument
 8 | batch src --out mine.png/x                         | cannot be written
 2 | batch twins --out out                              | m.off; m.stl; would both be written to m.glb
+2 | batch src twins/m.stl --out out --preview {}.png   | m.obj; m.stl; would both write m.png
 """
 REFUSED = [tuple(part.strip() for part in r.split(" | ")) for r in ROWS.splitlines() if r]
 
