@@ -104,7 +104,7 @@ class Index:
                 )
 
     def check_further(self, pattern: str) -> None:
-        """Raise OptionError if two files would write one further file of this name, with ``{}`` for the stem."""
+        """Raise OptionError if two files would write one further file; the pattern has ``{}`` for the stem."""
         self.data.create_function(
             "stem", 1, lambda name: os.path.splitext(name)[0], deterministic=True
         )
