@@ -184,8 +184,8 @@ class Packing:
         self.data = [(view, body) for view, body in self.data if id(view) not in without]
         close_gaps(accessors, spare, accessor_slots(new))
         close_gaps(views, spare_views, view_slots(new))
-        images = _image_views(old) - _image_views(new)
-        return drop_unused(new, before - now, counts[0], counts[1], images)
+        gone = (_image_views(old) - _image_views(new)) | self.tree.stale_views
+        return drop_unused(new, before - now, counts[0], counts[1], gone)
 
     def _fill_rows(self, unused: Unused) -> Unused:
         """Store views anew with their whole last row, if they end inside it; loaders refuse such views."""

@@ -16,6 +16,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import GROUPINGS, Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
+from circparam.formats.gltf.compressed import drop_compressed_copies
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
@@ -205,6 +206,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     required = [k for k in tree.json.get("extensionsRequired", []) if k in COMPRESSED]
     if required:
         raise source.error(f"it is compressed with {required[0]}: {DECODE}")
+    notes = drop_compressed_copies(tree)
     shown = scene.walk(tree)
     warnings: list[str] = []
     if unshare:
@@ -226,7 +228,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     sets = sorted({int(k[9:]) for p in parts.pools for k in p.attributes if k[:9] == "TEXCOORD_"})
     return GltfDocument(
         source, "glb" if tree.is_glb else "gltf", Mesh(points, faces, groups=groups),
-        tuple(sets), parts.notes, _features(tree), tuple(names),
+        tuple(sets), notes + parts.notes, _features(tree), tuple(names),
         tree=tree, primitives=parts.primitives, pools=parts.pools, again=scene.shown_again(shown),
         warnings=tuple(warnings),
     )  # fmt: skip

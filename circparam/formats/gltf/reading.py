@@ -52,7 +52,8 @@ class Tree:
         self.bin: bytes | None = None
         self.rest = b""
         self.is_glb = data[:4] == b"glTF"
-        text = self._chunks(data) if self.is_glb else data
+        # some programs pad the JSON chunk with zeros, where glTF demands blanks
+        text = self._chunks(data).rstrip(b"\0") if self.is_glb else data
         try:
             tree = json.loads(text.decode("utf-8-sig"), parse_constant=_no_constant)
         except (ValueError, RecursionError) as error:
@@ -68,7 +69,8 @@ class Tree:
         self.indent: int | str | None = None if found is None else len(found[1])
         if found is not None and found[1].startswith(b"\t"):
             self.indent = "\t"
-        self._buffers: dict[int, bytes] = {}
+        # views of compressed copies that were left out: nothing may refer to them
+        self.stale_views: set[int] = set()
         for number, buffer in enumerate(self.json.get("buffers", [])):
             self._check_uri(number, buffer)
         self.buffer = cache(self._buffer)

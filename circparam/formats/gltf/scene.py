@@ -54,6 +54,7 @@ def _numbers(node: Json, key: str, default: npt.ArrayLike) -> FloatArray:
 def walk(tree: Tree) -> list[Shown]:
     """Every mesh that a node shows, depth first, the default scene before the others.
 
+    The first node of a mesh does not mirror it if another shows it plain: the layout then fits the plain one.
     Raises InputError if nodes form a cycle or a node has two parents.
     """
     nodes, scenes = tree.entries("nodes"), tree.entries("scenes")
@@ -88,7 +89,22 @@ def walk(tree: Tree) -> list[Shown]:
             stack += [(child, matrix) for child in reversed(node.get("children", []))]
     if not scenes and not nodes:
         return [(-1, k, np.eye(4)) for k in range(len(tree.entries("meshes")))]
-    return found
+    return _plain_first(found)
+
+
+def _plain_first(shown: list[Shown]) -> list[Shown]:
+    """The same entries; a mirrored first entry of a mesh changes places with the first plain one."""
+    out, first = list(shown), dict[int, int]()
+    for k, (_, mesh, matrix) in enumerate(shown):
+        at = first.setdefault(mesh, k)
+        if mirrors(out[at][2]) and not mirrors(matrix):
+            out[at], out[k] = out[k], out[at]
+    return out
+
+
+def mirrors(matrix: FloatArray) -> bool:
+    """Whether a (4, 4) transform turns left into right."""
+    return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
 def mesh_matrices(tree: Tree) -> dict[int, FloatArray]:
@@ -145,7 +161,7 @@ def read_meshes(tree: Tree, shown: list[Shown]) -> Parts:
 def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, out: Parts) -> None:
     """Put one mesh behind those that are there."""
     known: dict[object, int] = {}
-    turned = bool(np.linalg.det(matrix[:3, :3]) < 0)
+    turned = mirrors(matrix)
     for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
         packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
         if packed:

@@ -63,18 +63,19 @@ def used_accessors(tree: Json) -> set[int]:
 
 
 def drop_unused(
-    tree: Json, gone: Iterable[int], accessors: int, views: int, images: Iterable[int]
+    tree: Json, gone: Iterable[int], accessors: int, views: int, others: Iterable[int]
 ) -> Unused:
     """Take out the accessors ``gone``, and the views that only they used.
 
-    accessors, views: their numbers before new ones were appended. images: views of images that went. Entries
-    that nothing used at first stay, because they belong to the file.
+    accessors, views: their numbers before new ones were appended. others: further views without a use, of
+    images that went and of compressed copies. Entries that nothing used at first stay, because they belong to
+    the file.
     """
     old, all_views = tree.get("accessors", []), tree.get("bufferViews", [])
     free = sorted(gone)
-    mine = views_of(old, free) | set(images)
-    others = set(range(len(old))) - set(free)
-    alive = views_of(old, others) | {i.get("bufferView") for i in tree.get("images", [])}
+    mine = views_of(old, free) | set(others)
+    kept = set(range(len(old))) - set(free)
+    alive = views_of(old, kept) | {i.get("bufferView") for i in tree.get("images", [])}
     dead = sorted(mine - alive)
     spans = [view_span(all_views[k]) for k in dead]
     spans += [s for k in free for s in accessor_spans(tree, old[k])]

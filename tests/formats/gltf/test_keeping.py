@@ -410,3 +410,26 @@ def test_a_view_without_its_last_row_is_a_flaw() -> None:
     del next(view for view in g.tree["bufferViews"] if "byteStride" in view)["byteLength"]
     with pytest.raises(InputError, match="byteLength"):  # of colours, which nobody has asked for
         read_data(g.glb()).flaws()
+
+
+@pytest.mark.parametrize("kind", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_a_compressed_copy_beside_plain_data_is_left_out(kind: str) -> None:
+    """An extension that is used and not required: every reader may take the plain data."""
+    g = full_mesh(6)
+    stale = bytes(range(200, 250)) * 20
+    view = g.view(stale)
+    (primitive,) = g.tree["meshes"][0]["primitives"]
+    if kind.startswith("KHR_draco"):
+        primitive["extensions"] = {kind: {"bufferView": view, "attributes": {"POSITION": 0}}}
+    else:
+        count = {"buffer": 0, "byteOffset": 0, "byteLength": 9, "byteStride": 12, "count": 36}
+        g.tree["bufferViews"][0]["extensions"] = {kind: {**count, "mode": "ATTRIBUTES"}}
+    g.tree["extensionsUsed"].append(kind)
+    document, plain = read_data(g.glb()), read_data(full_mesh(6).glb())
+    assert any("compressed copies" in note for note in document.notes)
+    again = read_data(encode(document, layout_with_seams(document), "glb").data)
+    assert_same_but_uv(plain, again, "TEXCOORD", "TANGENT", "0:TANGENT")
+    assert kind.encode() not in json.dumps(again.tree.json).encode()
+    if kind.startswith("KHR_draco"):
+        assert stale not in again.tree.bin
+        assert unused_entries(again.tree.json) == (set(), set())

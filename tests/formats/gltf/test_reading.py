@@ -187,3 +187,14 @@ def test_whole_numbers_may_be_written_as_decimals() -> None:
     for wrong in (9.5, True, -0.5, None):
         g.tree["accessors"][0]["count"] = wrong
         refused(g.glb(), "whole number")
+
+
+def test_a_json_chunk_may_be_padded_with_zeros() -> None:
+    """glTF demands blanks; exporters write zeros, and other readers take both."""
+    data = small().glb()
+    size = int.from_bytes(data[12:16], "little")
+    text = data[20 : 20 + size].rstrip(b" ")
+    text += b"\0" * (4 + -len(text) % 4)
+    chunks = len(text).to_bytes(4, "little") + data[16:20] + text + data[20 + size :]
+    padded = data[:8] + (12 + len(chunks)).to_bytes(4, "little") + chunks
+    np.testing.assert_array_equal(read_data(padded).mesh.points, read_data(data).mesh.points)

@@ -227,3 +227,15 @@ def test_a_mirrored_mesh_is_wound_as_it_is_seen(mode: int) -> None:
     same = np.sort(plain.mesh.corners, axis=1)
     np.testing.assert_array_equal(np.sort(written, axis=1), same)
     np.testing.assert_allclose(np.cross(*np.diff(written, axis=1).swapaxes(0, 1)), before)
+
+
+@pytest.mark.parametrize("mirrored_first", [False, True])
+def test_of_two_nodes_of_a_mesh_the_plain_one_decides(mirrored_first: bool) -> None:
+    g = small()
+    nodes = [{"mesh": 0, "translation": [9, 0, 0]}, {"mesh": 0, "scale": [-1, 1, 1]}]
+    document = read_data(g.scene(*(nodes[::-1] if mirrored_first else nodes)).glb())
+    plain = read_data(small().scene(nodes[0]).glb()).mesh
+    np.testing.assert_array_equal(document.mesh.points, plain.points)
+    np.testing.assert_array_equal(document.mesh.faces, plain.faces)
+    ((_, other),) = document.instance_transforms()
+    np.testing.assert_allclose(other @ [9, 0, 0, 1], [0, 0, 0, 1])
