@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,10 @@ from circparam.core.fields import Range
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError
-from circparam.formats.document import Document
+from circparam.formats.document import Document, y_up, z_up
+from circparam.formats.table import up_of
 from circparam.geometry.closest import samples_of
 from circparam.geometry.distortion import Tail
 from circparam.geometry.overlap import overlaps
@@ -24,6 +26,7 @@ from circparam.maps.carried_charts import (
     SourceCharts,
     carry_charts,
 )
+from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
@@ -115,8 +118,7 @@ def transfer(
     with monitor.stage("read"):
         document = open_source(source, options)
         uvmap = document.require_uv(options.uv_set or 0)
-        surface, _ = repair(document.mesh, RepairOptions(0.0, True, by_position=True), uvmap)
-        charts = SourceCharts(given_atlas(surface, uvmap, document.source.name))
+        charts = _source_charts(document, document.mesh, uvmap)
         documents = open_sources(targets, "targets", options)
     outputs = [None] * len(documents) if outputs is None else list(outputs)
     if len(outputs) != len(documents):
@@ -127,16 +129,19 @@ def transfer(
     carried = []
     with monitor.stage("transfer"):
         for job in jobs:
-            apart = _check_shape(charts, job.surface, job.document)
+            fitting, notes = _turned_to(job, document, charts, uvmap)
+            apart = _check_shape(fitting, job.surface, job.document)
             try:
-                layout = carry_charts(charts, job.surface)
-                carried.append((layout, apart, _fitted(job, layout, resolution, max_drift)))
+                layout = carry_charts(fitting, job.surface)
+                fitted = _fitted(job, layout, resolution, max_drift)
+                carried.append((layout, apart, fitted, notes))
             except NoResultError:
                 _refuse_overlaps(charts, document)  # the target has those of the first mesh
                 raise
     out = []
-    for job, output, (layout, apart, fitted) in zip(jobs, outputs, carried, strict=True):
+    for job, output, (layout, apart, fitted, notes) in zip(jobs, outputs, carried, strict=True):
         result = verify_and_save(job, fitted, output, monitor, "transfer")
+        result.notes.extend(notes)
         one = _transferred(result, layout, apart, resolution)
         if one.anew:
             result.warnings.append(
@@ -147,31 +152,73 @@ def transfer(
     return out
 
 
+def _source_charts(document: Document, mesh: Mesh, uvmap: UVMap) -> SourceCharts:
+    """The charts of the first mesh, whose points may be turned."""
+    surface, _ = repair(mesh, RepairOptions(0.0, True, by_position=True), uvmap)
+    return SourceCharts(given_atlas(surface, uvmap, document.source.name))
+
+
+def _turned_to(
+    job: Job, document: Document, charts: SourceCharts, uvmap: UVMap
+) -> tuple[SourceCharts, list[str]]:
+    """The charts of the first mesh with the up axis of a target, and a note where they were turned.
+
+    A glTF made of a file with z up has y up, and its other levels may still be files with z up.
+    """
+    marks = [up_of(d.format) == "y" for d in (document, job.document)]
+    if marks[0] == marks[1] or _distance(charts, job.surface)[0] <= SHAPE_DIAGONALS:
+        return charts, []
+    mesh, turn = document.mesh, z_up if marks[0] else y_up
+    turned = _source_charts(document, replace(mesh, points=turn(mesh.points)), uvmap)
+    if _distance(turned, job.surface)[0] > SHAPE_DIAGONALS:
+        return charts, []
+    names = document.source.name, job.document.source.name
+    axes = "y up to z up" if marks[0] else "z up to y up"
+    return turned, [f"{names[0]} was turned from {axes}, as {names[1]} lies"]
+
+
+def _distance(charts: SourceCharts, target: Surface) -> tuple[float, FloatArray]:
+    """The largest distance of both surfaces, in diagonals of the first, and its (3,) place."""
+    there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
+    _, places = _samples(target)
+    back = np.asarray(cKDTree(places).query(there)[0])
+    some = places[:: _step(places)]
+    gone = np.asarray(charts.free.query(some)[0])
+    place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
+    return float(max(back.max(), gone.max()) / charts.diagonal), place
+
+
 def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:
     """The largest distance of both surfaces, in diagonals of the first.
 
     Raises NoResultError if it is large, or if the fronts of the target face the other way.
     """
-    there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
-    face, bary = samples_of(target.areas, CHART_SAMPLE_BOUNDS)
-    places = interpolated(bary, target.points[target.faces[face]])
-    back = np.asarray(cKDTree(places).query(there)[0])
-    step = max(1, len(places) // SHAPE_SAMPLES)
-    some = places[::step]
-    gone, near = map(np.asarray, charts.free.query(some))
-    far = float(max(back.max(), gone.max()) / charts.diagonal)
+    far, place = _distance(charts, target)
     if far > SHAPE_DIAGONALS:
-        place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
         raise NoResultError(
             f"{document.source.name}: at ({_point(place)}) it lies {100 * far:.0f} % of the size away from the "
             f"first mesh: give one of the same shape, place and size (within {100 * SHAPE_DIAGONALS:.0f} %)"
         )
+    face, places = _samples(target)
+    step = _step(places)
+    near = np.asarray(charts.free.query(places[::step])[1])
     fronts = target.normals[face[::step]], charts.atlas.surface.normals[charts.sample[near]]
     if (fronts[0] * fronts[1]).sum(1).mean() < -0.5:
         raise NoResultError(
             f"{document.source.name}: it is inside out beside the first mesh: turn its faces round"
         )
     return far
+
+
+def _samples(target: Surface) -> tuple[IntArray, FloatArray]:
+    """The face of each of many places all over a surface, and (k, 3) the places."""
+    face, bary = samples_of(target.areas, CHART_SAMPLE_BOUNDS)
+    return face, interpolated(bary, target.points[target.faces[face]])
+
+
+def _step(places: FloatArray) -> int:
+    """Every so many places are about ``SHAPE_SAMPLES``."""
+    return max(1, len(places) // SHAPE_SAMPLES)
 
 
 def _refuse_overlaps(charts: SourceCharts, document: Document) -> None:

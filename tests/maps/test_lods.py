@@ -8,7 +8,7 @@ import pytest
 import circparam
 from circparam.errors import InputError, NoResultError
 from circparam.formats.document import Document
-from circparam.formats.io import read
+from circparam.formats.io import read, write
 from circparam.formats.memory import from_arrays
 from circparam.maps.lods import Transferred, transfer
 from circparam.mesh.mesh import Mesh, UVMap
@@ -16,6 +16,7 @@ from circparam.pipeline.verify import corners_of
 from tests.support import shapes
 from tests.support.baking import stored
 from tests.support.command_line import obj, report, run
+from tests.support.writers import stl
 
 
 def hill(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -212,3 +213,19 @@ def test_the_command_writes_all_or_nothing(tmp_path: Path):
         assert row["flips"] == 0
         assert row["drift"] <= told["max_drift"]
         assert read(row["output"]).uv() is not None
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_levels_with_another_axis_up(up: str, tmp_path: Path):
+    """A glTF made of an STL has y up; the other level is still an STL, with z up."""
+    fine, coarse = hill(20), hill(8)
+    points = fine[0][:, [0, 2, 1]] * [1, 1, -1] if up == "y" else fine[0]
+    document = stored(tmp_path, "lod0", Mesh(points, fine[1]), two_charts(*fine))
+    write(tmp_path / "lod0.glb", document, document.uv())
+    (tmp_path / "lod1.stl").write_bytes(stl(*coarse))
+    (one,) = transfer(tmp_path / "lod0.glb", [tmp_path / "lod1.stl"])
+    assert any("from y up to z up" in note for note in one.result.notes) == (up == "y")
+    places, uv = corners(one)
+    expected = 0.4 * places[:, :, :2]
+    expected[places[:, :, 0].mean(1) > 0.5] += [0.15, 0.45]
+    assert np.abs(uv - expected).max() < 0.2 / 8**2 + 1e-6
