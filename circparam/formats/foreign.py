@@ -6,10 +6,14 @@ the document says so. Nothing of these formats is written back: GLB by default.
 
 import importlib.util
 import io
+import json
 import zipfile
 
+import numpy as np
+
+from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import features_of
-from circparam.formats.gltf.reading import DECODE, DRACO
+from circparam.formats.gltf.reading import DECODE, DRACO, Tree, sound_tree
 from circparam.formats.memory import PlainDocument
 from circparam.formats.second_reader import read_apart
 from circparam.formats.source import Source
@@ -50,12 +54,16 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
             raise source.error(f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}")
         kept = ("extensions", "nodes", "normals")  # said in other words, or made anew
         lost |= dict.fromkeys(f for f in features if f not in kept)
+        data = _with_materials(data, source)
     if kind in ENTRY:
         check_archive(data, source, kind)
     arrays, names = read_apart(data, source, kind)
     if not names:
         raise source.error("trimesh finds no triangles in it: there is nothing to unwrap")
-    layout = UVMap(arrays["uv"], arrays["faces"]) if "uv" in arrays else None
+    layout = None
+    if "uv" in arrays:
+        uv, faces = arrays["uv"], arrays["faces"]
+        layout = UVMap(np.nan_to_num(uv), np.where(np.isnan(uv).any(axis=1)[faces], -1, faces))
     return PlainDocument(
         source,
         kind,
@@ -65,6 +73,22 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
         warnings=(f"read through trimesh: {', '.join(lost)} are not kept",),
         layout=layout,
     )
+
+
+def _with_materials(data: bytes, source: Source) -> bytes:
+    """A glTF file whose primitives with uv all have a material: trimesh reads no uv of the others."""
+    tree = Tree(data, source)
+    with sound_tree(source):
+        primitives = [p for mesh in tree.entries("meshes") for p in mesh["primitives"]]
+        bare = [p for p in primitives if "material" not in p and "TEXCOORD_0" in p["attributes"]]
+        if not bare:
+            return data
+        tree.json["materials"] = [*tree.entries("materials"), {}]
+        for p in bare:
+            p["material"] = len(tree.json["materials"]) - 1
+        if tree.is_glb:
+            return glb_bytes(tree.json, tree.bin, tree.rest)
+        return json.dumps(tree.json).encode()
 
 
 def check_archive(data: bytes, source: Source, kind: str) -> None:

@@ -75,8 +75,8 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
     """The scene of a file as trimesh reads it, its node transforms applied, in the order of the scene.
 
     Returns arrays and the name of each geometry. points: (n, 3); faces: (m, 3); group: (m,) geometry of each
-    face; uv: (n, 2), where all geometries have one. No arrays where there are no triangles. Only regular files
-    inside the folder are opened.
+    face; uv: (n, 2), NaN for geometries without, left out if none has any. No arrays where there are no
+    triangles. Only regular files inside the folder are opened.
     """
     import trimesh
 
@@ -118,8 +118,10 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
         "faces": np.concatenate([f + k for f, k in zip(faces, first, strict=False)]),
         "group": np.repeat(np.arange(len(faces)), [len(f) for f in faces]),
     }
-    if all(t is not None for t in tables):
-        arrays["uv"] = np.concatenate([t for t in tables if t is not None])
+    if any(t is not None for t in tables):
+        none = [np.full((len(p), 2), np.nan) for p in points]
+        parts = [n if t is None else t for t, n in zip(tables, none, strict=True)]
+        arrays["uv"] = np.concatenate(parts)
     return arrays, names
 
 

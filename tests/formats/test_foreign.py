@@ -264,3 +264,18 @@ def test_trimesh_opens_regular_files_of_the_folder_alone(name: str, tmp_path: Pa
     assert resolver.get("good.bin") == (folder / "good.bin").read_bytes()
     with pytest.raises(OSError, match=r"outside|not a regular file"):
         resolver.get(hostile.OUTSIDE[name])
+
+
+def test_uv_of_primitives_without_a_material() -> None:
+    """trimesh reads uv beside a material only; a part without uv leaves those of the others."""
+    p, f = shapes.icosphere(1)
+    uv = np.random.default_rng(0).random((len(p), 2)).astype("f4")
+    g = GltfMaker()
+    position = {"POSITION": g.accessor(p.astype("f4"))}
+    both = position | {"TEXCOORD_0": g.accessor(uv)}
+    data = g.model(g.primitive(both, f), g.primitive(position, f)).glb()
+    found = read_data(data, reader="trimesh").uv()
+    assert found is not None
+    np.testing.assert_array_equal(found.uv_faces[len(f) :], -1)
+    expected = uv[f] * [1, -1] + [0, 1]
+    np.testing.assert_allclose(found.uv[found.uv_faces[: len(f)]], expected, atol=1e-6)

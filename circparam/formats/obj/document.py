@@ -118,7 +118,7 @@ class ObjDocument(Document):
         corner = self.polys.corner_uv(uvmap, self.source.name)
         used, corner = compact(corner, len(uvmap.uv))
         data = with_uv(self.scan, uvmap.uv[used], corner, options.group_by, options.pages)
-        lost = "l elements lost their vt: they named points of the old uv set"
+        lost = "l and surf elements lost their vt: they named points of the old uv set"
         notes = [lost] if len(element_edits(self.scan)) else []
         assets, extra = self.scan.libraries(), dict[str, bytes]()
         found = None if self.carried is None else self.looks()
@@ -274,13 +274,18 @@ def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
 
 
 def element_edits(scan: Scan) -> IntArray:
-    """(k, 2) byte ranges of the vt fields of ``l`` elements: they name points that are gone."""
-    lines = scan.of(b"l")
-    count = scan.last[lines] - scan.first[lines] - 1
-    tokens = np.repeat(scan.first[lines] + 1, count) + ranges(count)
-    if len(tokens) == 0:
+    """(k, 2) byte ranges of the vt fields of ``l`` and ``surf`` elements: they name points that are gone."""
+    tokens = []
+    # four bounds of its parameters stand before the control points of a surface
+    for lines, before in ((scan.of(b"l"), 0), (scan.lines(b"surf")[0], 4)):
+        count = np.maximum(scan.last[lines] - scan.first[lines] - 1 - before, 0)
+        tokens.append(np.repeat(scan.first[lines] + 1 + before, count) + ranges(count))
+    corners = np.concatenate(tokens)
+    if len(corners) == 0:
         return np.zeros((0, 2), np.int64)
-    _, start, end = scan.fields(tokens, 2)
+    _, start, end = scan.fields(corners, 2)
+    # the slash before a normal stays: v//vn
+    start = start + (scan.tokens.clean[np.minimum(end, len(scan.tokens.clean) - 1)] == SLASH)
     return np.stack([start, end], 1)[end > start]
 
 

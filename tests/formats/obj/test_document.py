@@ -159,11 +159,21 @@ def test_new_lines_end_as_the_others_do(newline: bytes) -> None:
     assert out.replace(newline, b"").count(b"\n") == out.replace(newline, b"").count(b"\r") == 0
 
 
+def test_control_points_of_a_surface_lose_their_vt() -> None:
+    """Bounds of the parameters stand before them, and a normal keeps its place behind two slashes."""
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1 2 3\n"
+    surf = b"surf 0 1 0 1 1/1/1 2//1 \\\n 3/1 2\nend\n"
+    document = read_data(data + surf)
+    out = encode(document, smooth_layout(document), "obj")
+    assert out.data.endswith(b"\nsurf 0 1 0 1 1//1 2//1 \\\n 3 2\nend\n")
+    assert any("surf elements lost their vt" in note for note in out.notes)
+
+
 def test_line_elements_lose_their_vt() -> None:
     data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nl 1/1 2/1 3\nl 1 2\n"
     out = encode(read_data(data), smooth_layout(read_data(data)), "obj")
     assert out.data.endswith(b"\nl 1 2 3\nl 1 2\n")
-    assert any("l elements lost their vt" in note for note in out.notes)
+    assert any("l and surf elements lost their vt" in note for note in out.notes)
     plain = read_data(data.replace(b"/1", b""))
     assert encode(plain, smooth_layout(plain), "obj").notes == []
 
