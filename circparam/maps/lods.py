@@ -121,10 +121,8 @@ def transfer(
         charts = _source_charts(document, document.mesh, uvmap)
         documents = open_sources(targets, "targets", options)
     outputs = [None] * len(documents) if outputs is None else list(outputs)
-    if len(outputs) != len(documents):
-        raise OptionError(
-            f"{len(documents)} targets have {len(outputs)} outputs: give one for each"
-        )
+    if (n := len(outputs)) != len(documents):
+        raise OptionError(f"{len(documents)} targets have {n} outputs: give one for each")
     jobs = [prepare(d, o, options, monitor) for d, o in zip(documents, outputs, strict=True)]
     carried = []
     with monitor.stage("transfer"):
@@ -133,8 +131,7 @@ def transfer(
             apart = _check_shape(fitting, job.surface, job.document)
             try:
                 layout = carry_charts(fitting, job.surface)
-                fitted = _fitted(job, layout, resolution, max_drift)
-                carried.append((layout, apart, fitted, notes))
+                carried.append((layout, apart, _fitted(job, layout, resolution, max_drift), notes))
             except NoResultError:
                 _refuse_overlaps(charts, document)  # the target has those of the first mesh
                 raise
