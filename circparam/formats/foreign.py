@@ -63,7 +63,7 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
     layout = None
     if "uv" in arrays:
         uv, faces = arrays["uv"], arrays["faces"]
-        layout = UVMap(np.nan_to_num(uv), np.where(np.isnan(uv).any(axis=1)[faces], -1, faces))
+        layout = UVMap(np.nan_to_num(uv), np.where(np.isnan(uv[faces, 0]), -1, faces))
     return PlainDocument(
         source,
         kind,
