@@ -17,12 +17,13 @@ from circparam._version import __version__
 from circparam.batch.index import STORED_FIGURES, Index
 from circparam.batch.progress import LINE_STATUSES, printable
 from circparam.batch.store import Folder, again, root_store
+from circparam.compare.rows import Entry
 from circparam.core.types import FloatArray
 from circparam.formats.io import read
 from circparam.render import colours as col
 from circparam.render.compare_page import png_url
 from circparam.render.html import fill_in, page_style, viewer_file
-from circparam.render.side_by_side import MethodLayout, SideBySide, draw_layouts
+from circparam.render.side_by_side import draw_layouts
 
 PAGE_NAME, TABLE_NAME = "report.html", "report.csv"
 MOST_TABLE_ROWS = 10_000  # of the table in the page; report.csv has all
@@ -268,8 +269,8 @@ def thumbnails(folder: Folder, name: str) -> list[str]:
         uvmap = document.uv(document.uv_sets[-1]) if document.uv_sets else None
         if uvmap is None:
             return []
-        shown = SideBySide("", document.mesh, [MethodLayout("", uvmap)])
-        (drawn,) = draw_layouts(shown, THUMBNAIL_PIXELS)
+        row = Entry("", "ok", uvmap=uvmap)
+        (drawn,) = draw_layouts(document.mesh, [row], THUMBNAIL_PIXELS)
         if drawn.images is not None:
             layout, checker, _ = drawn.images
             return [png_url(checker), png_url(layout)]

@@ -152,20 +152,13 @@ def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[st
     if given["csv_file"] is not None:
         contents[Path(given["csv_file"])] = _csv(found).encode("utf-8", "surrogateescape")
     if given["report"] is not None or given["plot"] is not None:
-        from circparam.formats.io import read
         from circparam.render.compare_page import compare_page, compare_plot
         from circparam.render.picture import png_bytes
-        from circparam.render.side_by_side import side_by_side
 
-        reader = given["reader"]
-        meshes = [
-            side_by_side(c, read(c.mesh, reader=reader).mesh, os.path.basename(c.mesh))
-            for c in found
-        ]
         if given["report"] is not None:
-            contents[Path(given["report"])] = compare_page(meshes, sizes or ()).encode()
+            contents[Path(given["report"])] = compare_page(found, sizes or ()).encode()
         if given["plot"] is not None:
-            contents[Path(given["plot"])] = png_bytes(compare_plot(meshes))
+            contents[Path(given["plot"])] = png_bytes(compare_plot(found))
     if contents:  # all or none
         write_files(contents, overwrite=True)
 

@@ -92,11 +92,9 @@ def compare(
             rows.append(row(scene, name, choices[name], monitor))
         except (NoResultError, OutOfTimeError) as error:
             rows.append(Entry(name, "failed", error=str(error)))
-    mesh = job.document.mesh
     notes = [*job.document.notes, *job.repair_report.messages, *seams.notes]
-    return Comparison(
-        job.document.source.name, len(mesh.points), len(mesh.faces), cut, cut_seconds, rows, notes
-    )
+    source = job.document.source.name
+    return Comparison(source, cut, cut_seconds, rows, job.document.mesh, notes)
 
 
 def method_names(text: str | Sequence[str]) -> list[str]:

@@ -5,7 +5,7 @@ from dataclasses import field, replace
 from typing import Any
 
 from circparam.core.records import dataclass
-from circparam.mesh.mesh import UVMap
+from circparam.mesh.mesh import Mesh, UVMap
 from circparam.pipeline.summary import json_value
 
 INPUT_ROW = "input"  # the row of the uv that the file has
@@ -38,6 +38,11 @@ class Entry:
     error: str | None = None
     uvmap: UVMap | None = field(default=None, repr=False)
 
+    def figure(self, name: str) -> float | int | None:
+        """A figure, the seconds or the peak by name; None if it is not known."""
+        found: float | int | None = self.figures.get(name, getattr(self, name, None))
+        return found
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON and CSV."""
         whole = dataclasses.asdict(replace(self, uvmap=None))
@@ -48,17 +53,27 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Every row of one mesh. cut: how it was cut, in cut_seconds, the same for all methods."""
+    """Every row of one mesh. cut: how it was cut, in cut_seconds, the same for all methods. shape: the mesh."""
 
     mesh: str
-    vertices: int
-    faces: int
     cut: str
     cut_seconds: float
     rows: list[Entry]
+    shape: Mesh = field(repr=False)
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def vertices(self) -> int:
+        """How many the mesh has."""
+        return len(self.shape.points)
+
+    @property
+    def faces(self) -> int:
+        """How many the mesh has."""
+        return len(self.shape.faces)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
-        plain = {k: v for k, v in vars(self).items() if k != "rows"}
+        names = ("mesh", "vertices", "faces", "cut", "cut_seconds", "notes")
+        plain = {name: getattr(self, name) for name in names}
         return {**plain, "rows": [row.as_dict() for row in self.rows]}

@@ -7,12 +7,14 @@ import base64
 import html
 import io
 import math
+import os
 from collections.abc import Sequence
 from typing import Any
 
 from PIL import Image, ImageDraw
 
 from circparam._version import __version__
+from circparam.compare.rows import Comparison, Entry
 from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.figures import PictureOptions
@@ -31,8 +33,6 @@ from circparam.render.picture import draw_scale
 from circparam.render.side_by_side import (
     COLUMNS,
     DrawnLayout,
-    MethodLayout,
-    SideBySide,
     caption,
     cell_text,
     draw_layouts,
@@ -51,20 +51,20 @@ MOST_INTERVALS = 6  # so many intervals at most: their labels stand apart
 LARGEST_DRAWN_VALUE = 1e12  # collapsed faces: no scale reaches so far
 
 
-def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str:
+def compare_page(meshes: Sequence[Comparison], sizes: Sequence[Any] = ()) -> str:
     """The page as text: the viewer, then one section a mesh, then Table 1 if it was measured."""
-    title = ", ".join(m.title for m in meshes) or "Table 1"
+    title = ", ".join(_title(m) for m in meshes) or "Table 1"
     layouts: list[PageLayout] = []
     numbers: list[list[int | None]] = []
     for k, shown in enumerate(meshes):
         mine: list[int | None] = []
-        for row, scene in zip(shown.rows, scenes_of(shown), strict=True):
+        for row, scene in zip(shown.rows, scenes_of(shown.shape, shown.rows), strict=True):
             mine.append(None if scene is None else len(layouts))
             if scene is not None:
-                look = PictureOptions(title=shown.title, up=shown.up)
-                known = [(COLUMNS[k], cell_text(k, row.figures.get(k))) for k in COLUMNS]
+                look = PictureOptions(title=_title(shown))
+                known = [(COLUMNS[k], cell_text(k, row.figure(k))) for k in COLUMNS]
                 figures = [("status", row.status), *(pair for pair in known if pair[1] != "–")]
-                layouts.append(PageLayout(row.name, scene, look, figures, k))
+                layouts.append(PageLayout(row.method, scene, look, figures, k))
         numbers.append(mine)
     sections = [_section(m, numbers[k]) for k, m in enumerate(meshes)]
     if sizes:
@@ -74,18 +74,22 @@ def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str
         "TITLE": escaped(f"{title}: methods side by side"),
         "ASPECT": f"{aspect(layouts):.4g}" if layouts else "1",
         "STYLE": page_style("style.css") + viewer_file("compare.css"),
-        "VIEWER": viewer(drawable(layouts), (), [m.title for m in meshes]) if layouts else "",
+        "VIEWER": viewer(drawable(layouts), (), [_title(m) for m in meshes]) if layouts else "",
         "SECTIONS": "\n".join(sections),
         "SCRIPT": viewer_file("sort.js") + (viewer_script() if layouts else ""),
     }
     return fill_in(viewer_file("compare.html"), fields)
 
 
-def _section(shown: SideBySide, numbers: Sequence[int | None]) -> str:
-    drawn = draw_layouts(shown)
+def _title(shown: Comparison) -> str:
+    return os.path.basename(shown.mesh)
+
+
+def _section(shown: Comparison, numbers: Sequence[int | None]) -> str:
+    drawn = draw_layouts(shown.shape, shown.rows)
     cards = "".join(_card(d, n) for d, n in zip(drawn, numbers, strict=True))
     ramp = ",".join(col.hex_code(c) for c in col.distortion_map(16))
-    flips = any(row.figures.get("flips") for row in shown.rows)
+    flips = any(row.figure("flips") for row in shown.rows)
     chip = (
         f'<i class="chip" style="background:{col.FLIP}"></i><span>flipped</span>' if flips else ""
     )
@@ -95,9 +99,9 @@ def _section(shown: SideBySide, numbers: Sequence[int | None]) -> str:
         f"</i><span>{col.DISTORTION_END:g} or more</span>{chip}</p>"
     )
     return (
-        f"<section><h2>{escaped(shown.title)}</h2><p>{escaped(shown.note)}</p>"
+        f"<section><h2>{escaped(_title(shown))}</h2><p>{shown.faces:,} faces, cut {escaped(shown.cut)}</p>"
         f'{legend}<div class="cards">{cards}</div>'
-        f"{_table(shown.rows, shown.title)}"
+        f"{_table(shown.rows, _title(shown))}"
         f'<div class="plots">{bars(shown.rows, "seconds", "Seconds")}'
         f"{bars(shown.rows, 'distortion', 'Distortion (1 is perfect), bars from 1')}</div></section>"
     )
@@ -107,12 +111,12 @@ def _card(drawn: DrawnLayout, number: int | None) -> str:
     """Pictures of a row, and a button that shows it in the viewer."""
     row = drawn.row
     badge = "" if row.status == "ok" else f'<em class="{row.status}">{row.status}</em>'
-    head = f"<h3>{escaped(row.name)}{badge}</h3>"
+    head = f"<h3>{escaped(row.method)}{badge}</h3>"
     if drawn.images is None:
         reason = escaped(row.error or "no layout")
         return f'<article>{head}<p class="empty">{reason}</p></article>'
     pictures = "".join(
-        f'<img alt="{what} of {escaped(row.name)}" src="{png_url(image)}" '
+        f'<img alt="{what} of {escaped(row.method)}" src="{png_url(image)}" '
         f'width="{image.width}" height="{image.height}">'
         for what, image in zip(("layout", "checker", "distortion"), drawn.images, strict=True)
     )
@@ -127,9 +131,9 @@ def png_url(image: Image.Image) -> str:
     return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()
 
 
-def _table(rows: Sequence[MethodLayout], title: str) -> str:
+def _table(rows: Sequence[Entry], title: str) -> str:
     """All figures, a column only where some row has a value; a click on a heading sorts."""
-    keys = [k for k in COLUMNS if any(r.figures.get(k) is not None for r in rows)]
+    keys = [k for k in COLUMNS if any(r.figure(k) is not None for r in rows)]
     best = {k: _best(rows, k) for k in keys}
     heads = "".join(
         f'<th scope="col"><button type="button">{escaped(COLUMNS[k])}</button></th>' for k in keys
@@ -138,13 +142,13 @@ def _table(rows: Sequence[MethodLayout], title: str) -> str:
     for row in rows:
         cells = ""
         for k in keys:
-            value, least = row.figures.get(k), best[k]
+            value, least = row.figure(k), best[k]
             mark = (
                 " class=best" if row.status == "ok" and least is not None and value == least else ""
             )
             number = "" if value is None else repr(float(value))
             cells += f'<td data-value="{number}"{mark}>{cell_text(k, value)}</td>'
-        name = escaped(row.name)
+        name = escaped(row.method)
         body.append(f'<tr><th scope="row" data-value="{name}">{name}</th>{cells}</tr>')
     return (
         f'<div class="scroll" tabindex="0" role="region" aria-label="Figures of {escaped(title)}">'
@@ -154,9 +158,9 @@ def _table(rows: Sequence[MethodLayout], title: str) -> str:
     )
 
 
-def _best(rows: Sequence[MethodLayout], key: str) -> float | None:
+def _best(rows: Sequence[Entry], key: str) -> float | None:
     """The best value of a column among valid rows, where one is better than the others."""
-    values = [r.figures.get(key) for r in rows if r.status == "ok"]
+    values = [r.figure(key) for r in rows if r.status == "ok"]
     numbers = [v for v in values if v is not None]
     if len(set(numbers)) < 2:
         return None
@@ -189,13 +193,13 @@ def _table1(sizes: Sequence[Any]) -> str:
     )
 
 
-def compare_plot(meshes: Sequence[SideBySide]) -> Image.Image:
+def compare_plot(meshes: Sequence[Comparison]) -> Image.Image:
     """Methods side by side as an image: layout, checker and distortion below each other, figures under them.
 
     A mesh with one row has its three pictures beside each other.
     """
     size, gap, margin, head = 280, 20, 40, 76
-    drawn = [(m, draw_layouts(m, size)) for m in meshes]
+    drawn = [(m, draw_layouts(m.shape, m.rows, size)) for m in meshes]
     # room for a name, three pictures and a line of figures
     cards = []
     for _, rows in drawn:
@@ -212,7 +216,7 @@ def compare_plot(meshes: Sequence[SideBySide]) -> Image.Image:
     y = 0
     for (shown, rows), card, height in zip(drawn, cards, heights, strict=True):
         left = draw_scale(page, draw, wide - margin, y + 32, col.DISTORTION_END, "distortion 1")
-        title = fitted(draw, shown.title, 26, left - margin - 24)
+        title = fitted(draw, _title(shown), 26, left - margin - 24)
         write(draw, (margin, y + 26), title, 26, col.INK)
         for k, row in enumerate(rows):
             x = margin + (k % PLOT_COLUMNS) * (size + gap)
@@ -225,9 +229,9 @@ def _plot_card(
     page: Image.Image, draw: ImageDraw.ImageDraw, x: int, y: int, drawn: DrawnLayout, across: bool
 ) -> None:
     row = drawn.row
-    write(draw, (x, y), row.name, 20, col.INK)
+    write(draw, (x, y), row.method, 20, col.INK)
     if row.status != "ok":
-        write(draw, (x + width(draw, row.name, 20) + 12, y + 4), row.status, 16, col.WARN)
+        write(draw, (x + width(draw, row.method, 20) + 12, y + 4), row.status, 16, col.WARN)
     if drawn.images is None:
         write(draw, (x, y + 60), "no layout", 16, col.MUTED)
         return
@@ -277,17 +281,17 @@ def scale_of(values: Sequence[float]) -> Scale:
     return Scale(10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)), True)
 
 
-def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
+def bars(rows: Sequence[Entry], key: str, title: str) -> str:
     """A bar chart as SVG: seconds by stage, or distortion above 1; a row without a value has no bar."""
     base = 1.0 if key == "distortion" else 0.0
-    values = [row.figures.get(key) for row in rows]
+    values = [row.figure(key) for row in rows]
     scale = scale_of([v - base for v in values if v is not None])
     # the stages that take most of the time over all rows, longest first
     total: dict[str, float] = {}
     for name, seconds in (s for row in rows for s in row.stages.items() if key == "seconds"):
         total[name] = total.get(name, 0.0) + seconds
     stages = sorted(total, key=lambda name: -total[name])[: len(STAGE_COLOURS)]
-    left = 16 + LETTER_WIDTH * max((len(row.name) for row in rows), default=0)
+    left = 16 + LETTER_WIDTH * max((len(row.method) for row in rows), default=0)
     top = 60 if scale.logarithmic else 36
     bottom = top + len(rows) * ROW_UNITS
     # thin lines at the decades, with their values above them
@@ -301,7 +305,7 @@ def bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
         )
     for k, (row, value) in enumerate(zip(rows, values, strict=True)):
         y = top + k * ROW_UNITS
-        name = html.escape(row.name)
+        name = html.escape(row.method)
         lines.append(f'<text x="{left - 12:g}" y="{y + 14}" text-anchor="end">{name}</text>')
         if value is None:
             lines.append(f'<text x="{left + 8:g}" y="{y + 14}" class="muted">no value</text>')
@@ -338,9 +342,9 @@ def _key(stages: Sequence[str], y: float) -> list[str]:
     return out
 
 
-def bar_parts(row: MethodLayout, stages: Sequence[str]) -> list[tuple[float, str]]:
+def bar_parts(row: Entry, stages: Sequence[str]) -> list[tuple[float, str]]:
     """(share, colour) of each part of a bar: its stages and the rest, or one part where none are known."""
-    seconds = row.figures.get("seconds") or 0.0
+    seconds = row.figure("seconds") or 0.0
     known = sum(row.stages.values())
     whole = max(float(seconds), known)
     if not stages or whole <= 0 or known <= 0:

@@ -1,17 +1,16 @@
 """Layouts of one mesh side by side, for a comparison, with the same views and the same scale."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import field
-from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from circparam.compare.rows import Entry
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.errors import InputError
-from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.mesh import Mesh
 from circparam.render import colours as col
 from circparam.render.camera import Camera, best_directions, look_from
 from circparam.render.figures import number_text
@@ -47,76 +46,35 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False)
-class MethodLayout:
-    """The layout of one method: a row of a comparison.
-
-    name: of the method. uvmap: its layout, None if it has none. status: ok, invalid or failed, with error.
-    figures: values by the keys of COLUMNS. stages: seconds of each stage.
-    """
-
-    name: str
-    uvmap: UVMap | None
-    status: str = "ok"
-    figures: Mapping[str, float | int | None] = field(default_factory=dict)
-    stages: Mapping[str, float] = field(default_factory=dict)
-    error: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class SideBySide:
-    """A mesh and its layouts by several methods.
-
-    title: of the mesh. note: how it was cut. up: the axis that points up: x, y, z or auto.
-    """
-
-    title: str
-    mesh: Mesh
-    rows: Sequence[MethodLayout]
-    note: str = ""
-    up: str = "auto"
-
-
-@dataclass(frozen=True, eq=False)
 class DrawnLayout:
     """A row and its pictures: layout, checker, distortion; None if the row has no layout."""
 
-    row: MethodLayout
+    row: Entry
     images: tuple[Image.Image, Image.Image, Image.Image] | None
 
 
-def side_by_side(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto") -> SideBySide:
-    """The rows of a ``circparam.compare.rows.Comparison`` whose rows keep their layout as ``uvmap``."""
-    rows = []
-    for row in comparison.rows:
-        figures = dict(row.figures) | {"seconds": row.seconds, "peak_bytes": row.peak_bytes}
-        uvmap = getattr(row, "uvmap", None)
-        rows.append(
-            MethodLayout(row.method, uvmap, row.status, figures, row.stages, row.error or "")
-        )
-    note = f"{comparison.faces:,} faces, cut {comparison.cut}"
-    return SideBySide(title or comparison.mesh, mesh, rows, note, up)
-
-
-def draw_layouts(shown: SideBySide, size: int = 300, samples: int = 2) -> list[DrawnLayout]:
+def draw_layouts(
+    mesh: Mesh, rows: Sequence[Entry], size: int = 300, samples: int = 2
+) -> list[DrawnLayout]:
     """Every row drawn from the same side of the surface, with one scale of distortion.
 
     size: pixels of the square layout; the views are size wide and as high as the surface needs.
     """
-    scenes = scenes_of(shown)
+    scenes = scenes_of(mesh, rows)
     height = size
     view: View | None = None
     camera: Camera | None = None
     out = []
-    for row, scene in zip(shown.rows, scenes, strict=True):
+    for row, scene in zip(rows, scenes, strict=True):
         if scene is None:
             out.append(DrawnLayout(row, None))
             continue
         if view is None or camera is None:
-            direction = best_directions(scene, 1, shown.up)[0]
-            trial, _ = look_from(scene, direction, shown.up).project(scene.used_points, 1000, 1000)
+            direction = best_directions(scene, 1, "auto")[0]
+            trial, _ = look_from(scene, direction, "auto").project(scene.used_points, 1000, 1000)
             wide, high = np.ptp(trial, axis=0) + 1e-9
             height = int(size * np.clip(1.06 * high / wide, 0.45, 1.0))  # little empty space
-            camera = look_from(scene, direction, shown.up, size / height)
+            camera = look_from(scene, direction, "auto", size / height)
             view = see(scene, camera, size, height, samples)
         else:
             view = with_seams(view, scene, camera)
@@ -131,20 +89,20 @@ def draw_layouts(shown: SideBySide, size: int = 300, samples: int = 2) -> list[D
     return out
 
 
-def scenes_of(shown: SideBySide) -> list[Scene | None]:
+def scenes_of(mesh: Mesh, rows: Sequence[Entry]) -> list[Scene | None]:
     """The scene of each row; None if it has no layout that can be drawn."""
-    scenes: list[Scene | None] = [None] * len(shown.rows)
-    for k, row in enumerate(shown.rows):
-        if row.uvmap is not None:
-            mesh, layout = shown.mesh, row.uvmap
+    scenes: list[Scene | None] = [None] * len(rows)
+    for k, row in enumerate(rows):
+        layout = row.uvmap
+        if layout is not None:
             with suppress(InputError):
                 scenes[k] = make_scene(mesh.points, mesh.faces, layout.uv, layout.uv_faces)
     return scenes
 
 
-def caption(row: MethodLayout) -> str:
+def caption(row: Entry) -> str:
     """Charts, distortion and seconds of a row in a few words; unknown values are left out."""
-    charts, distortion, time = (row.figures.get(k) for k in ("charts", "distortion", "seconds"))
+    charts, distortion, time = (row.figure(k) for k in ("charts", "distortion", "seconds"))
     parts = []
     if charts is not None:
         parts.append(counted(int(charts), "chart"))

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from circparam.compare.rows import Entry
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.compare_page import compare_page
 from circparam.render.figures import PageImages, PictureOptions
@@ -26,9 +27,9 @@ from circparam.render.html import PageLayout
 from circparam.render.html import page as page_text
 from circparam.render.picture import save_preview
 from circparam.render.scene import make_scene, with_instances
-from circparam.render.side_by_side import MethodLayout, SideBySide
 from tests.support import shapes
 from tests.support.node import NODE, modules
+from tests.support.side_by_side import compared
 
 HERE = Path(__file__).parent
 ARTEFACTS = HERE.parents[1] / "test-artefacts"
@@ -222,13 +223,11 @@ def test_a_comparison_sorts_and_fits(tmp_path: Path):
     mesh, uvmap = ball()
     compacted = UVMap(uvmap.uv * [1.0, 0.5], uvmap.uv_faces)
     rows = [
-        MethodLayout("slow", uvmap, "ok", {"seconds": 3.0, "distortion": 1.1}, {"solve": 3.0}),
-        MethodLayout("quick", compacted, "ok", {"seconds": 0.5, "distortion": 1.9}, {"solve": 0.5}),
-        MethodLayout("lost", None, "failed", {}, {}, "no result"),
+        Entry("slow", "ok", {"solve": 3.0}, 3.0, figures={"distortion": 1.1}, uvmap=uvmap),
+        Entry("quick", "ok", {"solve": 0.5}, 0.5, figures={"distortion": 1.9}, uvmap=compacted),
+        Entry("lost", "failed", error="no result"),
     ]
-    (tmp_path / "c.html").write_text(
-        compare_page([SideBySide("ball", mesh, rows, "cut charts")]), "utf-8"
-    )
+    (tmp_path / "c.html").write_text(compare_page([compared("ball", mesh, rows)]), "utf-8")
     for size in USUAL:
         seconds, method = (f"table.sortable th:nth-child({k}) button" for k in (2, 1))
         steps = [
@@ -281,13 +280,11 @@ def test_text_is_legible_in_both_schemes(page: Path, tmp_path: Path, size: str, 
     """``drive`` judges the contrast; the ground is dark where that was asked for."""
     mesh, uvmap = ball()
     rows = [
-        MethodLayout("good", uvmap, "ok", {"seconds": 3.0, "distortion": 1.1}, {"solve": 3.0}),
-        MethodLayout("odd", uvmap, "invalid", {"seconds": 0.003, "distortion": 1.9}),
-        MethodLayout("lost", None, "failed", {}, {}, "no result"),
+        Entry("good", "ok", {"solve": 3.0}, 3.0, figures={"distortion": 1.1}, uvmap=uvmap),
+        Entry("odd", "invalid", {}, 0.003, figures={"distortion": 1.9}, uvmap=uvmap),
+        Entry("lost", "failed", error="no result"),
     ]
-    (tmp_path / "c.html").write_text(
-        compare_page([SideBySide("ball", mesh, rows, "cut charts")]), "utf-8"
-    )
+    (tmp_path / "c.html").write_text(compare_page([compared("ball", mesh, rows)]), "utf-8")
     modes = [[m, "click", f"input[value={m}] + span"] for m in ("distortion", "charts", "texture")]
     for path, steps in (
         (page, [["start", "none"], *modes]),
@@ -376,14 +373,17 @@ def test_the_viewer_of_a_comparison(tmp_path: Path, size: str):
     mesh, uvmap = ball()
     names = ["first", "second", "third", "fourth", "fifth"]
     rows = [
-        MethodLayout(
-            name, UVMap(uvmap.uv * [1.0, 1 - 0.1 * k], uvmap.uv_faces), "ok", {"charts": 6}
+        Entry(
+            name,
+            "ok",
+            figures={"charts": 6},
+            uvmap=UVMap(uvmap.uv * [1.0, 1 - 0.1 * k], uvmap.uv_faces),
         )
         for k, name in enumerate(names)
     ]
-    other = SideBySide("other", Mesh(mesh.points * [1, 2, 1], mesh.faces), rows[:1])
+    other = compared("other", Mesh(mesh.points * [1, 2, 1], mesh.faces), rows[:1])
     path = tmp_path / "c.html"
-    path.write_text(compare_page([SideBySide("ball", mesh, rows), other]), "utf-8")
+    path.write_text(compare_page([compared("ball", mesh, rows), other]), "utf-8")
     steps: list[list[Any]] = [
         ["start", "none"], ["more", "click", "input[name=layout][value='4']"], ["charts", "press", "3"],
         ["next", "press", "]"], ["alone", "press", "b"], ["wrapped", "press", "["],

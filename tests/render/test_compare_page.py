@@ -8,10 +8,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from circparam.compare.rows import Entry
 from circparam.render.compare_page import bars, compare_page, scale_of
-from circparam.render.side_by_side import MethodLayout, SideBySide, caption
+from circparam.render.side_by_side import caption
 from circparam.render.text import drawable, has_glyph
-from tests.support.side_by_side import compared_sheet
+from tests.support.side_by_side import compared, compared_sheet
 
 
 class Tags(HTMLParser):
@@ -62,8 +63,8 @@ def test_table_marks_the_best_valid_row_only():
     best = re.findall(r'<td data-value="([^"]*)" class=best>', text)
     assert best == []  # one valid row is no competition
     sides = compared_sheet()
-    rows = [sides.rows[0], MethodLayout("second", None, "ok", {"seconds": 1.0, "distortion": 1.5})]
-    text = compare_page([SideBySide("sheet", sides.mesh, rows)])
+    rows = [sides.rows[0], Entry("second", "ok", seconds=1.0, figures={"distortion": 1.5})]
+    text = compare_page([compared("sheet", sides.shape, rows)])
     assert re.findall(r'<td data-value="([^"]*)" class=best>', text) == ["1.0", "1.0"]
 
 
@@ -92,9 +93,9 @@ def test_bars_tell_values_apart_over_decades():
 def test_nothing_of_a_bar_chart_is_cut_off(key: str):
     """Texts end inside the drawing, by a width that no letter of the page's fonts reaches in the mean."""
     rows = [
-        MethodLayout("m" * 24, None, "ok", {key: 1.0}, {"a long stage": 0.5, "another one": 0.5}),
-        MethodLayout("short", None, "ok", {key: 1.23456789e9}, {"assembly of it all": 1.0}),
-        MethodLayout("none", None, "failed", {}),
+        Entry("m" * 24, "ok", {"a long stage": 0.5, "another one": 0.5}, figures={key: 1.0}),
+        Entry("short", "ok", {"assembly of it all": 1.0}, figures={key: 1.23456789e9}),
+        Entry("none", "failed"),
     ]
     root = ET.fromstring(bars(rows, key, "Title").replace("&nbsp;", " "))
     assert root.get("aria-label") == ("Title, logarithmic" if key == "seconds" else "Title")
@@ -113,7 +114,7 @@ def test_nothing_of_a_bar_chart_is_cut_off(key: str):
 
 def test_captions_have_no_missing_glyphs():
     """What Pillow's font lacks is written in what it has."""
-    row = MethodLayout("x", None, "ok", {"charts": 1, "distortion": float("inf"), "seconds": 0.5})
+    row = Entry("x", "ok", seconds=0.5, figures={"charts": 1, "distortion": float("inf")})
     said = drawable(caption(row) + " é × ∞ – − Łódź 中 \u00a0")
     assert all(has_glyph(c) or c == " " for c in said)
     assert said.startswith("1 chart · distortion inf · 0.5 s")

@@ -9,7 +9,8 @@ from tests.support.side_by_side import compared_sheet
 
 
 def test_same_view_and_same_scale():
-    drawn = draw_layouts(compared_sheet(), size=60, samples=1)
+    sheet = compared_sheet()
+    drawn = draw_layouts(sheet.shape, sheet.rows, size=60, samples=1)
     good, bad, none = (d.images for d in drawn)
     assert none is None
     shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
@@ -19,8 +20,8 @@ def test_same_view_and_same_scale():
 
 def test_a_view_of_a_tall_mesh_is_no_higher_than_wide():
     tall = compared_sheet()
-    points = tall.mesh.points * [1.0, 5.0, 1.0]
-    shown = draw_layouts(replace(tall, mesh=replace(tall.mesh, points=points)), size=60, samples=1)
+    mesh = replace(tall.shape, points=tall.shape.points * [1.0, 5.0, 1.0])
+    shown = draw_layouts(mesh, tall.rows, size=60, samples=1)
     assert shown[0].images[1].size == (60, 60)
 
 

@@ -15,6 +15,7 @@ from PIL import Image, ImageDraw
 import circparam
 from circparam import Result, samples, unwrap
 from circparam.compare.baselines import task
+from circparam.compare.rows import Comparison, Entry
 from circparam.core.arrays import next_half_edge
 from circparam.errors import CircparamError
 from circparam.formats.io import read
@@ -26,11 +27,11 @@ from circparam.render.compare_page import compare_plot
 from circparam.render.figures import PictureOptions, as_figures
 from circparam.render.picture import draw_figure, png_bytes, to_image
 from circparam.render.scene import make_scene
-from circparam.render.side_by_side import MethodLayout, SideBySide
 from tests.support import shapes
 from tests.support.assembly import assemble, kinds, write_parts
 from tests.support.machined import MACHINED, barrel, flange
 from tests.support.parts import PARTS
+from tests.support.side_by_side import compared
 from tests.tools import two_surfaces
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"
@@ -71,15 +72,13 @@ def save(name: str, image: Image.Image) -> None:
     print(f"{path}  {len(data) / 1000:.0f} kB")
 
 
-def beside(title: str, results: dict[str, Result]) -> SideBySide:
+def beside(title: str, results: dict[str, Result]) -> Comparison:
     """Results of one mesh by name, with their figures."""
-    rows = [
-        MethodLayout(name, UVMap(r.uv, r.uv_faces), "ok", r.measures) for name, r in results.items()
-    ]
-    return SideBySide(title, next(iter(results.values())).mesh, rows)
+    rows = [Entry(name, "ok", figures=r.measures, uvmap=r.layout) for name, r in results.items()]
+    return compared(title, next(iter(results.values())).mesh, rows)
 
 
-def of_part(name: str, part: Any, **options: Any) -> SideBySide:
+def of_part(name: str, part: Any, **options: Any) -> Comparison:
     """A machine part by circparam."""
     return beside(name, {"circparam": unwrap((part.points, part.faces), **options)})
 
@@ -103,8 +102,8 @@ def creature() -> None:
     mean = float((scene.distortion * scene.areas)[ok].sum() / scene.areas[ok].sum())
     figures = {"distortion": mean, "charts": scene.n_charts}
     own = beside("creature.ply", {"circparam": result})
-    rows = [*own.rows, MethodLayout("xatlas", layout, "ok", figures)]
-    save("xatlas.png", compare_plot([SideBySide("creature.ply", mesh, rows)]))
+    rows = [*own.rows, Entry("xatlas", "ok", figures=figures, uvmap=layout)]
+    save("xatlas.png", compare_plot([compared("creature.ply", mesh, rows)]))
 
 
 def methods() -> None:
@@ -115,11 +114,11 @@ def methods() -> None:
             result = unwrap(samples.path(DISK), method=name, cut="disk")
             (rows[name],) = beside(DISK, {name: result}).rows
         except CircparamError as error:
-            rows[name] = MethodLayout(name, None, "failed", error=str(error))
+            rows[name] = Entry(name, "failed", error=str(error))
         title = f"{DISK}: {name}"
-        save(f"methods/{name}.png", compare_plot([SideBySide(title, mesh, [rows[name]])]))
+        save(f"methods/{name}.png", compare_plot([compared(title, mesh, [rows[name]])]))
     shown = [rows[name] for name in SHOWN]
-    save("methods.png", compare_plot([SideBySide(f"{DISK}: methods compared", mesh, shown)]))
+    save("methods.png", compare_plot([compared(f"{DISK}: methods compared", mesh, shown)]))
 
 
 def parts() -> None:
