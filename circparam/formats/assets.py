@@ -2,24 +2,12 @@
 
 import contextlib
 import os
-from dataclasses import field
 from pathlib import Path
 
-from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded
 from circparam.formats.obj.mtl import image_names
 from circparam.formats.source import Source, names_in, regular_bytes, safe_path
-
-
-@dataclass(frozen=True)
-class Assets:
-    """copies: files to write beside the output, by their place. there: places of files that exist already.
-    warnings: files that the output cannot find."""
-
-    copies: dict[Path, bytes] = field(default_factory=dict)
-    there: list[Path] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
 
 
 def check_needed(document: Document, format: str, target: Path, overwrite: bool) -> None:
@@ -39,15 +27,19 @@ def check_needed(document: Document, format: str, target: Path, overwrite: bool)
 
 def find_assets(
     source: Source, encoded: Encoded, target: Path, copy: bool | None, overwrite: bool = False
-) -> Assets:
+) -> tuple[dict[Path, bytes], list[Path], list[str]]:
     """The files that the output refers to. copy: see ``WriteOptions.copy_assets``.
 
-    overwrite: whether existing files may be replaced. Files without which the output cannot be read go along
-    whatever ``copy`` says.
+    Returns (files to write beside the output by their place, places of files that exist already, warnings on
+    files that the output cannot find). overwrite: whether existing files may be replaced. Files without which
+    the output cannot be read go along whatever ``copy`` says.
     """
+    copies: dict[Path, bytes] = {}
+    there: list[Path] = []
+    warnings: list[str] = []
     folder, out = source.folder, Path(os.path.realpath(target)).parent
     if folder is None:
-        return Assets()
+        return copies, there, warnings
     named = dict.fromkeys(n for name in encoded.assets for n in names_in(name, folder))
     needed = set(encoded.needed)
     for name in list(named):
@@ -57,26 +49,23 @@ def find_assets(
                 text = regular_bytes(path).decode("utf-8", "surrogateescape")
                 # one name: the whole, or its last word where only that is a file
                 named |= dict.fromkeys(names_in(n, folder)[-1] for n in image_names(text))
-    found = Assets()
     for name in named:
         origin, place = safe_path(folder, name), safe_path(out, name)
         if origin is None or place is None:
-            found.warnings.append(f"{name!r} lies outside the input's folder and was not copied")
+            warnings.append(f"{name!r} lies outside the input's folder and was not copied")
         elif not origin.is_file():
-            found.warnings.append(f"{name!r} is named by the file and is not there")
+            warnings.append(f"{name!r} is named by the file and is not there")
         elif folder == out or _same(origin, place):
-            found.there.append(place)
+            there.append(place)
         elif name not in needed and copy is False:
-            found.warnings.append(
-                f"{name!r} won't resolve from {out.name!r}: leave --no-copy-assets out"
-            )
+            warnings.append(f"{name!r} won't resolve from {out.name!r}: leave --no-copy-assets out")
         elif name not in needed and copy is None and place.exists() and not overwrite:
-            found.warnings.append(
+            warnings.append(
                 f"{name!r} in {out.name!r} is another file and was kept: replace it with --overwrite"
             )
         else:
-            found.copies[place] = regular_bytes(origin)
-    return found
+            copies[place] = regular_bytes(origin)
+    return copies, there, warnings
 
 
 def unresolved(encoded: Encoded, source: Source) -> list[str]:

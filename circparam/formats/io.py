@@ -48,7 +48,8 @@ LINE_BYTES_PER_BYTE = 6
 class Written:
     """The written output: path (None for standard output), all files, notes, and the index maps.
 
-    warnings: changes for the user; notes: of interest.
+    warnings: changes for the user; notes: of interest. contents: what all files will hold, by their place, the
+    mesh last, as long as nothing touches the disk. there: files that it refers to and that lie in their place.
 
     vertex_map: (k,) int64 input vertex of every output vertex. face_map: (m,) int64 input face of every
     output face.
@@ -60,6 +61,8 @@ class Written:
     vertex_map: IntArray
     face_map: IntArray
     warnings: list[str] = field(default_factory=list)
+    contents: dict[Path, bytes] = field(default_factory=dict, repr=False)
+    there: list[Path] = field(default_factory=list)
 
 
 _GLB = "export a .glb (or .obj) there, and unwrap that"
@@ -300,40 +303,29 @@ def write(
     return write_staged([staged], overwrite)[0]
 
 
-@dataclass(frozen=True)
-class Staged:
-    """An output before anything touches the disk.
-
-    contents: all files by their place, the mesh last. there: files that it refers to and that lie in their
-    place already.
-    """
-
-    contents: dict[Path, bytes]
-    written: Written
-    there: list[Path] = field(default_factory=list)
-
-
 def stage(
     path: str | os.PathLike[str], document: Document, uvmap: UVMap, *,
     format: str | None = None, options: WriteOptions | None = None, overwrite: bool = False,
-) -> Staged:  # fmt: skip
+) -> Written:  # fmt: skip
     """The files that ``write`` would write. Raises the errors of ``write``."""
     options = options or WriteOptions()
     target = Path(path)
     name = format_of(target, format)
     check_place(target, document, name, overwrite)
     encoded = encode(document, uvmap, name, options=options, stem=target.stem)
-    assets = find_assets(document.source, encoded, target, options.copy_assets, overwrite)
+    copies, there, unfound = find_assets(
+        document.source, encoded, target, options.copy_assets, overwrite
+    )
     beside = {target.parent / name: data for name, data in encoded.extra.items()}
     # the file itself comes last: the files that it refers to exist before it
-    contents = {**assets.copies, **beside, target: encoded.data}
-    warnings = [*encoded.warnings, *assets.warnings]
-    maps = encoded.vertex_map, encoded.face_map
-    written = Written(target, list(contents)[::-1], encoded.notes, *maps, warnings)
-    return Staged(contents, written, assets.there)
+    contents = {**copies, **beside, target: encoded.data}
+    return Written(
+        target, list(contents)[::-1], encoded.notes, encoded.vertex_map, encoded.face_map,
+        [*encoded.warnings, *unfound], contents, there,
+    )  # fmt: skip
 
 
-def write_staged(outputs: Sequence[Staged], overwrite: bool) -> list[Written]:
+def write_staged(outputs: Sequence[Written], overwrite: bool) -> list[Written]:
     """Write several outputs into one folder, all or none; files that are the same in two of them once.
 
     Raises OptionError if different files have one place, and the errors of ``write``.
@@ -349,9 +341,9 @@ def write_staged(outputs: Sequence[Staged], overwrite: bool) -> list[Written]:
                 raise OptionError(
                     f"{path}: two outputs need a file of that name, and theirs differ: rename one of them"
                 )
-    folder = next((o.written.path.resolve().parent for o in outputs if o.written.path), None)
+    folder = next((o.path.resolve().parent for o in outputs if o.path), None)
     write_files(contents, overwrite, inside=folder)
-    return [output.written for output in outputs]
+    return [replace(output, contents={}) for output in outputs]
 
 
 def check_target(document: Document, format: str, options: WriteOptions) -> None:

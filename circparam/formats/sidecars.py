@@ -118,12 +118,7 @@ def write_seams(path: AnyPath, pairs: IntArray, overwrite: bool = False) -> None
     """Write vertex pairs, one a line, as ``read_seams`` reads them. Raises OutputError."""
     lines = [f"{a} {b}\n" for a, b in np.asarray(pairs, np.int64).reshape(-1, 2).tolist()]
     head = "# seams: two vertices a line, counted from 0\n"
-    write_bytes(path, (head + "".join(lines)).encode(), overwrite)
-
-
-def write_bytes(path: AnyPath, data: bytes, overwrite: bool = False) -> None:
-    """Write a small file as a whole or not at all. Raises OutputError."""
-    write_files({Path(path): data}, overwrite)
+    write_files({Path(path): (head + "".join(lines)).encode()}, overwrite)
 
 
 def _text(path: AnyPath) -> str:

@@ -1,9 +1,6 @@
 """STL: no place for uv, and no shared vertices. Binary files are one array, text is read through trimesh."""
 
-import io
-import logging
 import re
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +8,7 @@ from circparam.core.arrays import doubles
 from circparam.core.plural import counted
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.memory import PlainDocument
+from circparam.formats.second_reader import triangles_of
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh
 
@@ -76,26 +74,18 @@ def _welded(corners: FloatArray, groups: IntArray | None = None) -> Mesh:
 
 def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
     """Text, one solid or several; the reader takes 0.3 s to import."""
-    import trimesh
-
-    # the reader logs its errors with tracebacks; here an error is one line
-    logging.getLogger("trimesh").addHandler(logging.NullHandler())
     # trimesh guesses other encodings by a further package
     text = data.decode("utf-8", "replace").encode()
     try:
-        loaded = trimesh.load(io.BytesIO(text), file_type="stl", process=False)
+        arrays, solids = triangles_of(text, "stl", None)
     except Exception as error:  # trimesh raises whatever its parser meets
         raise source.error(f"cannot be read as STL ({error or type(error).__name__})") from None
-    parts = loaded.geometry.values() if isinstance(loaded, trimesh.Scene) else [loaded]
-    meshes: list[Any] = [m for m in parts if len(getattr(m, "faces", ()))]
-    if not meshes:
+    if not solids:
         facets = (rb"\bfacet\s+normal", rb"\bendfacet\b")
         begun, ended = (len(re.findall(word, data, re.I)) for word in facets)
         if begun != ended:
             raise source.error(f"{begun} facets begin and {ended} end: it is cut short")
         raise source.error("it has no faces: there is nothing to unwrap")
-    corners = np.concatenate(
-        [np.asarray(m.vertices, np.float64)[m.faces].reshape(-1, 3) for m in meshes]
-    )
-    groups = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes])
-    return PlainDocument(source, "stl", _welded(corners, groups if len(meshes) > 1 else None))
+    corners = arrays["points"][arrays["faces"]].reshape(-1, 3)
+    groups = arrays["group"] if len(solids) > 1 else None
+    return PlainDocument(source, "stl", _welded(corners, groups))

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from circparam.core.arrays import mask_of, next_half_edge
+from circparam.core.files import write_files
 from circparam.core.monitor import Monitor
 from circparam.core.types import IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.io import Written, read, write
-from circparam.formats.sidecars import write_bytes, write_seams
+from circparam.formats.sidecars import write_seams
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import write_options
 from circparam.pipeline.options import Options
@@ -104,4 +105,4 @@ def write_map(result: Result, path: str | os.PathLike[str], overwrite: bool = Fa
         raise OptionError("--map needs a written file: give an output")
     buffer = io.BytesIO()
     np.savez_compressed(buffer, vertex=vertex, face=face, chart=result.charts[face])
-    write_bytes(path, buffer.getvalue(), overwrite)
+    write_files({Path(path): buffer.getvalue()}, overwrite)

@@ -61,8 +61,8 @@ def found(
     encoded = Encoded(b"", "obj", np.arange(1), np.arange(1), assets=list(names))
     encoded = replace(encoded, needed=list(names) if needed else [])
     source = Source("x", folder / "x.obj")
-    assets = find_assets(source, encoded, (folder if same else out) / "y.obj", copy)
-    return assets.copies, assets.warnings
+    copies, _, warnings = find_assets(source, encoded, (folder if same else out) / "y.obj", copy)
+    return copies, warnings
 
 
 def test_a_name_with_blanks_is_one_file_or_several(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """The meshes of a composed stage as arrays."""
 
-from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -18,14 +17,20 @@ OTHER_PRIMVARS = ("uv", "UVMap", "map1")  # float2 arrays of these names are uv,
 class MeshPrim:
     """A mesh of the stage.
 
-    path: of its prim. first: its first corner in ``Arrays.corners``. corners: their number. instances: paths of
-    the instances that it lies in, which must be opened up for its uv.
+    path: of its prim. points: (n, 3) in the world. size, corners, label: of its faces, the last by material.
+    instances: paths of the instances that it lies in, which must be opened up for its uv.
     """
 
     path: str
-    first: int
-    corners: int
-    instances: list[str] = field(default_factory=list)
+    points: FloatArray
+    size: IntArray
+    corners: IntArray
+    label: IntArray
+    names: list[str]
+    uv: dict[str, FloatArray]
+    turned: bool
+    instances: list[str]
+    moving: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,28 +56,12 @@ class Arrays:
     up: str
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """One mesh. points: (n, 3) in the world. size, corners, label: of its faces, the last by material."""
-
-    path: str
-    points: FloatArray
-    size: IntArray
-    corners: IntArray
-    label: IntArray
-    names: list[str]
-    uv: dict[str, FloatArray]
-    turned: bool
-    instances: list[str]
-    moving: bool
-
-
 def read_stage(stage: Any, source: Source) -> Arrays:
     """The meshes of a stage at their earliest time, each instance for itself. Raises InputError."""
     from pxr import Usd, UsdGeom
 
     cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
-    parts: list[_Part] = []
+    parts: list[MeshPrim] = []
     variants: list[str] = []
     materials = False
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
@@ -84,7 +73,6 @@ def read_stage(stage: Any, source: Source) -> Arrays:
         raise source.error("it has no meshes: there is nothing to unwrap")
     points = np.concatenate([p.points for p in parts])
     first_point = np.cumsum([0, *(len(p.points) for p in parts)])
-    first_corner = np.cumsum([0, *(len(p.corners) for p in parts)])
     first_name = np.cumsum([0, *(len(p.names) for p in parts)])
     corners = np.concatenate([p.corners + k for p, k in zip(parts, first_point, strict=False)])
     polys = triangulate(points, corners, list_start(np.concatenate([p.size for p in parts])))
@@ -100,10 +88,7 @@ def read_stage(stage: Any, source: Source) -> Arrays:
         for name in sets
     }
     return Arrays(
-        [
-            MeshPrim(p.path, int(k), len(p.corners), p.instances)
-            for p, k in zip(parts, first_corner, strict=False)
-        ],
+        parts,
         points,
         Polygons(polys.corners, polys.start, triangles, polys.owner),
         mesh,
@@ -118,7 +103,7 @@ def read_stage(stage: Any, source: Source) -> Arrays:
     )
 
 
-def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
+def _part(prim: Any, cache: Any, source: Source) -> list[MeshPrim]:
     """A mesh, wound as it is seen; none if it has no faces. Raises InputError if its numbers do not fit."""
     from pxr import Usd, UsdGeom
 
@@ -160,7 +145,7 @@ def _part(prim: Any, cache: Any, source: Source) -> list[_Part]:
                 out.insert(0, str(above.GetPath()))
             above = above.GetParent()
     return [
-        _Part(
+        MeshPrim(
             path=str(prim.GetPath()),
             points=points,
             size=size,

@@ -93,8 +93,8 @@ class Layer:
         with Sdf.ChangeBlock():
             for path in dict.fromkeys(p for prim in self.prims for p in prim.instances):
                 Sdf.CreatePrimInLayer(layer, path).SetInfo("instanceable", False)
-            for prim in self.prims:
-                corner = self.corner[prim.first : prim.first + prim.corners]
+            first = np.cumsum([len(prim.corners) for prim in self.prims])[:-1]
+            for prim, corner in zip(self.prims, np.split(self.corner, first), strict=True):
                 spec = Sdf.CreatePrimInLayer(layer, prim.path)
                 write_primvar(spec, self.name, self.uv, corner)
         return layer_bytes(layer, kind)
