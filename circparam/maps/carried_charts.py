@@ -9,7 +9,6 @@ moves the rest by the least drift (``least_drift``). The few faces that it canno
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sps
@@ -32,6 +31,7 @@ from circparam.geometry.distortion import Tail
 from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas
 from circparam.maps.least_drift import LEAST_HEIGHT_PAGES, faults, heights, meetings, mend
+from circparam.maps.surface_map import Places
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import faces_across
@@ -60,25 +60,16 @@ LOOSENING_ROUNDS = 3  # rounds in which faces at fault are let go
 PAIRS_AT_ONCE = 4_000_000  # of triangles and faces, whose boxes are compared
 
 
-class SurfacePoints(NamedTuple):
-    """Points of a surface. face: (p,). bary: (p, 3). distance: (p,) from the places they were sought for."""
+@dataclass(frozen=True, eq=False)
+class SurfacePoints(Places):
+    """Places on a surface. distance: (p,) from the places they were sought for."""
 
-    face: IntArray
-    bary: FloatArray
     distance: FloatArray
-
-    def take(self, rows: IntArray) -> "SurfacePoints":
-        """Some of the points."""
-        return SurfacePoints(self.face[rows], self.bary[rows], self.distance[rows])
-
-    def put(self, rows: IntArray, new: "SurfacePoints") -> None:
-        """Replace some rows by other points, in place."""
-        for mine, theirs in zip(self, new, strict=True):
-            mine[rows] = theirs
 
 
 def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
-    return SurfacePoints(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+    rows = zip(*(vars(part).values() for part in parts), strict=True)
+    return SurfacePoints(*map(np.concatenate, rows))
 
 
 def _in_blocks(find: Callable[..., SurfacePoints]) -> Callable[..., SurfacePoints]:
@@ -163,7 +154,7 @@ class SourceCharts:
             return faces[first], bary[first], gap[first]
 
         face, bary, d2 = walked(
-            (start.face, start.bary, start.distance), self.beside, best, WALK_STEPS
+            (start.face, start.weights, start.distance), self.beside, best, WALK_STEPS
         )
         out = SurfacePoints(face, bary, np.sqrt(d2))
         if other is not None:
@@ -173,11 +164,11 @@ class SourceCharts:
 
     def uv(self, spots: SurfacePoints) -> FloatArray:
         """(p, 2) places of points in the layout."""
-        return interpolated(spots.bary, self.atlas.corners[spots.face])
+        return interpolated(spots.weights, self.atlas.corners[spots.face])
 
     def expected(self, spots: SurfacePoints, places: FloatArray, normals: FloatArray) -> FloatArray:
         """(p, 2) uv of places beside points, continued along the plane of the normals."""
-        there = interpolated(spots.bary, self.corners[spots.face])
+        there = interpolated(spots.weights, self.corners[spots.face])
         normal = self.atlas.surface.normals[spots.face]
         turned = turn_gradients(self.gradients[spots.face], normal, normals)
         return self.uv(spots) + np.einsum("pdx,px->pd", turned, places - there)

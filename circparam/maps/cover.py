@@ -13,6 +13,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.geometries import Geometry, counter_clockwise, signs_of, weights_in
+from circparam.maps.surface_map import Places
 
 STRAIGHT_WALK_FACES = 60  # faces that a walk crosses by the edge that its goal lies farthest behind
 MOST_WALK_FACES = 400  # faces that a walk crosses at most
@@ -133,23 +134,11 @@ def whole_development(split: Development, mesh: ClosedMesh) -> Development:
 
 
 @dataclass(frozen=True, eq=False)
-class CoverPoints:
-    """Places over a cover: face (k,), weights (k, 3). turn (k, 3, 3) leads from the frame of the face to that
-    of the place, which is a vertex of the other mesh."""
+class CoverPoints(Places):
+    """Places over a cover. turn (k, 3, 3) leads from the frame of the face to that of the place, which is a
+    vertex of the other mesh."""
 
-    face: IntArray
-    weights: FloatArray
     turn: FloatArray
-
-    def take(self, count: int) -> "CoverPoints":
-        """The first places."""
-        return CoverPoints(self.face[:count], self.weights[:count], self.turn[:count])
-
-    def put(self, rows: IntArray, other: "CoverPoints") -> "CoverPoints":
-        """The places with others in some rows."""
-        out = CoverPoints(self.face.copy(), self.weights.copy(), self.turn.copy())
-        out.face[rows], out.weights[rows], out.turn[rows] = other.face, other.weights, other.turn
-        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,4 +220,4 @@ class Cover:
         local = np.linalg.solve(near.turn[moved], q[moved][..., None])[..., 0]
         found = self.find(np.asarray(local, np.float64), near.face[moved])
         turned = CoverPoints(found.face, found.weights, near.turn[moved] @ found.turn)
-        return near.put(moved, turned)
+        return near.take(np.arange(len(near.face))).put(moved, turned)

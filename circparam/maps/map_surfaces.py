@@ -208,9 +208,9 @@ def _result(
         to_b = _places(b, solution.on_b, solution.covers[1].mesh, exact)
         to_a = _places(a, solution.on_a, solution.covers[0].mesh, exact[:, ::-1])
         (pa, fa), (pb, fb) = ((s.surface.vertex_points, s.surface.corner_vertex) for s in (a, b))
-        there = to_b.take(a.n).of(pb, fb)
+        there = to_b.take(slice(a.n)).of(pb, fb)
         a_to_b = distortion(pa, fa, there)
-        b_to_a = distortion(pb, fb, to_a.take(b.n).of(pa, fa))
+        b_to_a = distortion(pb, fb, to_a.take(slice(b.n)).of(pa, fa))
         off = np.linalg.norm(there[exact[:, 0]] - pb[exact[:, 1]], axis=1)
         worst = max(a_to_b.mean, b_to_a.mean)
         if worst > POOR_DISTORTION:
@@ -240,7 +240,7 @@ def _result(
 
 def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -> Places:
     """Where vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
-    places = on_surface(on_b.face, on_b.weights, mesh)
+    places = on_surface(on_b, mesh)
     return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)
 
 

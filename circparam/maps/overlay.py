@@ -25,7 +25,7 @@ from circparam.maps.geometries import counter_clockwise, determinants, signs_of
 from circparam.maps.map_input import MapInput
 from circparam.maps.places import on_file, on_half_edges, on_surface
 from circparam.maps.solution import MapSolution
-from circparam.maps.surface_map import Refinement, SurfaceMap
+from circparam.maps.surface_map import Places, Refinement, SurfaceMap
 from circparam.mesh.mesh import Mesh, UVMap
 
 EDGE_NOISES = (1e-9, 1e-7, 1e-6, 1e-5)  # of an edge, that vertices move by, tried in turn
@@ -69,14 +69,14 @@ def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
             "the edges of the two surfaces lie on each other beyond double precision: no overlay; "
             "map without --overlay, or move one of the meshes"
         )
-    on_a = _joined(_corners(one.mesh), found.on_a, x.edge_a, x.share_a), one.mesh, a
-    on_b = _joined(found.on_b, _corners(two.mesh), x.edge_b, x.share_b), two.mesh, b
+    on_a = _joined(_corners(one.mesh), found.on_a, on_half_edges(x.edge_a, x.share_a)), one.mesh, a
+    on_b = _joined(found.on_b, _corners(two.mesh), on_half_edges(x.edge_b, x.share_b)), two.mesh, b
     faces, *own = made
     parents = [
         side.surface.source[mesh.parent[f]]
         for f, (_, mesh, side) in zip(own, (on_a, on_b), strict=True)
     ]
-    on_both = [on_file(on_surface(*places, mesh), side) for places, mesh, side in (on_a, on_b)]
+    on_both = [on_file(on_surface(places, mesh), side) for places, mesh, side in (on_a, on_b)]
     return Refinement(faces, np.stack(parents, 1), *on_both)
 
 
@@ -209,18 +209,15 @@ def _followers(a: _Chains, b: _Chains, x: Crossings, n: int) -> IntArray:
     return out
 
 
-def _corners(mesh: ClosedMesh) -> CoverPoints:
+def _corners(mesh: ClosedMesh) -> Places:
     """The vertices of a mesh as places on it."""
-    h = mesh.first_out
-    return CoverPoints(h // 3, np.eye(3)[h % 3], np.zeros((0, 3, 3)))
+    return on_half_edges(mesh.first_out, np.zeros(mesh.n))
 
 
-def _joined(
-    a: CoverPoints, b: CoverPoints, half_edge: IntArray, share: FloatArray
-) -> tuple[IntArray, FloatArray]:
-    """(face, weights) of the vertices of both meshes and of crossings along half-edges."""
-    face, weights = on_half_edges(half_edge, share)
-    return np.concatenate([a.face, b.face, face]), np.concatenate([a.weights, b.weights, weights])
+def _joined(*parts: Places) -> Places:
+    """The places of several, one after the other."""
+    face, weights = ([getattr(part, name) for part in parts] for name in ("face", "weights"))
+    return Places(np.concatenate(face), np.concatenate(weights))
 
 
 def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, FloatArray]:

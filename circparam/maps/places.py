@@ -28,9 +28,9 @@ def along_boundaries(
         vertices.append(loop_a)
         half_edges.append(mesh.half_edges(loop_b, np.roll(loop_b, -1))[k])
         shares.append(np.clip((at_a - at_b[k]) / (end[k] - at_b[k]), 0, 1))
-    face, weights = on_half_edges(np.concatenate(half_edges), np.concatenate(shares))
-    turn = np.broadcast_to(np.eye(3), (len(face), 3, 3))
-    return np.concatenate(vertices), CoverPoints(face, weights, turn)
+    on = on_half_edges(np.concatenate(half_edges), np.concatenate(shares))
+    turn = np.broadcast_to(np.eye(3), (len(on.face), 3, 3))
+    return np.concatenate(vertices), CoverPoints(on.face, on.weights, turn)
 
 
 def _unrolled(side: MapInput, corners: list[int]) -> tuple[IntArray, FloatArray]:
@@ -44,17 +44,16 @@ def _unrolled(side: MapInput, corners: list[int]) -> tuple[IntArray, FloatArray]
     return loop, place[:-1]
 
 
-def on_half_edges(half_edge: IntArray, share: FloatArray) -> tuple[IntArray, FloatArray]:
-    """(face (k,), weights (k, 3)) so far along half-edges."""
+def on_half_edges(half_edge: IntArray, share: FloatArray) -> Places:
+    """Places (k) so far along half-edges."""
     k, t = half_edge % 3, share[:, None]
-    return half_edge // 3, (1 - t) * np.eye(3)[k] + t * np.eye(3)[(k + 1) % 3]
+    return Places(half_edge // 3, (1 - t) * np.eye(3)[k] + t * np.eye(3)[(k + 1) % 3])
 
 
-def on_surface(face: IntArray, w: FloatArray, mesh: ClosedMesh) -> Places:
+def on_surface(places: Places, mesh: ClosedMesh) -> Places:
     """Places on a closed mesh as places on the surface that it closes."""
-    weights = interpolated(w, mesh.corners[face])
-    weights = np.maximum(weights, 0)
-    return Places(mesh.parent[face], weights / weights.sum(1, keepdims=True))
+    weights = np.maximum(interpolated(places.weights, mesh.corners[places.face]), 0)
+    return Places(mesh.parent[places.face], weights / weights.sum(1, keepdims=True))
 
 
 def at_vertices(places: Places, vertices: IntArray, there: IntArray, faces: IntArray) -> Places:
@@ -72,7 +71,7 @@ def for_file(places: Places, source: MapInput, target: MapInput) -> Places:
     Vertices that no face uses get the first corner of the first face.
     """
     vertex = np.maximum(source.vertex, 0)
-    found = on_file(Places(places.face[vertex], places.weights[vertex]), target)
+    found = on_file(places.take(vertex), target)
     unused = source.vertex < 0
     found.weights[unused], found.face[unused] = [1.0, 0.0, 0.0], 0
     return found

@@ -83,7 +83,7 @@ def solve_map(
         corners = two.cover.mesh.points[two.cover.mesh.faces[on_b.face[: a.n]]]
         image = interpolated(on_b.weights[: a.n], corners)
         start = distortion(a.surface.vertex_points, a.surface.corner_vertex, image)
-    found = relaxed(a, b, marks, domain, on_b.take(a.closed.n), monitor) if relax else None
+    found = relaxed(a, b, marks, domain, on_b.take(slice(a.closed.n)), monitor) if relax else None
     turned = replace(marks, a=marks.b, b=marks.a)
     with monitor.stage("check"):
         if found is None:
@@ -98,7 +98,7 @@ def solve_map(
         own = two.first // 3  # the face in whose frame each vertex of B lies
         q = np.einsum("nij,nj->ni", way[own], cover.vectors)
         on_a = mine.find(q, (corner // 3)[root[own]])
-        on_a = on_a.put(*along_boundaries(b, a, turned, mine.mesh))
+        on_a.put(*along_boundaries(b, a, turned, mine.mesh))
         return MapSolution((mine, cover), on_b, on_a, start, True)
 
 

@@ -10,7 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -34,9 +34,15 @@ class Places:
     face: IntArray
     weights: FloatArray
 
-    def take(self, count: int) -> "Places":
-        """The first places."""
-        return Places(self.face[:count], self.weights[:count])
+    def take(self, rows: Any) -> Self:
+        """Some of the places."""
+        return type(self)(*(values[rows] for values in vars(self).values()))
+
+    def put(self, rows: IntArray, other: Self) -> Self:
+        """Other places in some rows, in place; returns these places."""
+        for name, values in vars(self).items():
+            values[rows] = getattr(other, name)
+        return self
 
     def of(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """(k, d) values ((n, d) a vertex) interpolated at the places; faces: (m, 3) of that mesh."""
@@ -128,8 +134,7 @@ def moved(mapped: SurfaceMap, target: Mesh, source: Mesh) -> FloatArray:
     """(n, 3) the points of the target at their places on the source; unused points stay."""
     out = target.points.copy()
     used = np.unique(target.faces)
-    places = Places(mapped.to_b.face[used], mapped.to_b.weights[used])
-    out[used] = places.of(source.points, source.faces)
+    out[used] = mapped.to_b.take(used).of(source.points, source.faces)
     return out
 
 
