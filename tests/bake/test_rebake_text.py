@@ -55,13 +55,12 @@ def shown(path: Path, page: str, m: int) -> FloatArray:
     return out
 
 
-def test_a_batch_carries_textures_as_unwrap_does(folder: Path) -> None:
+def test_a_batch_carries_textures_as_unwrap_does(folder: Path, shared: str) -> None:
     """--rebake was taken and had no effect, and --one-atlas has no sense there."""
     words = ("--rebake", "--size", 64, "--padding", 1, *UPRIGHT[:-3])
     done("unwrap", folder / "m.obj", *words, "-j", 1, "--out-dir", folder / "one")
-    done(
-        "batch", folder / "m.obj", *words, "-j", 1, "--out", folder / "many", "--fail-if", "flips>0"
-    )
+    where = ("--scheduler", shared, "--out", folder / "many")
+    done("batch", folder / "m.obj", *words, *where, "--fail-if", "flips>0")
     written = [path for path in (folder / "one").iterdir() if path.suffix != ".obj"]
     assert {path.suffix for path in written} == {".mtl", ".png"}
     for path in (*written, folder / "one" / "m.obj"):

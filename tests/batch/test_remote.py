@@ -71,7 +71,7 @@ def test_a_batch_from_s3_to_s3(s3, tmp_path, request):
 
     # continued, from another machine as well: nothing to do until a source has changed
     journal(Folder("s3://bucket/out")).unlink()
-    again = run_batch(BatchPlan(["s3://bucket/in"], given, workers=1))
+    again = run_batch(BatchPlan(["s3://bucket/in"], given, scheduler=address))
     assert (again.done, again.skipped) == (0, 3)
     store.again(system.pipe_file, f"bucket/in/{names[0]}", (source / names[1]).read_bytes())
     changed = run_batch(BatchPlan(["s3://bucket/in/**/*.obj"], given, scheduler=address))

@@ -91,7 +91,7 @@ def test_a_batch_and_its_continuation(tmp_path: Path) -> None:
     """On a cluster of its own, which leaves nothing in temporary folders; then there is nothing to do."""
     source, out, scratch = write_set(tmp_path / "src", 3), tmp_path / "out", tmp_path / "scratch"
     scratch.mkdir()
-    command = [*PROGRAM, str(source), "--out", str(out), "-q", "--workers", "1", *ARGS]
+    command = [*PROGRAM, str(source), "-o", str(out), "-q", "-j", "1", *ARGS]
     ended = subprocess.run(
         [*private_semaphores(), *command], env={**environment(), "TMPDIR": str(scratch)},
         capture_output=True, check=False, text=True,
@@ -265,11 +265,11 @@ def count_lines(out: Path) -> int:
 
 
 @pytest.mark.parametrize(
-    "moments", [[2], pytest.param([0, 1, 7, 20, 33], marks=pytest.mark.slow)], ids=["once", "five"]
+    "moments", [[1], pytest.param([0, 1, 7, 20, 33], marks=pytest.mark.slow)], ids=["once", "five"]
 )
 def test_the_client_is_killed_and_continued(moments, shared, tmp_path):
     """Its warm server ends with it."""
-    count = 5 if len(moments) == 1 else 40
+    count = 3 if len(moments) == 1 else 40
     source, out, scratch = write_set(tmp_path / "src", count), tmp_path / "out", tmp_path / "tmp"
     for moment in moments:
         with start_batch(source, out, scratch) as process:
@@ -306,7 +306,7 @@ main()
 
 
 def test_ctrl_c_once_and_twice(shared: str, tmp_path: Path) -> None:
-    source, out = write_set(tmp_path / "src", 16), tmp_path / "out"
+    source, out = write_set(tmp_path / "src", 9), tmp_path / "out"
     seen = 0
     for times, where in ((1, ["--scheduler", shared]), (2, ["--workers", "1"])):
         command = ["-c", CTRL_C, str(times), "batch", str(source), "--out", str(out), *ARGS]
@@ -318,13 +318,13 @@ def test_ctrl_c_once_and_twice(shared: str, tmp_path: Path) -> None:
         assert b"stopping" in ended.stderr
         assert b"Traceback" not in ended.stderr
         lines = count_lines(out)
-        assert seen + 2 <= lines < 16
+        assert seen + 2 <= lines < 9
         seen = lines
         if times == 1:
             assert b"the same command continues" in ended.stderr
             assert files(out) == set(told(out))  # what ran was finished
-    assert batch(source, out, scheduler=shared).counts == {"ok": 16}
-    expect_quiet(source, out, 16)
+    assert batch(source, out, scheduler=shared).counts == {"ok": 9}
+    expect_quiet(source, out, 9)
 
 
 @dataclass(frozen=True)
@@ -413,7 +413,7 @@ def lone_scheduler(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[bytes], Pa
 
 def test_a_scheduler_that_runs_and_then_ends(lone_scheduler, shared, tmp_path):
     server, where = lone_scheduler
-    source, out = write_set(tmp_path / "src", 12), tmp_path / "out"
+    source, out = write_set(tmp_path / "src", 6), tmp_path / "out"
     place = ("--scheduler-file", str(where), "--local-directory", str(tmp_path / "w"))
 
     def end(line: dict[str, Any]) -> None:
@@ -425,8 +425,8 @@ def test_a_scheduler_that_runs_and_then_ends(lone_scheduler, shared, tmp_path):
     ):
         batch(source, out, scheduler_file=str(where), hooks=Hooks(on_line=end))
     assert count_lines(out) >= 1
-    assert batch(source, out, scheduler=shared).counts == {"ok": 12}
-    expect_quiet(source, out, 12)
+    assert batch(source, out, scheduler=shared).counts == {"ok": 6}
+    expect_quiet(source, out, 6)
 
 
 def test_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

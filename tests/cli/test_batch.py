@@ -34,10 +34,8 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     one_line_error(batch("s3://b/k", "--out", tmp_path / "o"), 2, "pip install 'circparam[batch]'")
 
 
-def test_the_folder_and_the_workers_are_named_as_for_unwrap(tmp_path: Path) -> None:
-    source, out = write_set(tmp_path / "src", 1), tmp_path / "out"
-    assert batch(source, "-o", out, "-j", 1, *ARGS).exit_code == 0
-    assert (out / "manifest.jsonl").exists()
+def test_the_folder_and_the_workers_are_named_as_for_unwrap() -> None:
+    """tests/batch/test_run.py runs a batch by the short names."""
     named = [set(param.opts) for param in command_of("batch").params]
     for names in ({"-o", "--out-dir", "--out"}, {"-j", "--jobs", "--workers"}):
         assert any(names <= opts for opts in named)

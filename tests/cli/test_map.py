@@ -91,7 +91,7 @@ def test_a_morph_and_its_figures(tmp_path: Path):
     assert np.isfinite(read(out).mesh.points).all()
 
 
-NAMES = ("sp ace ü 数", "'quoted' #1 %20", os.fsdecode(b"odd\xff"))
+NAMES = ("sp ace ü 数 'quoted' #1 %20", os.fsdecode(b"odd\xff"))
 
 
 def written(folder: Path, tail: str = "") -> dict[str, Path]:

@@ -67,6 +67,7 @@ def run(node: Any, **linked: Any) -> tuple[Any, ...]:
     return out
 
 
+@pytest.mark.usefixtures("quick_pictures")
 def test_a_batch_of_meshes(nodes: dict[str, Any]) -> None:
     points, faces = shapes.cube(1)
     mesh = SimpleNamespace(
