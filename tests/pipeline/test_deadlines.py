@@ -34,6 +34,7 @@ def test_wherever_time_runs_out_the_result_is_valid(last: str) -> None:
     result = unwrap_document(document, None, options, monitor)
     assert result.verification.valid
     assert any("out of time" in w for w in result.warnings) == (monitor.deadline == 0.0)
+    assert (result.measures["seam_visible"] is None) == (monitor.deadline == 0.0)
 
 
 def test_where_not_even_that_can_be_done_in_time_it_is_told_at_once(clock: Clock) -> None:

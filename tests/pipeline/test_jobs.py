@@ -26,7 +26,7 @@ from circparam.pipeline import jobs
 from circparam.pipeline.configure import open_source
 from circparam.pipeline.options import Options
 from circparam.pipeline.unwrap import unwrap_document
-from tests.support import shapes
+from tests.support import parts, shapes
 from tests.support.processes import pids
 
 QUICK: dict[str, Any] = {"effort": "draft"}
@@ -66,15 +66,23 @@ def alone() -> bytes:
     return circparam.unwrap(mesh(), jobs=1, format="glb", **QUICK).uv.tobytes()
 
 
-def test_the_bytes_do_not_depend_on_the_number_of_processes() -> None:
-    """Two searches, each with its cuts for the page; processes are up before there is work."""
+def assembly() -> tuple[np.ndarray, np.ndarray]:
+    """A ball beside a bracket: charts that are grown, and charts that are unrolled."""
+    ball, part = mesh(1), parts.bracket()
+    return shapes.join(ball, (part.points + np.array([9.0, 0, 0]), part.faces))
+
+
+@pytest.mark.parametrize(("made", "searches"), [(lambda: mesh(2), 2), (assembly, 1)])
+def test_the_bytes_do_not_depend_on_the_number_of_processes(made: Any, searches: int) -> None:
+    """Searches with their cuts for the page and prices of what is seen; processes are up before work is."""
     ready(3)
     pool = current()
-    asked: dict[str, Any] = {"effort": 2, "format": "glb", "resolution": 256}
-    one, shared = (circparam.unwrap(mesh(2), jobs=jobs, **asked) for jobs in (1, 3))
+    asked: dict[str, Any] = {"effort": searches, "format": "glb", "resolution": 256}
+    one, shared = (circparam.unwrap(made(), jobs=jobs, **asked) for jobs in (1, 3))
     assert shared.uv.tobytes() == one.uv.tobytes()
-    assert shared.effort == one.effort
-    assert len(set(one.effort.costs)) == 2
+    assert (shared.effort, shared.measures) == (one.effort, one.measures)
+    assert 0 < float(one.measures["seam_visible"] or 0) < 1
+    assert len(set(one.effort.costs)) == (searches if searches > 1 else 0)
     assert current() is pool is not None, "they stay for the next mesh"
 
 

@@ -17,6 +17,7 @@ from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import assert_promises, charts_of, ends, relaxed, surface_of
+from tests.support.corpus import MOST_SEARCHED_BYTES
 from tests.support.formats_tools import corpus_files
 
 
@@ -168,9 +169,10 @@ WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 
 @pytest.mark.parametrize("path", [p for p in corpus_files() if WHOLE or p.id in (*FEW, None)])
 def test_real_meshes(path: Path) -> None:
-    """All of them by ``make test-corpus``, five by ``make test``."""
+    """All of them by ``make test-corpus``, large ones as drafts; five by ``make test``."""
     mesh = read(path).mesh
-    atlas_of((mesh.points, mesh.faces))
+    draft = path.stat().st_size > MOST_SEARCHED_BYTES
+    atlas_of((mesh.points, mesh.faces), search=Search(draft=draft))
 
 
 LIKE_OTHERS = {"creature-pose", "head-2", "cover-coarse"}  # the second of a pair

@@ -6,20 +6,17 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.geometry.visibility import edge_shares, visible_share
+from circparam.geometry.visibility import visible_share
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.charts import charts
 from circparam.seams.options import HIDDEN, SeamOptions
 from circparam.seams.prices import (
-    DIRECTIONS,
     LEAST_SHARE,
-    PIXELS,
     VISIBILITY_POWER,
     edge_costs,
     edge_prices,
-    shares_of_part,
     visibility_prices,
 )
 from tests.support import shapes
@@ -44,23 +41,14 @@ def test_prices_are_one_at_no_strength_and_fall_with_the_share_that_sees_an_edge
     assert visibility_prices(surface, 0.0) == pytest.approx(1)
     half, full = visibility_prices(surface, 0.5), visibility_prices(surface, 1.0)
     assert full == pytest.approx(half**2)
+    # processes look along some of the directions each
+    assert visibility_prices(surface, 0.5, Monitor()) == pytest.approx(half)
     assert full.min() >= LEAST_SHARE**VISIBILITY_POWER * (1 - 1e-12)
     h = surface.edges[:, 0]
     middle = surface.points[surface.faces].reshape(-1, 3)[h]
     deep = np.linalg.norm(middle, axis=1) < 0.75
     high = np.linalg.norm(middle, axis=1) > 0.98
     assert np.median(half[deep]) < 0.6 * np.median(half[high])
-
-
-def test_processes_look_along_some_of_the_directions_each() -> None:
-    surface = grooved(3)
-    whole = edge_shares(surface, DIRECTIONS, PIXELS)
-    parts = [shares_of_part(surface, DIRECTIONS, k, 4, Monitor()) for k in range(4)]
-    assert sum(parts) == pytest.approx(whole, abs=1e-12)
-    assert all((part < 0.5 * whole.max()).all() for part in parts)
-    shared = visibility_prices(surface, 0.5, Monitor(jobs=2))
-    assert np.array_equal(shared, visibility_prices(surface, 0.5, Monitor()))
-    assert shared == pytest.approx(visibility_prices(surface, 0.5))
 
 
 @pytest.mark.parametrize("level", [3, 4])  # decided on the mesh itself, and on its proxy

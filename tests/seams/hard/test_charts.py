@@ -9,12 +9,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams import charts as module
-from circparam.seams.hard.charts import hard_atlas, unrolls_whole
+from circparam.seams.hard.charts import unrolls_whole
 from circparam.seams.hard.regions import flats, hard_components
 from circparam.seams.hard.unroll import unroll
 from circparam.seams.options import SeamOptions, Search
@@ -209,19 +208,6 @@ def test_a_level_sheet_that_lies_over_itself_is_cut_where_it_does(search) -> Non
     atlas = charts_of(surface_of(level, faces), search=search)
     assert_promises(atlas, 1.05)
     assert 2 <= atlas.charts()[0] <= 3
-
-
-def test_workers_change_nothing() -> None:
-    """Parts of the trials by other processes, or all here."""
-    part = PARTS["plate"]()
-    surface = surface_of(part.points, part.faces)
-    out = []
-    workers.start(2, module.__name__)
-    for jobs in (2, 1):
-        atlas = hard_atlas(surface, 1.05, SeamOptions(), Monitor(jobs=jobs), [])
-        out.append(atlas.corners)
-    workers.stop()
-    assert np.array_equal(*out)
 
 
 @pytest.mark.parametrize(
