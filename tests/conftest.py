@@ -48,6 +48,13 @@ def corpus() -> Path:
 
 
 @pytest.fixture
+def no_workers_left() -> Iterator[None]:
+    """Ends the worker processes behind each test."""
+    yield
+    workers.stop()
+
+
+@pytest.fixture
 def rng() -> np.random.Generator:
     """Random numbers that are the same in every run and every order of tests."""
     return np.random.default_rng(20190607)

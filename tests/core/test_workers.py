@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from circparam.core.workers import DeferredTask, Worker
 from tests.support.processes import ROOT, pids, printed
 
 HERE = "tests.core.test_workers"
+pytestmark = pytest.mark.usefixtures("no_workers_left")
 
 
 def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
@@ -52,12 +52,6 @@ def opened(jobs: int = 2, module: str = HERE) -> Pool:
     pool = current()
     pool.ready.result()
     return pool
-
-
-@pytest.fixture(autouse=True)
-def none_left() -> Iterator[None]:
-    yield
-    workers.stop()
 
 
 def until_gone(left: list[int]) -> None:

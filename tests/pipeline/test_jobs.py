@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,13 +29,8 @@ from tests.support import parts, shapes
 from tests.support.processes import pids
 
 QUICK: dict[str, Any] = {"effort": "draft"}
+pytestmark = pytest.mark.usefixtures("no_workers_left")
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(autouse=True)
-def none_left() -> Iterator[None]:
-    yield
-    workers.stop()
 
 
 def ready(n: int) -> None:

@@ -217,6 +217,7 @@ def test_a_level_sheet_that_lies_over_itself_is_cut_where_it_does(search) -> Non
         (shapes.annulus(), True),
         (shapes.half_cylinder(), True),
         (shapes.row_of(shapes.half_cylinder(), 2), True),
+        (shapes.cone(slit=True), True),
         (shapes.cylinder(), False),  # it must be slit
         (shapes.cone(), False),  # so must its tip
         (shapes.hemisphere(), False),

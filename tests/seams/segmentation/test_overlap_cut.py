@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
-from circparam.seams.accuracy import FINAL
 from circparam.seams.prices import edge_costs
-from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.overlap_cut import split_layers
 from tests.support import shapes
@@ -32,12 +29,3 @@ def test_sheets_are_cut_apart_across_the_ring(turn: float, inner: float) -> None
     assert 1 <= length / (1 - inner) <= 1.5 * atlas.cut.any(), "one cut across the ring"
     assert atlas.charts()[0] == 2
     assert not judged(atlas).overlapping.any()
-
-
-def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
-    atlas = winding_ring(16.0)
-    enforce(atlas, dual_graph(atlas.surface), judged(atlas), 1.01, FINAL, Monitor())
-    laid = judged(atlas)
-    assert not laid.bad(1.01).any()
-    # 16 radians need at least three charts of a turn each
-    assert 3 <= laid.cut_mesh.n_charts <= 6
