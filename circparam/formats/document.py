@@ -13,6 +13,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from circparam.core.arrays import relabel
+from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OptionError
@@ -375,10 +376,16 @@ def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str],
         looks, cure = [*looks, *shown], "--from texture"
     rest = [f for f in gone if f not in looks]
     notes = [f"not carried into {format.upper()}: {', '.join(rest)}"] if rest else []
-    if not looks:
-        return notes, []
-    how = f": circparam bake {cure} makes an image of them" if cure else ""
-    return notes, [f"not carried into {format.upper()}: {', '.join(looks)}{how}"]
+    warnings = []
+    if document.instances:
+        warnings.append(
+            f"{format.upper()} holds every mesh once: the places of "
+            f"{counted(document.instances, 'further node')} are lost; --unshare copies a mesh for every node"
+        )
+    if looks:
+        how = f": circparam bake {cure} makes an image of them" if cure else ""
+        warnings.append(f"not carried into {format.upper()}: {', '.join(looks)}{how}")
+    return notes, warnings
 
 
 def _has(ask: Callable[[], object]) -> bool:

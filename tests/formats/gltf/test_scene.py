@@ -239,3 +239,13 @@ def test_of_two_nodes_of_a_mesh_the_plain_one_decides(mirrored_first: bool) -> N
     np.testing.assert_array_equal(document.mesh.faces, plain.faces)
     ((_, other),) = document.instance_transforms()
     np.testing.assert_allclose(other @ [9, 0, 0, 1], [0, 0, 0, 1])
+
+
+@pytest.mark.parametrize("format", ["obj", "ply"])
+def test_places_that_another_format_loses_are_told(format: str) -> None:
+    """OBJ and PLY have no nodes: a mesh that is shown again would vanish there without a word."""
+    shared, copied = (read_data(instanced().glb(), unshare=own) for own in (False, True))
+    out = encode(shared, layout_with_seams(shared), format)
+    assert any("1 further node are lost; --unshare" in warning for warning in out.warnings)
+    assert not encode(copied, layout_with_seams(copied), format).warnings
+    assert not encode(shared, layout_with_seams(shared), "glb").warnings
