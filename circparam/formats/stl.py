@@ -1,18 +1,17 @@
-"""STL: no place for uv, and no shared vertices. Binary files are one array, text is read through trimesh."""
-
-import re
+"""STL: no place for uv, and no shared vertices. Binary files are one array, text is a list of words."""
 
 import numpy as np
 
-from circparam.core.arrays import doubles
+from circparam.core.arrays import doubles, mask_of, relabel
 from circparam.core.plural import counted
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.memory import PlainDocument
-from circparam.formats.second_reader import triangles_of
 from circparam.formats.source import Source
+from circparam.formats.tokens import BYTE_ORDER_MARK, Tokens, bad_token, line_number, tokenize
 from circparam.mesh.mesh import Mesh
 
 HEADER_BYTES = 84  # bytes before the first facet: a title, and the number of facets
+LOWER_CASE = 0x20  # the bit in which small letters of ASCII differ from capital ones
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -23,7 +22,7 @@ def read_stl(data: bytes, source: Source) -> PlainDocument:
     read as STL.
     """
     if is_text_stl(data):
-        return _through_trimesh(data, source)
+        return _read_text(data, source)
     facets = np.frombuffer(data, FACET, _promised(data, len(data), source), HEADER_BYTES)
     corners = doubles(facets["corners"].reshape(-1, 3))
     behind = len(data) - HEADER_BYTES - facets.nbytes
@@ -33,7 +32,8 @@ def read_stl(data: bytes, source: Source) -> PlainDocument:
 
 def is_text_stl(data: bytes) -> bool:
     """Whether a file, or its beginning, is text; binary files may begin with 'solid' too, but hold zeros."""
-    return data.lstrip()[:5].lower() == b"solid" and b"\0" not in data
+    text = data.removeprefix(BYTE_ORDER_MARK).lstrip()
+    return text[:5].lower() == b"solid" and b"\0" not in data
 
 
 def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
@@ -72,20 +72,49 @@ def _welded(corners: FloatArray, groups: IntArray | None = None) -> Mesh:
     return Mesh(corners[kept], vertex.reshape(-1, 3), groups=groups)
 
 
-def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
-    """Text, one solid or several; the reader takes 0.3 s to import."""
-    # trimesh guesses other encodings by a further package
-    text = data.decode("utf-8", "replace").encode()
-    try:
-        arrays, solids = triangles_of(text, "stl", None)
-    except Exception as error:  # trimesh raises whatever its parser meets
-        raise source.error(f"cannot be read as STL ({error or type(error).__name__})") from None
-    if not solids:
-        facets = (rb"\bfacet\s+normal", rb"\bendfacet\b")
-        begun, ended = (len(re.findall(word, data, re.I)) for word in facets)
-        if begun != ended:
-            raise source.error(f"{begun} facets begin and {ended} end: it is cut short")
+def _read_text(data: bytes, source: Source) -> PlainDocument:
+    """Text, one solid or several: three points between every ``outer loop`` and ``endloop``.
+
+    White space may be of any kind. Raises InputError for a facet that has not three points.
+    """
+    t = tokenize(data)
+    n = len(t.start) + 1
+    loops, ended = _places(t, b"loop"), _places(t, b"endloop")
+    begun = loops[mask_of(n, _places(t, b"outer"))[loops - 1]]
+    if len(begun) != len(ended):
+        raise source.error(f"{len(begun)} facets begin and {len(ended)} end: it is cut short")
+    if len(ended) == 0:
         raise source.error("it has no faces: there is nothing to unwrap")
-    corners = arrays["points"][arrays["faces"]].reshape(-1, 3)
-    groups = arrays["group"] if len(solids) > 1 else None
-    return PlainDocument(source, "stl", _welded(corners, groups))
+    # outer loop, three times vertex x y z, endloop
+    points = ended[:, None] - np.array([12, 8, 4])
+    sound = (begun == ended - 13) & mask_of(n, _places(t, b"vertex"))[points.clip(0)].all(axis=1)
+    if not sound.all():
+        word = int(begun[np.flatnonzero(~sound)[0]])
+        raise _at(t, word, data, source, "a facet is not three times 'vertex x y z'")
+    numbers: IntArray = (points[:, :, None] + np.arange(1, 4)).ravel()
+    try:
+        corners = t.floats(numbers).reshape(-1, 3)
+    except ValueError:
+        word = bad_token(t, numbers, float)
+        text = t.clean[t.start[word] : t.end[word]].tobytes().decode("ascii", "backslashreplace")
+        comma = ": write decimal points" if "," in text else ""
+        raise _at(t, word, data, source, f"{text[:24]!r} is not a number{comma}") from None
+    closed = _places(t, b"endsolid")
+    count, groups = relabel(np.searchsorted(closed, ended))
+    mesh = _welded(corners, groups if count > 1 else None)
+    whole = len(closed) > 0 and closed[-1] > ended[-1]
+    doubt = "no endsolid follows its last facet: it may be cut short"
+    return PlainDocument(source, "stl", mesh, warnings=() if whole else (doubt,))
+
+
+def _places(t: Tokens, word: bytes) -> IntArray:
+    """The tokens that are a word, in letters of any case."""
+    found = np.flatnonzero(t.end - t.start == len(word))
+    for k, letter in enumerate(word):
+        found = found[t.clean[t.start[found] + k] | LOWER_CASE == letter]
+    return found
+
+
+def _at(t: Tokens, word: int, data: bytes, source: Source, cause: str) -> Exception:
+    """An InputError that names the line of a token."""
+    return source.error(f"line {line_number(data, int(t.start[word]))}: {cause}")

@@ -70,6 +70,7 @@ def test_what_is_wrong_with_an_stl_without_facets_is_told() -> None:
         (data + data[-50:], "promises 18 facets, its length is that of 19: whatever wrote it"),
         (text, "3 facets begin and 2 end: it is cut short"),
         (b"solid x\nendsolid x\n", "no faces"),
+        (b"solid outer loop endloop\n", "line 1: a facet is not three times"),
     ):
         refused(bad, says, "stl")
 
@@ -82,9 +83,41 @@ def test_bytes_behind_the_last_facet_are_left_out_and_told() -> None:
     assert read_data(data).warnings == ()
 
 
-def test_a_text_in_another_encoding_needs_no_further_package(monkeypatch):
-    """trimesh asks charset_normalizer, which not everybody has."""
-    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
-    text = b"solid Caf\xe9\n" + FACET + b"endsolid\n"
-    assert len(read_data(text).mesh.faces) == 1
-    refused(text[:70], "cut short", "stl")
+def test_a_text_is_read_without_a_further_package(monkeypatch):
+    """Names in any encoding, a byte order mark, any white space, capitals, words of other programs."""
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    text = (
+        b"solid Caf\xe9 facet vertex endsolid\n" + FACET + b"color 1 0 0\n" + FACET + b"endsolid\n"
+    )
+    for same in (
+        text, b"\xef\xbb\xbf" + text, b"\n\n " + text, text.upper(), text.replace(b"\n", b"\r\n"),
+        text.replace(b"\n", b"\r"), text.replace(b"\n", b"\t "), text.replace(b"facet normal 0 0 1", b"facet"),
+    ):  # fmt: skip
+        document = read_data(same, format="stl")
+        mesh = document.mesh
+        expected = 2 * [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+        np.testing.assert_array_equal(mesh.points[mesh.faces], expected)
+        assert document.warnings == ()
+    refused(text[:90], "cut short", "stl")
+
+
+@pytest.mark.parametrize(
+    ("second", "says"),
+    [
+        (b"solid b\n" + FACET + FACET[:50], "3 facets begin and 2 end: it is cut short"),
+        (
+            b"solid b\n" + FACET.replace(b"1 0 0", b"1,5 0 0"),
+            "line 14: '1,5' .* write decimal points",
+        ),
+        (b"solid b\nouter loop endloop", "line 11: a facet is not three times"),
+        (b"solid b\n" + FACET.replace(b"1 0 0", b"1 0"), "line 12: a facet is not three times"),
+        (b"solid b\n" + FACET.replace(b"endloop", b"vertex 1 1 0\nendloop"), "line 12: a facet is"),
+    ],
+)
+def test_no_solid_of_a_text_is_left_out(second: bytes, says: str) -> None:
+    """A second solid that is cut short or damaged is an error; one without an end comes with a warning."""
+    first = b"solid a\n" + FACET + b"endsolid a\n"
+    refused(first + second, says, "stl")
+    document = read_data(first + b"solid b\n" + FACET)
+    assert len(document.mesh.faces) == 2
+    assert "cut short" in document.warnings[0]
