@@ -8,7 +8,7 @@ from circparam.core.arrays import group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray
+from circparam.core.types import FloatArray
 from circparam.formats.document import Document
 from circparam.formats.table import up_of
 from circparam.geometry.coverage import pages_of
@@ -22,21 +22,6 @@ from circparam.pipeline.verify import Verification
 
 # of the length of up in space: a chart whose mean slope is less lies flat, or goes up as much as down
 MEAN_SLOPE_SHARE = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class Upright:
-    """uv (nv, 2) of charts that were turned, and (n_charts,) bool which of them have an up."""
-
-    uv: FloatArray
-    has_up: BoolArray
-
-    @property
-    def note(self) -> str:
-        """One line on the charts that are upright."""
-        n, some = len(self.has_up), int(self.has_up.sum())
-        rest = f"; {counted(n - some, 'chart')} without an up" if some < n else ""
-        return f"up is v in {some} of {counted(n, 'chart')}{rest}"
 
 
 @dataclass(frozen=True)
@@ -86,8 +71,10 @@ def up_axis(document: Document, options: Options) -> int:
     return 2 if (said or document.up or up_of(document.format) or "y") == "z" else 1
 
 
-def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> Upright:
-    """uv (nv, 2) with every chart turned by the angle at which the mean of up over its area is v.
+def upright(
+    cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int
+) -> tuple[FloatArray, str]:
+    """(uv (nv, 2) with every chart turned by the angle at which the mean of up over its area is v, a note).
 
     A chart without an up keeps its angle. cut_mesh: of all faces of the surface, in their order. The mean of
     the gradient of the height over a triangle is that of a linear function; see ``MEAN_SLOPE_SHARE``.
@@ -112,4 +99,7 @@ def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> U
     unit[mirrored[has_up]] *= -1  # the area of a mirrored chart counts backwards
     c[has_up], s[has_up] = unit[:, 1], unit[:, 0]
     c, s = c[cut_mesh.vertex_chart], s[cut_mesh.vertex_chart]
-    return Upright(np.stack([c * uv[:, 0] - s * uv[:, 1], s * uv[:, 0] + c * uv[:, 1]], 1), has_up)
+    some = int(has_up.sum())
+    rest = f"; {counted(n - some, 'chart')} without an up" if some < n else ""
+    note = f"up is v in {some} of {counted(n, 'chart')}{rest}"
+    return np.stack([c * uv[:, 0] - s * uv[:, 1], s * uv[:, 0] + c * uv[:, 1]], 1), note

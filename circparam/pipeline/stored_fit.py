@@ -165,8 +165,8 @@ def arrange(
         placed = place_pinned(job, cut_mesh, uv, options.pins)
     else:
         if options.orient == "up":
-            turned = upright(cut_mesh, job.surface, uv, up_axis(job.document, options))
-            uv, notes = turned.uv, [turned.note]
+            uv, note = upright(cut_mesh, job.surface, uv, up_axis(job.document, options))
+            notes = [note]
         label = job.sorting(cut_mesh)
         if job.kept is not None:
             placed = put_into_room(job.kept, cut_mesh, sized(cut_mesh, uv, keep), options)
