@@ -4,7 +4,7 @@ A chart is cut if and only if the cut lowers the cost of the atlas (``AtlasCost`
 are paid by the fuller page. ``page_search`` proposes cuts by estimates of the page. The best
 layouts are packed as they will be, each only as far as it may cost less than those before it, and the cheapest
 is kept. A mesh that needs no seam gets none. At a texel density that the user fixed, charts too large for
-their pages are cut so that they fit. Advice for a half-empty page names only gains that were measured.
+their pages are cut so that they fit.
 """
 
 import contextlib
@@ -34,13 +34,6 @@ from circparam.seams.segmentation.weigh import TAIL_SHARE, share_over
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.stretch import STRETCH, stretch_asked
 
-# covered share of a page below which cuts are tried that only the user can allow
-HALF_EMPTY_SHARE = 0.5
-GAIN_PAGE_SHARE = 0.05  # share of the page that they must cover more
-CUT_TRIALS = 10  # that are tried
-# faces: a smaller surface is unwrapped in less time than cuts take to try
-LEAST_ADVISED_FACES = 500
-
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """Cut charts if a fuller page is worth the seam; a note says which cuts were made.
@@ -60,31 +53,6 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if not options.draft:
         cascade = replace(cascade, packing=packing(cascade, options, monitor))
     return cheapest(cascade, plans_of(cascade, options, int(most), monitor), options, monitor)
-
-
-def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:
-    """The layout ``filled`` that ``fill_page`` made of ``start``, with advice where its page is half empty.
-
-    The advice names the share that further cuts cover. The cuts were made and packed. There is no advice if the
-    user has set the number.
-    """
-    small = len(start.atlas.surface.faces) < LEAST_ADVISED_FACES
-    if options.cuts_asked is not None or options.max_charts is not None or small or monitor.expired:
-        return filled
-    found = filled.packing or packing(filled, options, monitor)
-    filled = replace(filled, packing=found)
-    if found is None or covered_share(found) >= HALF_EMPTY_SHARE:
-        return filled
-    start = fallback.settle(start, monitor)
-    more = fill_page(start, replace(options, pack_splits=CUT_TRIALS), monitor)
-    if more.packing is None or covered_share(more.packing) < covered_share(found) + GAIN_PAGE_SHARE:
-        return filled
-    cuts = more.atlas.charts()[0] - start.atlas.charts()[0]
-    return replace(
-        filled,
-        advice=f"{counted(cuts, 'cut')} across charts would cover "
-        f"{100 * covered_share(more.packing):.0f} % (--pack-splits {CUT_TRIALS})",
-    )
 
 
 def page_cutter(cascade: Cascade, options: Options) -> Cutter:

@@ -153,7 +153,7 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
             filled, cascade = on_page(cascade, draft, options, monitor)
         best, effort = best_layout(filled, begun, job, monitor)
         if best is filled and options.fills_one_page and not options.draft:
-            from circparam.pipeline.fuller_page import advised  # the FFT takes 0.1 s to import
+            from circparam.pipeline.advice import advised  # the FFT takes 0.1 s to import
 
             with monitor.stage("pack"):
                 best = advised(filled, cascade, options, monitor)
