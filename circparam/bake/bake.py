@@ -34,7 +34,7 @@ from circparam.core.types import BoolArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, turned
 from circparam.formats.materials import decode
-from circparam.formats.table import up_of
+from circparam.formats.table import axis_up
 from circparam.geometry.raster import barycentric, fragments
 from circparam.maps.surface_map import SurfaceMap, oriented
 from circparam.mesh.mesh import UVMap
@@ -230,7 +230,7 @@ def bake_document(
 
 def brought_upright(document: Document, source: Document) -> tuple[Document, Document, list[str]]:
     """Both, and notes: the one that is no glTF file is turned from z up to y up where they fit better then."""
-    marks = [up_of(d.format) == "y" for d in (document, source)]
+    marks = [axis_up(d) == "y" for d in (document, source)]
     if marks[0] == marks[1] or same_surface(document.mesh, source.mesh):
         return document, source, []
     found = (document, turned(source)) if marks[0] else (turned(document), source)

@@ -22,7 +22,7 @@ from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode
 from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
-from circparam.formats.table import up_of
+from circparam.formats.table import axis_up, up_of
 from circparam.maps.surface_map import SurfaceMap
 from circparam.pipeline.configure import open_source
 
@@ -75,7 +75,7 @@ def write_baked(
     layout = document.require_uv(uv_set)
     is_gltf = document.format in ("gltf", "glb")
     number = uv_set if is_gltf else 0
-    up = up or up_of(document.format) or "y"
+    up = up or axis_up(document) or "y"
     options = WriteOptions(uv_set=number, overwrite_uv=True, colours=kind == "normals", up=up)
     encoded = encode(document, layout, "glb", options=options)
     notes = [note for note in encoded.notes if "was replaced" not in note]

@@ -7,6 +7,7 @@ the document says so. Nothing of these formats is written back: GLB by default.
 import importlib.util
 import io
 import json
+import re
 import zipfile
 
 import numpy as np
@@ -72,7 +73,18 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
         group_names=tuple(names),
         warnings=(f"read through trimesh: {', '.join(lost)} are not kept",),
         layout=layout,
+        axis=_axis(data, kind),
     )
+
+
+def _axis(data: bytes, kind: str) -> str:
+    """The axis that a COLLADA file says to point up, y or z; '' for other formats."""
+    if kind == "zae":
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            name = next(n for n in archive.namelist() if n.lower().endswith(ENTRY[kind]))
+            data, kind = archive.read(name), "dae"
+    said = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data) if kind == "dae" else None
+    return said[1].decode().lower() if said is not None and said[1] != b"X" else ""
 
 
 def _with_materials(data: bytes, source: Source) -> bytes:

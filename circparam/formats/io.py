@@ -28,6 +28,7 @@ from circparam.formats.source import Source, read_bytes, regular_bytes
 from circparam.formats.table import (
     FORMATS,
     Format,
+    axis_up,
     default_output,
     format_by_suffix,
     sniff,
@@ -272,7 +273,7 @@ def encode(
     if export is None:
         raise _no_place(format)
     check_new_set(options, format)
-    up = options.up or document.up or up_of(document.format) or "y"
+    up = options.up or axis_up(document) or "y"
     return export(document, uvmap, replace(options, up=up), stem)
 
 

@@ -26,13 +26,20 @@ if TYPE_CHECKING:
 class PlainDocument(Document):
     """Triangles or polygons, and perhaps a layout, without a file format that could be kept.
 
-    wears, paint: the textures and the (m, 3, 3) colours of the corners, if there are any.
+    wears, paint: the textures and the (m, 3, 3) colours of the corners, if there are any. axis: the one that
+    the file says to point up, '' if it does not.
     """
 
     polys: Polygons | None = None
     layout: UVMap | None = None
     wears: Textures | None = None
     paint: FloatArray | None = None
+    axis: str = ""
+
+    @property
+    def up(self) -> str:
+        """The axis that the file says to point up."""
+        return self.axis
 
     def polygons(self) -> Polygons:
         """The polygons of the file, or its triangles."""

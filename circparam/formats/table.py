@@ -198,6 +198,11 @@ def up_of(format: str) -> str:
     return FORMATS[format].function.up if format in FORMATS else ""
 
 
+def axis_up(document: Document) -> str:
+    """The axis that points up: as the file says, else as its format has it; empty if nothing says which."""
+    return document.up or up_of(document.format)
+
+
 def takes_unshare(format: str) -> bool:
     """Whether meshes of a format can be shared by several nodes, and so be copied for each."""
     return format in FORMATS and FORMATS[format].function.unshare is not None

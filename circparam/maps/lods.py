@@ -16,7 +16,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document, y_up, z_up
-from circparam.formats.table import up_of
+from circparam.formats.table import axis_up
 from circparam.geometry.closest import samples_of
 from circparam.geometry.distortion import Tail
 from circparam.geometry.overlap import overlaps
@@ -162,7 +162,7 @@ def _turned_to(
 
     A glTF made of a file with z up has y up, and its other levels may still be files with z up.
     """
-    marks = [up_of(d.format) == "y" for d in (document, job.document)]
+    marks = [axis_up(d) == "y" for d in (document, job.document)]
     if marks[0] == marks[1] or _distance(charts, job.surface)[0] <= SHAPE_DIAGONALS:
         return charts, []
     mesh, turn = document.mesh, z_up if marks[0] else y_up

@@ -13,7 +13,7 @@ from circparam.formats.document import Document, WriteOptions, turned
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.gltf.export import to_gltf
 from circparam.formats.gltf.morphing import Target, with_morph
-from circparam.formats.table import up_of
+from circparam.formats.table import axis_up
 from circparam.geometry.shading import corner_normals
 from circparam.maps.overlay import overlaid
 from circparam.maps.surface_map import MIRRORED_SHARE, SurfaceMap, moved, oriented, turned_over
@@ -51,7 +51,7 @@ def morph(
     """
     if not 2 <= frames <= MOST_FRAMES:
         raise OptionError(f"--frames {frames}: give 2 to {MOST_FRAMES} key frames")
-    a, b = (turned(d) if up_of(d.format) == "z" else d for d in (a, b))  # as glTF has them
+    a, b = (turned(d) if axis_up(d) == "z" else d for d in (a, b))  # as glTF has them
     mapped = oriented(mapped, a, b)
     over = turned_over(mapped, a.mesh, b.mesh)
     if over.mean() > MIRRORED_SHARE:

@@ -10,7 +10,7 @@ from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 from circparam.formats.document import Document
-from circparam.formats.table import up_of
+from circparam.formats.table import axis_up
 from circparam.geometry.coverage import pages_of
 from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.cut_mesh import CutMesh
@@ -68,7 +68,7 @@ def orient_cost(found: Verification, options: Options, monitor: Monitor) -> Orie
 def up_axis(document: Document, options: Options) -> int:
     """1 or 2, the axis that points up: as --up says, else the file, else its format, else y."""
     said = options.up if options.up != AUTO else None
-    return 2 if (said or document.up or up_of(document.format) or "y") == "z" else 1
+    return 2 if (said or axis_up(document) or "y") == "z" else 1
 
 
 def upright(

@@ -17,7 +17,7 @@ from circparam.core.types import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode, media_type
-from circparam.formats.table import up_of
+from circparam.formats.table import axis_up
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.configure import open_source
@@ -95,7 +95,7 @@ def view_document(
     scene = with_instances(scene, document.instance_transforms())
     name = Path(document.source.name).name
     if up == "auto":  # the axis of a format that becomes glTF; else that on which the shape stands
-        up = document.up or up_of(document.format) or up
+        up = axis_up(document) or up
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
         padding=how.padding, scale_end=how.scale_end or DISTORTION_END, repairs=tuple(notes),

@@ -156,6 +156,14 @@ def test_a_source_in_other_axes_is_turned(tmp_path: Path):
     assert normals.report["missed"] == 0
 
 
+def test_a_glb_stands_as_the_file_says(tmp_path: Path):
+    points, faces = shapes.grid(3, 3)
+    flat = replace(from_arrays(points, faces, points[:, :2] / 4), axis="z")
+    baked = Baked({(0, 0): np.zeros((4, 4, 3), np.uint8)}, 1.0)
+    (path,), _ = write_baked(tmp_path / "out.glb", baked, flat, 0, "texture")
+    assert (np.ptp(read(path).mesh.points, axis=0) == 0).tolist() == [False, True, False]
+
+
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path, up: str):
     """What a viewer decodes with the file's own NORMAL and TANGENT is the direction of the source, turned where

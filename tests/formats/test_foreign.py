@@ -13,7 +13,8 @@ from click.testing import CliRunner, Result
 from circparam.cli import cli
 from circparam.errors import InputError
 from circparam.formats import foreign, second_reader
-from circparam.formats.io import read, read_data
+from circparam.formats.io import encode, read, read_data
+from circparam.mesh.mesh import UVMap
 from tests.fuzz import hostile
 from tests.support import shapes
 from tests.support.formats_tools import GltfMaker, refused
@@ -34,10 +35,11 @@ def three_mf() -> bytes:
     return bytes(scene().export(file_type="3mf"))
 
 
-def collada() -> bytes:
+def collada(up: str = "Y_UP") -> bytes:
     """A triangle pair in COLLADA, under a node that moves it by 5 along x."""
     dae = pytest.importorskip("collada")
     file = dae.Collada()
+    file.assetInfo.upaxis = up
     p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     source = dae.source.FloatSource("p", p.ravel(), ("X", "Y", "Z"))
     geometry = dae.geometry.Geometry(file, "g", "g", [source])
@@ -157,6 +159,25 @@ def test_node_transforms_of_collada_apply() -> None:
     document = read_data(collada())
     assert document.mesh.points[document.mesh.faces].reshape(-1, 3).min(0).tolist() == [5, 0, 0]
     assert len(document.mesh.faces) == 2
+
+
+@pytest.mark.parametrize("zipped", [False, True])
+@pytest.mark.parametrize("up", ["Y_UP", "Z_UP"])
+def test_the_axis_that_collada_says_to_point_up(up: str, zipped: bool) -> None:
+    """The square lies in the plane of x and y: with z up it lies flat, in glTF in the plane of x and z."""
+    data = collada(up)
+    if zipped:
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, "w") as archive:
+            archive.writestr("a.dae", data)
+        data = out.getvalue()
+    document = read_data(data)
+    mesh = document.mesh
+    layout = UVMap(mesh.points[:, :2], mesh.faces)
+    made = read_data(encode(document, layout, "glb").data).mesh.points
+    flat = np.ptp(made, axis=0) == 0
+    assert flat.tolist() == ([False, False, True] if up == "Y_UP" else [False, True, False])
+    assert np.ptp(read_data(encode(document, layout, "obj").data).mesh.points[:, 2]) == 0
 
 
 def test_step_is_meshed() -> None:

@@ -68,12 +68,17 @@ def test_the_target_is_where_the_map_says(tmp_path: Path):
     assert turned.data == made.data
 
 
-def test_a_pair_with_z_up_stands_upright(tmp_path: Path):
+@pytest.mark.parametrize("said", [False, True])
+def test_a_pair_with_z_up_stands_upright(tmp_path: Path, said: bool):
+    """PLY has z up; files of other formats say so themselves."""
     a, b = belt(8, 16), belt(14, 28, 0.05, 1.0)
     pair = [stored(tmp_path, name, *m) for name, m in (("one", a), ("two", b))]
-    scans = [
-        read_data(encode(d, UVMap(np.zeros((1, 2)), 0 * d.mesh.faces), "ply").data) for d in pair
-    ]
+    if said:
+        given = [(d.mesh.points, d.mesh.faces) for d in pair]
+        scans = [replace(from_arrays(*m), axis="z") for m in given]
+    else:
+        none = [UVMap(np.zeros((1, 2)), 0 * d.mesh.faces) for d in pair]
+        scans = [read_data(encode(d, uv, "ply").data) for d, uv in zip(pair, none, strict=True)]
     made, flat = (morph(*two, known_map(two[0].mesh, two[1].mesh)) for two in (scans, pair))
     got, kept = reopened(made.data), reopened(flat.data)
     for points, lying in ((got.mesh.points, kept.mesh.points), (ends(got)[0], ends(kept)[0])):
