@@ -69,7 +69,7 @@ class Cluster:
                 set_as_default=False,
             )
             self._check_versions()
-        except (OSError, ValueError, ImportError) as error:
+        except (OSError, ValueError, ImportError, RuntimeError) as error:
             self.kill()
             said = " ".join(str(error).split()) or type(error).__name__
             if self.scheduler is None:
@@ -95,9 +95,8 @@ class Cluster:
                 threads_per_worker=workers,
                 processes=False,
                 dashboard_address=None,
-                scheduler_kwargs={
-                    "dashboard_address": "127.0.0.1:0"
-                },  # its HTTP server has to be somewhere
+                # its HTTP server has to be somewhere
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 memory_limit=0,
                 silence_logs=logging.CRITICAL,
             )
@@ -151,6 +150,7 @@ class Cluster:
             close_servers()
             with contextlib.suppress(Exception):
                 self._own.close(timeout=ANSWER_SECONDS)
+            close_servers()  # those that were begun in between
             shutil.rmtree(self._folder or "", ignore_errors=True)
 
 
