@@ -7,11 +7,13 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.errors import NoResultError, OptionError
 from circparam.geometry.coverage import chart_boxes
 from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing import pack
+from circparam.packing.clusters import CLOSE_RATIO, pack_clusters
 from circparam.packing.options import PackOptions
 from circparam.pipeline.cascade import KnownPacking
 from circparam.pipeline.configure import pack_options
@@ -83,8 +85,6 @@ def pack_sorted(
     """
     asked = pack_options(options)
     if not pages:
-        from circparam.packing.clusters import pack_clusters
-
         box = np.unique(label, return_inverse=True)[1].reshape(-1)
         packed = pack_clusters(cut_mesh.faces, uv, cut_mesh.chart, box, asked, monitor)
         return Placed(packed.uv, packed.notes)
@@ -101,10 +101,16 @@ def pack_sorted(
 
     numbers = np.unique(label)
     scale = packed_alone(asked, numbers)
-    least = float(scale.min())
-    if asked.fixed_scale is None and (scale > least * (1 + DENSITY_TOLERANCE)).any():
-        level = replace(asked, texel_density=least * asked.resolution)
-        packed_alone(level, numbers[scale > least * (1 + DENSITY_TOLERANCE)])
+    least = level = float(scale.min())
+    while asked.fixed_scale is None:
+        fuller = scale > level * (1 + DENSITY_TOLERANCE)
+        try:
+            packed_alone(replace(asked, texel_density=level * asked.resolution), numbers[fuller])
+            break
+        except (OptionError, NoResultError):  # at a fixed scale packers reach a little less
+            level /= CLOSE_RATIO
+            if level < least / 2:
+                raise
     return Placed(uv, [])
 
 

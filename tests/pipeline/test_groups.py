@@ -62,6 +62,21 @@ def test_every_group_has_its_page_at_one_density(kind: str, density: str | None)
     assert summarise(result)["groups"] == found
 
 
+@pytest.mark.parametrize("shape", [shapes.icosphere, shapes.bumpy])
+def test_pages_of_equal_parts_have_one_density(shape: Any) -> None:
+    """Pages that are about as full as each other: packers reach a little less at a scale that is fixed."""
+    points, faces = shapes.join(
+        *((p + [4 * k, 0, 0], f) for k, (p, f) in enumerate([shape(2)] * 3))
+    )
+    of = np.repeat(np.arange(3), len(faces) // 3)
+    data = writers.obj(points, faces, materials={name: of == k for k, name in enumerate("abc")})
+    result = circparam.unwrap(read_data(data, format="obj"), pages_by="material", **QUICK)
+    assert (result.status, result.measures["pages"]) == ("ok", 3)
+    low, high = result.measures["density_min"], result.measures["density_max"]
+    assert float(high or 0) == pytest.approx(float(low or 1), rel=0.02)
+    assert float(result.measures["pack"] or 0) > 0.45
+
+
 @pytest.mark.parametrize("turn", [None, "none"])
 def test_charts_of_a_group_lie_in_a_box_of_their_own(turn: str | None) -> None:
     result = circparam.unwrap(BRACKET, group_by="material", rotate=turn, **QUICK)
