@@ -65,9 +65,8 @@ def test_every_group_has_its_page_at_one_density(kind: str, density: str | None)
 @pytest.mark.parametrize("shape", [shapes.icosphere, shapes.bumpy])
 def test_pages_of_equal_parts_have_one_density(shape: Any) -> None:
     """Pages that are about as full as each other: packers reach a little less at a scale that is fixed."""
-    points, faces = shapes.join(
-        *((p + [4 * k, 0, 0], f) for k, (p, f) in enumerate([shape(2)] * 3))
-    )
+    points, faces = shape(2)
+    points, faces = shapes.join(*((points + 4 * k, faces) for k in range(3)))
     of = np.repeat(np.arange(3), len(faces) // 3)
     data = writers.obj(points, faces, materials={name: of == k for k, name in enumerate("abc")})
     result = circparam.unwrap(read_data(data, format="obj"), pages_by="material", **QUICK)
