@@ -53,7 +53,7 @@ def test_normals_of_a_dense_mesh_as_a_ray_tracer_sees_them(tmp_path: Path):
     """Mean angular error below 2° where the cage holds (asked for); the low mesh itself is off by 7°."""
     low, high = belt(16, 32), belt(80, 160, 0.02, 1.0)
     target, source = stored(tmp_path, "low", *low), stored(tmp_path, "high", *high)
-    baked = bake_document(target, "normals", source=source, across=NEAREST, size=512)
+    baked = bake_document(target, "normals", source=source, across=NEAREST, size=256)
     face, bary = some_places(len(low[0].faces), 200)
     corners = low[0].points[low[0].faces]
     normal = corner_normals(corners, low[0].faces)

@@ -5,6 +5,6 @@ from pathlib import Path
 
 CORPUS = Path(os.environ.get("CIRCPARAM_CORPUS") or Path(__file__).parents[3] / "shared" / "meshes")
 SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")  # of meshes
-# bytes of a file above which searches are drafts, and none are compared: they decide on proxies of a thousand
-# faces, so that more faces cost minutes and show no other decision
+# bytes of a file above which searches are drafts: all decide on proxies of a thousand faces, so more faces cost
+# minutes and show no other decision
 MOST_SEARCHED_BYTES = 600_000

@@ -12,7 +12,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.monitor import Monitor
-from circparam.geometry.distortion import face_stretch
+from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import FINAL
@@ -161,7 +161,9 @@ def _slit(
 def _cut_off(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     """Cut off the parts that are stretched too much and lay them out alone; all else stays as it lies.
 
-    A layout stays sound when a part of it goes, so the work is proportional to what is cut off.
+    A layout stays sound when a part of it goes, so the work is proportional to what is cut off. Distortion is a
+    mean over a chart: where a flat goes with a tip, what is left of its chart may come above the bound. It is
+    laid out anew, too.
     """
     surface, flat = atlas.surface, atlas.flat
     together = surface.locked if flat is None else surface.locked | flat
@@ -173,7 +175,10 @@ def _cut_off(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
         around = (left != right) & ~atlas.cut
         if not around.any() or monitor.expired:
             return
+        before = chart_distortion(cut_mesh, uv)[cut_mesh.chart]
         atlas.cut |= around
+        opened, uv = atlas.open()
+        inside |= chart_distortion(opened, uv)[opened.chart] > np.maximum(before, limits.bound)
         part = atlas.part(inside)
         graph = dual_graph(part.surface, part.flat)
         inner, uv = part.open()
