@@ -126,6 +126,11 @@ class Document:
         return 0
 
     @property
+    def left_out(self) -> tuple[str, ...]:
+        """Shapes of the file that are no part of its mesh, in words; another format loses them."""
+        return ()
+
+    @property
     def draw_calls(self) -> int | None:
         """Number of draw calls of a viewer for the file, one for a primitive of a node; None if unknown."""
         return None
@@ -382,6 +387,8 @@ def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str],
             f"{format.upper()} holds every mesh once: the places of "
             f"{counted(document.instances, 'further node')} are lost; --unshare copies a mesh for every node"
         )
+    if document.left_out:
+        warnings.append(f"not carried into {format.upper()}: {', '.join(document.left_out)}")
     if looks:
         how = f": circparam bake {cure} makes an image of them" if cure else ""
         warnings.append(f"not carried into {format.upper()}: {', '.join(looks)}{how}")

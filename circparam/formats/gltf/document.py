@@ -12,6 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from circparam.core.arrays import relabel, unit
+from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import GROUPINGS, Document, Encoded, Named, WriteOptions
@@ -26,6 +27,8 @@ from circparam.formats.materials import Textures
 from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
+
+INSTANCING = "EXT_mesh_gpu_instancing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +45,20 @@ class GltfDocument(Document):
     def instances(self) -> int:
         """How many further nodes show a mesh that another node shows already."""
         return len(self.again)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Points and lines, and the further places of a node that EXT_mesh_gpu_instancing gives it."""
+        with sound_tree(self.source):
+            shown = {mesh for _, mesh, _ in scene.walk(self.tree)}
+            all_of = sum(len(self.tree.item("meshes", k)["primitives"]) for k in shown)
+            nodes = self.tree.entries("nodes")
+            placed = sum(INSTANCING in node.get("extensions", {}) for node in nodes)
+        other = all_of - len(self.primitives)
+        out = [f"{counted(other, 'primitive')} without triangles"] if other else []
+        if placed:
+            out.append(f"the instances of {counted(placed, 'node')} ({INSTANCING})")
+        return tuple(out)
 
     @property
     def draw_calls(self) -> int:

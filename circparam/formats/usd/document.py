@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import IntArray
 from circparam.errors import OptionError
@@ -38,6 +39,11 @@ class UsdDocument(Document):
     def up(self) -> str:
         """The axis of the stage."""
         return self.arrays.up
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Cubes, curves, instancers of points and other shapes that are no meshes."""
+        return tuple(counted(n, name) for name, n in sorted(self.arrays.others.items()))
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """A uv primvar: st is set 0, the others follow by name."""

@@ -1,5 +1,6 @@
 """The meshes of a composed stage as arrays."""
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ class Arrays:
     points: (n, 3) in the world. polys: their polygons, wound as visible. mesh, group: (m,) of each triangle.
     names: of the groups. sets: names of uv primvars, set 0 first. uv: name → (L, 2) of every corner, NaN for
     none. variants: selections in effect. moving: whether points are animated. up: the axis that points up.
+    others: type → number of the shapes that are no meshes.
     """
 
     prims: list[MeshPrim]
@@ -54,6 +56,7 @@ class Arrays:
     materials: bool
     moving: bool
     up: str
+    others: dict[str, int]
 
 
 def read_stage(stage: Any, source: Source) -> Arrays:
@@ -63,12 +66,14 @@ def read_stage(stage: Any, source: Source) -> Arrays:
     cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
     parts: list[MeshPrim] = []
     variants: list[str] = []
-    materials = False
+    materials, others = False, Counter[str]()
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
         variants += _selections(prim)
         materials |= prim.GetTypeName() == "Material"
         if prim.IsA(UsdGeom.Mesh):
             parts += _part(prim, cache, source)
+        elif prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer):
+            others[str(prim.GetTypeName())] += 1
     if not parts:
         raise source.error("it has no meshes: there is nothing to unwrap")
     points = np.concatenate([p.points for p in parts])
@@ -100,6 +105,7 @@ def read_stage(stage: Any, source: Source) -> Arrays:
         materials,
         any(p.moving for p in parts),
         str(UsdGeom.GetStageUpAxis(stage)).lower(),
+        dict(others),
     )
 
 

@@ -249,3 +249,18 @@ def test_places_that_another_format_loses_are_told(format: str) -> None:
     assert any("1 further node are lost; --unshare" in warning for warning in out.warnings)
     assert not encode(copied, layout_with_seams(copied), format).warnings
     assert not encode(shared, layout_with_seams(shared), "glb").warnings
+
+
+def test_shapes_that_another_format_loses_are_told() -> None:
+    """Points, lines and instances on the graphics card are no part of the mesh, and stay in a glTF alone."""
+    g = small()
+    position = g.tree["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+    places = g.accessor(np.arange(6, dtype="f4").reshape(2, 3))
+    g.tree["meshes"][0]["primitives"].append({"attributes": {"POSITION": position}, "mode": 0})
+    g.tree["nodes"][0]["extensions"] = {
+        "EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": places}}
+    }
+    document = read_data(g.glb())
+    (said,) = encode(document, layout_with_seams(document), "obj").warnings
+    assert "1 primitive without triangles, the instances of 1 node" in said
+    assert not encode(document, layout_with_seams(document), "glb").warnings

@@ -11,7 +11,7 @@ import pytest
 
 import circparam
 from circparam.errors import InputError, OptionError
-from circparam.formats.io import read, read_data
+from circparam.formats.io import encode, read, read_data
 from circparam.formats.usd.stage import package_files
 from tests.support import shapes
 from tests.support.formats_tools import refused
@@ -381,3 +381,18 @@ def test_a_usdz_from_a_pipe_is_written_as_one(tmp_path: Path) -> None:
         circparam.unwrap(document, tmp_path / "o.usda", **QUICK)
     circparam.unwrap(document, tmp_path / "o.usdz", **QUICK)
     assert len(shown(tmp_path / "o.usdz")) == 2
+
+
+def test_shapes_that_are_no_meshes_are_told_where_they_are_lost(tmp_path: Path) -> None:
+    text = (
+        '#usda 1.0\ndef Mesh "m" {\n point3f[] points = [(0,0,0), (1,0,0), (0,1,0)]\n'
+        " int[] faceVertexCounts = [3]\n int[] faceVertexIndices = [0, 1, 2]\n}\n"
+        'def Cube "c" {\n}\ndef Cube "d" {\n}\ndef PointInstancer "p" {\n}\n'
+    )
+    path = tmp_path / "a.usda"
+    path.write_text(text)
+    document = read(path)
+    layout = circparam.UVMap(document.mesh.points[:, :2], document.mesh.faces)
+    (said,) = encode(document, layout, "glb").warnings
+    assert said == "not carried into GLB: 2 Cubes, 1 PointInstancer"
+    assert not encode(document, layout, "usda").warnings
