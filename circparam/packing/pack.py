@@ -55,7 +55,10 @@ def pack(
         )
         candidates = [p for p in _candidates(task) if p.scale >= least]
         if not candidates:
-            raise OptionError(does_not_fit(shapes, options))
+            standing = None if options.scale else _as_they_lie(shapes, uv, options)
+            if standing is None:
+                raise OptionError(does_not_fit(shapes, options))
+            return standing
         # the largest scale, then the fewest pages; the next one follows if the check refuses
         candidates.sort(key=lambda p: (-p.scale, int(p.page.max())))
         for placement in candidates:
@@ -85,6 +88,14 @@ def _candidates(task: PackTask) -> list[Placement]:
         if placement is not None:
             found[row.name] = placement
     return list(reversed(found.values()))
+
+
+def _as_they_lie(shapes: Shapes, uv: FloatArray, options: PackOptions) -> Packed | None:
+    """The layout as given, on one page; None if it fails the check of a page."""
+    page = np.zeros(shapes.n, np.int64)
+    wrong, share = faults(PlacedCharts.of(shapes, uv, page), options)
+    note = "the charts stay where they lie: no other place was found at these sizes"
+    return None if wrong is not None else Packed(uv.copy(), page, 1.0, share, [note])
 
 
 def check_room(shapes: Shapes, options: PackOptions) -> None:
@@ -127,10 +138,12 @@ def does_not_fit(shapes: Shapes, options: PackOptions) -> str:
     if options.fixed_scale is None:
         return f"{shapes.n} charts do not fit on {where}: raise --resolution or --pages"
     area = float(shapes.area.sum()) * options.fixed_scale**2 / options.resolution**2
-    what = "the sizes given" if not options.scale else f"texel density {options.texel_density:g}"
+    what, cure = f"texel density {options.texel_density or 0:g}", "lower the density"
+    if not options.scale:
+        what, cure = "the sizes given", "leave --no-scale out"
     return (
         f"{shapes.n} charts at {what} ({area:.2f} pages of area) do not fit on {where}: "
-        "lower the density, or raise --resolution or --pages"
+        f"{cure}, or raise --resolution or --pages"
     )
 
 

@@ -72,6 +72,20 @@ def test_sizes_are_kept_without_scale():
     assert packed.scale == 1.0
 
 
+@pytest.mark.parametrize("n", [2, 3, 6])
+def test_a_page_packed_before_fits_at_its_sizes(n):
+    """Packers reach less at fixed sizes; charts then stay where they lie, if that passes the check."""
+    faces, uv, chart = blobs(n, 5)
+    options = PackOptions(256, 2, effort=QUICK)
+    before = pack(faces, uv, chart, options)
+    fixed = PackOptions(256, 2, scale=False, effort=QUICK)
+    after = pack(faces, before.uv, chart, fixed)
+    assert after.scale == 1.0
+    promise(faces, before.uv, chart, after, fixed)
+    with pytest.raises(OptionError, match="resolution"):
+        pack(faces, before.uv * 1.2, chart, fixed)
+
+
 @pytest.mark.parametrize("n", [10, 300])
 def test_more_pages_hold_larger_charts(n):
     faces, uv, chart = blobs(n, 9, 0.3)
