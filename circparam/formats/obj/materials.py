@@ -82,7 +82,8 @@ def textures(scan: Scan, owner: IntArray, source: Source) -> Textures | None:
     held = [known.get(name, (-1, np.ones(3), 1.0)) for name in names]
     image, plain, alpha = (np.array(column) for column in zip(*held, strict=True))
     tints = [
-        tint(name, np.array([1, 1, 1, a]), False) for name, a in zip(names, alpha, strict=True)
+        tint(name, np.append(linear(colour), a), number >= 0)
+        for name, (number, colour, a) in zip(names, held, strict=True)
     ]
     return replace(
         files.textures(image[at], plain[at]),

@@ -154,6 +154,13 @@ def test_how_much_light_a_material_lets_through(folder: Path, line: str, alpha: 
         assert found.tints == ("material 'a' shows alpha 0.3",)
 
 
+def test_a_colour_beside_an_image_is_told(folder: Path) -> None:
+    """MTL multiplies both; the colours of an image that is baked are those of the old image alone."""
+    (folder / "far.mtl").write_text("newmtl a\nKd 0.5 1 1\nmap_Kd s.png\nnewmtl b\nKd 0.5 1 1\n")
+    found = textures(folder, b"mtllib far.mtl\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n")
+    assert found.tints == ("material 'a' shows its texture times 0.214, 1, 1",)
+
+
 def test_an_image_may_be_scaled_and_moved(folder: Path) -> None:
     """By the options of one material; a corner that another one shares with it stays for that one."""
     (folder / "far.mtl").write_text(
