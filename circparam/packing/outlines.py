@@ -229,7 +229,9 @@ def _outline_edges(faces: IntArray, uv: FloatArray) -> tuple[IntArray, IntArray]
     reversed_faces = cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]) < 0
     if reversed_faces.any() and not reversed_faces.all():
         side = reversed_faces[runs.pairs // 3]
-        boundary[runs.pairs[side[:, 0] != side[:, 1], 0]] = True
+        # of the face that is not reversed: outlines are loops, and every vertex begins an edge of one
+        upright = np.where(side[:, 0], runs.pairs[:, 1], runs.pairs[:, 0])
+        boundary[upright[side[:, 0] != side[:, 1]]] = True
     # a face without any way to an outline still has to be packed: take all its edges
     vertex = np.full(n, False)
     vertex[a[boundary]] = True

@@ -9,6 +9,7 @@ import pytest
 
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
+from circparam.packing import PackOptions, pack
 from circparam.packing.outlines import shapes_of
 from circparam.pipeline.inspect import inspect
 from circparam.pipeline.unwrap import repack
@@ -68,3 +69,17 @@ def test_folded_charts_cover_what_they_cover(fold: float) -> None:
     found = inspect(document, uv_set=0, resolution=1000).uv
     assert found.flips > 0
     assert found.coverage.share == pytest.approx((1 - fold) * 0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_closed_surface_seen_from_one_side_is_packed(seed: int) -> None:
+    """Its outline are folds alone, and every corner of them counts, whatever the order of its faces."""
+    points, faces = shapes.icosphere(2)
+    faces = np.random.default_rng(seed).permutation(faces)
+    uv, options = points[:, :2], PackOptions(256, 2)
+    shown = shapes_of(faces, uv, np.zeros(len(faces), np.int64))
+    low, high = uv.min(0) - (uv.min(0) + uv.max(0)) / 2, np.ptp(uv, axis=0) / 2
+    np.testing.assert_allclose(shown.boxes(np.zeros(1))[0], [*low, *high])
+    packed = pack(faces, uv, np.zeros(len(faces), np.int64), options)
+    assert packed.uv.min() > 0
+    assert packed.uv.max() < 1
