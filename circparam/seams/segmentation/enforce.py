@@ -26,7 +26,6 @@ from circparam.seams.segmentation.layout import (
 )
 from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
 from circparam.seams.segmentation.slits import slit_charts
-from circparam.seams.segmentation.trim import trim_overlaps
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
@@ -57,8 +56,9 @@ def enforce(
     # halves of halves are single cells after so many rounds as their number has digits; a slit and a push come
     # before each
     for _ in range(3 * int(graph.n).bit_length()):
-        pushed = np.full(layouts.cut_mesh.n_charts, options.bound is None)
-        layouts = unstick(atlas, layouts, bound, monitor, pushed)
+        if options.bound is None:
+            every = np.ones(layouts.cut_mesh.n_charts, bool)
+            layouts = unstick(atlas, layouts, bound, monitor, every)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break
@@ -71,12 +71,12 @@ def enforce(
             graph = dual_graph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
             layouts = judge(cut_mesh, atlas.gather(cut_mesh))
-            bad, pushed = np.ones(cut_mesh.n_charts, bool), pushed[bad]
+            bad = np.ones(cut_mesh.n_charts, bool)
         before = atlas.cut.copy()
         moved = group_count(layouts.cut_mesh.chart[(atlas.corners != last).any((1, 2))], len(bad))
         clear &= moved[layouts.cut_mesh.chart] == 0
         last = atlas.corners.copy()
-        found = _Bad(graph, layouts, bad, pushed, bound, clear)
+        found = _Bad(graph, layouts, bad, options.bound is None, bound, clear)
         cut, slit = _cut_open(atlas, found, slit, monitor)
         if np.array_equal(before, atlas.cut) and not cut.any():
             break
@@ -89,14 +89,14 @@ def enforce(
 class _Bad:
     """What a round found.
 
-    bad: (n,) bool, charts to cut. pushed: (n,) bool, charts that could not be separated by pushing. clear: (m,)
+    bad: (n,) bool, charts to cut. pushed: whether those that overlap could not be pushed apart. clear: (m,)
     bool, faces known to lie on no other, which grow in number with what is looked at.
     """
 
     graph: DualGraph
     layouts: ChartLayouts
     bad: BoolArray
-    pushed: BoolArray
+    pushed: bool
     bound: float
     clear: BoolArray
 
@@ -113,12 +113,8 @@ def _cut_open(
     slit = bad & ~layouts.overlapping & (group_count(chart[before], len(bad)) == 0)
     if slit.any():
         slit = slit_charts(atlas, layouts, slit)
-    cut = bad & layouts.overlapping & np.isfinite(layouts.energy) & ~found.pushed
-    if cut.any():
-        cut = trim_overlaps(atlas, found.graph, layouts, cut, found.clear)
-    split = bad & ~slit & ~cut
-    if split.any():
-        cut |= _split(atlas, found, split, monitor)
+    split = bad & ~slit
+    cut = _split(atlas, found, split, monitor) if split.any() else np.zeros(len(bad), bool)
     make_disks(atlas, found.graph)
     return cut, before | slit[chart]
 
@@ -157,8 +153,8 @@ def _split(atlas: Atlas, found: _Bad, which: BoolArray, monitor: Monitor) -> Boo
     folded = which & layouts.overlapping & np.isfinite(layouts.energy)
     if folded.any():
         sound = split_layers(atlas, graph, layouts, folded, edge_costs(atlas), found.clear)
-        left = folded & ~sound & ~pushed
-        if left.any():
+        left = folded & ~sound
+        if left.any() and not pushed:
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
             sound |= left & ~unstick(atlas, layouts, bound, monitor, left).overlapping
         apart = sound.copy()
