@@ -3,19 +3,23 @@
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sps
 
 from circparam.core.arrays import (
     BoolArray,
     IntArray,
+    first_of_runs,
     group_count,
+    mask_of,
+    norms3,
     sorted_distinct,
 )
+from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
-from circparam.core.records import dataclass
+from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
-from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import (
     GAP,
@@ -24,7 +28,6 @@ from circparam.seams.segmentation.layout import (
     lay_out_sound,
     pushed_apart,
 )
-from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
 from circparam.seams.segmentation.slits import slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
@@ -52,7 +55,6 @@ def enforce(
     atlas.scatter(layouts.cut_mesh, layouts.uv)
     slit = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that were slit
     whole, faces = atlas, np.ones(len(slit), bool)
-    clear, last = np.zeros(len(slit), bool), atlas.corners
     # halves of halves are single cells after so many rounds as their number has digits; a slit and a push come
     # before each
     for _ in range(3 * int(graph.n).bit_length()):
@@ -67,56 +69,77 @@ def enforce(
             whole.put(faces, atlas)
             faces[faces] = inside
             atlas, slit = whole.part(faces), slit[inside]
-            clear, last = clear[inside], last[inside]
             graph = dual_graph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
             layouts = judge(cut_mesh, atlas.gather(cut_mesh))
             bad = np.ones(cut_mesh.n_charts, bool)
         before = atlas.cut.copy()
-        moved = group_count(layouts.cut_mesh.chart[(atlas.corners != last).any((1, 2))], len(bad))
-        clear &= moved[layouts.cut_mesh.chart] == 0
-        last = atlas.corners.copy()
-        found = _Bad(graph, layouts, bad, options.bound is None, bound, clear)
-        cut, slit = _cut_open(atlas, found, slit, monitor)
-        if np.array_equal(before, atlas.cut) and not cut.any():
+        kept, slit = _cut_open(atlas, graph, layouts, bad, slit)
+        if np.array_equal(before, atlas.cut):
             break
-        layouts = _map_again(atlas, layouts, bad, cut, bound, options, monitor)
+        layouts = _map_again(atlas, layouts, bad, kept, bound, options, monitor)
     if atlas is not whole:
         whole.put(faces, atlas)
 
 
-@dataclass(frozen=True, eq=False)
-class _Bad:
-    """What a round found.
-
-    bad: (n,) bool, charts to cut. pushed: whether those that overlap could not be pushed apart. clear: (m,)
-    bool, faces known to lie on no other, which grow in number with what is looked at.
-    """
-
-    graph: DualGraph
-    layouts: ChartLayouts
-    bad: BoolArray
-    pushed: bool
-    bound: float
-    clear: BoolArray
-
-
 def _cut_open(
-    atlas: Atlas, found: _Bad, before: BoolArray, monitor: Monitor
+    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, bad: BoolArray, before: BoolArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Slit bad charts, or split them. before: (m,) bool, the chart of the face was slit.
+    """Slit bad charts ((n,) bool), or split them in two. before: (m,) bool, the chart of the face was slit.
 
-    Returns (n,) bool: charts whose pieces may keep their layout; (m,) bool as ``before``.
+    Returns (n,) bool: charts whose pieces may keep their layout, since they were cut where they overlapped;
+    (m,) bool as ``before``.
     """
-    layouts, bad = found.layouts, found.bad
-    chart = layouts.cut_mesh.chart
+    chart, was = layouts.cut_mesh.chart, atlas.cut.copy()
     slit = bad & ~layouts.overlapping & (group_count(chart[before], len(bad)) == 0)
     if slit.any():
         slit = slit_charts(atlas, layouts, slit)
     split = bad & ~slit
-    cut = _split(atlas, found, split, monitor) if split.any() else np.zeros(len(bad), bool)
-    make_disks(atlas, found.graph)
-    return cut, before | slit[chart]
+    folded = split & layouts.overlapping & np.isfinite(layouts.energy)
+    kept = _split_overlaps(atlas, graph, layouts, folded)
+    if (split & ~kept).any():
+        split_charts(atlas, graph, chart, split & ~kept)
+    if split.any():
+        shorten(atlas, 3, was)
+    make_disks(atlas, graph)
+    return kept, before | slit[chart]
+
+
+def _split_overlaps(
+    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray
+) -> BoolArray:
+    """Split charts half way between the two layers that cross; returns the charts that were split.
+
+    which: (n,) bool, charts. The two faces that cross and lie farthest apart in space tell the layers at first.
+    """
+    pairs, chart = crossings(layouts.uv, layouts.cut_mesh) // 3, layouts.cut_mesh.chart
+    done = np.zeros(len(which), bool)
+    pairs = pairs[which[chart[pairs[:, 0]]]]
+    pairs = pairs[graph.cell[pairs[:, 0]] != graph.cell[pairs[:, 1]]]
+    if len(pairs) == 0:
+        return done
+    of = chart[pairs[:, 0]]
+    done[of] = True
+    place = atlas.surface.points[atlas.surface.faces[pairs, 0]]
+    order = np.lexsort((-norms3(place[:, 0] - place[:, 1]), of))
+    seeds = graph.cell[pairs[order[first_of_runs(of[order])]]]
+    use = ~atlas.cut & done[chart[atlas.surface.sides[0]]]
+    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
+    side = _nearer(links, seeds)
+    # every pair that both tell apart tells where the layers are
+    cells = graph.cell[pairs]
+    cells = cells[side[cells[:, 0]] != side[cells[:, 1]]]
+    first = side[cells[:, 0]]
+    side = _nearer(links, np.where(first[:, None], cells, cells[:, ::-1]))
+    atlas.cut |= use & (side[graph.tail] != side[graph.head])
+    return done
+
+
+def _nearer(links: sps.csr_matrix, seeds: IntArray) -> BoolArray:
+    """(cells,) bool: nearer to one of the first of some pairs of cells (k, 2) than to any of the second."""
+    _, _, source = nearest(links, sorted_distinct(seeds))
+    first = mask_of(links.shape[0], seeds[:, 0])
+    return first[np.where(source >= 0, source, 0)]
 
 
 def unstick(
@@ -141,49 +164,23 @@ def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
     return group_count(pairs // graph.n, int(chart.max()) + 1)
 
 
-def _split(atlas: Atlas, found: _Bad, which: BoolArray, monitor: Monitor) -> BoolArray:
-    """Split charts in two, overlapping ones between the parts that overlap; then shorten the new seams.
-
-    Returns (n,) bool: charts that were only cut, or pushed apart, so that their pieces may keep their layout.
-    """
-    graph, layouts, pushed, bound = found.graph, found.layouts, found.pushed, found.bound
-    before = atlas.cut.copy()
-    chart = layouts.cut_mesh.chart
-    apart = sound = np.zeros(len(which), bool)
-    folded = which & layouts.overlapping & np.isfinite(layouts.energy)
-    if folded.any():
-        sound = split_layers(atlas, graph, layouts, folded, edge_costs(atlas), found.clear)
-        left = folded & ~sound
-        if left.any() and not pushed:
-            # what overlaps by less than a face is not worth a seam where it can be pushed apart
-            sound |= left & ~unstick(atlas, layouts, bound, monitor, left).overlapping
-        apart = sound.copy()
-        if (folded & ~sound).any():
-            apart |= split_overlaps(atlas, graph, layouts, folded & ~sound)
-    rest = which & ~apart
-    if rest.any():
-        split_charts(atlas, graph, chart, rest)
-    shorten(atlas, 3, before)
-    return sound
-
-
 def _map_again(
     atlas: Atlas,
     layouts: ChartLayouts,
     changed: BoolArray,
-    cut: BoolArray,
+    kept: BoolArray,
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
 ) -> ChartLayouts:
     """Lay out the pieces of changed charts: from the layout they had, or anew where that has flips.
 
-    cut: charts whose pieces keep their layout as it is, where that is within the bound.
+    kept: charts whose pieces keep their layout as it is, where that is within the bound.
     """
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
     todo = np.zeros(cut_mesh.n_charts, bool)
-    todo[cut_mesh.chart[(changed & ~cut)[layouts.cut_mesh.chart]]] = True
+    todo[cut_mesh.chart[(changed & ~kept)[layouts.cut_mesh.chart]]] = True
     energy = chart_energies(cut_mesh, uv)
     over = ~(energy <= bound)
     todo[cut_mesh.chart[over[cut_mesh.chart] & changed[layouts.cut_mesh.chart]]] = True
