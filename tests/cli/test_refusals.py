@@ -117,11 +117,6 @@ ROWS = """
 2 | unwrap disk.obj --metod circle                     | --method
 2 | unwrap disk.obj --method meanvalue                 | did you mean mean-value
 2 | unwrap disk.obj --cut disc                         | disk
-2 | unwrap disk.obj --method circle --boundary circel  | did you mean circle
-2 | unwrap disk.obj --boundary square                  | free boundary
-2 | unwrap disk.obj --method circle --boundary polygon | corners; polygon FILE
-2 | unwrap disk.obj --method circle --start uniform    | isometric
-2 | unwrap disk.obj --cut disk --max-distortion 1.1    | --cut charts
 2 | unwrap disk.obj --fail-if flipps>0                 | did you mean flips
 2 | unwrap disk.obj -o - --json                        | stdout
 2 | unwrap disk.obj ball.obj --map m.npz              | --map names one file

@@ -12,7 +12,7 @@ from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits
 from circparam.solvers.newton import relax
 from tests.support import shapes
-from tests.support.atlases import assert_promises, charts_of, middles, surface_of, voronoi
+from tests.support.atlases import assert_promises, charts_of, energies, middles, surface_of, voronoi
 
 SPIKE = shapes.spiked_disk(400, 2.0)
 TUBE = shapes.tube(3.0)
@@ -32,10 +32,22 @@ def fewest(shape):
     return atlas
 
 
-def held(loose, most, slits=True, **how):
+def held(loose, most, slits=True, bound=1.05, **how):
     atlas = Atlas(loose.surface, loose.cut, loose.corners)
-    limit_stretch(atlas, Limits(1.05, most, **how), Monitor(), slits=slits)
+    limit_stretch(atlas, Limits(bound, most, **how), Monitor(), slits=slits)
     return atlas
+
+
+@pytest.mark.parametrize("local", [None, 8])
+@pytest.mark.parametrize(("room", "left"), [(1.02, 0.8), (1.001, 1.0)])
+def test_weights_shorten_the_tail_as_far_as_the_bound_allows(room, left, local):
+    """To a bound so many times the distortion there is; the share that is left of the tail."""
+    loose = fewest(SPIKE)
+    most = 0.8 * float(np.quantile(face_stretch(*loose.open()), 0.995)) + 0.2
+    bound = room * float(energies(*loose.open()).max())
+    better = held(loose, most, slits=False, bound=bound, allowed=0.0, local=local)
+    assert share_over(better, most) <= left * share_over(loose, most)
+    assert_promises(better, bound)
 
 
 def test_weights_alone_hold_the_default():
@@ -99,6 +111,7 @@ def test_a_chart_without_a_tail_stays_whole_beside_one_that_is_split():
     assert better.charts()[0] > loose.charts()[0]
     far = middles(better.surface)[:, 0] > 15
     assert not better.cut[far[better.surface.edges[:, 0] // 3]].any()
+    assert np.array_equal(better.corners[far], loose.corners[far]), "it stays bit by bit"
 
 
 def test_charts_are_not_split_where_their_number_counts():
