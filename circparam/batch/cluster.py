@@ -6,6 +6,7 @@ import json
 import logging
 import shutil
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,7 @@ class Cluster:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._own: Any = None
         self._folder = folder
+        self._scratch: str | None = None  # the folder of a cluster in this process
         self.client: Any = None
         self.scheduler = scheduler_file or scheduler
         if scheduler_file is not None:
@@ -84,22 +86,19 @@ class Cluster:
             raise
 
     def _start(self, workers: int) -> Any:
-        """A cluster in this process: its worker's threads wait for the warm servers, which do the work."""
-        import dask
-        from distributed import LocalCluster
+        """A cluster in this process: its worker's threads wait for the warm servers, which do the work.
 
-        self._folder = tempfile.mkdtemp(prefix="circparam-batch-dask-", dir=self._folder)
-        with dask.config.set({**CONFIG, "temporary-directory": self._folder}):
-            self._own = LocalCluster(
-                n_workers=1,
-                threads_per_worker=workers,
-                processes=False,
-                dashboard_address=None,
-                # its HTTP server has to be somewhere
-                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-                memory_limit=0,
-                silence_logs=logging.CRITICAL,
-            )
+        It starts in a thread: one that a signal interrupts half way could not be closed.
+        """
+        self._scratch = tempfile.mkdtemp(prefix="circparam-batch-dask-", dir=self._folder)
+        with ThreadPoolExecutor(1) as starter:
+            begun = starter.submit(_local_cluster, workers, self._scratch)
+            try:
+                self._own = begun.result()
+            except BaseException:
+                with contextlib.suppress(Exception):
+                    self._own = begun.result()
+                raise
         return self._own
 
     def _check_versions(self) -> None:
@@ -151,7 +150,26 @@ class Cluster:
             with contextlib.suppress(Exception):
                 self._own.close(timeout=ANSWER_SECONDS)
             close_servers()  # those that were begun in between
-            shutil.rmtree(self._folder or "", ignore_errors=True)
+        if self._scratch is not None:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+
+
+def _local_cluster(workers: int, folder: str) -> Any:
+    """Dask's cluster of one worker with so many threads, in this process, with its files in a folder."""
+    import dask
+    from distributed import LocalCluster
+
+    with dask.config.set({**CONFIG, "temporary-directory": folder}):
+        return LocalCluster(
+            n_workers=1,
+            threads_per_worker=workers,
+            processes=False,
+            dashboard_address=None,
+            # its HTTP server has to be somewhere
+            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+            memory_limit=0,
+            silence_logs=logging.CRITICAL,
+        )
 
 
 def _address_in(scheduler_file: str) -> str:
