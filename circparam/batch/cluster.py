@@ -57,7 +57,6 @@ class Cluster:
         for name in noisy.split():
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._own: Any = None
-        self._folder = folder
         self._scratch: str | None = None  # the folder of a cluster in this process
         self.client: Any = None
         self.scheduler = scheduler_file or scheduler
@@ -65,7 +64,7 @@ class Cluster:
             scheduler = _address_in(scheduler_file)
         try:
             self.client = distributed.Client(
-                scheduler or self._start(workers or free_cores()),
+                scheduler or self._start(workers or free_cores(), folder),
                 name="circparam-batch",
                 timeout=ANSWER_SECONDS,
                 set_as_default=False,
@@ -85,12 +84,12 @@ class Cluster:
             self.kill()
             raise
 
-    def _start(self, workers: int) -> Any:
+    def _start(self, workers: int, folder: str | None) -> Any:
         """A cluster in this process: its worker's threads wait for the warm servers, which do the work.
 
         It starts in a thread: one that a signal interrupts half way could not be closed.
         """
-        self._scratch = tempfile.mkdtemp(prefix="circparam-batch-dask-", dir=self._folder)
+        self._scratch = tempfile.mkdtemp(prefix="circparam-batch-dask-", dir=folder)
         with ThreadPoolExecutor(1) as starter:
             begun = starter.submit(_local_cluster, workers, self._scratch)
             try:
