@@ -57,7 +57,7 @@ def test_a_rectangle_above_the_bound_is_not_taken() -> None:
 
 def test_a_chart_of_many_faces_is_unrolled_exactly() -> None:
     """Rounding grows with the faces of a chart, and is no reason to leave the chart as it is."""
-    points, faces = shapes.half_cylinder(120, 120)
+    points, faces = shapes.half_cylinder(80, 80)
     surface, _ = repair(Mesh(points, faces), RepairOptions(0.0, True, by_position=True))
     angle = np.arctan2(points[:, 1], points[:, 0])
     shaken = np.stack([angle, points[:, 2]], 1) * [1.002, 1.0]
@@ -73,7 +73,7 @@ def side_lengths(corners: np.ndarray) -> np.ndarray:
 
 
 def test_all_lays_straight_borders_along_the_axes() -> None:
-    gear = parts.gear()
+    gear = parts.gear(8)
     share = {}
     for straighten in ("off", "all"):
         result = circparam.unwrap((gear.points, gear.faces), straighten=straighten, **QUICK)

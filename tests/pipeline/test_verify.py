@@ -135,7 +135,7 @@ def test_faces_without_uv() -> None:
         verify(surface, UVMap(np.zeros((0, 2)), np.full_like(f, -1)))
 
 
-@pytest.mark.parametrize("shape", [shapes.moebius(), shapes.klein()])
+@pytest.mark.parametrize("shape", [shapes.moebius(16, 2), shapes.klein(16, 8)])
 def test_seams_that_open_a_surface_of_one_side_count(shape: shapes.Shape) -> None:
     """By hand: edges of the mesh whose two faces have other uv at their ends."""
     p, f = shape

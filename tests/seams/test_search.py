@@ -53,19 +53,6 @@ def test_seams_that_are_fixed_are_never_glued_nor_in_a_pair() -> None:
     assert np.array_equal(held.cut, all_of_them)
 
 
-def test_a_cube_becomes_a_net_and_one_chart_is_left() -> None:
-    surface = surface_of(*shapes.cube(2))
-    normal = np.round(surface.normals).astype(np.int64)
-    atlas = cut_between(surface, normal @ [1, 3, 9])
-    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-5))
-    assert atlas.charts()[0] == 6
-    merge_with(atlas, bound=1.0001)
-    assert atlas.charts()[0] == 1
-    # seven of the twelve edges
-    assert atlas.seam_length == pytest.approx(7 / np.sqrt(6))
-    assert not judged(atlas).bad(1.0001).any()
-
-
 def test_limits_of_faces_time_rounds_and_work_are_kept() -> None:
     surface = surface_of(*shapes.grid(5, 3, 4.0, 1.0))
 

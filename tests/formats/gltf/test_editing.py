@@ -64,21 +64,6 @@ def test_the_highest_index_of_a_type_is_never_used(vertices: int, kind: str) -> 
     assert again.max() == vertices - 1 < np.iinfo(kind).max
 
 
-def test_a_strip_without_indices_gets_some_of_two_bytes() -> None:
-    """A seam between its two faces: six vertices, and a list of faces in place of the strip."""
-    g = GltfMaker()
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "f4")
-    strip = {"attributes": {"POSITION": g.accessor(points)}, "mode": 5}
-    document = read_data(g.model(strip).glb())
-    apart = UVMap(np.random.default_rng(0).random((6, 2)), np.arange(6).reshape(2, 3))
-    data = encode(document, apart, "glb").data
-    tree = tree_of(data)
-    index = tree["accessors"][tree["meshes"][0]["primitives"][0]["indices"]]
-    assert (index["count"], index["componentType"]) == (6, 5123)
-    again = read_data(data).mesh
-    np.testing.assert_array_equal(again.points[again.faces], points[document.mesh.faces])
-
-
 @pytest.mark.parametrize(
     ("normal", "uv_set", "lost"),
     [

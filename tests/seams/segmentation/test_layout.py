@@ -6,7 +6,7 @@ import pytest
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.layout import eased, judge
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, judged, middles, surface_of, uncut
+from tests.support.atlases import as_it_lies, cut_between, middles, surface_of, uncut
 
 
 def three() -> Atlas:
@@ -27,12 +27,6 @@ def test_flips_stretches_and_overlaps_are_judged_chart_by_chart() -> None:
     assert laid.energy == pytest.approx([1.0, np.inf, 1.5625])
     assert laid.overlapping.tolist() == [False, True, False]
     assert judge(cut_mesh, uv).energy == pytest.approx(np.ones(3))
-
-
-def test_a_ring_overlaps_once_it_is_wound_further() -> None:
-    """A ring with a narrow gap is good as it lies."""
-    for turn, overlaps in ((2 * np.pi - 0.02, False), (2.4 * np.pi, True)):
-        assert judged(as_it_lies(uncut(*shapes.wound(turn)))).overlapping.all() == overlaps
 
 
 def test_nearly_collapsed_faces_are_relaxed_and_what_is_far_stays() -> None:

@@ -7,7 +7,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import ROUGH
 from circparam.seams.moves.glue import MergeOptions
 from circparam.seams.segmentation.layout import lay_out_fresh
-from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.small import absorb
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, judged, middles, surface_of
 
@@ -62,10 +62,3 @@ def test_charts_with_a_neighbour_count_as_small_below_the_number_asked_for() -> 
         "no time: it stays"
     )
     assert atlas.charts()[0] == 3
-
-
-def test_the_note_counts_the_charts_that_stay() -> None:
-    assert small_note(0, 5) == []
-    (note,) = small_note(2, 5)
-    assert note.startswith("2 charts stay below 5 faces")
-    assert len(small_note(1, 5)) == 1
