@@ -24,15 +24,12 @@ class Development:
     """From the frame of each vertex of a mesh to that of each face it is a corner of.
 
     special (s,): faces with a corner in another frame than their own; corner_matrices (s, 3, 3, 3): of their
-    corners. All others lie in the frame of their vertices. index (3m,): of each half-edge the matrix in
-    matrices (k, 3, 3) that leads across it; the first one is the identity.
+    corners. All others lie in the frame of their vertices.
     """
 
     mesh: ClosedMesh
     special: IntArray
     corner_matrices: FloatArray
-    index: IntArray
-    matrices: FloatArray
 
     def corners(self, vectors: FloatArray) -> FloatArray:
         """(m, 3, ...) vectors of vertices (n, 3) or tangents (n, 3, 2) in the frames of the faces."""
@@ -52,6 +49,15 @@ class Development:
         out = np.broadcast_to(np.eye(3), (len(corner), 3, 3)).copy()
         out[at >= 0] = self.corner_matrices[at[at >= 0], corner[at >= 0] % 3]
         return out
+
+    def across(self, half_edges: IntArray) -> tuple[IntArray, FloatArray]:
+        """(rows of those half-edges (k,) whose faces may have different frames, (r, 3, 3) the matrix from the
+        frame of the face of each into that of the face beyond)."""
+        beyond = self.mesh.twin[half_edges]
+        special = self._number >= 0
+        rows = np.flatnonzero(special[half_edges // 3] | special[beyond // 3])
+        out, into = self.of(half_edges[rows]), self.of(next_half_edge(beyond[rows]))
+        return rows, into @ np.linalg.inv(out)
 
     def turned(self, vectors: FloatArray) -> BoolArray:
         """(m,) bool: faces turned over by vectors (n, 3) of the vertices, or flat to floating point."""
@@ -76,7 +82,9 @@ class Development:
             front, first = np.unique(twin[h] // 3, return_index=True)
             h = h[first]
             root[front] = root[h // 3]
-            way[front] = way[h // 3] @ self.matrices[self.index[twin[h]]]
+            way[front] = way[h // 3]
+            rows, back = self.across(twin[h])
+            way[front[rows]] = way[front[rows]] @ back
         return root, way
 
 
@@ -102,35 +110,25 @@ def own_development(
         at[going] = twin[back]
         going = going[at[going] != start[going]]
         corner_matrices[number[at[going] // 3], at[going] % 3] = now[going]
-    return Development(mesh, special, corner_matrices, index, matrices), first
+    return Development(mesh, special, corner_matrices), first
 
 
 def whole_development(split: Development, mesh: ClosedMesh) -> Development:
     """The development of a mesh before its edges were split; a face has the frame of the part that kept its
     number."""
-    parts, m = split.mesh, len(mesh.faces)
-    if not len(split.special):
-        return Development(
-            mesh, split.special, split.corner_matrices, np.zeros(3 * m, np.int64), split.matrices
-        )
+    parts = split.mesh
     special = np.unique(parts.origin[split.special])
     same = np.repeat(parts.origin, 3) == np.repeat(parts.origin, 3)[parts.twin]
     way = split.rolled_out(special, same)[1]
     # of every corner of a special face, a part that has it
     corner = np.flatnonzero(np.isin(np.repeat(parts.origin, 3), special))
     face = parts.origin[corner // 3]
-    found = mesh.faces[face] == parts.faces.ravel()[corner][:, None]
-    part = np.zeros((m, 3), np.int64)
-    rows, k = np.nonzero(found)
+    rows, k = np.nonzero(mesh.faces[face] == parts.faces.ravel()[corner][:, None])
+    part = np.zeros((len(mesh.faces), 3), np.int64)
     part[face[rows], k] = corner[rows]
     part = part[special]
     matrices = way[part // 3] @ split.of(part.ravel()).reshape(-1, 3, 3, 3)
-    bare = Development(mesh, special, matrices, np.zeros(0, np.int64), np.zeros((0, 3, 3)))
-    h = np.flatnonzero((bare._number >= 0).repeat(3) | (bare._number >= 0).repeat(3)[mesh.twin])
-    across = bare.of(next_half_edge(mesh.twin[h])) @ np.linalg.inv(bare.of(h))
-    index = np.zeros(3 * m, np.int64)
-    index[h] = 1 + np.arange(len(h))
-    return Development(mesh, special, matrices, index, np.concatenate([np.eye(3)[None], across]))
+    return Development(mesh, special, matrices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,46 +171,32 @@ class Cover:
         there = self.direction(points.face, points.weights)
         return np.asarray(np.einsum("kij,kj->ki", points.turn, there), np.float64)
 
-    def crossed(self, turn: FloatArray, who: IntArray, half_edge: IntArray) -> None:
-        """Places ``who`` go across half-edges: their turns (n, 3, 3) go on, in place."""
-        k = self.development.index[half_edge]
-        moved = k > 0
-        if moved.any():
-            back = np.linalg.inv(self.development.matrices[k[moved]])
-            turn[who[moved]] = turn[who[moved]] @ back
-
     def find(self, q: FloatArray, start: IntArray) -> CoverPoints:
         """Places q (k, 3), each in the frame of a face near it, ``start``; turns lead back into these frames.
 
         All walk together, each across the edge that its goal lies farthest behind. Walks may go in circles:
         late steps prefer the edges in turn, and a walk without an end stays in its last face.
         """
-        index, matrices, twin = self.development.index, self.development.matrices, self.mesh.twin
         face, q = start.copy(), q.copy()
-        out = np.empty((len(q), 3))
         turn = np.broadcast_to(np.eye(3), (len(q), 3, 3)).copy()
-        open_ = np.arange(len(q))
+        going = np.arange(len(q))
         for step in range(MOST_WALK_FACES):
-            w = weights_in(q[open_], self.cones[face[open_]])
-            score = w.copy()
+            w = weights_in(q[going], self.cones[face[going]])
             if step > STRAIGHT_WALK_FACES:
-                score[:, step % 3] *= 1e3
-            least = score.argmin(1)
-            inside = w[np.arange(len(open_)), least] >= 0
-            out[open_[inside]] = w[inside]
-            open_, least = open_[~inside], least[~inside]
-            if len(open_) == 0:
+                w[:, step % 3] *= 1e3
+            least = w.argmin(1)
+            outside = w[np.arange(len(going)), least] < 0
+            going, least = going[outside], least[outside]
+            if len(going) == 0:
                 break
-            h = 3 * face[open_] + (least + 1) % 3  # opposite to the corner
-            self.crossed(turn, open_, h)
-            k = index[h]
-            q[open_[k > 0]] = np.einsum("kij,kj->ki", matrices[k[k > 0]], q[open_[k > 0]])
-            face[open_] = twin[h] // 3
-        else:
-            w = weights_in(q[open_], self.cones[face[open_]])
-            out[open_] = np.maximum(w / np.maximum(np.abs(w).sum(1, keepdims=True), 1e-300), 1e-300)
-        out = np.maximum(out, 0)
-        return CoverPoints(face, out / out.sum(1, keepdims=True), turn)
+            h = 3 * face[going] + (least + 1) % 3  # opposite to the corner
+            rows, matrix = self.development.across(h)
+            q[going[rows]] = np.einsum("kij,kj->ki", matrix, q[going[rows]])
+            turn[going[rows]] = turn[going[rows]] @ np.linalg.inv(matrix)
+            face[going] = self.mesh.twin[h] // 3
+        w = np.maximum(weights_in(q, self.cones[face]), 0)
+        w[~w.any(1)] = 1  # of walks that ended on the other side
+        return CoverPoints(face, w / w.sum(1, keepdims=True), turn)
 
     def found_again(self, q: FloatArray, near: CoverPoints) -> CoverPoints:
         """Places q (k, 3) in the frames of ``near``, searched from there; unmoved places stay."""

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from scipy.optimize import root
 
 from circparam.core.arrays import group_sum
 from circparam.core.records import dataclass
@@ -17,11 +18,7 @@ from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 from circparam.geometry.predicates import SignArray, whole_numbers, whole_signs
 
-NEWTON_STEPS = 200  # of the radii at most; a dozen do
-# radians off a full turn round a node, times the number of nodes, to aim at
-ANGLE_GOAL_RADIANS = 1e-13
-# radians off a full turn that are taken where Newton's method ends early
-ANGLE_LIMIT_RADIANS = 1e-9
+ANGLE_LIMIT_RADIANS = 1e-9  # radians off a full turn round a circle that are taken
 # least cosine to the middle at which a direction is seen in the tangent plane
 IN_SIGHT_COSINE = 0.1
 
@@ -188,7 +185,6 @@ def base_of(regions: IntArray, ends: IntArray) -> Base:
         across = np.broadcast_to(np.eye(3), (len(ends), 3, 3))
         return Base(Geometry(1), polyhedron(nodes)[nodes], across, 4 * np.pi)
     geometry = Geometry(-1 if euler < 0 else 0)
-    nodes = ends[regions, 0]
     curved = geometry.curvature < 0
     radius = _radii(nodes, int(ends.max()) + 1, curved)
     r = radius[nodes]
@@ -218,51 +214,21 @@ def _angles(r: FloatArray, curved: bool) -> FloatArray:
 
 
 def _radii(nodes: IntArray, n: int, curved: bool) -> FloatArray:
-    """(n,) radii of the circles. Newton's method on a convex energy, in u = ln tanh(r / 2), or ln r."""
-    u = np.full(n, np.log(np.tanh(0.25)) if curved else 0.0)
+    """(n,) radii of the circles, by their logarithms, so that the angles round every node are a full turn."""
 
-    def at(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        r: FloatArray = 2 * np.arctanh(np.exp(u)) if curved else np.exp(u)
-        return r, 2 * np.pi - group_sum(_angles(r[nodes], curved).ravel(), nodes.ravel(), n)
+    def missing(u: FloatArray) -> FloatArray:
+        angle = _angles(np.exp(u)[nodes], curved)
+        off = 2 * np.pi - group_sum(angle.ravel(), nodes.ravel(), n)
+        return off if curved else off + u.mean()  # in the plane a common factor is free
 
-    r, missing = at(u)
-    for _ in range(NEWTON_STEPS):
-        if np.abs(missing).max() < ANGLE_GOAL_RADIANS * n:
-            break
-        step = _newton_step(nodes, r, missing, curved)
-        share = min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-300))
-        while share > 1e-12:
-            new = u + share * step
-            if not curved or (new < -1e-12).all():
-                r_new, less = at(new)
-                if np.linalg.norm(less) < np.linalg.norm(missing):
-                    break
-            share /= 2
-        else:
-            break
-        u, r, missing = new, r_new, less
-    if np.abs(missing).max() > ANGLE_LIMIT_RADIANS:
+    # below the precision of the angles: Powell's method goes on until rounding ends it
+    found = root(missing, np.full(n, -0.5 if curved else 0.0), options={"xtol": 1e-15})
+    if not np.abs(found.fun).max() < ANGLE_LIMIT_RADIANS:
         raise NoResultError(
             "the layout of the landmarks has no circles that touch (an arc closes a handle too tightly): "
             "add a landmark or two"
         )
-    return r
-
-
-def _newton_step(nodes: IntArray, r: FloatArray, missing: FloatArray, curved: bool) -> FloatArray:
-    """Newton's step for the logarithmic radii, by the derivatives of all angles."""
-    own, n = r[nodes], len(r)
-    s = own.sum(1)[:, None]
-    sign = 1 - 2 * np.eye(3)
-    if curved:
-        rate = np.cosh(own)[:, None] * sign - (np.sinh(own) / np.tanh(s))[:, None]
-    else:
-        rate = sign - (own / s)[:, None]
-    value = np.sin(_angles(own, curved))[:, :, None] * rate / 2
-    at = nodes[:, :, None] * n + nodes[:, None]
-    matrix = group_sum(value.ravel(), at.ravel(), n * n).reshape(n, n)
-    free = 0.0 if curved else 1.0 / n  # in the plane a common factor is
-    return np.asarray(np.linalg.solve(matrix - free, missing), np.float64)
+    return np.asarray(np.exp(found.x), np.float64)
 
 
 def polyhedron(faces: IntArray) -> FloatArray:

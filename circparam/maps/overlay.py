@@ -118,9 +118,9 @@ def _crossings(a: Cover, b: Cover, at: CoverPoints) -> Crossings | None:
         if not ((s0 > 0) & (s1 > 0) & (t0 > 0) & (t1 > 0)).all():
             return None
         out.append((edges[going], s0 / (s0 + s1), h, t0 / (t0 + t1)))
-        matrix = b.development.matrices[b.development.index[h]]
-        p[going] = np.einsum("kij,kj->ki", matrix, p[going])
-        q[going] = np.einsum("kij,kj->ki", matrix, q[going])
+        rows, matrix = b.development.across(h)
+        for end in (p, q):
+            end[going[rows]] = np.einsum("kij,kj->ki", matrix, end[going[rows]])
         came[going], face[going] = other[h], other[h] // 3
     else:
         return None

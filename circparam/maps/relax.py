@@ -129,7 +129,8 @@ class MeshTarget:
             if len(going) == 0:
                 break
             way[going] *= (1 - share[on_])[:, None]
-            self.cover.crossed(turn, going, half_edge)
+            rows, across = self.cover.development.across(half_edge)
+            turn[going[rows]] = turn[going[rows]] @ np.linalg.inv(across)
             way[going] = self._turned(way[going], half_edge)
             other = self.mesh.twin[half_edge]
             new, rows = np.zeros((len(going), 3)), np.arange(len(going))
