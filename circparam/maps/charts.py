@@ -16,7 +16,7 @@ from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, IntArray
 from circparam.errors import InputError, TopologyError
-from circparam.maps.landmarks import Landmarks
+from circparam.maps.landmarks import Landmarks, close_boundary
 from circparam.maps.map_input import MapInput
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.verify import uv_seams
@@ -218,9 +218,9 @@ def _add(marks: Landmarks, a: ChartGraph, b: ChartGraph, goes: list[int]) -> Non
             marks.known.append((along[k], along[k + 1], x, y))
     for k, loop in enumerate(a.side.loops):
         order = {int(v): n for n, v in enumerate(loop)}
-        marks.corners.append(sorted(set(on_loops[k]), key=lambda c: order[marks.a[c]]))
-        partner = int(b.side.on_boundary[marks.b[marks.corners[-1][0]]])
-        marks.tips.append(marks.add(int(a.side.tips[k]), int(b.side.tips[partner]), False))
+        corners = sorted(set(on_loops[k]), key=lambda c: order[marks.a[c]])
+        partner = int(b.side.on_boundary[marks.b[corners[0]]])
+        close_boundary(marks, (a.side, b.side), (k, partner), corners)
 
 
 def _pieces(path: IntArray, cut: IntArray) -> list[IntArray]:

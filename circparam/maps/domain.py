@@ -20,7 +20,7 @@ from circparam.core.arrays import (
     next_half_edge,
     positions_in,
 )
-from circparam.core.graph import components
+from circparam.core.graph import components, matching
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -85,7 +85,7 @@ def common_domain(
             "the three landmarks lie so close that no fourth pair fits between them: give one more"
         )
     with monitor.stage("straighten"):
-        straighten(layout, method, 2 * marks.arcs)
+        straighten(layout, method, 2 * len(marks.known))
     with monitor.stage("embed"):
         regions = np.array(layout.regions())
         base = base_of(regions, np.array(layout.ends))
@@ -151,18 +151,13 @@ def _rounds(layout: Layout, first: int) -> list[list[int]]:
         arc: {layout.ends[side][0] for side in _sides(layout, arc)}
         for arc in range(first, len(layout.ends), 2)
     }
-    left = [arc for arc, own in corners.items() if len(own) == 4]
+    left = np.array([arc for arc, own in corners.items() if len(own) == 4], np.int64)
     out = []
-    while left:
-        taken: set[int] = set()
-        now = []
-        for arc in left:
-            pair = {region_of[arc], region_of[arc ^ 1]}
-            if not pair & taken:
-                taken |= pair
-                now.append(arc)
-        out.append(now)
-        left = [arc for arc in left if arc not in now]
+    while len(left):
+        right, beyond = (np.array([region_of[arc ^ k] for arc in left.tolist()]) for k in (0, 1))
+        now = matching(-np.arange(len(left), dtype=np.float64), right, beyond, len(region_of))
+        out.append(left[now].tolist())
+        left = np.delete(left, now)
     return out
 
 

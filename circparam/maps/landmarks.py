@@ -30,24 +30,18 @@ RIGID = {"reflection": False, "scale": False}  # motions that trimesh's registra
 class Landmarks:
     """a, b (k,): vertices of both meshes that correspond. exact (k,): whether they were asked for, not helpers.
 
-    corners[l]: the landmarks on boundary l, in order along it. tips (b,): the landmark over each boundary.
-    known: arcs that both surfaces have (two landmarks, the vertices between them on each); paths: landmarks
-    whose shortest paths are arcs. notes: assumptions.
+    corners[l]: the landmarks on boundary l, in order along it. known: arcs that both surfaces have, such as
+    boundaries (two landmarks, the vertices between them on each); paths: landmarks whose shortest paths are
+    arcs. notes: assumptions.
     """
 
     a: list[int] = field(default_factory=list)
     b: list[int] = field(default_factory=list)
     exact: list[bool] = field(default_factory=list)
     corners: list[list[int]] = field(default_factory=list)
-    tips: list[int] = field(default_factory=list)
     known: list[tuple[int, int, IntArray, IntArray]] = field(default_factory=list)
     paths: list[list[int]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-
-    @property
-    def arcs(self) -> int:
-        """Number of fixed arcs: boundaries, arcs that close boundaries, arcs that both surfaces have."""
-        return sum(2 * len(corners) for corners in self.corners) + len(self.known)
 
     def add(self, a: int, b: int, exact: bool) -> int:
         """A further pair; returns its number."""
@@ -174,8 +168,25 @@ def add_boundaries(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     for k, j in zip(free, left, strict=True):
         partner[k] = j
     for k, j in enumerate(partner):
-        marks.corners.append(_corners(marks, a, b, k, j))
-        marks.tips.append(marks.add(int(a.tips[k]), int(b.tips[j]), False))
+        close_boundary(marks, (a, b), (k, j), _corners(marks, a, b, k, j))
+
+
+def close_boundary(
+    marks: Landmarks, sides: tuple[MapInput, MapInput], loops: tuple[int, int], corners: list[int]
+) -> None:
+    """Arcs between the landmarks on a pair of boundaries, in order, and from each to a new one at the tip."""
+    u, v = (int(side.tips[k]) for side, k in zip(sides, loops, strict=True))
+    tip = marks.add(u, v, False)
+    marks.corners.append(corners)
+    for i, j in zip(corners, [*corners[1:], corners[0]], strict=True):
+        one, two = (
+            side.along_boundary(own[i], own[j])
+            for side, own in zip(sides, (marks.a, marks.b), strict=True)
+        )
+        marks.known.append((i, j, one, two))
+    for i in corners:
+        one, two = (np.array([own[tip], own[i]]) for own in (marks.a, marks.b))
+        marks.known.append((tip, i, one, two))
 
 
 def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list[int]:

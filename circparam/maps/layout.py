@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.graph import cycles
+from circparam.core.graph import components, cycles
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import IntArray
@@ -42,9 +42,7 @@ class Layout:
     ends: list[tuple[int, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        k = len(self.tracers[0].marks)
-        self.around: list[list[int]] = [[] for _ in range(k)]
-        self._group = list(range(k))
+        self.around: list[list[int]] = [[] for _ in self.tracers[0].marks]
         self._disks = not self.genus  # whether all regions are disks
 
     @property
@@ -61,11 +59,9 @@ class Layout:
             ring.insert(ring.index(sector) + 1 if sector >= 0 else 0, name)
         for tracer, path in zip(self.tracers, both, strict=True):
             tracer.lay(arc, path.vertices)
-        old, new = self._group[j], self._group[i]
-        self._group = [new if g == old else g for g in self._group]
 
     def _take_back(self) -> None:
-        """Take the arc that was laid last away again; groups stay joined."""
+        """Take the arc that was laid last away again."""
         arc = len(self.ends) - 2
         for at, name in zip(self.ends[arc], (arc, arc ^ 1), strict=True):
             self.around[at].remove(name)
@@ -118,10 +114,13 @@ class Layout:
         self._greedy(joining=False)
         if self.genus:
             self._require_disks()
-            self._fill()
-        elif self.k == 3:  # a polyhedron has four corners or more
-            for region in self.regions():
-                self._star(region)
+        few = self.k == 3 and not self.genus  # a polyhedron has four corners or more
+        for region in self.regions():
+            large = len(region) > 3 if self.genus else few
+            if large and not self._star(region) and self.genus:
+                raise TopologyError(
+                    "a region between the paths has no vertex inside: subdivide both surfaces"
+                )
         if any(len(r) != 3 for r in self.regions()):
             raise TopologyError(
                 "the landmarks have no common layout, since paths between them cross: check that each line "
@@ -145,7 +144,8 @@ class Layout:
         while queue and len(self.ends) < 2 * most:
             _, i, j = heapq.heappop(queue)
             if joining:
-                useless = self._group[i] == self._group[j]
+                part = components(self.k, *np.array(self.ends).reshape(-1, 2).T)[1]
+                useless = part[i] == part[j]
             else:  # where all regions are disks, an arc joins landmarks of one of them
                 corners = [{self.ends[arc][0] for arc in region} for region in self.regions()]
                 useless = self._disks and not any({i, j} <= own for own in corners)
@@ -164,21 +164,17 @@ class Layout:
             else:
                 self._take_back()
 
-    def _paths(self, i: int, j: int) -> Both | None:
-        """The cheapest of: both free, one free and the other in the same sectors."""
+    def _paths(self, i: int, j: int, sectors: tuple[int, int] | None = None) -> Both | None:
+        """The shortest paths on both in the given sectors; else the cheapest of: both free, one free and the
+        other in the same sectors. None if one is missing."""
         a, b = self.tracers
-        free = a.path(i, j), b.path(i, j)
-        if free[0] is None or free[1] is None:
+        one, two = (t.path(i, j, sectors or (-1, -1)) for t in self.tracers)
+        if one is None or two is None:
             return None
-        if free[0].sectors == free[1].sectors:
-            return free[0], free[1]
-        led = (free[0], b.path(i, j, free[0].sectors)), (a.path(i, j, free[1].sectors), free[1])
+        if sectors or one.sectors == two.sectors:
+            return one, two
+        led = (one, b.path(i, j, one.sectors)), (a.path(i, j, two.sectors), two)
         return min(((x, y) for x, y in led if x and y), key=_cost, default=None)
-
-    def _led(self, i: int, j: int, sectors: tuple[int, int]) -> Both | None:
-        """The shortest paths in the given sectors of both; None if one is missing."""
-        one, two = (t.path(i, j, sectors) for t in self.tracers)
-        return None if one is None or two is None else (one, two)
 
     def _same_shape(self) -> bool:
         """Whether the arcs leave the same of both meshes."""
@@ -203,33 +199,6 @@ class Layout:
             "give three landmarks round and through every handle, or paths (lines 'path 1 2 3 1')"
         )
 
-    def _fill(self) -> None:
-        """Cut all disks between the arcs to triangles without a repeated landmark: diagonals, cheapest first. A
-        disk without a diagonal gets a landmark inside (a helper) with an arc to every corner."""
-        while regions := [r for r in self.regions() if len(r) > 3]:
-            for region in regions:
-                if not (self._diagonal(region) or self._star(region)):
-                    raise TopologyError(
-                        "a region between the paths has no vertex inside: subdivide both surfaces"
-                    )
-                self.split_chords()
-
-    def _diagonal(self, region: list[int]) -> bool:
-        """Lay the cheapest diagonal whose two parts can be cut on; whether there is one."""
-        marks = [self.ends[arc][0] for arc in region]
-        k, found = len(region), []
-        for p, q in itertools.combinations(range(k), 2):
-            if q - p < 2 or p + k - q < 2 or marks[p] == marks[q]:
-                continue
-            if not (_good(marks[p : q + 1]) and _good(marks[q:] + marks[: p + 1])):
-                continue
-            both = self._led(marks[p], marks[q], (region[p], region[q]))
-            if both is not None:
-                found.append((marks[p], marks[q], both))
-        if found:
-            self.lay(*min(found, key=lambda x: _cost(x[2])))
-        return bool(found)
-
     def _star(self, region: list[int]) -> bool:
         """A helper inside a region, and an arc from it to every corner; whether both have a vertex inside."""
         walks = self.regions()
@@ -240,11 +209,10 @@ class Layout:
         for tracer, vertex in zip(self.tracers, centre, strict=True):
             tracer.add_landmark(vertex)
         self.around.append([])
-        self._group.append(len(self._group))
         new, spoke = self.k - 1, -1
         for arc in region:
             i = self.ends[arc][0]
-            both = self._led(new, i, (spoke, arc))
+            both = self._paths(new, i, (spoke, arc))
             if both is None:
                 raise TopologyError(
                     "a region between the paths is too narrow for its meshes: subdivide both surfaces"
@@ -260,26 +228,13 @@ def _cost(both: Both) -> float:
     return both[0].length + both[1].length
 
 
-def _good(marks: list[int]) -> bool:
-    """Whether a polygon with these landmarks can be cut to triangles without a landmark twice, or by a star."""
-    return len(marks) > 3 or len(set(marks)) == 3
-
-
 def laid_out(a: MapInput, b: MapInput, marks: Landmarks) -> Layout:
-    """The common triangulation of the landmarks; its first arcs are boundaries, arcs that close boundaries,
-    arcs that both surfaces have, and paths."""
+    """The common triangulation of the landmarks. First come arcs that both surfaces have, then paths."""
     one, two = (
         Tracer(side.closed, np.array(own), float(np.sqrt(side.area)))
         for side, own in ((a, marks.a), (b, marks.b))
     )
     layout = Layout((one, two), a.genus)
-    for corners, tip in zip(marks.corners, marks.tips, strict=True):
-        for i, j in zip(corners, [*corners[1:], corners[0]], strict=True):
-            along = (s.along_boundary(v[i], v[j]) for s, v in ((a, marks.a), (b, marks.b)))
-            layout.lay_known(i, j, *along)
-        for i in corners:
-            spokes = (np.array([v[tip], v[i]]) for v in (marks.a, marks.b))
-            layout.lay_known(tip, i, *spokes)
     for known in marks.known:
         layout.lay_known(*known)
     for path in marks.paths:

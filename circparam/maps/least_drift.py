@@ -19,7 +19,6 @@ import scipy.sparse as sps
 from circparam.core.arrays import cross_areas, edge_keys, mask_of, next_half_edge, positions_in
 from circparam.core.linalg import SparseMatrix
 from circparam.core.linear_program import CHOOSE, least
-from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments, boundary_in, turned_loops
 from circparam.geometry.intersect import meeting
@@ -38,30 +37,10 @@ VIOLATION_PENALTY = 1e3  # of a row against a vertex that moves as far; 10 gives
 DRIFT_DIRECTIONS = 16  # sides of the polygon for a circle of drift; 8 add 5 % to drifts
 
 
-@dataclass(frozen=True, eq=False)
-class Contacts:
-    """Vertices (k,) inside another part of the boundary, and the edge (k, 2) through which each vertex leaves.
-
-    The part lies to the left of its edge.
-    """
-
-    vertex: IntArray
-    edge: IntArray
-
-    def beside(self, x: FloatArray) -> "Contacts":
-        """The contacts whose vertex projects onto its edge at places (nv, 2), or just beyond an end."""
-        ok = _beside(self.feet(x)[0])
-        return Contacts(self.vertex[ok], self.edge[ok])
-
-    def feet(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The feet of the vertices on their edges, see ``_feet``."""
-        return _feet(x[self.vertex], x[self.edge[:, 0]], x[self.edge[:, 1]])
-
-
-def _feet(
-    place: FloatArray, start: FloatArray, end: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """((k,) share along the line from start to end, (k,) distance to its right, (k, 2) its normal there)."""
+def _feet(contacts: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of contacts (k, 3) at places x (nv, 2): ((k,) share along the edge of the foot of the vertex, (k,)
+    distance to its right, (k, 2) its normal there)."""
+    place, start, end = (x[contacts[:, i]] for i in range(3))
     along, away = end - start, place - start
     length = np.maximum(np.sqrt((along**2).sum(1)), 1e-150)
     out = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
@@ -71,12 +50,6 @@ def _feet(
 def _beside(share: FloatArray) -> BoolArray:
     """Whether feet lie on an edge, or just beyond an end."""
     return np.abs(share - 0.5) < 0.5 + END_MARGIN_EDGES
-
-
-def joined(several: list[Contacts]) -> Contacts:
-    """All of them, each pair of vertex and edge once."""
-    row = np.unique(np.concatenate([np.c_[c.vertex, c.edge] for c in several]), axis=0)
-    return Contacts(row[:, 0], row[:, 1:])
 
 
 def mend(cut_mesh: CutMesh, wanted: FloatArray, sign: FloatArray) -> FloatArray:
@@ -89,12 +62,10 @@ def mend(cut_mesh: CutMesh, wanted: FloatArray, sign: FloatArray) -> FloatArray:
     seed = np.zeros(len(cut_mesh.faces), bool)
     for _ in range(MOST_ROUNDS):
         low = heights(x[cut_mesh.faces], sign)[0] < LEAST_HEIGHT_PAGES / 2
-        if not low.any() and not len(met[-1].vertex):
+        if not low.any() and not len(met[-1]):
             break
-        contacts = joined(met[-CONTACT_ROUNDS:])
-        near = np.zeros(len(x), bool)
-        near[contacts.vertex], near[contacts.edge] = True, True
-        seed |= low | near[cut_mesh.faces].any(1)
+        contacts = np.unique(np.concatenate(met[-CONTACT_ROUNDS:]), axis=0)
+        seed |= low | mask_of(len(x), contacts)[cut_mesh.faces].any(1)
         x = _linear_step(cut_mesh, wanted, x, sign, grow(cut_mesh, seed, REGION_RINGS), contacts)
         met.append(_contacts(cut_mesh, x))
     return x
@@ -152,33 +123,27 @@ def heights(p: FloatArray, sign: FloatArray) -> tuple[FloatArray, FloatArray]:
     return area * by, turned * by[:, None, None]
 
 
-def _contacts(cut_mesh: CutMesh, x: FloatArray) -> Contacts:
-    """The contacts of all crossings: of the four ends of each crossing, the one that lies least deep."""
+def _contacts(cut_mesh: CutMesh, x: FloatArray) -> IntArray:
+    """(k, 3) a vertex inside another part of the boundary, and the ends of the edge through which it leaves;
+    the part lies to the left of the edge. Of the four ends of each crossing, the one that lies least deep."""
     x = _stored(x)
     boundary, pairs = _crossings(cut_mesh, x)
-    i, j = pairs.T
-    s, e = boundary.start, boundary.end
     flat = cut_mesh.faces.ravel()
-    tail = flat[boundary.half_edge]
-    head = flat[next_half_edge(boundary.half_edge)]
-    back = (s != x[tail]).any(1)  # mirrored charts are walked the other way
-    tail, head = np.where(back, head, tail), np.where(back, tail, head)
-    depth, vertex, other = [], [], []
-    for a, b in ((i, j), (j, i)):
-        for place, v in ((s[a], tail[a]), (e[a], head[a])):
-            t, away, _ = _feet(place, s[b], e[b])
-            d = -away
-            # a corner of the face of the edge must stay on its left
-            own = (cut_mesh.faces[boundary.half_edge[b] // 3] == v[:, None]).any(1)
-            ok = (d > -LEAST_HEIGHT_PAGES) & ~own & _beside(t)
-            depth.append(np.where(ok, d, np.inf))
-            vertex.append(v)
-            other.append(b)
-    best = np.argmin(depth, axis=0) if len(i) else np.zeros(0, np.int64)
-    rows = np.arange(len(i))
-    ok = np.isfinite(np.array(depth)[best, rows])
-    v, b = np.array(vertex)[best, rows][ok], np.array(other)[best, rows][ok]
-    return Contacts(v, np.stack([tail[b], head[b]], 1))
+    ends = np.stack([flat[boundary.half_edge], flat[next_half_edge(boundary.half_edge)]], 1)
+    back = (boundary.start != x[ends[:, 0]]).any(1)  # mirrored charts are walked the other way
+    ends[back] = ends[back, ::-1]
+    # each end of each segment against the other segment: (p, 4, 3)
+    own, other = pairs[:, [0, 0, 1, 1]], pairs[:, [1, 1, 0, 0]]
+    vertex = ends[own, [0, 1, 0, 1]]
+    contacts = np.concatenate([vertex[..., None], ends[other]], 2)
+    share, away, _ = _feet(contacts.reshape(-1, 3), x)
+    depth = -away.reshape(vertex.shape)
+    # a corner of the face of the edge must stay on its left
+    corner = (cut_mesh.faces[boundary.half_edge[other] // 3] == vertex[..., None]).any(2)
+    ok = (depth > -LEAST_HEIGHT_PAGES) & ~corner & _beside(share).reshape(vertex.shape)
+    best = np.where(ok, depth, np.inf).argmin(1)
+    rows = np.flatnonzero(ok.any(1))
+    return contacts[rows, best[rows]]
 
 
 def _linear_step(
@@ -187,22 +152,21 @@ def _linear_step(
     x: FloatArray,
     sign: FloatArray,
     region: BoolArray,
-    contacts: Contacts,
+    contacts: IntArray,
 ) -> FloatArray:
-    """The places after one linear program; vertices outside the region keep theirs."""
+    """The places after one linear program; vertices outside the region keep theirs. contacts: (k, 3)."""
     free = mask_of(len(x), cut_mesh.faces[region])
     moving = np.flatnonzero(free)
     n = len(moving)
     number = positions_in(len(x), moving)
     face = np.flatnonzero(free[cut_mesh.faces].any(1))
     height, gradient = heights(x[cut_mesh.faces], sign)
-    contacts = contacts.beside(x)
-    t, gap, normal = contacts.feet(x)
+    contacts = contacts[_beside(_feet(contacts, x)[0])]
+    t, gap, normal = _feet(contacts, x)
     # rows: vertex of the whole, gradient by its place
     row_face = _rows(number, cut_mesh.faces[face], gradient[face], n)
-    spots = np.c_[contacts.vertex, contacts.edge]
     share = np.stack([np.ones(len(t)), t - 1, -t], 1)
-    row_gap = _rows(number, spots, share[:, :, None] * normal[:, None], n)
+    row_gap = _rows(number, contacts, share[:, :, None] * normal[:, None], n)
     moves: SparseMatrix = sps.vstack([row_face, row_gap], format="csr")
     lack = sps.identity(moves.shape[0])
     blank = sps.csr_matrix((moves.shape[0], n + 1))
@@ -239,6 +203,5 @@ def _rows(number: IntArray, vertex: IntArray, gradient: FloatArray, n: int) -> S
     row = np.repeat(np.arange(r), c).reshape(r, c)
     ok = column >= 0
     at = 2 * column[ok][:, None] + [0, 1]
-    shape = (r, 2 * n)
     where: Any = (np.repeat(row[ok], 2), at.ravel())
-    return sps.csr_matrix((gradient[ok].ravel(), where), shape=shape)
+    return sps.csr_matrix((gradient[ok].ravel(), where), shape=(r, 2 * n))

@@ -176,10 +176,9 @@ def _turned_to(
 
 def _distance(charts: SourceCharts, target: Surface) -> tuple[float, FloatArray]:
     """The largest distance of both surfaces, in diagonals of the first, and its (3,) place."""
-    there = charts.places[:: max(1, len(charts.places) // SHAPE_SAMPLES)]
-    _, places = _samples(target)
+    there, (_, places) = _thinned(charts.places), _samples(target)
     back = np.asarray(cKDTree(places).query(there)[0])
-    some = places[:: _step(places)]
+    some = _thinned(places)
     gone = np.asarray(charts.free.query(some)[0])
     place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
     return float(max(back.max(), gone.max()) / charts.diagonal), place
@@ -196,11 +195,9 @@ def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> f
             f"{document.source.name}: at ({_point(place)}) it lies {100 * far:.0f} % of the size away from the "
             f"first mesh: give one of the same shape, place and size (within {100 * SHAPE_DIAGONALS:.0f} %)"
         )
-    face, places = _samples(target)
-    step = _step(places)
-    near = np.asarray(charts.free.query(places[::step])[1])
-    fronts = target.normals[face[::step]], charts.atlas.surface.normals[charts.sample[near]]
-    if (fronts[0] * fronts[1]).sum(1).mean() < -0.5:
+    face, places = map(_thinned, _samples(target))
+    near = charts.sample[charts.free.query(places)[1]]
+    if (target.normals[face] * charts.atlas.surface.normals[near]).sum(1).mean() < -0.5:
         raise NoResultError(
             f"{document.source.name}: it is inside out beside the first mesh: turn its faces round"
         )
@@ -213,9 +210,9 @@ def _samples(target: Surface) -> tuple[IntArray, FloatArray]:
     return face, interpolated(bary, target.points[target.faces[face]])
 
 
-def _step(places: FloatArray) -> int:
-    """Every so many places are about ``SHAPE_SAMPLES``."""
-    return max(1, len(places) // SHAPE_SAMPLES)
+def _thinned(rows: np.ndarray) -> np.ndarray:
+    """About ``SHAPE_SAMPLES`` of the rows."""
+    return rows[:: max(1, len(rows) // SHAPE_SAMPLES)]
 
 
 def _refuse_overlaps(charts: SourceCharts, document: Document) -> None:

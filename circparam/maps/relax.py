@@ -23,10 +23,7 @@ from circparam.solvers import dirichlet
 from circparam.solvers.pattern import ranks_of
 
 RIDGE_TRACE_SHARE = 1e-8  # added to the diagonal of the Hessian, of its trace
-# growth of the energy of a face in one step beyond which its corners slow down
-WORST_ENERGY_RATIO = 1.5
-LOCAL_HALVINGS = 8  # times that the steps of such vertices are halved,
-WHOLE_HALVINGS = 12  # and times that the whole step is halved then
+MOST_HALVINGS = 12  # of a step
 DIRECTION_TRIALS = 3  # directions that are tried in one step, each with more vertices at rest
 PATIENCE_STEPS = 3  # steps without a gain after which the relaxation ends
 SHORT_STEP_SHARE = 0.1  # share of a step by which faces turn over whatever its length
@@ -207,13 +204,10 @@ class Relaxation:
         """Corners of the faces that count, and how they move: see ``Target.triangles``."""
         return self.target.triangles(at, self.corners, self.counts)
 
-    def face_energy(self, at: TargetPoint) -> FloatArray:
-        """(m,) the energy of each face that counts."""
-        return dirichlet.energy(self.jacobians(self.triangles(at)[0])[0])
-
     def energy(self, at: TargetPoint) -> float:
-        """The mean energy."""
-        return float((self.face_energy(at) * self.weight).sum())
+        """The mean energy of the faces that count."""
+        jacobian, _ = self.jacobians(self.triangles(at)[0])
+        return float((dirichlet.energy(jacobian) * self.weight).sum())
 
     def direction(self, at: TargetPoint, resting: BoolArray) -> tuple[FloatArray, float]:
         """((n, 2) Newton's step in the frames, its slope); resting (n,): vertices that stay beside the fixed
@@ -234,17 +228,15 @@ class Relaxation:
         m = np.einsum("kadm,dcm->kacm", modes, self.gradients)  # of each mode and corner
         m = np.einsum("kacm,cabm->kcbm", m, into)
         hessian = np.einsum("kaim,kbjm->aibjm", m * (values * self.weight)[:, None, None], m)
-        size = 2 * self.n
         entries = (hessian.ravel(), (self.rows, self.columns))
-        matrix = sps.csc_matrix(entries, shape=(size, size))
+        matrix = sps.csc_matrix(entries, shape=(2 * n, 2 * n))
         trace = matrix.diagonal().reshape(-1, 2).sum(1)
         free = trace > 0
         mean = trace[free].sum() / max(np.count_nonzero(free), 1)  # none where all are fixed
         ridge = np.where(free, RIDGE_TRACE_SHARE * trace + 1e-3 * RIDGE_TRACE_SHARE * mean, 1.0)
         matrix = sps.csc_matrix(matrix + sps.diags(np.repeat(ridge, 2)))
-        d = np.empty((self.n, 2))
-        solved = Factor(matrix, ordered=True).solve(-g[self.order].ravel())
-        d[self.order] = solved.reshape(-1, 2)
+        d = np.empty((n, 2))
+        d[self.order] = Factor(matrix, ordered=True).solve(-g[self.order].ravel()).reshape(-1, 2)
         return d, float((d * g).sum())
 
     def unflipped(self, at: TargetPoint) -> BoolArray:
@@ -302,21 +294,12 @@ class Relaxation:
     def _line_search(
         self, at: TargetPoint, d: FloatArray, energy: float
     ) -> tuple[TargetPoint, float] | None:
-        """The step d, of single vertices shortened where faces turn over or get much worse, then as a whole."""
-        whole, d = d, d.copy()
-        before, good = self.face_energy(at), self.unflipped(at)
-        for k in range(LOCAL_HALVINGS + WHOLE_HALVINGS):
-            if k == LOCAL_HALVINGS:
-                d = whole
+        """The step d, halved until it lowers the energy and turns no face over."""
+        good = self.unflipped(at)
+        for _ in range(MOST_HALVINGS):
             there = self.target.moved(at, d)
-            bad = ~self.unflipped(there) & good
-            value = self.face_energy(there)
-            after = float((value * self.weight).sum())
-            if not bad.any() and after < energy:
+            after = self.energy(there)
+            if after < energy and not (good & ~self.unflipped(there)).any():
                 return there, after
-            bad[self.counts[value > WORST_ENERGY_RATIO * before + 1]] = True
-            if bad.any() and k < LOCAL_HALVINGS:
-                d[np.unique(self.faces[bad])] *= 0.5
-            else:
-                d = d / 2
+            d = d / 2
         return None
