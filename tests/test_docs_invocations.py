@@ -1,4 +1,4 @@
-"""The invocations of README and docs run as typed, on small meshes under the names that they use."""
+"""The invocations of README and docs run, quickly, on small meshes under the names that they use."""
 
 import glob
 import re
@@ -16,7 +16,7 @@ from PIL import Image
 from circparam.cli import cli
 from tests.support import shapes
 from tests.support.writers import obj
-from tests.test_docs import ROOT, console_commands
+from tests.test_docs import ROOT, console_commands, quickened
 
 PAGES = ("README.md", "docs/cli.md", "docs/maps.md", "docs/blender.md")
 # a bucket, a cluster, processes, a placeholder; what takes seconds or wants a layout of its own, and is run by
@@ -62,7 +62,7 @@ def ran(typed: str) -> None:
                 name, words = words[at + 1], words[:at] + words[at + 2 :]
                 told = Path(name).read_bytes() if sign == "<" else told
         args = [f for word in words[1:] for f in (sorted(glob.glob(word)) or [word])]
-        result = CliRunner().invoke(cli, args, input=told)
+        result = CliRunner().invoke(cli, quickened(args), input=told)
         assert result.exit_code == 0, (args, result.stderr)
         if "-o" in args:
             assert Path(args[args.index("-o") + 1]).is_file(), args

@@ -66,9 +66,15 @@ def program(code: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 @needs_posix
-@pytest.mark.parametrize("work", [PYTHON_WORK, NATIVE_WORK], ids=["python", "native"])
-@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 143)])
-def test_signals_end_it_soon_and_clean(work, name, code, mesh):
+@pytest.mark.parametrize(
+    ("name", "code", "work"),
+    [
+        ("SIGINT", 130, PYTHON_WORK), ("SIGHUP", 143, PYTHON_WORK),
+        ("SIGINT", 130, NATIVE_WORK), ("SIGTERM", 143, NATIVE_WORK),
+    ],
+    ids=["SIGINT", "SIGHUP", "SIGINT in native code", "SIGTERM in native code"],
+)  # fmt: skip
+def test_signals_end_it_soon_and_clean(name, code, work, mesh):
     left = mesh.parent / ".half.tmp"
     with program(WAIT.format(left=str(left), work=work, mesh=str(mesh))) as process:
         process.send_signal(getattr(signal, name))

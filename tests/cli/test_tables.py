@@ -5,8 +5,6 @@ import subprocess
 import sys
 from typing import Any
 
-import pytest
-
 from circparam.cli.tables import check_line, check_table, console, unwrap_table
 
 
@@ -82,10 +80,9 @@ def test_a_check_names_defects_that_are_there_and_no_others() -> None:
     assert "none" in text(check_table(one | {"uv_sets": []}))
 
 
-@pytest.mark.parametrize("command", ["methods", "samples"])
-def test_a_closed_pipe_is_one_line(command: str) -> None:
+def test_a_closed_pipe_is_one_line() -> None:
     """The reader is gone before a table is written."""
-    words = [sys.executable, "-m", "circparam", command]
+    words = [sys.executable, "-m", "circparam", "methods"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         error = process.stderr.read()

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+import circparam
+from circparam.core import linalg
 from tests.support import shapes
 from tests.support.command_line import obj
 from tests.support.processes import printed
@@ -88,18 +90,22 @@ def found_elsewhere(name, scope=None, *rest):
         raise ModuleNotFoundError(name)
     return found(name, scope, *rest)
 
-if sys.argv[1] == "moved":
-    builtins.__import__ = found_elsewhere
+builtins.__import__ = found_elsewhere
 import circparam
 from circparam.core import linalg
-from tests.support import shapes
-from tests.support.command_line import obj
-result = circparam.unwrap(shapes.noisy(*shapes.icosphere(1), amount=0.1), jobs=1, resolution=256, effort=0.02)
-print(linalg.gstrf is None, sorted(result.measures.items()))
+from tests.core.test_imports import measures
+assert linalg.gstrf is None
+print(measures())
 """
 
 
+def measures() -> list[tuple[str, object]]:
+    """What is measured of a small unwrap."""
+    ball = shapes.noisy(*shapes.icosphere(1), amount=0.1)
+    result = circparam.unwrap(ball, jobs=1, resolution=256, effort=0.02)
+    return sorted(result.measures.items())
+
+
 def test_a_scipy_whose_private_modules_are_elsewhere_gives_the_same() -> None:
-    outputs = [printed(ELSEWHERE, where).split(maxsplit=1) for where in ("here", "moved")]
-    assert [fallback for fallback, _ in outputs] == ["False", "True"]
-    assert outputs[0][1] == outputs[1][1]
+    assert linalg.gstrf is not None
+    assert printed(ELSEWHERE) == f"{measures()}\n"

@@ -48,8 +48,9 @@ def boxes(result: Result) -> list[dict[str, Any]]:
     return list(group_rows(result.groups, result.verification))
 
 
-@pytest.mark.parametrize("kind", ["material", "group"])
-@pytest.mark.parametrize("density", [None, "steel=2", "plate=0.7"])
+@pytest.mark.parametrize(
+    ("kind", "density"), [("material", None), ("material", "steel=2"), ("group", "plate=0.7")]
+)
 def test_every_group_has_its_page_at_one_density(kind: str, density: str | None) -> None:
     result = circparam.unwrap(BRACKET, pages_by=kind, density=density, **QUICK)
     assert result.status == "ok"
