@@ -28,9 +28,9 @@ from circparam.seams.prices import LATER_REPAIRS, with_visibility
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import decide, merge_on, merged_on
 from circparam.seams.segmentation.grow import dual_graph
-from circparam.seams.segmentation.starts import DIRECT_FACES, starts_of
+from circparam.seams.segmentation.starts import DIRECT_FACES, REGIONS, starts_of
 from circparam.seams.stretch import stretch_held
-from circparam.seams.tiny_components import tiny_atlas, tiny_components
+from circparam.seams.tiny_components import tiny_components
 from circparam.solvers.newton import RelaxOptions
 
 LOOPS = 300  # handles and holes above which small holes are closed while charts are decided
@@ -62,7 +62,9 @@ def grown_atlas(
         rest = ~tiny_components(surface)
     if not rest.all():
         atlas.surface = surface = with_visibility(surface, options, monitor, LEVEL_FACES)
-        atlas.put(~rest, tiny_atlas(surface.part(~rest), bound, worker, monitor))
+        with monitor.stage("charts"):  # one start: they cover a twentieth of a page
+            part, merging = surface.part(~rest), MergeOptions(bound)
+            atlas.put(~rest, decide(part, merging, [REGIONS], None, worker, monitor))
         monitor.keep(atlas.part(~rest))
     if rest.any():
         own = surface.part(rest)
