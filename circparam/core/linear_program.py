@@ -10,19 +10,10 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.imports import alone
-from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 
-SIMPLEX, INTERIOR, CHOOSE = "simplex", "ipm", "choose"
+SIMPLEX, CHOOSE = "simplex", "choose"
 NO_LIMIT = 2**31 - 1  # iterations: the default of HiGHS
-
-
-@dataclass(frozen=True, eq=False)
-class Solved:
-    """x: (n,), None if nothing optimal was found. stalled: all iterations were used up."""
-
-    x: FloatArray | None
-    stalled: bool
 
 
 def least(
@@ -32,24 +23,25 @@ def least(
     reach: float | tuple[FloatArray, FloatArray],
     solver: str,
     iterations: int = NO_LIMIT,
-) -> Solved:
-    """Minimise cost · x (n,) where matrix (m, n) @ x ≤ most (m,) and x lies within its bounds.
+) -> FloatArray | None:
+    """The x (n,) of least cost · x where matrix (m, n) @ x ≤ most (m,) and x lies within its bounds.
 
-    reach: |x| ≤ reach, or the lower and the upper bounds (n,) of x. solver: SIMPLEX, without presolving;
-    INTERIOR points, or what HiGHS chooses (CHOOSE), with it. iterations: of the solver at most.
+    reach: |x| ≤ reach, or the lower and the upper bounds (n,) of x. solver: SIMPLEX, without presolving; what
+    HiGHS chooses (CHOOSE), with it. iterations: of the solver at most. None if nothing optimal was found.
     """
     (m, n), highs = matrix.shape, _highs()
     lower, upper = reach if isinstance(reach, tuple) else (np.full(n, -reach), np.full(n, reach))
     if highs is None:
         from scipy.optimize import linprog
 
-        method: Any = {SIMPLEX: "highs-ds", INTERIOR: "highs-ipm", CHOOSE: "highs"}[solver]
+        method: Any = {SIMPLEX: "highs-ds", CHOOSE: "highs"}[solver]
         limits: Any = {"presolve": solver != SIMPLEX, "maxiter": iterations}
         bounds = np.stack([lower, upper], 1)
         answer: Any = linprog(  # type: ignore[call-overload]
             cost, A_ub=matrix, b_ub=most, bounds=bounds, method=method, options=limits
         )
-        return Solved(answer.x, answer.status == 1)
+        x: FloatArray | None = answer.x if answer.status == 0 else None
+        return x
     program: Any = highs.HighsLp()
     program.num_col_ = program.a_matrix_.num_col_ = n
     program.num_row_ = program.a_matrix_.num_row_ = m
@@ -68,10 +60,8 @@ def least(
     run.passOptions(options)
     run.passModel(program)
     run.run()
-    status = run.getModelStatus()
-    found = status == highs.HighsModelStatus.kOptimal
-    x = np.array(run.getSolution().col_value) if found else None
-    return Solved(x, status == highs.HighsModelStatus.kIterationLimit)
+    found = run.getModelStatus() == highs.HighsModelStatus.kOptimal
+    return np.array(run.getSolution().col_value) if found else None
 
 
 @cache

@@ -189,10 +189,10 @@ def _linear_step(
     cost = np.r_[np.zeros(2 * n), np.ones(n), n, np.full(lacks, VIOLATION_PENALTY)]
     lowest = np.r_[np.full(2 * n, -np.inf), np.zeros(n + 1 + lacks)]
     solved = least(cost, matrix, bound, (lowest, np.full(len(cost), np.inf)), CHOOSE)
-    if solved.x is None:
+    if solved is None:
         return x
     out = x.copy()
-    out[moving] += LEAST_HEIGHT_PAGES * solved.x[: 2 * n].reshape(-1, 2)
+    out[moving] += LEAST_HEIGHT_PAGES * solved[: 2 * n].reshape(-1, 2)
     return out
 
 

@@ -26,9 +26,6 @@ _QUARTER = np.pi / 2
 # less. A multiple of four, so that quarters are among them.
 ANGLE_STEPS = 24
 
-# Tolerance for rounding of the test of vertices inside the convex hull, as a share of a chart's radius.
-HULL_ROUNDING_SHARE = 1e-12
-
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
@@ -76,42 +73,14 @@ class Shapes:
         return float(np.sqrt((edge**2).sum(1)).sum())
 
     @cached_property
-    def hull(self) -> tuple[IntArray, IntArray]:
-        """Outline vertices that may be corners of the convex hulls: (h,) by chart, and (n + 1,) offsets.
-
-        All corners are among them, and of other vertices few: those inside the polygon of the furthest vertices
-        in ``ANGLE_STEPS`` directions are left out.
-        """
-        v, at = self.start, self.edge_start[:-1]
-        if np.diff(self.edge_start).max() <= ANGLE_STEPS:
-            return v, self.edge_start
-        own, p = self.owner[v], self.points[v]
-        furthest = []
-        for t in np.arange(ANGLE_STEPS) * (2 * np.pi / ANGLE_STEPS):
-            along = p @ np.array([np.cos(t), np.sin(t)])
-            most = np.flatnonzero(along == np.maximum.reduceat(along, at)[own])
-            first = np.empty(self.n, np.int64)
-            first[own[most[::-1]]] = most[::-1]
-            furthest.append(p[first])
-        room = HULL_ROUNDING_SHARE * np.sqrt(np.maximum.reduceat((p**2).sum(1), at))[own]
-        outside = np.zeros(len(v), bool)
-        for a, b in zip(furthest, furthest[1:] + furthest[:1], strict=True):
-            length = np.sqrt(((b - a) ** 2).sum(1))[own]
-            outside |= cross2((b - a)[own], p - a[own]) <= room * length
-        # a chart without extent, or on a line, keeps its angle
-        kept = np.flatnonzero(outside)
-        return v[kept], np.searchsorted(own[kept], np.arange(self.n + 1)).astype(np.int64)
-
-    @cached_property
     def radius(self) -> FloatArray:
         """(n,) largest distance of an outline vertex from the centre."""
-        v, at = self.hull
-        r = np.sqrt((self.points[v] ** 2).sum(1))
-        return np.asarray(np.maximum.reduceat(r, at[:-1]))
+        r = np.sqrt((self.points[self.start] ** 2).sum(1))
+        return np.asarray(np.maximum.reduceat(r, self.edge_start[:-1]))
 
     def boxes(self, angle: FloatArray) -> FloatArray:
         """Bounding boxes of all charts, each turned by its angle: (n,) radians → (n, 4) x0, y0, x1, y1."""
-        own, at, px, py = self._hull_points
+        own, at, px, py = self._corners
         c, s = np.cos(angle), np.sin(angle)
         if px.ndim == 2:  # charts of few corners, one in each column
             x, y = c * px - s * py, s * px + c * py
@@ -122,11 +91,10 @@ class Shapes:
         return np.stack([low(x, at), low(y, at), high(x, at), high(y, at)], 1)
 
     @cached_property
-    def _hull_points(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """(h,) chart, (n,) first, (h,) x and y of the points of ``hull``. If no chart has more than a few
-        points k, x and y are (k, n), filled up with the first points."""
-        v, at = self.hull
-        first, count = at[:-1], np.diff(at)
+    def _corners(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """(b,) chart, (n,) first, (b,) x and y of the corners of outlines. If no chart has more than a few
+        corners k, x and y are (k, n), filled up with the first ones."""
+        v, first, count = self.start, self.edge_start[:-1], np.diff(self.edge_start)
         if count.max() <= ANGLE_STEPS:
             k = np.arange(count.max())[:, None]
             v = v[first + np.where(k < count, k, 0)]

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, cross2, dot2, norms2
-from circparam.core.linear_program import INTERIOR, SIMPLEX, least
+from circparam.core.linear_program import SIMPLEX, least
 from circparam.core.records import dataclass
 from circparam.packing.budget import Budget
 from circparam.packing.nest.contacts import (
@@ -27,7 +27,7 @@ from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 from circparam.packing.straight import Straight
 
-# Pivots for each chart, after which the simplex counts as stalled: other programs take a tenth.
+# Pivots for each chart, after which a program is given up: those that are solved take a tenth.
 PIVOTS_MOST = 60
 
 # Trust regions in texels of a page of 2048: the first; and the last, below which pages are fuller by less than
@@ -87,16 +87,16 @@ class Growth:
 
 
 def compaction_step(
-    growth: Growth, placement: Placement, found: Contacts, trust: float, strict: bool = False
+    growth: Growth, placement: Placement, found: Contacts, trust: float
 ) -> Placement | None:
     """One linear program: the largest growth within the trust region; None if it fails.
 
-    found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. strict: keep the
-    full gap in all directions. The budget counts rows times charts; a larger program is not tried.
+    found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. The budget counts
+    rows times charts; a larger program is not tried.
     """
     n = growth.shapes.n
     trust = trust * growth.unit
-    matrix, bound = _program(growth, placement, found, REACH_TRUSTS * trust, strict)
+    matrix, bound = _program(growth, placement, found, REACH_TRUSTS * trust)
     work = float(len(bound) * n)
     if work > growth.budget.total:
         return None
@@ -109,15 +109,11 @@ def compaction_step(
     # unknowns in units of the trust region, so that the solver sees numbers near 1
     matrix.data *= most[matrix.indices] / trust
     right = bound / trust
-    # Presolving takes longer than it saves. The simplex stalls on a few programs; interior points solve them,
-    # and take longer on all others.
-    columns = matrix.tocsc()
-    solved = least(cost, columns, right, 1.0, SIMPLEX, PIVOTS_MOST * (n + 10))
-    if solved.stalled:
-        solved = least(cost, columns, right, 1.0, INTERIOR, PIVOTS_MOST)
-    if solved.x is None:
+    # presolving takes longer than it saves
+    unknown = least(cost, matrix.tocsc(), right, 1.0, SIMPLEX, PIVOTS_MOST * (n + 10))
+    if unknown is None:
         return None
-    z = solved.x * most
+    z = unknown * most
     return replace(
         placement,
         scale=placement.scale * (1 + z[-1]),
@@ -127,7 +123,7 @@ def compaction_step(
 
 
 def _program(
-    growth: Growth, placement: Placement, found: Contacts, reach: float, strict: bool
+    growth: Growth, placement: Placement, found: Contacts, reach: float
 ) -> tuple[sps.csr_matrix, FloatArray]:
     """Rows A z <= b, b < reach, with z = (moves x, moves y, turns, growth): 3n + 1 unknowns.
 
@@ -143,9 +139,9 @@ def _program(
     columns = np.stack([i, j, n + i, n + j, 2 * n + i, 2 * n + j, last], 1)
     levers = cross2(normal, rp), -cross2(normal, rq), -dot2(normal, rp - rq)
     values = np.stack([-x, x, -y, y, *levers], 1)
-    width = options.gap if strict else strip_gap(options.padding, normal)
+    width = strip_gap(options.padding, normal)
     blocks = [(columns, values, distance - (width + SLACK_TEXELS))]
-    corner, _ = shapes.hull
+    corner = shapes.start
     own = shapes.owner[corner]
     here = to_world(placement, own, shapes.points[corner])
     r = here - placement.offset[own]
@@ -169,14 +165,12 @@ def _program(
 class Ascent:
     """A layout that grows.
 
-    placement: the layout now. trust: the trust region of the next step, in texels of a page of 2048. strict:
-    keep the full gap in all directions, for layouts that the check refuses. earlier: the layout one step
-    before; None at first, and after a step was taken back.
+    placement: the layout now. trust: the trust region of the next step, in texels of a page of 2048. earlier:
+    the layout one step before; None at first, and after a step was taken back.
     """
 
     placement: Placement
     trust: float = TRUST_FIRST
-    strict: bool = False
     earlier: Placement | None = None
 
     def climb(self, growth: Growth, steps: float = np.inf, reached: float = 0.0) -> Placement:
@@ -198,7 +192,7 @@ class Ascent:
             if self.earlier is not None and contacts.crossing:
                 self._take_back()
                 continue
-            after = compaction_step(growth, self.placement, contacts, self.trust, self.strict)
+            after = compaction_step(growth, self.placement, contacts, self.trust)
             if after is None:
                 if self.earlier is None:
                     break

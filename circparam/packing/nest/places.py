@@ -41,28 +41,17 @@ def best_place(
     """Mask, row, column of the free place with the highest contact score; None if nothing is free.
 
     Only places are looked at where some mask lies on the page; cells beyond it are taken. One transform tells
-    which are free, and nearly their contact. If several may be the best, their masks are examined again.
+    which are free, and their contact.
     """
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
     # weight of a taken cell: more than the contact of any mask
     used = 2 * np.float32(area.max())
     contact = _at_places(kernel * (page * (blur + used)), tall, wide)
     free = contact < 0.75 * used
-    score = np.where(free, contact / area[:, None, None], -1).ravel()
-    highest = float(score.max())
-    if highest < 0:
-        return None
-    # rounding of a transform, as a share of the weight of a taken cell
-    error = np.finfo(np.float32).eps * np.log2(contact[0].size)
-    near = np.flatnonzero(score >= highest - error * used)
-    if len(near) > 1:
-        some = np.unique(near // (tall * wide))
-        score = _at_places(kernel[some] * (page * blur), tall, wide)
-        score = np.where(free[some], score / area[some, None, None], -1)
-        k, rest = divmod(int(score.argmax()), tall * wide)
-        return int(some[k]), rest // wide, rest % wide
-    k, rest = divmod(int(near[0]), tall * wide)
-    return k, rest // wide, rest % wide
+    score = np.where(free, contact / area[:, None, None], -1)
+    k, rest = divmod(int(score.argmax()), tall * wide)
+    row, column = divmod(rest, wide)
+    return (k, row, column) if free[k, row, column] else None
 
 
 def spectra_of(masks: Masks, size: int) -> Spectrum:

@@ -5,7 +5,7 @@ import numpy as np
 from circparam.core import clock
 from circparam.core.arrays import FloatArray
 from circparam.packing.budget import Budget
-from circparam.packing.nest.compaction import TRUST_LEAST, Ascent, Growth
+from circparam.packing.nest.compaction import Ascent, Growth
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import sf, spectra_of
 from circparam.packing.nest.search import QUARTERS, Board, GridLayout, search, tried_angles
@@ -188,10 +188,6 @@ def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> P
         ascent.climb(growth)
         if task.sound(ascent.placement):
             return ascent.placement
-        # the straight strips were too narrow somewhere: the full gap everywhere may do
-        safe = Ascent(ascent.placement, TRUST_LEAST, strict=True).climb(growth)
-        if task.sound(safe):
-            return safe
     return None
 
 
