@@ -28,11 +28,10 @@ from circparam.seams.moves.hand_over import HandOver
 from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
 from circparam.seams.search import WORK_PER_FACE, Effort, search
-from circparam.seams.segmentation.enforce import enforce, unstick
+from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.solvers.newton import relax
 from circparam.solvers.objective import chart_energies
 
 SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
@@ -90,8 +89,7 @@ def _decided(
         merging = MergeOptions(bound, MARGIN, work=work, search=draw)
         merge_regions(atlas, merging, worker, monitor)
     with monitor.stage("enforce"):
-        layouts = settled(atlas, bound, monitor)
-        enforce(atlas, graph, layouts, bound, SETTLED, monitor)
+        enforce(atlas, graph, judge(*atlas.open()), bound, SETTLED, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             absorbing = MergeOptions(bound, MARGIN, chart=np.inf)
@@ -141,8 +139,6 @@ def first_regions(atlas: Atlas, bound: float, monitor: Monitor) -> DualGraph:
         if not bad.any():
             break
         if not split_charts(atlas, graph, chart, bad).any():
-            layouts = unstick(atlas, layouts, bound, monitor, bad)  # sides of a slit may touch
-            bad &= layouts.bad(bound)
             over = prices.flat & bad[chart[atlas.surface.sides]].all(0)
             if not over.any():
                 break
@@ -206,13 +202,3 @@ def _laid_out(
     uv[vid] = part
     atlas.corners[fid] = uv[cut_mesh.faces[fid]]
     return judge(cut_mesh, uv)
-
-
-def settled(atlas: Atlas, bound: float, monitor: Monitor) -> ChartLayouts:
-    """Relax what is not isometric yet; charts whose parts were pushed apart, and would meet again, stay."""
-    cut_mesh, uv = atlas.open()
-    relaxed = judge(cut_mesh, relax(cut_mesh, uv, SETTLED, monitor).uv)
-    met = relaxed.bad(bound)
-    layouts = judge(cut_mesh, np.where(met[cut_mesh.vertex_chart][:, None], uv, relaxed.uv))
-    atlas.scatter(cut_mesh, layouts.uv)
-    return layouts

@@ -22,11 +22,9 @@ from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import (
-    GAP,
     ChartLayouts,
     judge,
     lay_out_sound,
-    pushed_apart,
 )
 from circparam.seams.segmentation.slits import slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
@@ -47,20 +45,15 @@ def enforce(
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
     layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart above the bound is slit
-    once from its boundary to where it is distorted most, then split in two. Parts that lie on
-    each other are pushed apart, but cut apart at once where options stop at a bound. Single cells cannot
-    be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
-    the faces, the work goes on with the others alone.
+    once from its boundary to where it is distorted most, then split in two. Parts that lie on each other are
+    cut apart. Single cells cannot be split, so the work ends; what is left then is for the caller to judge.
+    Where good charts hold most of the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
     slit = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that were slit
     whole, faces = atlas, np.ones(len(slit), bool)
-    # halves of halves are single cells after so many rounds as their number has digits; a slit and a push come
-    # before each
-    for _ in range(3 * int(graph.n).bit_length()):
-        if options.bound is None:
-            every = np.ones(layouts.cut_mesh.n_charts, bool)
-            layouts = unstick(atlas, layouts, bound, monitor, every)
+    # halves of halves are single cells after so many rounds as their number has digits, each after a slit
+    for _ in range(2 * int(graph.n).bit_length()):
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break
@@ -140,22 +133,6 @@ def _nearer(links: sps.csr_matrix, seeds: IntArray) -> BoolArray:
     _, _, source = nearest(links, sorted_distinct(seeds))
     first = mask_of(links.shape[0], seeds[:, 0])
     return first[np.where(source >= 0, source, 0)]
-
-
-def unstick(
-    atlas: Atlas, layouts: ChartLayouts, bound: float, monitor: Monitor, which: BoolArray
-) -> ChartLayouts:
-    """Push parts of charts ((n,) bool) that lie on each other apart, where the bound leaves room for it."""
-    folded = which & layouts.overlapping & (layouts.energy <= bound)
-    if not folded.any():
-        return layouts
-    sub, vid, fid = layouts.cut_mesh.subset(folded)
-    part, fine = pushed_apart(sub, layouts.uv[vid], GAP, bound, monitor)
-    uv = layouts.uv.copy()
-    kept = fine[sub.vertex_chart]
-    uv[vid[kept]] = part[kept]
-    atlas.corners[fid] = uv[vid][sub.faces]
-    return judge(layouts.cut_mesh, uv)
 
 
 def _cells(graph: DualGraph, chart: IntArray) -> IntArray:

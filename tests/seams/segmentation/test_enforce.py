@@ -1,4 +1,4 @@
-"""Charts held to the bound: slit, split, pushed apart or laid out anew."""
+"""Charts held to the bound: slit, split or laid out anew."""
 
 import dataclasses
 
@@ -8,39 +8,13 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation import grow
-from circparam.seams.segmentation.enforce import enforce, unstick
+from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, judged, middles, surface_of, uncut, whole
 
 GAPS = RelaxOptions(tolerance=1e-6, max_iterations=40)
-
-
-def test_parts_that_lie_on_each_other_by_little_are_pushed_apart() -> None:
-    """Only in charts that are chosen and below the bound; no seam is needed for it."""
-    surface = surface_of(*shapes.wound(2 * np.pi + 0.005))
-    start = as_it_lies(whole(surface))
-    laid = judged(start)
-    assert laid.overlapping.all()
-    assert laid.energy[0] < 1.001
-    yes, no = np.ones(1, bool), np.zeros(1, bool)
-    pushed = unstick(start, laid, 1.05, Monitor(), yes)
-    assert not pushed.overlapping.any()
-    assert pushed.energy[0] <= 1.05
-    assert np.array_equal(start.corners, pushed.uv[pushed.cut_mesh.faces])
-    for which, bound in ((no, 1.05), (yes, np.nextafter(laid.energy[0], 0))):
-        atlas = as_it_lies(whole(surface))
-        kept = unstick(atlas, laid, float(bound), Monitor(), which)
-        assert kept is laid
-    deep = as_it_lies(uncut(*shapes.wound(3 * np.pi)))
-    before = deep.corners.copy()
-    unstick(deep, judged(deep), 1.05, Monitor(), yes)
-    assert np.array_equal(deep.corners, before), "what pushing does not separate stays as it was"
-    atlas = as_it_lies(whole(surface))
-    enforce(atlas, grow.dual_graph(surface), laid, 1.05, GAPS, Monitor())
-    assert not atlas.cut.any()
-    assert not judged(atlas).bad(1.05).any()
 
 
 @pytest.mark.parametrize(("turn", "inner"), [(7.5, 0.7), (10.0, 0.7), (11.0, 0.3)])
