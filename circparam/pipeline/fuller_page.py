@@ -124,7 +124,7 @@ def stretch_kept(
         return True
     allowed = max(_stretched(before, limits.most), TAIL_SHARE)
     if after > allowed:
-        limit_stretch(atlas, limits, monitor, slits=False)
+        limit_stretch(atlas, limits, monitor, seams=False)
         after = _stretched(atlas, limits.most)
     return after <= allowed
 

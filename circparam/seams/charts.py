@@ -70,7 +70,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         notes.append(mirror.note)
     opened = surface.without_edges(forced)
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
-    limits, slits, splits = stretch_limits(bound, options)
+    limits, seams = stretch_limits(bound, options)
 
     def search() -> Atlas:
         if mirror is not None:
@@ -83,7 +83,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     try:
         with monitor.stage("stretch"):
             if not monitor.expired:
-                limit_stretch_of_all(atlas, limits, monitor, slits and mirror is None, splits)
+                limit_stretch_of_all(atlas, limits, monitor, seams and mirror is None)
     except OutOfTimeError:
         monitor.late = True
         return _seams(best, forced, notes)

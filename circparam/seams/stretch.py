@@ -28,8 +28,8 @@ def stretch_asked(most: float | None, bound: float) -> bool:
     return most is not None or bound <= STRICT
 
 
-def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bool]:
-    """How far faces may be stretched; whether seams may be added for that, and charts be split."""
+def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool]:
+    """How far faces may be stretched; whether seams may be added for that."""
     asked = stretch_asked(options.max_stretch, options.max_distortion)
     free = asked and options.max_charts is None and options.min_chart_faces == 1
     local, cuts_off = (LOCAL, free) if options.search.draft else (None, False)
@@ -37,27 +37,27 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
     limits = Limits(
         bound, options.max_stretch or STRETCH, local=local, cuts_off=cuts_off, asked=explicit
     )
-    return limits, asked, free
+    return limits, free
 
 
 def stretch_held(atlas: Atlas, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """The atlas of a level with its stretch limited: by weights, and by seams where they are not enough."""
     out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
     if not monitor.expired:
-        limits, slits, splits = stretch_limits(bound, options)
+        limits, seams = stretch_limits(bound, options)
         if limits.local is not None:  # the surface that it stands for gets what a level leaves
             limits = replace(limits, allowed=AIMED * limits.allowed)
         with monitor.shown_as("level"), monitor.stage("stretch"):
-            limit_stretch(out, limits, monitor, slits, splits)
+            limit_stretch(out, limits, monitor, seams)
     return out
 
 
 def limit_stretch_of_all(
-    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
+    atlas: Atlas, limits: Limits, monitor: Monitor, seams: bool = True
 ) -> None:
     """As ``limit_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
     if len(atlas.surface.faces) <= LEVEL_FACES and limits.local is None:
-        limit_stretch(atlas, limits, monitor, slits, splits)
+        limit_stretch(atlas, limits, monitor, seams)
         return
     cut_mesh, uv = atlas.open()
     over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
@@ -72,5 +72,5 @@ def limit_stretch_of_all(
     # on a rough mesh such faces are everywhere: what is near is told in faces
     face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
     near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
-    limit_stretch(part, replace(rest, near=near, local=LOCAL), monitor, slits, splits)
+    limit_stretch(part, replace(rest, near=near, local=LOCAL), monitor, seams)
     atlas.put(faces, part)

@@ -29,30 +29,11 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     is not.
     """
     cut_mesh = layouts.cut_mesh
+    n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
     peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy))
-    return slit_to(atlas, cut_mesh, peak)
-
-
-def slit_to(
-    atlas: Atlas,
-    cut_mesh: CutMesh,
-    peak: IntArray,
-    reach: FloatArray | float = 1.0,
-) -> BoolArray:
-    """Cut charts open along shortest paths from their boundaries towards vertices ``peak``.
-
-    Every peak has a path of its own, and no two cross. reach: share of the length of each path that is cut,
-    from the boundary on, at least one edge.
-    Returns the charts that were cut: a peak from which no path leads to the boundary has none.
-    """
-    n = cut_mesh.n_vertices
-    flat = cut_mesh.faces.ravel()
     done = np.zeros(cut_mesh.n_charts, bool)
     if len(peak) == 0:
         return done
-    which = np.zeros(cut_mesh.n_charts, bool)
-    which[cut_mesh.vertex_chart[peak]] = True
-    rim = boundary_vertices(cut_mesh)
     cost = edge_costs(atlas)
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.sides[0]]]
     if atlas.flat is not None:  # they are as developable as can be: a slit there is of no use
@@ -60,24 +41,19 @@ def slit_to(
     h = atlas.surface.edges[inner, 0]
     a, b = flat[h], flat[next_half_edge(h)]
     distance, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
-    reached = np.flatnonzero(rim & np.isfinite(distance) & (source >= 0))
+    reached = np.flatnonzero(boundary_vertices(cut_mesh) & np.isfinite(distance) & (source >= 0))
     if len(reached) == 0:
         return done
-    share = np.zeros(n)
-    share[peak] = reach
     order = np.lexsort((reached, distance[reached], source[reached]))
-    ends = reached[order[first_of_runs(source[reached][order])]]
+    here = reached[order[first_of_runs(source[reached][order])]]
+    done[cut_mesh.vertex_chart[here]] = True
     index = np.flatnonzero(inner)
     key = edge_keys(a, b, n)
     by_key = np.lexsort((cost[inner], key))
-    done[cut_mesh.vertex_chart[ends]] = True
-    here, left = ends, (1 - share[source[ends]]) * distance[ends]
-    while len(here):
-        previous = before[here]
-        edge = edge_keys(here, previous, n)
-        going = (previous >= 0) & ((distance[here] > left) | rim[here])
-        edge, here, left = edge[going], previous[going], left[going]
+    while len(here := here[before[here] >= 0]):
+        edge = edge_keys(here, before[here], n)
         atlas.cut[index[by_key[np.searchsorted(key[by_key], edge)]]] = True
+        here = before[here]
     return done
 
 

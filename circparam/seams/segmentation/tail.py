@@ -1,16 +1,15 @@
 """The tail of the distortion: what the mean over a chart hides, at finger tips, ears and dents.
 
 Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
-much, the others, of which there are a hundred times as many, give way by little. Where that is not enough, a
-slit leads from the boundary towards the curvature that asks for it; at last a chart is split. A draft does not
-look for slits: it cuts the tips off, and splits what is left. Where a user asked for the stretch, tips are cut
-off too if nothing else helps.
+much, the others, of which there are a hundred times as many, give way by little. Where that is not enough,
+charts are split. A draft cuts the tips off before, and splits what is left. Where a user asked for the
+stretch, tips are cut off too if nothing else helps.
 """
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
-from circparam.core.graph import components, nearest, undirected
+from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
@@ -21,54 +20,33 @@ from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
-from circparam.seams.segmentation.slits import (
-    SMOOTHING_RINGS,
-    boundary_vertices,
-    slit_to,
-    smoothed_area_distortion,
-)
 from circparam.seams.segmentation.weigh import ROUNDS, Limits, relax_weighted, share_over
 from circparam.solvers.newton import relax
 
-FIRST_REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
-
-def limit_stretch(
-    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
-) -> None:
+def limit_stretch(atlas: Atlas, limits: Limits, monitor: Monitor, seams: bool = True) -> None:
     """Bring the share of the surface that is stretched or shrunk too much below what is allowed.
 
-    slits, splits: whether seams may be added where weights do not help, and charts be split where slits do not.
-    No chart comes above the bound that was not; charts stay as they are where nothing helps. Deterministic.
+    seams: whether seams may be added where weights do not help. No chart comes above the bound that was not;
+    charts stay as they are where nothing helps. Deterministic.
     """
     cut_mesh, uv = atlas.open()
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
-    # how often slits have not helped the chart of each face; where tips were cut off there is nothing to slit
-    failed = np.zeros(len(atlas.surface.faces), np.int64)
-    last = np.inf  # share that is stretched too much where tips were cut off
-    if slits and limits.cuts_off:
+    if seams and limits.cuts_off:
         _cut_off(atlas, limits, monitor)
-        failed += 2
-    # as many rounds of slits, each of which may fail, as of splits
-    for _ in range(2 * ROUNDS if slits else 0):
+    last = np.inf  # share that is stretched too much where tips were cut off
+    # as many rounds in which tips are cut off as of splits
+    for _ in range(2 * ROUNDS if seams else 0):
         cut_mesh, uv = atlas.open()
-        stretch = face_stretch(cut_mesh, uv)
-        over = share_over(cut_mesh, stretch, limits.most)
+        over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
         if over.sum() <= limits.enough or monitor.expired:
             return
-        far = stretch > limits.most
-        helpless = float(cut_mesh.areas[far & (failed > 1)].sum() / cut_mesh.areas.sum())
-        left = limits.allowed - helpless
-        peaks = _peaks(cut_mesh, uv, far & (failed <= 1), left)
-        if len(peaks):
-            failed += _slit(atlas, cut_mesh, peaks, failed, limits, monitor)
-        elif splits and _split(atlas, cut_mesh, over, limits, monitor):
+        if _split(atlas, cut_mesh, over, limits, monitor):
             continue
-        elif limits.asked and splits and over.sum() < last:
-            last = over.sum()
-            _cut_off(atlas, limits, monitor)
-        else:
+        if not limits.asked or over.sum() >= last:
             return
+        last = over.sum()
+        _cut_off(atlas, limits, monitor)
 
 
 def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor) -> FloatArray:
@@ -86,76 +64,6 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     out = uv.copy()
     out[vid], _ = relax_weighted(sub, uv[vid], rest, monitor)
     return out
-
-
-def _peaks(cut_mesh: CutMesh, uv: FloatArray, over: BoolArray, allowed: float) -> IntArray:
-    """Vertices that slits should lead to: where the curvature lies that stretches faces too much.
-
-    Each face that is stretched too much (over: (m,) bool) counts for the nearest local maximum of the smoothed
-    distortion of area; those maxima that count least are left, as many as the share allowed holds.
-    """
-    n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
-    inside = np.zeros(cut_mesh.n_charts, bool)
-    inside[cut_mesh.chart[over]] = True
-    field = smoothed_area_distortion(cut_mesh, uv)
-    a, b = flat, cut_mesh.faces[:, [1, 2, 0]].ravel()
-    field[boundary_vertices(cut_mesh)] = 0.0
-    highest = field
-    for _ in range(SMOOTHING_RINGS):
-        highest = np.maximum(highest, group_max(highest[b], a, n))
-        highest = np.maximum(highest, group_max(highest[a], b, n))
-    top = (field >= highest) & (field > 0) & inside[cut_mesh.vertex_chart]
-    peaks = np.flatnonzero(top)
-    if len(peaks) == 0:
-        return peaks
-    links = undirected(n, a, b, cut_mesh.edge_lengths.ravel())
-    distance, _, source = nearest(links, peaks)
-    corner = cut_mesh.faces[over]
-    first = corner[np.arange(len(corner)), distance[corner].argmin(1)]
-    of = source[first]
-    found = of >= 0
-    gain = group_sum(cut_mesh.areas[over][found], of[found], n) / cut_mesh.areas.sum()
-    peaks = np.flatnonzero(gain > 0)
-    order = peaks[np.argsort(gain[peaks], kind="stable")]
-    chosen: IntArray = order[np.cumsum(gain[order]) > allowed]
-    return chosen
-
-
-def _slit(
-    atlas: Atlas,
-    cut_mesh: CutMesh,
-    peaks: IntArray,
-    failed: IntArray,
-    limits: Limits,
-    monitor: Monitor,
-) -> BoolArray:
-    """Slit charts towards peaks and lay them out again; (m,) bool: faces of charts that stay as they were.
-
-    failed: (m,) how often that was so before. The first slits lead half of the way, then they lead all of it.
-    """
-    cut, corners = atlas.cut.copy(), atlas.corners.copy()
-    which = np.zeros(cut_mesh.n_charts, bool)
-    which[cut_mesh.vertex_chart[peaks]] = True
-    again = group_max(failed.astype(float), cut_mesh.chart, cut_mesh.n_charts) > 0
-    reach = np.where(again[cut_mesh.vertex_chart[peaks]], 1.0, FIRST_REACH)
-    slit = slit_to(atlas, cut_mesh, peaks, reach)
-    faces = slit[cut_mesh.chart]
-    if not slit.any():  # no way leads there
-        return which[cut_mesh.chart]
-    after = atlas.cut_mesh()
-    changed = np.zeros(after.n_charts, bool)
-    changed[after.chart[faces]] = True
-    sub, vid, fid = after.subset(changed)
-    over = share_over(cut_mesh, face_stretch(cut_mesh, atlas.gather(cut_mesh)), limits.most)
-    limits = limits.without(over[~slit].sum(), cut_mesh, sub)
-    uv, fine = relax_weighted(sub, atlas.gather(after)[vid], limits, monitor)
-    atlas.corners[fid] = uv[sub.faces]
-    back = which[cut_mesh.chart] & ~faces
-    back[fid] = ~fine[sub.chart]
-    atlas.corners[back] = corners[back]
-    inner = atlas.surface.inner_edges(back)
-    atlas.cut[inner] = cut[inner]
-    return back
 
 
 def _cut_off(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:

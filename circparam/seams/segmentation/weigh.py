@@ -18,7 +18,7 @@ from circparam.solvers.newton import relax
 from circparam.solvers.region import cut_out
 
 TAIL_SHARE = 1e-3  # share of the surface on which the stretch may be larger
-ROUNDS = 8  # of weighing, most charts need three; and of slits and splits
+ROUNDS = 8  # of weighing, most charts need three; and of splits
 PATIENCE = 3  # rounds without headway after which a chart is left
 STEP = replace(FINAL, max_iterations=2)
 MOVED_REACH = 0.5  # share of the root of a chart's area that moves round such faces at first
@@ -30,8 +30,8 @@ class Limits:
     the surface may exceed. near: share of the root of a chart's area that moves round such faces at first.
     local: iterations of a step, where what moves is only a few rings wide, and charts too large for a round too
     many (None: charts move as a whole as long as they do not lie on themselves then). cuts_off: parts that
-    weights do not mend are cut off, not slit to. asked: whether a user asked for this stretch; then parts are
-    cut off too where neither slits nor splits help.
+    weights do not mend are cut off. asked: whether a user asked for this stretch; then parts are
+    cut off too where splits do not help.
     """
 
     bound: float

@@ -32,9 +32,9 @@ def fewest(shape):
     return atlas
 
 
-def held(loose, most, slits=True, bound=1.05, **how):
+def held(loose, most, seams=True, bound=1.05, **how):
     atlas = Atlas(loose.surface, loose.cut, loose.corners)
-    limit_stretch(atlas, Limits(bound, most, **how), Monitor(), slits=slits)
+    limit_stretch(atlas, Limits(bound, most, **how), Monitor(), seams=seams)
     return atlas
 
 
@@ -45,7 +45,7 @@ def test_weights_shorten_the_tail_as_far_as_the_bound_allows(room, left, local):
     loose = fewest(SPIKE)
     most = 0.8 * float(np.quantile(face_stretch(*loose.open()), 0.995)) + 0.2
     bound = room * float(energies(*loose.open()).max())
-    better = held(loose, most, slits=False, bound=bound, allowed=0.0, local=local)
+    better = held(loose, most, seams=False, bound=bound, allowed=0.0, local=local)
     assert share_over(better, most) <= left * share_over(loose, most)
     assert_promises(better, bound)
 
@@ -59,7 +59,7 @@ def test_weights_alone_hold_the_default():
     assert_promises(better, 1.05)
 
 
-DRAFT = {"local": 8, "cuts_off": True}  # parts are cut off, not slit to
+DRAFT = {"local": 8, "cuts_off": True}  # parts are cut off
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_seams_hold_what_weights_cannot(shape, most, how):
     assert_promises(better, 1.05)
 
 
-@pytest.mark.parametrize(("locked", "how"), [(True, {}), (True, DRAFT), (False, {"slits": False})])
+@pytest.mark.parametrize(("locked", "how"), [(True, {}), (True, DRAFT), (False, {"seams": False})])
 def test_no_seam_is_added_where_none_may_be(locked, how):
     loose = fewest(SPIKE)
     loose.surface.locked[~loose.cut] = locked
