@@ -13,9 +13,8 @@ from circparam.core.arrays import (
     group_sum,
     mask_of,
     next_half_edge,
-    stable_order,
 )
-from circparam.core.graph import components, nearest
+from circparam.core.graph import nearest
 from circparam.core.records import dataclass
 from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.mesh.atlas import Atlas
@@ -71,30 +70,12 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
         path = _path(whole, chord, costs, ends)
         if path is None:
             continue
-        for edges in _cut_paths(whole.cut_mesh, atlas.surface.edges[path, 0], path):
-            cut = atlas.cut.copy()
-            cut[edges] = True
-            after = _kept(
-                Atlas(atlas.surface, cut, atlas.corners, atlas.prices), edges, chord, limits
-            )
-            if after is not None:
-                return after
+        cut = atlas.cut.copy()
+        cut[path] = True
+        after = _kept(Atlas(atlas.surface, cut, atlas.corners, atlas.prices), path, chord, limits)
+        if after is not None:
+            return after
     return None
-
-
-def _cut_paths(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]:
-    """The path and its parts between boundary vertices, as edges; h (k,): a half-edge of each edge. In narrow
-    charts the whole path would tear off fragments."""
-    flat = cut_mesh.faces.ravel()
-    a, b = flat[h], flat[next_half_edge(h)]
-    rim = mask_of(cut_mesh.n_vertices, flat[cut_mesh.boundary])
-    k = len(path)
-    at = np.concatenate([a, b])
-    inner = np.flatnonzero(~rim[at])  # edges that share such a vertex belong together
-    inner = inner[stable_order(at[inner])]
-    same = at[inner[1:]] == at[inner[:-1]]
-    count, part = components(k, inner[:-1][same] % k, inner[1:][same] % k)
-    return [path] if count == 1 else [path, *(path[part == c] for c in range(count))]
 
 
 def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:
