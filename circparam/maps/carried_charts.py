@@ -67,18 +67,13 @@ class SurfacePoints(Places):
     distance: FloatArray
 
 
-def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
-    rows = zip(*(vars(part).values() for part in parts), strict=True)
-    return SurfacePoints(*map(np.concatenate, rows))
-
-
 def _in_blocks(find: Callable[..., SurfacePoints]) -> Callable[..., SurfacePoints]:
     """A search that takes its rows in blocks, which bounds the memory."""
 
     @functools.wraps(find)
     def whole(source: "SourceCharts", *arrays: FloatArray | IntArray) -> SurfacePoints:
         blocks = slices(len(arrays[0]), PLACES_AT_ONCE)
-        return _concatenated(*(find(source, *(a[k] for a in arrays)) for k in blocks))
+        return SurfacePoints.joined(*(find(source, *(a[k] for a in arrays)) for k in blocks))
 
     return whole
 
@@ -323,7 +318,7 @@ def _relabel(
     own = np.repeat(face, len(PROBES))
     probe = len(PROBES) * own + np.tile(np.arange(len(PROBES)), len(face))
     face = np.concatenate([own, other])
-    lead = _concatenated(probed.take(probe), led.take(beside))
+    lead = SurfacePoints.joined(probed.take(probe), led.take(beside))
     found = _corner_points(source, target, lead, face)
     there = source.uv(found).reshape(-1, 3, 2)
     fault = -heights(there, sign[source.chart[lead.face]])[0]

@@ -76,12 +76,6 @@ class ClosedMesh:
                 return out
 
     @cached_property
-    def edge_lengths(self) -> FloatArray:
-        """(3m,) length of each half-edge."""
-        d = self.points[self.faces[:, [1, 2, 0]].ravel()] - self.points[self.faces.ravel()]
-        return np.asarray(np.linalg.norm(d, axis=1))
-
-    @cached_property
     def cut_mesh(self) -> CutMesh:
         """As methods see it: one chart without a boundary."""
         h = np.arange(3 * len(self.faces))

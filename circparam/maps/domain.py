@@ -135,41 +135,29 @@ def composed(
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
-    """Replace the arcs from number ``first`` on by diagonals, on both meshes, in place."""
-    for arcs in _rounds(layout, first):
-        for tracer in layout.tracers:
-            _lay_diagonals(tracer, layout, arcs, weights)
-            tracer.split_chords()
+    """Replace the arcs from number ``first`` on by diagonals, on both meshes, in place.
 
-
-def _rounds(layout: Layout, first: int) -> list[list[int]]:
-    """Arcs to replace together: of each region one at most, and only between regions that make a
-    quadrilateral.
+    An arc is the diagonal of its two regions, which must make a quadrilateral. Arcs that have no region in
+    common are replaced together.
     """
-    region_of = {arc: n for n, r in enumerate(layout.regions()) for arc in r}
-    corners = {
-        arc: {layout.ends[side][0] for side in _sides(layout, arc)}
-        for arc in range(first, len(layout.ends), 2)
-    }
-    left = np.array([arc for arc, own in corners.items() if len(own) == 4], np.int64)
-    out = []
+    region = layout.region_of()
+    left = np.arange(first, len(layout.ends), 2)
+    corners = [{layout.ends[side][0] for side in _sides(layout, arc)} for arc in left.tolist()]
+    left = left[[len(own) == 4 for own in corners]]
     while len(left):
-        right, beyond = (np.array([region_of[arc ^ k] for arc in left.tolist()]) for k in (0, 1))
-        now = matching(-np.arange(len(left), dtype=np.float64), right, beyond, len(region_of))
-        out.append(left[now].tolist())
+        now = matching(-np.arange(float(len(left))), region[left], region[left ^ 1], len(region))
+        for tracer in layout.tracers:
+            _lay_diagonals(tracer, layout, left[now].tolist(), weights)
+            tracer.split_chords()
         left = np.delete(left, now)
-    return out
 
 
 def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str) -> None:
     """Replace some arcs of one mesh, whose pairs of patches do not touch each other."""
-    mesh = tracer.mesh
-    regions = layout.regions()
-    region_of = {arc: k for k, r in enumerate(regions) for arc in r}
-    name = np.full(len(regions), -1)
-    for number, arc in enumerate(arcs):
-        name[[region_of[arc], region_of[arc ^ 1]]] = number
-    of_face = name[tracer.regions(regions)]
+    mesh, region = tracer.mesh, layout.region_of()
+    name = np.full(len(region), -1)
+    name[region[arcs]] = name[region[[arc ^ 1 for arc in arcs]]] = np.arange(len(arcs))
+    of_face = name[tracer.regions(layout.regions())]
     sides = [_sides(layout, arc) for arc in arcs]
     uv = laid_in_polygons(tracer, of_face, sides, SQUARE, weights).reshape(-1, 2)
     h = np.flatnonzero((of_face >= 0).repeat(3))

@@ -220,19 +220,12 @@ def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list
     for n, mark in enumerate(own):
         out.append(mark)
         after = own[(n + 1) % len(own)]
-        for x, y in zip(
-            _between(a, marks.a[mark], marks.a[after], span),
-            _between(b, marks.b[mark], marks.b[after], span),
-            strict=True,
-        ):
-            out.append(marks.add(x, y, False))
+        # helpers divide the boundary up to the next landmark, or round, by length
+        one = a.along_boundary(marks.a[mark], marks.a[after])
+        two = b.along_boundary(marks.b[mark], marks.b[after])
+        at = zip(a.closed.divided(one, span), b.closed.divided(two, span), strict=True)
+        out += [marks.add(one[x], two[y], False) for x, y in at]
     return out
-
-
-def _between(side: MapInput, start: int, end: int, parts: int) -> list[int]:
-    """Vertices that divide a boundary from one vertex to another (or round) into so many parts by length."""
-    path = side.along_boundary(start, end)
-    return path[side.closed.divided(path, parts)].tolist()
 
 
 def _best_start(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> int:

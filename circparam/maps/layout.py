@@ -85,6 +85,13 @@ class Layout:
         _, order, size = cycles(follower)
         return [r.tolist() for r in np.split(order, np.cumsum(size))[:-1]]
 
+    def region_of(self) -> IntArray:
+        """(2e,) the region on the left of each arc."""
+        regions = self.regions()
+        out = np.empty(len(self.ends), np.int64)
+        out[np.concatenate(regions)] = np.repeat(np.arange(len(regions)), [len(r) for r in regions])
+        return out
+
     def lay_known(self, i: int, j: int, a: IntArray, b: IntArray) -> None:
         """Add an arc whose two paths (vertices from landmark i to landmark j) are known."""
         one, two = (t.traced(i, j, path) for t, path in zip(self.tracers, (a, b), strict=True))

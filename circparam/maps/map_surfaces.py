@@ -8,6 +8,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from circparam.core.arrays import first_of_each
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import IntArray
@@ -21,7 +22,7 @@ from circparam.maps.cover import CoverPoints
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput, map_input_of, require_same
 from circparam.maps.overlay import refinement
-from circparam.maps.places import at_vertices, for_file, on_surface
+from circparam.maps.places import for_file, on_half_edges, on_surface
 from circparam.maps.solution import Distortion, MapSolution, distortion, face_energies, solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import UVMap
@@ -241,7 +242,8 @@ def _result(
 def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -> Places:
     """Where vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
     places = on_surface(on_b, mesh)
-    return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)
+    corner = first_of_each(b.surface.corner_vertex.ravel(), b.n)[exact[:, 1]]
+    return places.put(exact[:, 0], on_half_edges(corner, np.zeros(len(exact))))
 
 
 def _layout(surface: Document, name: str) -> UVMap:

@@ -69,14 +69,17 @@ def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
             "the edges of the two surfaces lie on each other beyond double precision: no overlay; "
             "map without --overlay, or move one of the meshes"
         )
-    on_a = _joined(_corners(one.mesh), found.on_a, on_half_edges(x.edge_a, x.share_a)), one.mesh, a
-    on_b = _joined(found.on_b, _corners(two.mesh), on_half_edges(x.edge_b, x.share_b)), two.mesh, b
+    # vertices of A, vertices of B, crossings
+    on_a, on_b = (Places(at.face, at.weights) for at in (found.on_a, found.on_b))
+    places = (
+        Places.joined(_corners(one.mesh), on_a, on_half_edges(x.edge_a, x.share_a)),
+        Places.joined(on_b, _corners(two.mesh), on_half_edges(x.edge_b, x.share_b)),
+    )
     faces, *own = made
-    parents = [
-        side.surface.source[mesh.parent[f]]
-        for f, (_, mesh, side) in zip(own, (on_a, on_b), strict=True)
-    ]
-    on_both = [on_file(on_surface(places, mesh), side) for places, mesh, side in (on_a, on_b)]
+    parents, on_both = [], []
+    for side, mesh, face, at in zip((a, b), (one.mesh, two.mesh), own, places, strict=True):
+        parents.append(side.surface.source[mesh.parent[face]])
+        on_both.append(on_file(on_surface(at, mesh), side))
     return Refinement(faces, np.stack(parents, 1), *on_both)
 
 
@@ -212,12 +215,6 @@ def _followers(a: _Chains, b: _Chains, x: Crossings, n: int) -> IntArray:
 def _corners(mesh: ClosedMesh) -> Places:
     """The vertices of a mesh as places on it."""
     return on_half_edges(mesh.first_out, np.zeros(mesh.n))
-
-
-def _joined(*parts: Places) -> Places:
-    """The places of several, one after the other."""
-    face, weights = ([getattr(part, name) for part in parts] for name in ("face", "weights"))
-    return Places(np.concatenate(face), np.concatenate(weights))
 
 
 def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, FloatArray]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import first_of_each, interpolated
+from circparam.core.arrays import interpolated
 from circparam.core.types import FloatArray, IntArray
 from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import CoverPoints
@@ -54,15 +54,6 @@ def on_surface(places: Places, mesh: ClosedMesh) -> Places:
     """Places on a closed mesh as places on the surface that it closes."""
     weights = np.maximum(interpolated(places.weights, mesh.corners[places.face]), 0)
     return Places(mesh.parent[places.face], weights / weights.sum(1, keepdims=True))
-
-
-def at_vertices(places: Places, vertices: IntArray, there: IntArray, faces: IntArray) -> Places:
-    """The places with those of some vertices set to vertices of the other surface, exactly."""
-    face, weights = places.face.copy(), places.weights.copy()
-    h = first_of_each(faces.ravel(), int(faces.max()) + 1)[there]
-    face[vertices] = h // 3
-    weights[vertices] = np.eye(3)[h % 3]
-    return Places(face, weights)
 
 
 def for_file(places: Places, source: MapInput, target: MapInput) -> Places:

@@ -44,6 +44,11 @@ class Places:
             values[rows] = getattr(other, name)
         return self
 
+    @classmethod
+    def joined(cls, *parts: Self) -> Self:
+        """The places of several, one after the other."""
+        return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
+
     def of(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """(k, d) values ((n, d) a vertex) interpolated at the places; faces: (m, 3) of that mesh."""
         return interpolated(self.weights, values[faces[self.face]])

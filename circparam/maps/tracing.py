@@ -49,7 +49,7 @@ class Tracer:
         """Go on with the mesh after edges were split."""
         self.mesh = mesh
         i, j = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-        length = mesh.edge_lengths / self.unit
+        length = np.linalg.norm(mesh.points[j] - mesh.points[i], axis=1) / self.unit
         self._graph = sps.csr_matrix((length, (i, j)), shape=(mesh.n, mesh.n))
         self._row = np.repeat(np.arange(mesh.n), np.diff(self._graph.indptr))
 
