@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import group_count, mask_of, next_half_edge
-from circparam.core.graph import cycles
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, IntArray
@@ -21,7 +20,7 @@ from circparam.maps.map_input import MapInput
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.verify import uv_seams
 
-Label = tuple[int, int, int]
+Label = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +39,9 @@ class ChartGraph:
 
     @cached_property
     def labels(self) -> list[Label]:
-        """Labels that tell arcs apart: surface on the left or not, arcs round it, the first landmark."""
-        cycle, _, size = cycles(np.array(self.after))
-        return [
-            (int(self.chart[d] >= 0), int(size[cycle[d]]), self.mark.get(int(p[0]), -1))
-            for d, p in enumerate(self.paths)
-        ]
+        """Labels that tell arcs apart: surface on the left or not, the first landmark."""
+        marks = [self.mark.get(int(path[0]), -1) for path in self.paths]
+        return list(zip((self.chart >= 0).tolist(), marks, strict=True))
 
     def line(self) -> str:
         """Counts with their nouns."""

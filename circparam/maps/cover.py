@@ -162,13 +162,9 @@ class Cover:
         """Faces of the surface that are not counter-clockwise, by exact signs."""
         return int((signs_of(self.cones)[self.mesh.parent >= 0] <= 0).sum())
 
-    def direction(self, face: IntArray, w: FloatArray) -> FloatArray:
-        """(k, 3) places with weights (k, 3) in faces, in the frames of these."""
-        return self.geometry.normal(interpolated(w, self.cones[face]))
-
     def vectors_of(self, points: CoverPoints) -> FloatArray:
         """(k, 3) places in the frames in which they are asked for."""
-        there = self.direction(points.face, points.weights)
+        there = self.geometry.normal(interpolated(points.weights, self.cones[points.face]))
         return np.asarray(np.einsum("kij,kj->ki", points.turn, there), np.float64)
 
     def find(self, q: FloatArray, start: IntArray) -> CoverPoints:

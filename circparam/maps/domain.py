@@ -112,7 +112,7 @@ def _patched(
     q = interpolated(places.reshape(-1, 3)[first], base.corners[patch[first // 3]])
     cover = Cover(base.geometry, development, base.geometry.normal(q))
     if (signs_of(cover.cones) <= 0).any():
-        q, _ = mended(base.geometry, development, tracer.on, cover.vectors)
+        q = mended(base.geometry, development, tracer.on, cover.vectors)
         cover = replace(cover, vectors=q)
         collapsed = int((signs_of(cover.cones) <= 0).sum())
         if collapsed:
@@ -238,15 +238,15 @@ def laid_in_polygons(
 
 def mended(
     geometry: Geometry, development: Development, fixed: BoolArray, q: FloatArray
-) -> tuple[FloatArray, int]:
-    """(vectors (n, 3) of the vertices with fewer faces turned over than by q (n, 3), the number left).
+) -> FloatArray:
+    """Vectors (n, 3) of the vertices with fewer faces turned over than by q (n, 3).
 
     development: of a mesh over the geometry. fixed (n,): vertices that stay.
     """
     for rings in UNTANGLED_RINGS:
         if development.turned(q).any():
             q = _untangled(geometry, development, fixed, q, rings)
-    return q, int(development.turned(q).sum())
+    return q
 
 
 def _untangled(

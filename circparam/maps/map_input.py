@@ -1,5 +1,6 @@
 """A mesh as one side of a map: its checks, and the closed mesh that replaces it."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -81,13 +82,12 @@ def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
         edges = surface.edges // 3 * 3 + turn[surface.edges % 3]
         edges = np.sort(edges, 1)
         order = np.argsort(edges[:, 0], kind="stable")
-        surface = Surface(
-            surface.points,
-            surface.faces[:, [0, 2, 1]],
-            surface.source,
-            ~surface.reversed_faces,
-            edges[order],
-            surface.locked[order],
+        surface = replace(
+            surface,
+            faces=surface.faces[:, [0, 2, 1]],
+            reversed_faces=~surface.reversed_faces,
+            edges=edges[order],
+            locked=surface.locked[order],
         )
     number, _ = surface.components
     if number != 1:
@@ -120,24 +120,20 @@ def _closed(
 ) -> tuple[ClosedMesh, IntArray]:
     """(the surface with a cone over each boundary, (b,) the tip of each)."""
     m, n = len(faces), len(points)
-    tips, more = [], []
+    tips, cones = [], [faces]
     for k, loop in enumerate(loops):
-        p = points[loop]
-        middle = p.mean(0)
-        area = np.cross(p - middle, np.roll(p, -1, 0) - middle).sum(0) / 2
-        length = float(np.linalg.norm(np.roll(p, -1, 0) - p, axis=1).sum())
-        size = float(np.linalg.norm(area))
-        out = area / size if size > 1e-6 * length**2 else np.array([0.0, 0.0, 1.0])
-        tips.append(middle - out * length / (2 * np.pi))
         after = np.roll(loop, -1)
-        more.append(np.stack([after, loop, np.full(len(loop), n + k)], 1))
-    closing = sum(len(x) for x in more)
+        length = np.linalg.norm(points[after] - points[loop], axis=1).sum()
+        # half of the length away from the middle, which no vertex of the boundary is
+        tips.append(points[loop].mean(0) + np.array([0.0, 0.0, length / 2]))
+        cones.append(np.stack([after, loop, np.full(len(loop), n + k)], 1))
+    whole = np.concatenate(cones)
     closed = ClosedMesh(
         np.concatenate([points, np.array(tips).reshape(-1, 3)]),
-        np.concatenate([faces, *more]),
-        np.r_[np.arange(m), np.full(closing, -1)],
-        np.broadcast_to(np.eye(3), (m + closing, 3, 3)).copy(),
-        np.arange(m + closing),
+        whole,
+        np.where(np.arange(len(whole)) < m, np.arange(len(whole)), -1),
+        np.broadcast_to(np.eye(3), (len(whole), 3, 3)).copy(),
+        np.arange(len(whole)),
     )
     return closed, n + np.arange(len(loops))
 

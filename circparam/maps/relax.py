@@ -251,11 +251,10 @@ class Relaxation:
 
     def run(
         self, at: TargetPoint, steps: int, tolerance: float, monitor: Monitor
-    ) -> tuple[TargetPoint, float, int]:
+    ) -> tuple[TargetPoint, float]:
         """Newton's steps from known places until they gain less than ``tolerance`` of the energy: (where the
-        vertices come to lie, the energy, the number of steps)."""
-        energy = self.energy(at)
-        done = small = 0
+        vertices come to lie, the energy)."""
+        energy, small = self.energy(at), 0
         for _ in range(steps):
             tick()
             if monitor.expired:
@@ -264,12 +263,11 @@ class Relaxation:
             if better is None:
                 break
             at, after, promised = better
-            done += 1
             gain, energy = energy - after, after
             small = small + 1 if gain < tolerance * energy else 0
             if promised < tolerance * energy or small == PATIENCE_STEPS:
                 break
-        return at, energy, done
+        return at, energy
 
     def step(self, at: TargetPoint, energy: float) -> tuple[TargetPoint, float, float] | None:
         """One step: (its end, the energy there, the gain that Newton's model promised), None if no step is

@@ -124,18 +124,18 @@ def relaxed(
         run = Relaxation(whole, rest, target, fixed, weight, guard=False)
         first = target.at(start)
         begun = run.energy(first)
-        at, _, _ = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor)
+        at, _ = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor)
     with monitor.stage("domain"):
         cover = _untied(b, domain, at.on, monitor)
     with monitor.stage("relax"):
         q = cover.vectors_of(at.on)
         if whole.turned(q).any():
-            q, left = mended(geometry, whole, fixed, q)
-            if left:
+            q = mended(geometry, whole, fixed, q)
+            if whole.turned(q).any():
                 return None
             run.target, run.guard = MeshTarget(cover, scale), True
             again = run.target.at(cover.found_again(q, at.on), q)
-            at, energy, _ = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
+            at, energy = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
             if energy > begun:
                 return None
             q = at.vectors
@@ -152,26 +152,24 @@ def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> C
     where the domain bends under it.
     """
     one, two = domain.meshes
-    cover, geometry, mesh = two.cover, domain.base.geometry, two.cover.mesh
+    cover, mesh = two.cover, two.cover.mesh
+    turned = one.whole.turned(cover.vectors_of(at)).sum()
+    if not turned:
+        return cover
     areas = mesh.cut_mesh.areas * np.where(mesh.parent < 0, CAP_WEIGHT, 1.0)
+    rest = mesh.cut_mesh.rest_triangles / np.sqrt(areas.sum())
     fixed: BoolArray = np.zeros(mesh.n, bool)
     fixed[: b.n] = b.on_boundary >= 0  # it stays on the arcs that both meshes have
     fixed[b.tips] = True
-    target = GeometryTarget(geometry, 1 / float(np.sqrt(domain.base.area)), cover.development)
-    run: Relaxation | None = None
-    before = len(one.whole.mesh.faces) + 1
+    scale = 1 / float(np.sqrt(domain.base.area))
+    target = GeometryTarget(cover.geometry, scale, cover.development)
+    run = Relaxation(cover.development, rest, target, fixed, areas / areas.sum())
     for _ in range(DOMAIN_ROUNDS):
-        left = int(one.whole.turned(cover.vectors_of(at)).sum())
-        if left == 0 or left >= before:
-            break
-        before = left
-        if run is None:
-            rest = mesh.cut_mesh.rest_triangles / np.sqrt(areas.sum())
-            run = Relaxation(cover.development, rest, target, fixed, areas / areas.sum())
-        moved, _, steps = run.run(target.at(cover.vectors), DOMAIN_STEPS, DOMAIN_TOLERANCE, monitor)
-        if steps == 0:
-            break
+        moved, _ = run.run(target.at(cover.vectors), DOMAIN_STEPS, DOMAIN_TOLERANCE, monitor)
         cover = replace(cover, vectors=moved.vectors)
+        before, turned = turned, one.whole.turned(cover.vectors_of(at)).sum()
+        if not 0 < turned < before:
+            break
     return cover
 
 

@@ -125,10 +125,9 @@ class Tracer:
         ring = self.mesh.ring(int(self.marks[i]))
         leaves = {int(p[1]): arc for arc, p in self.arcs.items() if p[0] == self.marks[i]}
         out, sector = {}, -1
-        for vertex in [
-            *ring,
-            *ring,
-        ]:  # the last arc of the first turn is the sector of the first neighbours
+        for vertex in (
+            ring * 2
+        ):  # the last arc of the first turn is the sector of the first neighbours
             sector = leaves.get(vertex, sector)
             out[vertex] = sector
         return out
