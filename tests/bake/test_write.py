@@ -2,7 +2,6 @@
 
 import base64
 import json
-import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,19 +26,16 @@ from tests.support import shapes
 from tests.support.baking import sample_back, some_places, stored
 from tests.support.bumps import belt
 from tests.support.formats_tools import grid
+from tests.support.gltf_files import chunks
 from tests.support.maps import cube_obj
 from tests.support.ply_files import INDEX, XYZ, build
 from tests.support.validator import validate
 
 
-def chunks(data: bytes) -> tuple[dict, bytes]:
-    """(JSON, binary chunk) of a GLB, by the layout of the standard."""
-    assert data[:4] == b"glTF"
-    version, total, size, kind = struct.unpack_from("<II I4s", data, 4)
-    assert (version, total, kind, size % 4) == (2, len(data), b"JSON", 0)
-    length, kind = struct.unpack_from("<I4s", data, 20 + size)
-    assert (kind, 28 + size + length) == (b"BIN\0", total)
-    return json.loads(data[20 : 20 + size]), data[28 + size :]
+def glb_parts(data: bytes) -> tuple[dict, bytes]:
+    """(JSON, binary chunk) of a GLB."""
+    (_, text), (_, body) = chunks(data)
+    return json.loads(text), body
 
 
 def test_png_of_several_tiles(tmp_path: Path, files: Path):
@@ -57,7 +53,7 @@ def test_materials_and_colours_of_a_glb_show_the_image(files: Path):
     new = read(files / "new.obj")
     first = bake_document(new, "texture", source=read(files / "old.obj"), size=8)
     write_baked(files / "first.glb", first, new, 0, "texture")
-    tree, binary = chunks((files / "first.glb").read_bytes())
+    tree, binary = glb_parts((files / "first.glb").read_bytes())
     primitive = tree["meshes"][0]["primitives"][0]
     own = dict(primitive["attributes"])
     own["COLOR_0"] = own["POSITION"]
@@ -72,7 +68,7 @@ def test_materials_and_colours_of_a_glb_show_the_image(files: Path):
     ]
     image = png(np.full((2, 2, 3), 7, np.uint8))
     for kind, drop in (("texture", False), ("vertex-colors", True)):
-        out, body = chunks(embed(glb_bytes(tree, binary), Source("x.glb"), image, 1, kind))
+        out, body = glb_parts(embed(glb_bytes(tree, binary), Source("x.glb"), image, 1, kind))
         shown = [m["pbrMetallicRoughness"] for m in out["materials"]]
         assert len(shown) == 3  # one new material for both faces without
         assert [m["baseColorTexture"] for m in shown] == [{"index": 1, "texCoord": 1}] * 3
@@ -92,7 +88,7 @@ def gloss_glb(image: int | None, **gloss: object) -> bytes:
     """A triangle whose material is one of specular-glossiness, perhaps with an image of one red texel."""
     new = from_arrays(np.eye(3), [[0, 1, 2]], np.eye(3)[:, :2] * 0.9)
     layout = new.uv()
-    tree, binary = chunks(encode(new, layout, "glb").data)
+    tree, binary = glb_parts(encode(new, layout, "glb").data)
     tree["materials"] = [{"name": "g", "extensions": {GLOSS: gloss}}]
     tree["extensionsUsed"] = [GLOSS]
     if image is not None:
@@ -111,7 +107,7 @@ def test_gloss_alpha_and_tint_are_kept(tmp_path: Path, image: int | None):
     found = new.textures()
     baked = replace(baked, tints=found.tints)
     paths, notes = write_baked(tmp_path / "a.glb", baked, new, 0, "texture")
-    tree, _ = chunks(paths[0].read_bytes())
+    tree, _ = glb_parts(paths[0].read_bytes())
     assert "extensionsUsed" not in tree
     pbr = tree["materials"][0]["pbrMetallicRoughness"]
     tinted = [1, 0.5, 0.5, 0.3] if image == 0 else [1, 1, 1, 0.3]  # else it is part of the image
@@ -173,7 +169,7 @@ def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path, up: 
     across = Across("nearest", 0.06)
     baked = bake_document(target, "normals", source=source, across=across, size=256)
     (path,), _ = write_baked(tmp_path / "out.glb", baked, target, 0, "normals", up=up)
-    tree, _ = chunks(path.read_bytes())
+    tree, _ = glb_parts(path.read_bytes())
     (primitive,) = tree["meshes"][0]["primitives"]
     material = tree["materials"][primitive["material"]]
     assert "baseColorTexture" not in material["pbrMetallicRoughness"]
@@ -210,7 +206,7 @@ def test_frames_are_told_in_the_space_of_their_node(tmp_path: Path):
     """A node that turns and stretches its mesh: the normals of the file are those of the world, turned back."""
     mesh, layout = belt(6, 12)
     document = stored(tmp_path, "a", mesh, layout)
-    tree, binary = chunks(encode(document, document.uv(), "glb").data)
+    tree, binary = glb_parts(encode(document, document.uv(), "glb").data)
     tree["nodes"][0] |= {"rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, 3]}
     glb = glb_bytes(tree, binary)
     faces = len(mesh.faces)

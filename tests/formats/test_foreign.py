@@ -1,8 +1,6 @@
 """Formats that come through trimesh: geometry as trimesh has it, a clear line where something is missing."""
 
-import io
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -35,29 +33,24 @@ def three_mf() -> bytes:
     return bytes(scene().export(file_type="3mf"))
 
 
-def collada(up: str = "Y_UP") -> bytes:
-    """A triangle pair in COLLADA, under a node that moves it by 5 along x."""
-    dae = pytest.importorskip("collada")
-    file = dae.Collada()
-    file.assetInfo.upaxis = up
-    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    source = dae.source.FloatSource("p", p.ravel(), ("X", "Y", "Z"))
-    geometry = dae.geometry.Geometry(file, "g", "g", [source])
-    inputs = dae.source.InputList()
-    inputs.addInput(0, "VERTEX", "#p")
-    geometry.primitives.append(
-        geometry.createTriangleSet(np.array([0, 1, 2, 0, 2, 3]), inputs, "m")
-    )
-    file.geometries.append(geometry)
-    node = dae.scene.Node(
-        "n", children=[dae.scene.GeometryNode(geometry)],
-        transforms=[dae.scene.TranslateTransform(5, 0, 0)],
-    )  # fmt: skip
-    file.scenes.append(dae.scene.Scene("s", [node]))
-    file.scene = file.scenes[0]
-    out = io.BytesIO()
-    file.write(out)
-    return out.getvalue()
+# two triangles under a node that moves them by 5 along x
+COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2026-01-01</created><modified>2026-01-01</modified><up_axis>{up}</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+  <source id="p">
+    <float_array id="a" count="12">0 0 0 1 0 0 1 1 0 0 1 0</float_array>
+    <technique_common><accessor source="#a" count="4" stride="3">
+      <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+    </accessor></technique_common>
+  </source>
+  <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+  <triangles count="2"><input offset="0" semantic="VERTEX" source="#v"/><p>0 1 2 0 2 3</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s">
+  <node><translate>5 0 0</translate><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>"""
 
 
 def step() -> bytes:
@@ -144,12 +137,9 @@ def test_faces_are_wound_as_they_are_seen() -> None:
 def test_the_axis_that_collada_says_to_point_up(up: str, zipped: bool) -> None:
     """The square lies in the plane of x and y: with z up it lies flat, in glTF in the plane of x and z. Its
     node moves it."""
-    data = collada(up)
-    if zipped:
-        out = io.BytesIO()
-        with zipfile.ZipFile(out, "w") as archive:
-            archive.writestr("a.dae", data)
-        data = out.getvalue()
+    pytest.importorskip("collada")
+    data = COLLADA.format(up=up).encode()
+    data = hostile.archive({"a.dae": data}) if zipped else data
     document = read_data(data)
     mesh = document.mesh
     assert mesh.corners.reshape(-1, 3).min(0).tolist() == [5, 0, 0]
@@ -198,17 +188,10 @@ def test_draco_without_its_decoder_is_refused(monkeypatch: pytest.MonkeyPatch) -
         read_data(data, reader="trimesh")
 
 
-def plain_zip() -> bytes:
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as archive:
-        archive.writestr("a.txt", "no mesh")
-    return out.getvalue()
-
-
 @pytest.mark.parametrize(
     ("name", "data"),
     [
-        ("a.3mf", plain_zip()),
+        ("a.3mf", hostile.archive({"a.txt": b"no mesh"})),
         ("b.3mf", b"PK\x03\x04rubbish"),
         ("d.dae", b"<COLLADA"),
         ("e.stp", b"ISO-10303-21;"),

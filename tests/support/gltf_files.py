@@ -14,12 +14,22 @@ from circparam.formats.gltf.unused import accessor_slots, view_slots
 from tests.support.formats_tools import GltfMaker, grid
 
 
+def chunks(data: bytes) -> list[tuple[int, bytes]]:
+    """(type, body) of every chunk of a GLB; the lengths must be whole words and add up."""
+    assert struct.unpack_from("<4sII", data) == (b"glTF", 2, len(data))
+    out, at = [], 12
+    while at < len(data):
+        size, kind = struct.unpack_from("<II", data, at)
+        assert size % 4 == 0
+        out.append((kind, data[at + 8 : at + 8 + size]))
+        at += 8 + size
+    assert at == len(data)
+    return out
+
+
 def tree_of(data: bytes) -> dict:
     """The JSON of a GLB or glTF."""
-    if data[:4] == b"glTF":
-        (size,) = struct.unpack_from("<I", data, 12)
-        data = data[20 : 20 + size]
-    return json.loads(data)
+    return json.loads(chunks(data)[0][1] if data[:4] == b"glTF" else data)
 
 
 def full_mesh(n: int = 4, *, mode: int = 4, material: bool = True) -> GltfMaker:

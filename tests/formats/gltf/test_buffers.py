@@ -11,7 +11,7 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode, read, read_data, stored, write
 from tests.support.formats_tools import GltfMaker, corners, grid, layout_with_seams, smooth_layout
-from tests.support.gltf_files import assert_same_but_uv, full_mesh
+from tests.support.gltf_files import assert_same_but_uv, chunks, full_mesh
 
 
 def test_data_that_an_extension_may_use_is_left_alone() -> None:
@@ -57,19 +57,6 @@ def test_external_buffers_and_images(tmp_path: Path) -> None:
     cut = write(out / "c.gltf", document, layout_with_seams(document))
     assert sorted(p.name for p in cut.files) == ["c.bin", "c.gltf"]
     assert len(read(out / "c.gltf").tree.json["buffers"]) == 1
-
-
-def chunks(data: bytes) -> list[tuple[int, bytes]]:
-    """(type, body) of every chunk; the lengths must be whole words and add up."""
-    assert struct.unpack_from("<4sII", data) == (b"glTF", 2, len(data))
-    out, at = [], 12
-    while at < len(data):
-        size, kind = struct.unpack_from("<II", data, at)
-        assert size % 4 == 0
-        out.append((kind, data[at + 8 : at + 8 + size]))
-        at += 8 + size
-    assert at == len(data)
-    return out
 
 
 def test_bytes_that_a_living_view_shares_stay() -> None:
