@@ -20,15 +20,6 @@ from tests.support.format_contract import document
 from tests.support.formats_tools import corners, layout_with_seams, smooth_layout
 
 
-def test_places_that_cannot_be_written(tmp_path: Path) -> None:
-    doc = document()
-    with pytest.raises(OutputError, match="does not exist"):
-        write(tmp_path / "none" / "x.obj", doc, smooth_layout(doc))
-    (tmp_path / "x.obj").mkdir()
-    with pytest.raises(OutputError, match="directory"):
-        write(tmp_path / "x.obj", doc, smooth_layout(doc), overwrite=True)
-
-
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 def test_an_error_leaves_nothing_behind(tmp_path, monkeypatch, error):
     doc = document()

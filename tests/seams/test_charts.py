@@ -175,7 +175,8 @@ def test_real_meshes(path: Path) -> None:
     atlas_of((mesh.points, mesh.faces), search=Search(draft=draft))
 
 
-LIKE_OTHERS = {"creature-pose", "head-2", "cover-coarse"}  # the second of a pair
+# the second of a pair; what the tutorial unwraps into a file with a gate, or a shape of this file
+LIKE_OTHERS = {"creature-pose", "head-2", "cover-coarse", "knot", "bumped-disk"}
 
 
 @pytest.mark.parametrize("name", [n for n in samples.names() if n not in LIKE_OTHERS])

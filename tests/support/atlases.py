@@ -12,6 +12,7 @@ from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS
+from circparam.seams.multires.decimate import Proxy
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import SeamPrices
 from circparam.seams.segmentation.grow import dual_graph, make_disks
@@ -86,6 +87,12 @@ def assert_promises(atlas: Atlas, bound: float) -> None:
 def energies(cut_mesh, uv) -> np.ndarray:
     """(n_charts,) symmetric Dirichlet energy / 4."""
     return relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
+
+
+def proxy_over(fine: Surface, coarse: Surface) -> Proxy:
+    """The cell of a fine vertex is the nearest coarse one."""
+    distance = np.linalg.norm(fine.vertex_points[:, None] - coarse.points, axis=2)
+    return Proxy(coarse, distance.argmin(1), np.zeros((0, 2), np.int64))
 
 
 def whole(surface: Surface, prices: SeamPrices | None = None) -> Atlas:

@@ -15,7 +15,7 @@ from circparam.seams.multires.transfer_layout import (
 )
 from circparam.solvers.poisson import from_jacobians
 from tests.support import shapes
-from tests.support.atlases import cut_between, energies, middles, surface_of
+from tests.support.atlases import cut_between, energies, middles, proxy_over, surface_of
 
 N = 8  # cells of the coarse sheet along each side; the fine one has three times as many
 
@@ -32,8 +32,7 @@ def sheets(bend: float = 0.0) -> tuple[Surface, Proxy]:
             )
             for s in (fine, coarse)
         )  # fmt: skip
-    distance = np.linalg.norm(fine.vertex_points[:, None] - coarse.points, axis=2)
-    return fine, Proxy(coarse, distance.argmin(1), np.zeros((0, 2), np.int64))
+    return fine, proxy_over(fine, coarse)
 
 
 def in_two(surface: Surface, at: float = 0.5) -> Atlas:
@@ -77,10 +76,8 @@ def test_seams_are_taken_over_only_where_every_corner_is_the_same() -> None:
     fine = surface_of(p, one)
     for faces in (one, other):
         coarse = Atlas(surface_of(p, faces), np.ones(1, bool))
-        away = np.linalg.norm(fine.vertex_points[:, None] - coarse.surface.points, axis=2)
-        proxy = Proxy(coarse.surface, away.argmin(1), np.zeros((0, 2), np.int64))
         atlas = Atlas(fine, np.zeros(len(fine.edges), bool))
-        taken = take_over(atlas, coarse, proxy, np.arange(2))
+        taken = take_over(atlas, coarse, proxy_over(fine, coarse.surface), np.arange(2))
         assert taken.all() if faces is one else not taken.any()
         assert atlas.cut.all() if faces is one else not atlas.cut.any()
 

@@ -11,13 +11,7 @@ from circparam.seams.multires.decimate import Proxy, decimate
 from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.segmentation import grow
 from tests.support import shapes
-from tests.support.atlases import cut_between, cut_where, middles, surface_of
-
-
-def proxy_over(fine: Surface, coarse: Surface) -> Proxy:
-    """The cell of a fine vertex is the nearest coarse one."""
-    distance = np.linalg.norm(fine.vertex_points[:, None] - coarse.points, axis=2)
-    return Proxy(coarse, distance.argmin(1), np.zeros((0, 2), np.int64))
+from tests.support.atlases import cut_between, cut_where, middles, proxy_over, surface_of
 
 
 def sheets(n: int = 6, times: int = 3) -> tuple[Surface, Proxy]:
