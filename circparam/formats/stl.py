@@ -50,7 +50,8 @@ def _promised(head: bytes, size: int, source: Source) -> int:
     than its header promises."""
     if size < HEADER_BYTES:
         raise source.error(
-            f"its {counted(size, 'byte')} are shorter than the header of an STL: it is cut short"
+            f"its {counted(size, 'byte')} are shorter than the header of an STL: "
+            "it is cut short; copy or export it again"
         )
     count = int.from_bytes(head[HEADER_BYTES - 4 : HEADER_BYTES], "little")
     there = (size - HEADER_BYTES) // FACET.itemsize
@@ -82,7 +83,9 @@ def _read_text(data: bytes, source: Source) -> PlainDocument:
     loops, ended = _places(t, b"loop"), _places(t, b"endloop")
     begun = loops[mask_of(n, _places(t, b"outer"))[loops - 1]]
     if len(begun) != len(ended):
-        raise source.error(f"{len(begun)} facets begin and {len(ended)} end: it is cut short")
+        raise source.error(
+            f"{len(begun)} facets begin and {len(ended)} end: it is cut short; copy or export it again"
+        )
     if len(ended) == 0:
         raise source.error("it has no faces: there is nothing to unwrap")
     # outer loop, three times vertex x y z, endloop
@@ -90,7 +93,9 @@ def _read_text(data: bytes, source: Source) -> PlainDocument:
     sound = (begun == ended - 13) & mask_of(n, _places(t, b"vertex"))[points.clip(0)].all(axis=1)
     if not sound.all():
         word = int(begun[np.flatnonzero(~sound)[0]])
-        raise _at(t, word, data, source, "a facet is not three times 'vertex x y z'")
+        raise _at(
+            t, word, data, source, "a facet is not three times 'vertex x y z': export it again"
+        )
     numbers: IntArray = (points[:, :, None] + np.arange(1, 4)).ravel()
     try:
         corners = t.floats(numbers).reshape(-1, 3)

@@ -85,17 +85,22 @@ class Tree:
 
     def _chunks(self, data: bytes) -> bytes:
         if len(data) < 20:
-            raise self.error("the GLB is cut short: its header is incomplete")
+            raise self.error("the GLB is cut short in its header: copy or export it again")
         version, total = struct.unpack_from("<II", data, 4)
         if version != 2:
             raise self.error(f"GLB version {version}: only version 2 is read")
         if total > len(data):
-            raise self.error(f"the GLB header promises {total} bytes, the file has {len(data)}")
+            raise self.error(
+                f"the GLB is cut short: its header promises {total} bytes, the file has {len(data)}; "
+                "copy or export it again"
+            )
         at, first, text = 12, True, b""
         while at + 8 <= total:
             size, kind = struct.unpack_from("<II", data, at)
             if at + 8 + size > total:
-                raise self.error(f"a GLB chunk of {size} bytes reaches beyond the file's end")
+                raise self.error(
+                    f"a GLB chunk of {size} bytes reaches beyond the file's end: export it again"
+                )
             body = data[at + 8 : at + 8 + size]
             if first and kind != _JSON:
                 raise self.error("the first GLB chunk is not JSON")
