@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from circparam.batch.sources import Listing, list_lines, output_name
+from circparam.batch.sources import Listing, output_name
 from circparam.batch.store import chained, is_remote
 from circparam.errors import InputError, OptionError
 
@@ -70,11 +70,13 @@ def test_stars_enter_no_linked_folder(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tree(tmp_path, "x/a.obj", "x/y/b.obj", "z/new\nline.obj")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "l.txt").write_text(f"# two\nx/a.obj\r\n\n{tmp_path / 'x/y/b.obj'}\nx/y\n")
+    (tmp_path / "l.txt").write_text(f"#two\n   \nx/a.obj\r\n\n{tmp_path / 'x/y/b.obj'}\nx/y\n")
     whole = str(tmp_path / "x/y/b.obj").lstrip("/")
     assert names("@l.txt") == sorted(["x/a.obj", whole, "x/y/b.obj"])
     (tmp_path / "nul.txt").write_bytes(b"x/a.obj\0z/new\nline.obj\0")
     assert names("@nul.txt") == ["x/a.obj", "z/new\nline.obj"]
+    (tmp_path / "mark.txt").write_text("x/a.obj\r\n", encoding="utf-8-sig", newline="")
+    assert names("@mark.txt") == ["x/a.obj"]
     (tmp_path / "up.txt").write_text("../x/a.obj\n")
     with pytest.raises(InputError, match="leads out of the folder"):
         names("@up.txt")
@@ -127,10 +129,3 @@ def test_a_missing_driver_is_one_line() -> None:
     pytest.importorskip("fsspec")
     with pytest.raises((OptionError, InputError), match=r"^gs://bucket/m: .*gcsfs"):
         names("gs://bucket/m")
-
-
-def test_comments_are_no_names(tmp_path: Path) -> None:
-    (tmp_path / "l").write_text("#a\nb.obj\n   \n")
-    assert list(list_lines(str(tmp_path / "l"))) == ["b.obj"]
-    (tmp_path / "l").write_text("a.obj\r\nb.obj\r\n", encoding="utf-8-sig", newline="")
-    assert list(list_lines(str(tmp_path / "l"))) == ["a.obj", "b.obj"]

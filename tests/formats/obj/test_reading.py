@@ -36,6 +36,10 @@ def test_negative_indices_count_back_from_where_they_stand() -> None:
         (b"v 0 0 0\nv 1 0 0\nv 0 1_0 0\nf 1 2 3\n", "line 3: '1_0' is not a number"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 a\n", "line 4.*'a'"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3/1/1/1\n", "line 4"),
+        (
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 3\nf 3 1/1/1/1 2\n",
+            "line 6.*more than v/vt/vn",
+        ),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 nan\nf 1 2 3\n", "NaN"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 inf\nf 1 2 3\n", "infinite"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
@@ -59,11 +63,6 @@ def test_the_highest_index_is_the_last_line() -> None:
 def test_libraries_are_named_once() -> None:
     s = Scan(b"mtllib a b.mtl\nmtllib c.mtl\nmtllib a b.mtl\nmtllib\nf 1\n", Source("x"))
     assert s.libraries() == ["a b.mtl", "c.mtl"]
-
-
-def test_the_corner_with_too_many_numbers_is_named_by_its_line() -> None:
-    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1 2 3\nf 3 1/1/1/1 2\n"
-    refused(text, r"line 8.*more than v/vt/vn", "obj")
 
 
 def test_a_byte_order_mark_hides_no_line() -> None:
