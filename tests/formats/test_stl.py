@@ -27,9 +27,6 @@ def test_corners_at_one_position_are_one_vertex() -> None:
     np.testing.assert_array_equal(mesh.points[mesh.faces], corner)
     assert len(mesh.points) == 16
     assert mesh.faces[0].tolist() == [0, 1, 2]  # by their first corner
-    ascii_mesh = read_data(writers.stl_text(*grid(4)))
-    assert ascii_mesh.format == "stl"
-    np.testing.assert_array_equal(ascii_mesh.mesh.points[ascii_mesh.mesh.faces], corner)
     for bad in (data[:-7], data[:90], b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0\n"):
         refused(bad, "", "stl")
 
@@ -45,14 +42,15 @@ def test_scenes_of_several_solids_are_groups() -> None:
     refused(bytes(84), "no faces", "stl")
 
 
-def test_binary_files_are_read_as_trimesh_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same points and faces, and nothing is imported for them."""
+def test_files_are_read_as_trimesh_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Binary ones and texts: the same points and faces, and nothing is imported for them."""
     data, _ = stl()
     theirs = trimesh.load(io.BytesIO(data), file_type="stl", process=False)
     monkeypatch.setitem(sys.modules, "trimesh", None)  # an import of it fails
-    mine = read_data(data).mesh
-    np.testing.assert_array_equal(mine.points[mine.faces], theirs.vertices[theirs.faces])
-    assert mine.points.dtype == np.float64
+    for document in (read_data(data), read_data(writers.stl_text(*grid(4)))):
+        mine = document.mesh
+        np.testing.assert_array_equal(mine.points[mine.faces], theirs.vertices[theirs.faces])
+        assert (document.format, mine.points.dtype) == ("stl", np.float64)
 
 
 def test_what_is_wrong_with_an_stl_without_facets_is_told() -> None:
@@ -83,9 +81,8 @@ def test_bytes_behind_the_last_facet_are_left_out_and_told() -> None:
     assert read_data(data).warnings == ()
 
 
-def test_a_text_is_read_without_a_further_package(monkeypatch):
+def test_texts_of_any_program_are_read() -> None:
     """Names in any encoding, a byte order mark, any white space, capitals, words of other programs."""
-    monkeypatch.setitem(sys.modules, "trimesh", None)
     text = (
         b"solid Caf\xe9 facet vertex endsolid\n" + FACET + b"color 1 0 0\n" + FACET + b"endsolid\n"
     )
