@@ -146,13 +146,10 @@ def _matches(a: ChartGraph, b: ChartGraph) -> list[list[int]]:
     """All ways in which the arcs of a go to arcs of b, everything alike."""
     if sorted(a.labels) != sorted(b.labels):
         return []
-    rarest = min(range(len(a.paths)), key=lambda d: (a.labels.count(a.labels[d]), d))
-    out = []
-    for e in range(len(b.paths)):
-        found = _match(a, b, rarest, e) if a.labels[rarest] == b.labels[e] else None
-        if found is not None:
-            out.append(found)
-    return out
+    rarest = min(a.labels, key=a.labels.count)
+    first = a.labels.index(rarest)
+    found = [_match(a, b, first, e) for e, label in enumerate(b.labels) if label == rarest]
+    return [goes for goes in found if goes is not None]
 
 
 def _match(a: ChartGraph, b: ChartGraph, d: int, e: int) -> list[int] | None:

@@ -271,33 +271,22 @@ class Relaxation:
 
     def step(self, at: TargetPoint, energy: float) -> tuple[TargetPoint, float, float] | None:
         """One step: (its end, the energy there, the gain that Newton's model promised), None if no step is
-        better.
+        better. A step is halved until it lowers the energy and turns no face over.
 
         Where faces turn over whatever the length of the step, their vertices stay, and the others are asked
         again.
         """
-        resting = np.zeros(self.n, bool)
+        good, resting = self.unflipped(at), np.zeros(self.n, bool)
         for _ in range(DIRECTION_TRIALS):
             d, slope = self.direction(at, resting)
-            better = self._line_search(at, d, energy)
-            if better is not None:
-                return (*better, -slope / 2)
+            for halving in range(MOST_HALVINGS):
+                there = self.target.moved(at, d / 2**halving)
+                after = self.energy(there)
+                if after < energy and not (good & ~self.unflipped(there)).any():
+                    return there, after, -slope / 2
             trial = self.target.moved(at, SHORT_STEP_SHARE * d)
             bad = self.development.turned(trial.vectors)
             if not bad.any():
                 break
             resting[self.faces[bad]] = True
-        return None
-
-    def _line_search(
-        self, at: TargetPoint, d: FloatArray, energy: float
-    ) -> tuple[TargetPoint, float] | None:
-        """The step d, halved until it lowers the energy and turns no face over."""
-        good = self.unflipped(at)
-        for _ in range(MOST_HALVINGS):
-            there = self.target.moved(at, d)
-            after = self.energy(there)
-            if after < energy and not (good & ~self.unflipped(there)).any():
-                return there, after
-            d = d / 2
         return None

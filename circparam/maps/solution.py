@@ -109,7 +109,7 @@ def relaxed(
     domain, or if the repair costs more than the gain.
 
     A moves over the surface of B without a guard. The domain of B is relaxed until A is unflipped in it. The
-    remaining flips are mended, and A moves on with the guard.
+    remaining flips are mended there, else in the domain as it was, and A moves on with the guard.
     """
     one, two = domain.meshes
     geometry, whole = domain.base.geometry, one.whole
@@ -126,23 +126,24 @@ def relaxed(
         begun = run.energy(first)
         at, _ = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor)
     with monitor.stage("domain"):
-        cover = _untied(b, domain, at.on, monitor)
+        smooth = _untied(b, domain, at.on, monitor)
     with monitor.stage("relax"):
-        q = cover.vectors_of(at.on)
-        if whole.turned(q).any():
-            q = mended(geometry, whole, fixed, q)
+        for cover in (smooth, two.cover):  # some flips can be mended in one of the domains alone
+            found, q = at, cover.vectors_of(at.on)
             if whole.turned(q).any():
-                return None
-            run.target, run.guard = MeshTarget(cover, scale), True
-            again = run.target.at(cover.found_again(q, at.on), q)
-            at, energy = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
-            if energy > begun:
-                return None
-            q = at.vectors
-    mine = Cover(geometry, whole, q)
-    if cover.inversions or (signs_of(mine.cones) <= 0).any():
-        return None
-    return mine, cover, at.on
+                q = mended(geometry, whole, fixed, q)
+                if whole.turned(q).any():
+                    continue
+                run.target, run.guard = MeshTarget(cover, scale), True
+                again = run.target.at(cover.found_again(q, at.on), q)
+                found, energy = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
+                if energy > begun:
+                    continue
+                q = found.vectors
+            mine = Cover(geometry, whole, q)
+            if not cover.inversions and (signs_of(mine.cones) > 0).all():
+                return mine, cover, found.on
+    return None
 
 
 def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> Cover:

@@ -155,8 +155,7 @@ def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = 
     """Write a map as .npz. Raises OptionError if the file exists, OutputError if the disk refuses."""
     out = io.BytesIO()
     more: dict[str, Any] = {}
-    if found.overlay is not None:
-        o = found.overlay
+    if (o := found.overlay) is not None:
         rows = (o.faces, o.parents, o.on_a.face, o.on_a.weights, o.on_b.face, o.on_b.weights)
         more = dict(zip(OVERLAY, rows, strict=True))
     np.savez_compressed(

@@ -125,9 +125,8 @@ class Tracer:
         ring = self.mesh.ring(int(self.marks[i]))
         leaves = {int(p[1]): arc for arc, p in self.arcs.items() if p[0] == self.marks[i]}
         out, sector = {}, -1
-        for vertex in (
-            ring * 2
-        ):  # the last arc of the first turn is the sector of the first neighbours
+        # the last arc of the first turn is the sector of the first neighbours
+        for vertex in ring * 2:
             sector = leaves.get(vertex, sector)
             out[vertex] = sector
         return out
