@@ -30,13 +30,12 @@ from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.prices import edge_prices, with_visibility, with_weights
 from circparam.seams.reached import in_time
-from circparam.seams.segmentation.decide import merge_on, reach_count, worth
+from circparam.seams.segmentation.decide import DIRECT_FACES, merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.starts import DIRECT_FACES
 from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
@@ -29,15 +29,11 @@ ROOM_SHARE = 0.95
 
 
 class Decided(NamedTuple):
-    """An atlas whose seams are decided, its dual graph, and how far its layout is relaxed on the surface.
-
-    merged: its charts were merged on a level much like the surface, so that only new pieces are merged.
-    """
+    """An atlas whose seams are decided, its dual graph, and how far its layout is relaxed on the surface."""
 
     atlas: Atlas
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
-    merged: bool = False
 
 
 def finish(
@@ -59,7 +55,6 @@ def finish(
     monitor.keep(atlas, sound=False)
     with monitor.stage("enforce"):
         count, chart = atlas.charts()
-        seams = atlas.cut.copy()
         # where the number of charts counts more than the bound, only what overlaps is split
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
@@ -68,8 +63,7 @@ def finish(
             atlas.take(faces, *moved)
         monitor.keep(atlas)
         if atlas.charts()[0] > count:
-            fixed = _away_from_pieces(atlas, seams, chart) if decided.merged else None
-            regroup(atlas, bound, options, worker, monitor, fixed)
+            regroup(atlas, bound, options, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             merging, least = MergeOptions(bound, MARGIN / 2, chart=np.inf), options.min_chart_faces
@@ -91,33 +85,10 @@ def settle_part(
     return atlas.cut, atlas.corners
 
 
-def _away_from_pieces(atlas: Atlas, seams: BoolArray, chart: IntArray) -> BoolArray:
-    """(e,) bool: seams between charts that are the largest pieces of what were charts before.
-
-    seams: (e,) bool; chart: (m,), both as they were before.
-    """
-    now = atlas.charts()[1]
-    size = np.bincount(now)[now]
-    largest = np.zeros(len(size), np.int64)
-    np.maximum.at(largest, chart, size)
-    piece = size < largest[chart]
-    left, right = atlas.surface.sides
-    result: BoolArray = seams & ~piece[left] & ~piece[right]
-    return result
-
-
 def regroup(
-    atlas: Atlas,
-    bound: float,
-    options: SeamOptions,
-    worker: Worker,
-    monitor: Monitor,
-    fixed: BoolArray | None = None,
+    atlas: Atlas, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> None:
-    """Merge the pieces that enforcing left with their neighbours where that is good again.
-
-    fixed: (e,) bool, seams that must stay.
-    """
+    """Merge the pieces that enforcing left, and their neighbours, where that is good again."""
     if len(atlas.surface.faces) > LEVEL_FACES:
         # charts that are too large for any union need not be gone through
         chart = atlas.charts()[1]
@@ -125,12 +96,10 @@ def regroup(
         if few.mean() < 0.5:
             part = atlas.part(few)
             if few.any():
-                inside = atlas.surface.inner_edges(few)
-                kept = None if fixed is None else fixed[inside]
-                regroup(part, bound, options, worker, monitor, kept)
+                regroup(part, bound, options, worker, monitor)
                 atlas.put(few, part)
             return
     merging = MergeOptions(
         bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES, search=options.search
     )
-    merge(atlas, merging, monitor, fixed, worker)
+    merge(atlas, merging, monitor, worker=worker)

@@ -26,9 +26,15 @@ from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import LATER_REPAIRS, with_visibility
 from circparam.seams.reached import in_time
-from circparam.seams.segmentation.decide import decide, merge_on, merged_on
+from circparam.seams.segmentation.decide import (
+    DIRECT_FACES,
+    REGIONS,
+    decide,
+    merge_on,
+    merged_on,
+    starts_of,
+)
 from circparam.seams.segmentation.grow import dual_graph
-from circparam.seams.segmentation.starts import DIRECT_FACES, REGIONS, starts_of
 from circparam.seams.stretch import stretch_held
 from circparam.seams.tiny_components import tiny_components
 from circparam.solvers.newton import RelaxOptions
@@ -203,7 +209,6 @@ def _from_level(
     surface: Surface, level: Proxy, bound: float, options: SeamOptions, monitor: Monitor
 ) -> Decided:
     """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little."""
-    draft = options.search.draft
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
     middle = with_visibility(level.surface, options, monitor)
@@ -213,7 +218,7 @@ def _from_level(
         # another surface would have areas, normals and all else of its own
         blind, graph = surface.unpriced(), dual_graph(surface)
         atlas = from_level(blind, graph, best, level, near)
-    return Decided(atlas, graph, _relaxing(bound, options), merged=draft)
+    return Decided(atlas, graph, _relaxing(bound, options))
 
 
 def _level_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
