@@ -18,7 +18,7 @@ from circparam.seams.multires.transfer_layout import (
     separate,
     take_over,
 )
-from circparam.seams.multires.transfer_seams import transfer_seams
+from circparam.seams.multires.transfer_seams import STRAY_CELLS_OF_LEVEL, transfer_seams
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.solvers.cell_poisson import CellPoisson
 from circparam.solvers.poisson import from_jacobians
@@ -48,7 +48,7 @@ def from_level(
     of the others single flips are left to be untangled.
     """
     fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    transfer_seams(coarse, level, fine)
+    transfer_seams(coarse, level, fine, STRAY_CELLS_OF_LEVEL)
     same = take_over(fine, coarse, level, near)
     carried = _carried(fine, graph, coarse, near)
     cut_mesh = fine.cut_mesh()

@@ -1,5 +1,7 @@
 """Transfer of seams from a coarse surface to the fine one."""
 
+import dataclasses
+
 import numpy as np
 
 from circparam.core.arrays import (
@@ -8,6 +10,7 @@ from circparam.core.arrays import (
     IntArray,
     edge_keys,
     first_of_runs,
+    group_count,
     mask_of,
 )
 from circparam.core.graph import nearest, undirected
@@ -17,10 +20,17 @@ from circparam.seams.prices import crease_costs
 from circparam.seams.segmentation.paths import Bands, Chains, bands, chains_of, route
 
 STRAY_CELLS = (0, 2)  # cells beside a seam's own that its path may use, attempt by attempt
+# from a surface with hardly fewer faces, along whose edges paths would zigzag
+STRAY_CELLS_OF_LEVEL = 1, 0, 2
 
 
-def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas) -> int:
-    """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found."""
+def transfer_seams(
+    coarse: Atlas, proxy: Proxy, fine: Atlas, rings: tuple[int, ...] = STRAY_CELLS
+) -> int:
+    """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found.
+
+    rings: cells beside a seam's own that its path may use, attempt by attempt.
+    """
     surface = coarse.surface
     n = len(surface.points)
     flat = surface.faces.ravel()
@@ -36,7 +46,13 @@ def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas) -> int:
     chains = chains_of(a, b, n, boundary)
     router = _Router(fine, proxy, (flat, along), boundary, chains)
     left = chains
-    for wide in STRAY_CELLS:
+    if rings[0] > 0:  # where nothing was decimated, seams are taken over as they are
+        single = group_count(proxy.cell[proxy.cell >= 0], n) == 1
+        own = single[chains.start] & single[chains.end]
+        own[chains.chain[~single[chains.vertex]]] = False
+        found = router.cut(_some_chains(chains, np.flatnonzero(own)), 0)
+        left = _joined(_some_chains(chains, np.flatnonzero(~own)), found)
+    for wide in rings:
         left = router.cut(left, wide)
     return sum(not router.find_way(k) for k in zip(left.start, left.end, strict=True))
 
@@ -139,6 +155,19 @@ def _some_chains(chains: Chains, which: IntArray) -> Chains:
         chains.position[inner],
         chains.size[which],
     )
+
+
+def _joined(first: Chains, second: Chains) -> Chains:
+    """Chains of both, those of the second behind those of the first."""
+    if len(second.start) == 0:
+        return first
+    number = second.chain + len(first.start)
+    parts = zip(
+        dataclasses.astuple(first),
+        (second.start, second.end, second.vertex, number, second.position, second.size),
+        strict=True,
+    )
+    return Chains(*(np.r_[a, b] for a, b in parts))
 
 
 def _fine_bands(
