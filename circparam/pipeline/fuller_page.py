@@ -135,14 +135,18 @@ def _stretched(atlas: Atlas, most: float) -> float:
 
 
 def packing(
-    cascade: Cascade, options: Options, monitor: Monitor, least: float = 0.0
+    cascade: Cascade, options: Options, monitor: Monitor, least: float = 0.0, work: float = 1.0
 ) -> KnownPacking | None:
-    """The charts packed as they will be; None if they cannot be, or not at the scale ``least``."""
+    """The charts packed as they will be; None if they cannot be, or not at the scale ``least``.
+
+    work: times the work that the options ask for.
+    """
     cut_mesh, uv = cascade.open()
     uv[:, 0] *= chart_signs(cascade.atlas.surface, cut_mesh, options)[cut_mesh.vertex_chart]
     uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh))
     with contextlib.suppress(CircparamError):
         page = pack_options(options)
+        page = replace(page, effort=work * page.effort)
         return KnownPacking(uv, pack(cut_mesh.faces, uv, cut_mesh.chart, page, monitor, least))
     return None
 

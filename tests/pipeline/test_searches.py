@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import circparam
@@ -43,6 +44,28 @@ def test_more_effort_contains_the_searches_of_less(three: circparam.Result) -> N
     two = unwrapped(shapes.bumpy(1), effort=2)
     assert two.effort.costs == three.effort.costs[:2]
     assert min(three.effort.costs) <= min(two.effort.costs)
+
+
+def blades(seed: int, count: int = 9, corners: int = 11) -> shapes.Shape:
+    """Flat pieces with long tips, each a component: the same charts in every search."""
+    radius = np.random.default_rng(seed).uniform(0.3, 1.5, (count, corners))
+    angle = np.arange(corners) * 2 * np.pi / corners
+    tips = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * radius], -1)
+    pieces = np.concatenate([np.zeros((count, 1, 3)), tips], axis=1)
+    pieces[..., 0] += 4 * np.arange(count)[:, None]
+    k = np.arange(corners)
+    fan = np.stack([np.zeros(corners, int), 1 + k, 1 + (k + 1) % corners], 1)
+    return pieces.reshape(-1, 3), (fan + (corners + 1) * np.arange(count)[:, None, None]).reshape(
+        -1, 3
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_the_best_of_four_searches_is_packed_with_more_work(seed: int) -> None:
+    three, four = (circparam.unwrap(blades(seed), effort=effort, jobs=1) for effort in (3, 4))
+    assert len(set(three.effort.costs)) == 1
+    assert four.measures["pack"] > three.measures["pack"]
+    assert four.effort.costs[0] < three.effort.costs[0]
 
 
 def test_a_full_search_costs_no_more_than_a_draft() -> None:
