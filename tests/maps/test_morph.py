@@ -18,7 +18,7 @@ from circparam.formats.source import Source
 from circparam.maps.morph import morph
 from circparam.maps.surface_map import Places
 from circparam.mesh.mesh import Mesh, UVMap
-from tests.bake.test_write import chunks
+from tests.bake.test_write import glb_parts
 from tests.support import shapes
 from tests.support.baking import stored, write_obj
 from tests.support.bumps import belt
@@ -103,7 +103,7 @@ def test_uv_and_texture_of_a_stay(tmp_path: Path, image: str):
     assert Image.open(io.BytesIO(skin)).format == "PNG"
     assert Image.open(io.BytesIO(skin)).getpixel((0, 0)) == (10, 200, 30)
     assert (found.face == 0).all()
-    json.dumps(chunks(data)[0], allow_nan=False)
+    json.dumps(glb_parts(data)[0], allow_nan=False)
 
 
 def test_vertex_colours_plain_colours_and_missing_images(tmp_path: Path):
@@ -127,7 +127,7 @@ def test_vertex_colours_plain_colours_and_missing_images(tmp_path: Path):
 
 
 def gltf_tree(mesh: Mesh, layout: UVMap, folder: Path) -> tuple[dict, bytes]:
-    return chunks(encode(stored(folder, "t", mesh, layout), layout, "glb").data)
+    return glb_parts(encode(stored(folder, "t", mesh, layout), layout, "glb").data)
 
 
 def test_a_gltf_tree_keeps_everything_and_moves_in_each_node(tmp_path: Path):
