@@ -2,8 +2,8 @@
 charts.
 
 A chart covers a point as often as its boundary winds about the point. The covered texels follow from the
-crossings of boundary segments with texel rows, at the cost of the boundary, not of the faces. A chart that is
-folded is taken apart at its folds: its upright faces and its reversed ones have a boundary each.
+crossings of boundary segments with texel rows, at the cost of the boundary, not of the faces. Reversed faces
+are turned over first, so that they count as upright ones do.
 """
 
 import numpy as np
@@ -99,20 +99,22 @@ def label_grid(
     if charts is not None:
         h = h[charts[cut_mesh.chart[h // 3]]]
     a, b = (uv[flat[k]] * resolution for k in (h, next_half_edge(h)))
-    return painted(a, b, 2 * cut_mesh.chart[h // 3] + reversed_faces[h // 3], resolution)
+    turned = reversed_faces[h // 3][:, None]
+    return painted(
+        np.where(turned, b, a), np.where(turned, a, b), cut_mesh.chart[h // 3], resolution
+    )
 
 
-def painted(start: FloatArray, end: FloatArray, part: IntArray, side: int) -> LabelGrid:
+def painted(start: FloatArray, end: FloatArray, label: IntArray, side: int) -> LabelGrid:
     """(side, side) label of the texels that closed outlines enclose, −1 for the others; row 0 is y = 0.
 
-    start, end: (b, 2) edges in texels. part: (b,) label · 2, and 1 more for reversed faces: the edges of each
-    part are closed. A centre within ``EDGE_TEXELS`` of an edge is covered. Where labels overlap, the one that
-    begins first in a row is seen.
+    start, end: (b, 2) edges in texels. label: (b,); the edges of each label are closed. A centre within
+    ``EDGE_TEXELS`` of an edge is covered. Where labels overlap, the one that begins first in a row is seen.
     """
     edge, row, x = row_crossings(start, end, side)
-    order = np.lexsort((x, row, part[edge]))
+    order = np.lexsort((x, row, label[edge]))
     edge, row, x = edge[order], row[order], x[order]
-    # every row of a part is crossed up as often as down, so one sum serves all of them
+    # every row of a label is crossed up as often as down, so one sum serves all of them
     winding = np.cumsum(np.where(end[edge, 1] > start[edge, 1], 1, -1))
     inside = np.flatnonzero(winding[:-1])
     # a row is crossed where the upper end lies above: centres at the height of a vertex, and on edges along a
@@ -126,19 +128,19 @@ def painted(start: FloatArray, end: FloatArray, part: IntArray, side: int) -> La
     low = np.concatenate([x[inside], ends.min(0), start[tip, 0]])
     high = np.concatenate([x[inside + 1], ends.max(0), start[tip, 0]])
     rows = np.concatenate([row[inside], height[0][along], height[0][tip]]).astype(np.int64)
-    label = part[np.concatenate([edge[inside], along, tip])] // 2
+    owner = label[np.concatenate([edge[inside], along, tip])]
     first = np.clip(np.ceil(low - 0.5 - EDGE_TEXELS), 0, side).astype(np.int64)
     stop = np.clip(np.floor(high - 0.5 + EDGE_TEXELS) + 1, 0, side).astype(np.int64)
     on = np.flatnonzero((stop > first) & (rows >= 0) & (rows < side))
-    begin, stop, label = (rows * side + first)[on], (rows * side + stop)[on], label[on]
+    begin, stop, owner = (rows * side + first)[on], (rows * side + stop)[on], owner[on]
     # the grid out of runs of texels, counted row after row
     order = np.lexsort((stop, begin))
-    begin, stop, label = begin[order], stop[order], label[order]
+    begin, stop, owner = begin[order], stop[order], owner[order]
     reached = np.maximum.accumulate(np.r_[0, stop])
     begin = np.maximum(begin, reached[:-1])
     ends = np.stack([begin, np.maximum(begin, stop)], 1).ravel()
-    kind = np.int16 if label.max(initial=0) < np.iinfo(np.int16).max else np.int32
-    value = np.full(2 * len(label) + 1, -1, kind)
-    value[1::2] = label
+    kind = np.int16 if owner.max(initial=0) < np.iinfo(np.int16).max else np.int32
+    value = np.full(2 * len(owner) + 1, -1, kind)
+    value[1::2] = owner
     drawn: LabelGrid = np.repeat(value, np.diff(np.r_[0, ends, side * side]))
     return drawn.reshape(side, side)

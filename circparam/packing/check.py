@@ -12,26 +12,25 @@ from circparam.packing.outlines import Shapes
 
 @dataclass(frozen=True, eq=False)
 class PlacedCharts:
-    """Charts as they lie on their pages, to be checked: in uv of the page each part lies on.
+    """Charts as they lie on their pages, to be checked: in uv of the page each chart lies on.
 
-    start, end: (b, 2) edges round their parts. part: (b,) as of ``Shapes.rim``. page: (n,) page of each chart.
+    start, end: (b, 2) edges of their outlines. chart: (b,) whose they are. page: (n,) page of each chart.
     """
 
     start: FloatArray
     end: FloatArray
-    part: IntArray
+    chart: IntArray
     page: IntArray
 
     @classmethod
     def of(cls, shapes: Shapes, uv: FloatArray, page: IntArray) -> "PlacedCharts":
         """Charts at uv (nv, 2), in units of the page (n,) that each chart lies on."""
-        start, end, part = shapes.rim
-        return cls(uv[start], uv[end], part, page)
+        return cls(uv[shapes.start], uv[shapes.end], shapes.owner[shapes.start], page)
 
     def on_page(self, tile: int, side: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Edges in texels of a page, from start (b, 2) to end, and their parts."""
-        here = self.page[self.part // 2] == tile
-        return _single(self.start[here]) * side, _single(self.end[here]) * side, self.part[here]
+        """Edges in texels of a page, from start (b, 2) to end, and their charts."""
+        here = self.page[self.chart] == tile
+        return _single(self.start[here]) * side, _single(self.end[here]) * side, self.chart[here]
 
 
 def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, FloatArray]:
@@ -41,12 +40,12 @@ def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, Floa
     """
     share = np.zeros(options.pages)
     for tile in range(options.pages):
-        start, end, part = placed.on_page(tile, options.resolution)
-        grid = painted(start, end, part, options.resolution)
+        start, end, chart = placed.on_page(tile, options.resolution)
+        grid = painted(start, end, chart, options.resolution)
         share[tile] = np.count_nonzero(grid >= 0) / grid.size
         if start.size and (start.min() < 0 or start.max() > options.resolution):
             return "a chart leaves the page", share
-        clashes = shared_texels(grid, start, end, part // 2)
+        clashes = shared_texels(grid, start, end, chart)
         if clashes:
             return f"{clashes} texels are touched by two charts", share
         gap, _ = smallest_gap(grid, options.padding + 1)

@@ -10,14 +10,13 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     cross2,
-    cross_areas,
     group_sum,
-    next_half_edge,
+    mask_of,
 )
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
-from circparam.mesh.halfedge import boundary_half_edges, shared_edges, sort_by_edge
+from circparam.mesh.halfedge import boundary_half_edges, shared_edges
 
 _QUARTER = np.pi / 2
 
@@ -33,7 +32,8 @@ class Shapes:
 
     faces: (m, 3) into points. points: (nv, 2), relative to the centre of their chart. chart: (m,) 0..n-1.
     owner: (nv,) chart of each vertex, −1 if no face uses it. area: (n,) without sign.
-    start, end: (b,) vertices of the outline's edges, sorted by chart; edge_start: (n + 1,) offsets.
+    start, end: (b,) vertices of the outlines' edges, sorted by chart; edge_start: (n + 1,) offsets.
+    The winding number of a chart's edges at a point is the number of its faces over the point.
     upright: (n,) bool, charts that are turned by quarters only; None for none.
     """
 
@@ -51,20 +51,6 @@ class Shapes:
     def n(self) -> int:
         """Number of charts."""
         return len(self.area)
-
-    @cached_property
-    def rim(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Edges round the upright faces of each chart and round its reversed ones: (b,) vertices at the start
-        and the end; (b,) part, the number of the chart · 2, and 1 more for reversed faces.
-
-        The winding number of the edges of a part at a point is the number of its faces over the point.
-        """
-        sign = np.sign(cross_areas(self.points[self.faces]))
-        inner = shared_edges(self.faces)
-        one, other = sign[inner.T // 3]
-        h = boundary_half_edges(len(self.faces), inner[(one == other) & (one != 0)])
-        flat, part = self.faces.ravel(), 2 * self.chart + (sign < 0)
-        return flat[h], flat[next_half_edge(h)], part[h // 3]
 
     @cached_property
     def perimeter(self) -> float:
@@ -183,29 +169,23 @@ def _validate(faces: IntArray, uv: FloatArray, chart: IntArray) -> None:
 
 
 def _outline_edges(faces: IntArray, uv: FloatArray) -> tuple[IntArray, IntArray]:
-    """Edges that exactly one face has, and folds, at which a chart may end as well.
+    """(b,) vertices at the start and the end of the edges round the faces, reversed ones turned over.
 
-    At a fold one of the two faces is reversed. A chart without any such edge has all its edges for an
-    outline.
+    An edge is left out where two faces lie side by side, and kept twice where they lie over each other. Faces
+    that name a vertex twice have no edges. A chart without any edge has all of its faces' instead.
     """
-    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    n = len(uv)
-    runs = sort_by_edge(faces, n)
-    boundary = np.zeros(faces.size, bool)
-    boundary[runs.order[runs.head[runs.size == 1]]] = True
     q = uv[faces]
     reversed_faces = cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]) < 0
-    if reversed_faces.any() and not reversed_faces.all():
-        side = reversed_faces[runs.pairs // 3]
-        # of the face that is not reversed: outlines are loops, and every vertex begins an edge of one
-        upright = np.where(side[:, 0], runs.pairs[:, 1], runs.pairs[:, 0])
-        boundary[upright[side[:, 0] != side[:, 1]]] = True
-    # a face without any way to an outline still has to be packed: take all its edges
-    vertex = np.full(n, False)
-    vertex[a[boundary]] = True
-    from_chart = _charts_without(faces, vertex)
-    boundary |= np.repeat(from_chart, 3)
-    return a[boundary], b[boundary]
+    faces = np.where(reversed_faces[:, None], faces[:, ::-1], faces)
+    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    whole = np.flatnonzero((faces != faces[:, [1, 2, 0]]).all(1))
+    around = boundary_half_edges(len(whole), shared_edges(faces[whole]))
+    outline = np.zeros((len(faces), 3), bool)
+    outline[whole[around // 3], around % 3] = True
+    vertex = mask_of(len(uv), a[outline.ravel()])
+    outline[_charts_without(faces, vertex)] = True
+    h = np.flatnonzero(outline)
+    return a[h], b[h]
 
 
 def _charts_without(faces: IntArray, vertex: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ def two_squares(corners, side=8, page=64):
     points = (np.array(corners)[:, None] + square) / page
     n = len(corners)
     return PlacedCharts(
-        points.reshape(-1, 2), np.roll(points, -1, 1).reshape(-1, 2), np.repeat(2 * np.arange(n), 4),
+        points.reshape(-1, 2), np.roll(points, -1, 1).reshape(-1, 2), np.repeat(np.arange(n), 4),
         np.zeros(n, int),
     )  # fmt: skip
 

@@ -15,17 +15,17 @@ from tests.support.shapes import areas, flat_ring
 SIDE = 64
 
 
-def by_rim(faces, uv, chart):
-    """The grid by the edges round all parts, and how many texels outlines share."""
+def by_outline(faces, uv, chart):
+    """The grid by the outlines of all charts, and how many texels outlines share."""
     shapes = shapes_of(faces, uv, chart)
-    start, end, part = shapes.rim
-    grid = painted(uv[start], uv[end], part, SIDE)
-    return grid, shared_texels(grid, uv[start], uv[end], part // 2)
+    start, end, own = shapes.start, shapes.end, shapes.owner[shapes.start]
+    grid = painted(uv[start], uv[end], own, SIDE)
+    return grid, shared_texels(grid, uv[start], uv[end], own)
 
 
 def agrees(faces, uv, chart):
-    """The rims of charts enclose what their faces cover, one by one."""
-    grid, shared = by_rim(faces, uv, chart)
+    """The outlines of charts enclose what their faces cover, one by one."""
+    grid, shared = by_outline(faces, uv, chart)
     alone = np.array(
         [
             owner_raster(uv[faces[chart == c]], chart[chart == c], SIDE)
@@ -60,7 +60,7 @@ def test_a_chart_with_a_hole_stays_empty_there():
     uv, faces = flat_ring(7.0, 21.0, 4)
     uv = uv + 25.3
     agrees(faces, uv, np.zeros(8, int))
-    assert by_rim(faces, uv, np.zeros(8, int))[0][25, 25] == -1
+    assert by_outline(faces, uv, np.zeros(8, int))[0][25, 25] == -1
 
 
 def test_faces_without_area_cover_the_centres_that_they_run_through():

@@ -20,6 +20,24 @@ def test_charts_that_share_a_vertex_are_refused():
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6))
+def test_faces_wound_otherwise_or_without_area_change_no_outline(seed):
+    """Files hold both: edges between faces side by side belong to no outline, however they are wound."""
+    rng = np.random.default_rng(seed)
+    faces, uv, chart = blobs(5, seed)
+    as_drawn = shapes_of(faces, uv, chart)
+    turned = rng.random(len(faces)) < 0.4
+    other = np.where(turned[:, None], faces[:, ::-1], faces)
+    flat = rng.integers(0, len(faces), 9)
+    other, own = np.r_[other, faces[flat][:, [0, 1, 1]]], np.r_[chart, chart[flat]]
+    shapes = shapes_of(other, uv, own)
+    for c in range(5):
+        edges = [np.concatenate(s.outline(c), axis=1) for s in (as_drawn, shapes)]
+        before, after = (e[np.lexsort(e.T)] for e in edges)
+        np.testing.assert_array_equal(before, after)
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6))
 def test_boxes_hold_what_is_placed(seed):
     rng = np.random.default_rng(seed)
     faces, uv, chart = blobs(5, seed)

@@ -35,8 +35,8 @@ def blobs(n, seed, spread=0.8):
 
 def owner_raster(corners, owner, side):
     """Owner of each texel of a page, −1 if empty, by each of its faces (m, 3, 2) alone."""
-    part = np.repeat(2 * np.arange(len(corners)), 3)
-    face = painted(corners.reshape(-1, 2), np.roll(corners, -1, 1).reshape(-1, 2), part, side)
+    own = np.repeat(np.arange(len(corners)), 3)
+    face = painted(corners.reshape(-1, 2), np.roll(corners, -1, 1).reshape(-1, 2), own, side)
     return np.where(face < 0, -1, owner[face])
 
 
