@@ -97,3 +97,11 @@ def test_a_link_to_itself_is_refused_and_stays(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match=r"loop\.obj: cannot be written"):
             files.write_files({link: b"x"}, overwrite)
     assert link.is_symlink()
+
+
+def test_folders_are_made_with_their_parents_and_the_empty_ones_go_again(tmp_path: Path) -> None:
+    used, empty = tmp_path / "a" / "b", tmp_path / "a" / "c" / "d"
+    with files.made_folders([used, empty, tmp_path]):
+        assert empty.is_dir()
+        (used / "out.obj").write_bytes(b"")
+    assert [p.name for p in sorted(tmp_path.rglob("*"))] == ["a", "b", "out.obj"]

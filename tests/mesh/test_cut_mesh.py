@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from tests.support import shapes
 from tests.support.atlases import surface_of
+from tests.support.charts import patches_of
 
 
 def test_a_surface_opened_again_has_its_shapes_and_nothing_that_a_solve_left() -> None:
@@ -22,6 +24,20 @@ def test_a_surface_opened_again_has_its_shapes_and_nothing_that_a_solve_left() -
     cut[0] = True
     assert surface.cut_mesh(cut).n_vertices == first.n_vertices
     assert len(surface.cut_mesh(cut).edges) == len(first.edges) - 1
+
+
+@pytest.mark.parametrize(
+    ("shape", "disk"),
+    [
+        (shapes.grid(3, 3), True),
+        (shapes.annulus(), True),
+        (shapes.icosphere(1), False),
+        (shapes.torus(), False),
+        ((shapes.torus()[0], shapes.torus()[1][1:]), False),
+    ],
+)
+def test_disks_with_or_without_holes_are_told_from_closed_charts_and_handles(shape, disk) -> None:
+    assert not_disks(patches_of(shape)[0]).tolist() == [not disk]
 
 
 def surface() -> Surface:

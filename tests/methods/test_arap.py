@@ -6,7 +6,7 @@ import pytest
 from circparam.methods.arap import rigid_energy
 from circparam.methods.pins import Pins, fit_pins
 from tests.support import shapes
-from tests.support.charts import flattened, patches_of
+from tests.support.charts import flat_of, flattened, patches_of
 
 
 def energy(cut_mesh, uv):
@@ -19,6 +19,17 @@ def test_it_is_more_rigid_than_its_start_and_the_other_methods():
     for other in ("circle", "mean-value", "lscm", "abf", "bff", "isometric"):
         uv = flattened(other, cut_mesh).uv
         assert own < energy(cut_mesh, uv)
+
+
+@pytest.mark.parametrize("scale", [0.3, 1.0, 2.5])
+def test_the_energy_of_a_similarity_is_known(scale):
+    """½ A ‖s R − R‖² = A (s − 1)², however the layout is turned."""
+    cut_mesh, places = flat_of(shapes.grid(4, 4))
+    c, s = scale * np.cos(1.0), scale * np.sin(1.0)
+    area = cut_mesh.areas.sum()
+    assert energy(cut_mesh, places @ [[c, s], [-s, c]]) == pytest.approx(
+        area * (scale - 1) ** 2, abs=1e-12
+    )
 
 
 def test_the_start_does_not_matter():

@@ -31,6 +31,9 @@ def test_clamped_jacobians_are_never_flipped(seed: int, low: float) -> None:
     assert (dirichlet.determinants(clamped) > 0).all()
     assert s.min() >= low * (1 - 1e-9)
     assert s.max() <= (1 + 1e-9) / low
+    large, small = np.linalg.svd(j.transpose(2, 0, 1), compute_uv=False).T
+    kept = (dirichlet.determinants(j) > 0) & (small > low) & (large < 1 / low)
+    np.testing.assert_allclose(clamped[..., kept], j[..., kept], atol=1e-12)
 
 
 def test_flips_are_cleared_in_their_charts_only() -> None:

@@ -1,6 +1,7 @@
 """Merging where every union has to lower the cost of the atlas."""
 
 import numpy as np
+import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
@@ -40,3 +41,12 @@ def test_unions_that_have_to_lower_the_cost_do_so_one_by_one() -> None:
     assert (after < before).all()
     assert after.sum() < COST.of_components(free, relaxed=True).sum()
     assert atlas.charts()[0] < 9
+
+
+def test_an_isometric_layout_costs_its_seams_and_charts_alone() -> None:
+    points, faces = shapes.grid(6, 6)
+    surface = surface_of(points, faces)
+    atlas = cut_between(surface, (middles(surface)[:, 0] > 0.5).astype(int))
+    lay_out_fresh(atlas, None, STEPS)
+    expected = COST.seams(atlas)
+    assert COST.of_components(atlas, relaxed=True).sum() == pytest.approx(expected, rel=1e-6)
