@@ -1,8 +1,10 @@
 """The few array operations that NumPy lacks and every room needs."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from circparam.core.compiled import compressed_rows
 from circparam.core.types import BoolArray as BoolArray
@@ -19,6 +21,12 @@ def next_half_edge(h: IntArray) -> IntArray:
     after = h + 1
     after -= 3 * (after // 3 * 3 == after)
     return after
+
+
+def ends_of(faces: IntArray, h: IntArray) -> tuple[IntArray, IntArray]:
+    """((k,), (k,)) vertices from which and to which half-edges (k,) of faces (m, 3) run."""
+    flat = faces.ravel()
+    return flat[h], flat[next_half_edge(h)]
 
 
 def slices(count: int, size: int = SLICE_ROWS) -> list[slice]:
@@ -54,6 +62,15 @@ def first_of_runs(sorted_keys: IntArray) -> IntArray:
     new = np.ones(len(sorted_keys), bool)
     np.not_equal(sorted_keys[1:], sorted_keys[:-1], out=new[1:])
     return np.flatnonzero(new)
+
+
+def first_of_groups(groups: IntArray, *keys: npt.NDArray[Any]) -> IntArray:
+    """Index of the member of every group that sorts first by the keys, the first of equals; groups ascend.
+
+    keys: (k,) each, as long as ``groups``; the first one counts most.
+    """
+    order = np.lexsort((*keys[::-1], groups))
+    return order[first_of_runs(groups[order])]
 
 
 def doubles(values: np.ndarray) -> FloatArray:

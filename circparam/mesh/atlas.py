@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum, mask_of, next_half_edge
+from circparam.core.arrays import cross2, ends_of, group_sum, mask_of
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
@@ -54,9 +54,7 @@ class Atlas:
     @cached_property
     def ends(self) -> tuple[IntArray, IntArray]:
         """Both end vertices of every edge."""
-        flat = self.surface.corner_vertex.ravel()
-        h = self.surface.edges[:, 0]
-        return flat[h], flat[next_half_edge(h)]
+        return ends_of(self.surface.corner_vertex, self.surface.edges[:, 0])
 
     @cached_property
     def n_vertices(self) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 
 from circparam.core.arrays import (
     doubled_areas,
-    first_of_runs,
+    first_of_groups,
     group_sum,
     mask_of,
     next_half_edge,
@@ -157,9 +157,7 @@ class CutMesh:
         start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
         chart = self.chart[h[order][start[:-1]] // 3]
         length = group_sum(self.lengths(h), labels, len(size))
-        outer = np.zeros(len(size), bool)
-        by_length = np.lexsort((np.arange(len(size)), -length, chart))
-        outer[by_length[first_of_runs(chart[by_length])]] = True
+        outer = mask_of(len(size), first_of_groups(chart, -length))
         return Loops(h[order], start, chart.astype(np.int64), length, outer)
 
     def twin(self) -> "CutMesh":

@@ -74,8 +74,7 @@ class _Charts:
     def areas(self) -> FloatArray:
         """(m,) area of each face in the plane."""
         a, b = (self.uv[self.faces[:, k]] - self.uv[self.faces[:, 0]] for k in (1, 2))
-        result: FloatArray = np.abs(cross2(a, b)) / 2
-        return result
+        return np.abs(cross2(a, b)) / 2
 
 
 def _clustered(

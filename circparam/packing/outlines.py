@@ -192,9 +192,7 @@ def _charts_without(faces: IntArray, vertex: np.ndarray) -> np.ndarray:
     """(m,) faces of which no connected face has a vertex on an outline."""
     m, n = len(faces), len(vertex)
     count, labels = components(m + n, np.repeat(np.arange(m), 3), faces.ravel() + m)
-    has = np.zeros(count, bool)
-    has[labels[m:][vertex]] = True
-    return np.asarray(~has[labels[:m]])
+    return ~mask_of(count, labels[m:][vertex])[labels[:m]]
 
 
 def least_box_angles(shapes: Shapes, rotate: str) -> FloatArray:
@@ -211,13 +209,6 @@ def least_box_angles(shapes: Shapes, rotate: str) -> FloatArray:
     box = shapes.boxes(best)
     tall = (box[:, 3] - box[:, 1]) > (box[:, 2] - box[:, 0]) * (1 + 1e-9)
     return best + np.where(tall, _QUARTER, 0.0)
-
-
-def extents(points: FloatArray, angle: FloatArray) -> FloatArray:
-    """(k, 2) width and height of points (n, 2) turned by each of the angles (k,)."""
-    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    x, y = points.T
-    return np.stack([np.ptp(c * x - s * y, axis=1), np.ptp(s * x + c * y, axis=1)], 1)
 
 
 def least_square_angles(shapes: Shapes, rotate: str) -> FloatArray:

@@ -78,8 +78,7 @@ def _reach(options: PackOptions, side: int) -> BoolArray:
     gap = options.gap * side / options.resolution
     k = int(np.ceil(gap))
     apart = np.maximum(np.abs(np.arange(-k, k + 1)) - 1, 0)
-    result: BoolArray = np.hypot(apart[:, None], apart) < gap
-    return result
+    return np.hypot(apart[:, None], apart) < gap
 
 
 def _block(used: Single, cells: BoolArray, reach: BoolArray, row: int, column: int) -> None:
@@ -174,5 +173,4 @@ def cells_of(triangles: FloatArray, height: int, width: int) -> BoolArray:
     end = row[ok] * (width + 1) + last[ok].astype(np.int64)
     size = height * (width + 1)
     steps = np.bincount(begin, minlength=size) - np.bincount(end, minlength=size)
-    result: BoolArray = np.cumsum(steps.reshape(height, width + 1), 1)[:, :width] > 0
-    return result
+    return np.cumsum(steps.reshape(height, width + 1), 1)[:, :width] > 0

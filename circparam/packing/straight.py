@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray, mask_of
 from circparam.core.records import dataclass
 from circparam.geometry.straight import directions, straight_edges
 from circparam.packing.outlines import Shapes
@@ -24,16 +24,14 @@ class Straight:
     def lying(self, angle: FloatArray) -> BoolArray:
         """(n,) the charts that count and lie along the axes at angles (n,)."""
         off = np.mod(angle - self.angle + _QUARTER / 2, _QUARTER) - _QUARTER / 2
-        result: BoolArray = self.counts & (np.abs(off) < EXACT_RADIANS)
-        return result
+        return self.counts & (np.abs(off) < EXACT_RADIANS)
 
 
 def along_axes(shapes: Shapes) -> Shapes:
     """The charts, with upright charts if most of their straight border lies along the axes."""
     along = shapes.points[shapes.end] - shapes.points[shapes.start]
     owner = shapes.owner[shapes.start]
-    counts = np.zeros(shapes.n, bool)
-    counts[owner[straight_edges(along, owner, shapes.area)]] = True
+    counts = mask_of(shapes.n, owner[straight_edges(along, owner, shapes.area)])
     angle = straight_charts(shapes, np.inf).angle
     return shapes.turned(np.where(counts, angle, 0.0), counts) if counts.any() else shapes
 

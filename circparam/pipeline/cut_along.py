@@ -10,9 +10,8 @@ from circparam.core.arrays import (
     IntArray,
     cross2,
     edge_keys,
+    ends_of,
     group_sum,
-    mask_of,
-    next_half_edge,
 )
 from circparam.core.graph import nearest
 from circparam.core.records import dataclass
@@ -81,10 +80,8 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
 def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:
     """Edges of the cheapest way near a chord; None if there is none."""
     atlas, cut_mesh, uv = whole.atlas, whole.cut_mesh, whole.uv
-    s, flat = atlas.surface, cut_mesh.faces.ravel()
     edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
-    h = s.edges[edge, 0]
-    a, b = flat[h], flat[next_half_edge(h)]
+    a, b = ends_of(cut_mesh.faces, atlas.surface.edges[edge, 0])
     length = float(np.linalg.norm(chord.end - chord.start))
     step = float(np.median(np.linalg.norm(uv[a] - uv[b], axis=1))) if len(edge) else 0.0
     away = _distance(uv, chord.start, chord.end)
@@ -103,14 +100,13 @@ def slit_open(whole: Opened, costs: FloatArray) -> Opened | None:
     costs: (e,) as for ``cut_along``. The chart stays one and keeps its layout; a ring can be cut across then.
     """
     atlas, cut_mesh = whole.atlas, whole.cut_mesh
-    loops, flat = cut_mesh.loops, cut_mesh.faces.ravel()
-    vertex, ahead = flat[loops.half_edges], flat[next_half_edge(loops.half_edges)]
+    loops = cut_mesh.loops
+    vertex, ahead = ends_of(cut_mesh.faces, loops.half_edges)
     area = group_sum(cross2(whole.uv[vertex], whole.uv[ahead]), loops.loop_of, len(loops.chart))
     hole = int(np.where(loops.outer, -np.inf, np.abs(area)).argmax())
     edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
-    h = atlas.surface.edges[edge, 0]
     starts, goals = vertex[loops.loop_of == hole], vertex[loops.outer[loops.loop_of]]
-    ends = flat[h], flat[next_half_edge(h)]
+    ends = ends_of(cut_mesh.faces, atlas.surface.edges[edge, 0])
     path = cheapest_way(cut_mesh, edge, ends, costs[edge], starts, goals)
     if path is None:
         return None
@@ -133,7 +129,7 @@ def cheapest_way(
     """
     a, b = ends
     n = cut_mesh.n_vertices
-    rim = mask_of(n, cut_mesh.faces.ravel()[cut_mesh.boundary])
+    rim = cut_mesh.on_boundary
     # along the boundary it would tear fragments off: each vertex there costs more than any way round
     costs = costs + costs.sum() * (rim[a].astype(float) + rim[b])
     graph = sps.csr_matrix((costs, (a, b)), shape=(n, n))
@@ -144,16 +140,15 @@ def cheapest_way(
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
     q = np.array(path)
-    along: IntArray = edge[np.isin(edge_keys(a, b, n), edge_keys(q[1:], q[:-1], n))]
-    return along
+    return edge[np.isin(edge_keys(a, b, n), edge_keys(q[1:], q[:-1], n))]
 
 
 def _beside(cut_mesh: CutMesh, uv: FloatArray, place: FloatArray, reach: float) -> IntArray:
     """Boundary vertices at a place (2,) in uv, with those no further than ``reach`` along their loops."""
-    loops, flat = cut_mesh.loops, cut_mesh.faces.ravel()
-    vertex = flat[loops.half_edges]
+    loops = cut_mesh.loops
+    vertex, ahead = ends_of(cut_mesh.faces, loops.half_edges)
     here = np.flatnonzero((uv[vertex] == place).all(1))
-    length = np.linalg.norm(uv[flat[next_half_edge(loops.half_edges)]] - uv[vertex], axis=1)
+    length = np.linalg.norm(uv[ahead] - uv[vertex], axis=1)
     ends = np.cumsum(length)
     found = [vertex[here]]
     for k in here.tolist():
@@ -170,8 +165,7 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
     """(k,) distance of points (k, 2) from a segment."""
     d = end - start
     t = np.clip(((points - start) @ d) / max(float(d @ d), 1e-300), 0.0, 1.0)
-    result: FloatArray = np.linalg.norm(points - start - t[:, None] * d, axis=1)
-    return result
+    return np.linalg.norm(points - start - t[:, None] * d, axis=1)
 
 
 def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:

@@ -14,7 +14,7 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     cross2,
-    next_half_edge,
+    ends_of,
     norms2,
     ranges,
 )
@@ -282,10 +282,9 @@ def closed(loops: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
 def outlines(cut_mesh: CutMesh, uv: FloatArray, which: IntArray, step: float) -> list[Outline]:
     """The outlines of some charts, in their order; corners ``step`` apart, charts without three left out."""
     loops = cut_mesh.loops
-    vertex = cut_mesh.faces.ravel()[loops.half_edges]
+    vertex, ahead = ends_of(cut_mesh.faces, loops.half_edges)
     p = uv[vertex]
-    end = uv[cut_mesh.faces.ravel()[next_half_edge(loops.half_edges)]]
-    length = np.sqrt(((end - p) ** 2).sum(1))
+    length = np.sqrt(((uv[ahead] - p) ** 2).sum(1))
     at = np.cumsum(length) - length
     at -= at[loops.start[:-1]][loops.loop_of]
     rung = np.floor(at / step)

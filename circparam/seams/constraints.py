@@ -9,8 +9,8 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     edge_keys,
+    ends_of,
     group_count,
-    next_half_edge,
 )
 from circparam.core.plural import counted
 from circparam.errors import OptionError
@@ -26,17 +26,14 @@ def match_edges(surface: Surface, pairs: IntArray) -> tuple[BoolArray, IntArray]
     Returns ((e,) bool over surface.edges, the indices of the pairs that no edge joins).
     """
     n = len(surface.points)
-    flat = surface.faces.ravel()
-    h = surface.edges[:, 0]
-    a, b = flat[h], flat[next_half_edge(h)]
-    key = edge_keys(a, b, n)
+    key, rim = (
+        edge_keys(*ends_of(surface.faces, h), n) for h in (surface.edges[:, 0], surface.boundary)
+    )
     low, high = np.min(pairs, 1, initial=n), np.max(pairs, 1, initial=0)
     asked = low * n + high
     outside = (pairs < 0).any(1) | (pairs >= n).any(1)
-    rim = surface.boundary
-    c, d = flat[rim], flat[next_half_edge(rim)]
-    known = np.concatenate([key, edge_keys(c, d, n)])
-    return np.isin(key, asked[~outside]), np.flatnonzero(outside | ~np.isin(asked, known))
+    missing = outside | ~np.isin(asked, np.concatenate([key, rim]))
+    return np.isin(key, asked[~outside]), np.flatnonzero(missing)
 
 
 def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArray, list[str]]:
@@ -55,8 +52,8 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
     if options.sharp is not None:
         forced |= dihedral_angles(surface) >= options.sharp
     if options.cut_groups and options.groups is not None:
-        label = options.groups[surface.source]
-        forced |= label[surface.edges[:, 0] // 3] != label[surface.edges[:, 1] // 3]
+        left, right = options.groups[surface.source][surface.sides]
+        forced |= left != right
     forced &= ~locked
     if options.no_cut is not None:
         forbidden = _named(surface, options.no_cut, "--no-seams", notes)
@@ -114,10 +111,8 @@ def seam_prices(surface: Surface, options: SeamOptions) -> FloatArray | None:
 
 def dihedral_angles(surface: Surface) -> FloatArray:
     """(e,) angle between the normals of the two faces of each edge, in radians, 0 where they are coplanar."""
-    n = surface.normals
-    a, b = n[surface.edges[:, 0] // 3], n[surface.edges[:, 1] // 3]
-    result: FloatArray = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
-    return result
+    a, b = surface.normals[surface.sides]
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
 
 
 def _named(surface: Surface, pairs: IntArray, option: str, notes: list[str]) -> BoolArray:

@@ -6,9 +6,10 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_of_runs,
+    ends_of,
+    first_of_groups,
     group_count,
-    next_half_edge,
+    mask_of,
 )
 from circparam.core.graph import Graph, components, spanning_forest
 from circparam.core.monitor import Monitor
@@ -92,16 +93,14 @@ def genus_of(cut_mesh: CutMesh) -> IntArray:
 def _slits(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     """(loops,) boundaries of a few edges that enclose no area, as a set-aside face without area leaves them."""
     loops = cut_mesh.loops
-    flat = surface.faces.ravel()
-    h = loops.half_edges
     first = loops.start[:-1]
-    if len(h) == 0:
+    if len(first) == 0:
         return np.zeros(0, bool)
-    origin = surface.points[flat[h[first]]][loops.loop_of]
-    p, q = surface.points[flat[h]] - origin, surface.points[flat[next_half_edge(h)]] - origin
+    p, q = (surface.points[end] for end in ends_of(surface.faces, loops.half_edges))
+    origin = p[first][loops.loop_of]
+    p, q = p - origin, q - origin
     area = np.linalg.norm(np.add.reduceat(np.cross(p, q), first, axis=0), axis=1)
-    result: BoolArray = (area <= SLIT * loops.length**2) & (np.diff(loops.start) <= SLIT_EDGES)
-    return result
+    return (area <= SLIT * loops.length**2) & (np.diff(loops.start) <= SLIT_EDGES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +115,7 @@ class _Part:
     @property
     def ends(self) -> tuple[IntArray, IntArray]:
         """The two vertices of each edge."""
-        h = self.cut_mesh.edges[:, 0]
-        flat = self.cut_mesh.faces.ravel()
-        return flat[h], flat[next_half_edge(h)]
+        return ends_of(self.cut_mesh.faces, self.cut_mesh.edges[:, 0])
 
 
 def _part(surface: Surface, cut: BoolArray, faces: BoolArray) -> _Part:
@@ -146,9 +143,7 @@ def cut_handles(surface: Surface, cut: BoolArray, charts: BoolArray, monitor: Mo
     _, chart = surface.charts(cut)
     part = _part(surface, cut, charts[chart])
     seam = _shorten(part, _tree_cotree(part), monitor)
-    out = np.zeros(len(surface.edges), bool)
-    out[part.edge[seam]] = True
-    return out
+    return mask_of(len(surface.edges), part.edge[seam])
 
 
 def _tree_cotree(part: _Part) -> BoolArray:
@@ -173,7 +168,7 @@ def _tree_cotree(part: _Part) -> BoolArray:
     # locked edges join their faces first of all: no seam runs there
     length = np.where(part.locked, np.inf, distance[a] + part.weight + distance[b])
     free = np.flatnonzero(left)
-    f, g = cut_mesh.edges[free, 0] // 3, cut_mesh.edges[free, 1] // 3
+    f, g = cut_mesh.edges[free].T // 3
     left[free[spanning_forest(len(cut_mesh.faces), f, g, -length[free])]] = False
     seam = left.copy()
     seam[graph.trace(parent, np.r_[a[left], b[left]])] = True
@@ -189,9 +184,7 @@ def _prune(seam: BoolArray, a: IntArray, b: IntArray, n: int) -> BoolArray:
         if not loose.any():
             break
         e = e[~loose]
-    out = np.zeros(len(seam), bool)
-    out[e] = True
-    return out
+    return mask_of(len(seam), e)
 
 
 def _shorten(part: _Part, seam: BoolArray, monitor: Monitor) -> BoolArray:
@@ -241,8 +234,7 @@ def _longest_arcs(
     stale = np.bincount(arc, tried[e], count) > 0
     owner = np.zeros(count, np.int64)
     owner[arc] = chart[e]
-    order = np.lexsort((np.arange(count), -length, stale, owner))
-    best = order[first_of_runs(owner[order])]
+    best = first_of_groups(owner, stale, -length)
     out = np.zeros(len(seam), bool)
     out[e] = np.isin(arc, best[~stale[best]])
     return out
@@ -257,9 +249,7 @@ def _reroute(
     _, corners = corner_classes(len(cut_mesh.faces), cut_mesh.edges[kept])
     trial = CutMesh(corners, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges[kept])
     n, node = _nodes(trial)
-    flat = trial.faces.ravel()
-    h = trial.edges[:, 0]
-    a, b = node[flat[h]], node[flat[next_half_edge(h)]]
+    a, b = (node[end] for end in ends_of(trial.faces, trial.edges[:, 0]))
     on = arc[kept]
     owner = chart[kept]
     length = np.bincount(owner[on], part.weight[kept][on], trial.n_charts)
@@ -294,21 +284,17 @@ def _open(surface: Surface, cut: BoolArray, cut_mesh: CutMesh, charts: BoolArray
     loops = cut_mesh.loops
 
     def farthest(distance: FloatArray) -> IntArray:
-        order = used[np.lexsort((used, -distance[used], chart[used]))]
-        return order[first_of_runs(chart[order])]
+        return used[first_of_groups(chart[used], -distance[used])]
 
     start = used[np.unique(chart[used], return_index=True)[1]]
     start = farthest(graph.paths(start)[0])
     start[loops.chart[loops.outer]] = cut_mesh.n_vertices + np.flatnonzero(loops.outer)
     distance, parent = graph.paths(start)
     tip = farthest(distance)
-    seam = np.zeros(len(a), bool)
-    seam[graph.trace(parent, tip)] = True
+    seam = mask_of(len(a), graph.trace(parent, tip))
     owner = cut_mesh.chart[cut_mesh.edges[:, 0] // 3]
     seam = _lengthen(seam, tip, a, b, owner, part, n)
-    out = np.zeros(len(surface.edges), bool)
-    out[part.edge[seam]] = True
-    return out
+    return mask_of(len(surface.edges), part.edge[seam])
 
 
 def _lengthen(
@@ -321,17 +307,10 @@ def _lengthen(
     n: int,
 ) -> BoolArray:
     """Add an edge at the tip of every path of one edge, which opens nothing."""
-    taken = np.zeros(n, bool)
-    taken[a[seam]] = True
-    taken[b[seam]] = True
-    taken[tip] = True
+    taken = mask_of(n, np.r_[a[seam], b[seam], tip])
     short = group_count(owner[seam], len(tip)) < 2
     e = np.flatnonzero(short[owner])
     ta, tb = a[e] == tip[owner[e]], b[e] == tip[owner[e]]
     ok = (ta & ~taken[b[e]]) | (tb & ~taken[a[e]])
     e = e[ok]
-    order = np.lexsort((e, part.weight[e], owner[e]))
-    best = order[first_of_runs(owner[e[order]])]
-    seam = seam.copy()
-    seam[e[best]] = True
-    return seam
+    return seam | mask_of(len(seam), e[first_of_groups(owner[e], part.weight[e])])

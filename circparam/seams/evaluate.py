@@ -21,8 +21,9 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     cross2,
-    first_of_runs,
+    first_of_groups,
     group_sum,
+    mask_of,
     next_half_edge,
     numbered,
 )
@@ -91,8 +92,7 @@ class Moves:
     @property
     def moving(self) -> BoolArray:
         """(m,) bool: faces of parts that join."""
-        result: BoolArray = self.part >= 0
-        return result
+        return self.part >= 0
 
     def subset(self, which: BoolArray) -> tuple["Moves", IntArray]:
         """(some moves ((n,) bool), their vertices)."""
@@ -127,8 +127,7 @@ class Trial:
 
     def good(self, most: FloatArray) -> BoolArray:
         """(n,) bool: not above those energies, without flips or overlaps."""
-        result: BoolArray = (self.energy <= most) & ~self.overlapping
-        return result
+        return (self.energy <= most) & ~self.overlapping
 
 
 def try_moves(moves: Moves, demands: Demands, worker: Worker, monitor: Monitor) -> Trial:
@@ -271,9 +270,4 @@ def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArra
     width = int(before.max()) + 1
     pairs, inverse = numbered(chart * width + before)
     area = group_sum(areas, inverse, len(pairs))
-    now = pairs // width
-    order = np.lexsort((-area, now))
-    main = np.zeros(len(pairs), bool)
-    main[order[first_of_runs(now[order])]] = True
-    result: BoolArray = main[inverse]
-    return result
+    return mask_of(len(pairs), first_of_groups(pairs // width, -area))[inverse]

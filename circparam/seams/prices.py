@@ -39,8 +39,7 @@ def edge_costs(atlas: Atlas) -> FloatArray:
     if surface.price is not None:
         # the rim of a flat is seen from more directions than the flat, which must not draw seams into it
         price = np.where(price < FLAT_PRICE, price * surface.price, price)
-    cost: FloatArray = np.where(surface.locked, np.inf, surface.edge_lengths * price)
-    return cost
+    return np.where(surface.locked, np.inf, surface.edge_lengths * price)
 
 
 def edge_prices(surface: Surface, hard: BoolArray | None = None) -> SeamPrices:
@@ -67,8 +66,7 @@ def planar(surface: Surface, flat: BoolArray) -> BoolArray:
     if not flat.any():
         return flat
     patches = surface.cut_mesh(~flat)
-    result: BoolArray = flat & ~not_disks(patches)[patches.chart[surface.sides[0]]]
-    return result
+    return flat & ~not_disks(patches)[patches.chart[surface.sides[0]]]
 
 
 def _soft_prices(surface: Surface) -> FloatArray:
@@ -80,14 +78,11 @@ def _soft_prices(surface: Surface) -> FloatArray:
 
 def crease_costs(surface: Surface) -> FloatArray:
     """(e,) as ``edge_costs`` on an organic surface, but for flats and visibility: for paths from a proxy."""
-    cost: FloatArray = surface.edge_lengths * _crease_prices(surface)
-    cost[surface.locked] = np.inf
-    return cost
+    return np.where(surface.locked, np.inf, surface.edge_lengths * _crease_prices(surface))
 
 
 def _crease_prices(surface: Surface) -> FloatArray:
-    price: FloatArray = 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(turns(surface)[0])), 0, 1))
-    return price
+    return 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(turns(surface)[0])), 0, 1))
 
 
 def shares_of_part(
@@ -112,8 +107,7 @@ def visibility_prices(
     worker = Worker(1 if monitor is None else monitor.jobs)
     share = sum(worker.map(shares_of_part, tasks, monitor or Monitor()))
     relative = np.maximum(share / TYPICAL_SHARE, LEAST_SHARE)
-    price: FloatArray = relative ** (VISIBILITY_POWER * strength)
-    return price
+    return relative ** (VISIBILITY_POWER * strength)
 
 
 def with_visibility(

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, ends_of, group_sum
 from circparam.core.compiled import kd_tree
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.records import dataclass
@@ -56,8 +56,7 @@ class Mirror:
         """(e,) edges with their images, where these are known."""
         if self.images is None:
             return edges
-        result: BoolArray = edges | edges[self.images.edge]
-        return result
+        return edges | edges[self.images.edge]
 
     def without(self, edges: BoolArray) -> "Mirror":
         """The mirror of the surface without some edges ((e,) bool), which are the images of each other."""
@@ -89,8 +88,7 @@ def find_mirror(surface: Surface, asked: str) -> Mirror:
         )
     images = _images(surface, axis, at, used)
     middle = surface.points[surface.faces].mean(1)[:, AXES.index(axis)] - at
-    e = surface.edges[surface.locked]
-    n, cell = components(len(surface.faces), e[:, 0] // 3, e[:, 1] // 3)
+    n, cell = _polygons(surface)
     side = group_sum(middle, cell, n) > 0
     if images is not None:
         # whatever rounding says of the centres: of two images one is on the positive side
@@ -103,6 +101,11 @@ def find_mirror(surface: Surface, asked: str) -> Mirror:
             f"{at:.6g}: leave it out"
         )
     return Mirror(axis, at, side[cell], images)
+
+
+def _polygons(surface: Surface) -> tuple[int, IntArray]:
+    """(number of polygons, (m,) polygon of each face): faces joined across locked edges."""
+    return components(len(surface.faces), *surface.sides[:, surface.locked])
 
 
 def _likeness(surface: Surface, axis: str, at: float, used: IntArray) -> float:
@@ -130,8 +133,7 @@ def _images(surface: Surface, axis: str, at: float, used: IntArray) -> Images | 
     found &= to[to] == np.arange(len(used))
     points = np.full(len(surface.points), -1)
     points[used[found]] = used[to[found]]
-    e = surface.edges[surface.locked]
-    n, cell = components(len(surface.faces), e[:, 0] // 3, e[:, 1] // 3)
+    n, cell = _polygons(surface)
     cells = _image_cells(surface, cell, n, points)
     if (cells < 0).any():
         return None
@@ -152,20 +154,17 @@ def _image_cells(surface: Surface, cell: IntArray, n: int, points: IntArray) -> 
     ok = here[image] == there
     ok[of[points[point] < 0]] = False
     ok[ok] &= image[image[ok]] == np.flatnonzero(ok)
-    result: IntArray = np.where(ok, image, -1)
-    return result
+    return np.where(ok, image, -1)
 
 
 def _image_edges(surface: Surface, cell: IntArray, cells: IntArray, points: IntArray) -> IntArray:
     """(e,) the edge between the images of both cells and both points of an edge, itself where there is none."""
-    flat = surface.faces.ravel()
-    h, g = surface.edges.T
-    a, b = flat[h], flat[next_half_edge(h)]
-    left, right = cell[h // 3], cell[g // 3]
-    e = len(h)
-    ends = np.sort(np.concatenate([np.stack([a, b], 1), points[np.stack([a, b], 1)]]), axis=1)
-    sides = np.stack([left, right], 1)
-    both = np.hstack([ends, np.sort(np.concatenate([sides, cells[sides]]), axis=1)])
+    e = len(surface.edges)
+    ends = np.stack(ends_of(surface.faces, surface.edges[:, 0]), 1)
+    sides = cell[surface.edges // 3]
+    both = np.hstack(
+        [np.sort(np.concatenate(x), axis=1) for x in ((ends, points[ends]), (sides, cells[sides]))]
+    )
     key = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
     at = np.full(2 * e, -1)
     at[key[:e]] = np.arange(e)
@@ -173,8 +172,7 @@ def _image_edges(surface: Surface, cell: IntArray, cells: IntArray, points: IntA
     # inside a polygon the diagonals of both sides differ; no seam runs there
     ok = (image >= 0) & ~surface.locked
     ok[ok] &= at[key[e + image[ok]]] == np.flatnonzero(ok)
-    result: IntArray = np.where(ok, image, np.arange(e))
-    return result
+    return np.where(ok, image, np.arange(e))
 
 
 def both_sides(

@@ -18,8 +18,7 @@ def tiny_components(surface: Surface) -> BoolArray:
     tiny = np.bincount(component) <= SMALL_COMPONENT
     if tiny.sum() < MANY_COMPONENTS:
         return np.zeros(len(component), bool)
-    result: BoolArray = tiny[component]
-    return result
+    return tiny[component]
 
 
 def debris(surface: Surface) -> BoolArray:
@@ -29,5 +28,4 @@ def debris(surface: Surface) -> BoolArray:
         return tiny
     n, component = surface.components
     share = group_sum(surface.areas, component, n) / surface.areas.sum()
-    result: BoolArray = tiny & (share <= DEBRIS_AREA_SHARE)[component]
-    return result
+    return tiny & (share <= DEBRIS_AREA_SHARE)[component]

@@ -25,8 +25,7 @@ FFT_THREADS = 1
 def blur_transfer(side: int, sigma: float) -> FloatArray:
     """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
     f0, f1 = np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None]
-    gauss: FloatArray = np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
-    return gauss
+    return np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
 
 
 def best_place(
@@ -58,8 +57,7 @@ def spectra_of(masks: Masks, size: int) -> Spectrum:
     """(k, size, size // 2 + 1) conjugate spectra of the masks of a chart on a grid of ``size`` cells a side."""
     # the rows below a mask are empty, and so are their transforms
     rows = sf.rfft(masks.cells[:, :size, :size].astype(np.float32), n=size, axis=2)
-    spectra: Spectrum = np.conj(sf.fft(rows, n=size, axis=1))
-    return spectra
+    return np.conj(sf.fft(rows, n=size, axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,5 +113,4 @@ def _at_places(product: Spectrum, tall: int, wide: int) -> Single:
     size = product.shape[1]
     half = sf.ifft(product, axis=1, norm="forward", overwrite_x=True, workers=FFT_THREADS)[:, :tall]
     whole = sf.irfft(half, n=size, axis=2, norm="forward", workers=FFT_THREADS)[:, :, :wide]
-    found: Single = whole * np.float32(1 / size**2)
-    return found
+    return whole * np.float32(1 / size**2)

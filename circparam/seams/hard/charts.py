@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, group_sum
+from circparam.core.arrays import BoolArray, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -159,8 +159,7 @@ def creased_regions(
     todo = np.ones(len(atlas.surface.faces), bool)
     layouts = _laid_out(atlas, graph, todo, bound, relaxed)
     todo = layouts.bad(bound)[layouts.cut_mesh.chart]
-    e = atlas.surface.edges
-    new = prices.crease & todo[e[:, 0] // 3] & todo[e[:, 1] // 3] & ~locked & ~atlas.cut
+    new = prices.crease & atlas.surface.inner_edges(todo) & ~locked & ~atlas.cut
     if new.any():
         atlas.cut |= new
         layouts = _laid_out(atlas, graph, todo, bound, relaxed)
@@ -175,8 +174,7 @@ def unrolls_in_part(surface: Surface, bound: float) -> BoolArray:
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
     layouts = creased_regions(atlas, dual_graph(surface, atlas.flat), bound, relaxed=False)
     bad = layouts.bad(bound)[layouts.cut_mesh.chart] & ~large_flats(surface)[flats(surface)[0]]
-    result: BoolArray = (area_share(surface, bad) <= MOST_REGIONS)[surface.components[1]]
-    return result
+    return (area_share(surface, bad) <= MOST_REGIONS)[surface.components[1]]
 
 
 def _laid_out(
@@ -184,18 +182,13 @@ def _laid_out(
 ) -> ChartLayouts:
     """Make charts disks that unroll and lay out those that hold faces ``todo`` ((m,) bool)."""
     n, chart = atlas.charts()
-    which = np.zeros(n, bool)
-    which[chart[todo]] = True
-    atlas.cut |= slits(atlas, which)
+    atlas.cut |= slits(atlas, mask_of(n, chart[todo]))
     make_disks(atlas, graph)
     cut_mesh = atlas.cut_mesh()
-    which = np.zeros(cut_mesh.n_charts, bool)
-    which[cut_mesh.chart[todo]] = True
-    sub, vid, fid = cut_mesh.subset(which)
+    sub, vid, fid = cut_mesh.subset(mask_of(cut_mesh.n_charts, cut_mesh.chart[todo]))
     uv = atlas.gather(cut_mesh)
     part = unroll(sub)
-    energy = chart_energies(sub, part)
-    high = ~(energy <= bound)
+    high = ~(chart_energies(sub, part) <= bound)
     if relaxed and high.any():
         rest, rvid, _ = sub.subset(high)
         part[rvid] = embed_and_relax(rest, dataclasses.replace(ROUGH, give_up=bound), None)

@@ -1,18 +1,16 @@
 """Components that are copies of each other: seams are decided on one of them and hold for all."""
 
 import numpy as np
-import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, IntArray, ranges
+from circparam.core.arrays import BoolArray, IntArray, mask_of, ranges
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import FLAT, NOISE, extent, turns
+from circparam.seams.moves.glue import hashed
 
 # of the extent of all: sides of copies differ by what noise does to their four ends
 SIDES = 2 * 2 * NOISE
-
-Hashes = npt.NDArray[np.uint64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +23,7 @@ class Copies:
     @property
     def first(self) -> BoolArray:
         """(m,) bool, faces that are copies of no other."""
-        result: BoolArray = self.original == np.arange(len(self.original))
-        return result
+        return self.original == np.arange(len(self.original))
 
 
 def find_copies(surface: Surface) -> Copies:
@@ -40,14 +37,14 @@ def find_copies(surface: Surface) -> Copies:
     size = np.bincount(component, minlength=n)
     rank = np.empty(m, np.int64)
     rank[order] = ranges(size)
-    of_edge = component[e[:, 0] // 3]
+    of_edge = component[surface.sides[0]]
     edge_order = np.argsort(of_edge, kind="stable")
     edges = np.bincount(of_edge, minlength=n)
     half = 3 * rank[e // 3] + e % 3
-    mark = _mixed(half[:, 0] * 3 + surface.locked, half[:, 1])
+    mark = hashed(half[:, 0] * 3 + surface.locked, half[:, 1])
     total = np.zeros(n, np.uint64)
     np.add.at(total, of_edge, mark)
-    key = _mixed(size, edges) ^ total
+    key = hashed(size, edges) ^ total
     _, lead, group = np.unique(key, return_index=True, return_inverse=True)
     lead = lead[group.reshape(-1)]
     start = np.cumsum(size) - size
@@ -63,19 +60,11 @@ def find_copies(surface: Surface) -> Copies:
     signed = np.where(concave, -angle, angle)
     wrong = (half != half[edge]).any(1) | (np.abs(signed - signed[edge]) > 2 * FLAT)
     wrong |= surface.locked != surface.locked[edge]
-    other = np.zeros(n, bool)
-    other[component[differs]] = other[of_edge[wrong]] = True
+    other = mask_of(n, np.r_[component[differs], of_edge[wrong]])
     return Copies(
         np.where(other[component], np.arange(m), original),
         np.where(other[of_edge], np.arange(len(e)), edge),
     )
-
-
-def _mixed(a: IntArray, b: IntArray) -> Hashes:
-    """(k,) hashes of pairs."""
-    out = (a.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ b.astype(np.uint64)
-    out = (out ^ (out >> np.uint64(31))) * np.uint64(0xBF58476D1CE4E5B9)
-    return out ^ (out >> np.uint64(29))
 
 
 def spread_copies(surface: Surface, copies: Copies, part: Atlas) -> Atlas:

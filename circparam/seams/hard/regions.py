@@ -8,9 +8,10 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    ends_of,
     group_min,
     group_sum,
-    next_half_edge,
+    mask_of,
     slices,
 )
 from circparam.core.graph import components, nearest, undirected
@@ -50,9 +51,7 @@ def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
 
 def extent(surface: Surface) -> float:
     """The largest coordinate, seen from the origin or from the middle: what noise scales with."""
-    used = np.zeros(len(surface.points), bool)
-    used[surface.faces] = True
-    axes = surface.points[used].T.copy()
+    axes = surface.points[mask_of(len(surface.points), surface.faces)].T.copy()
     return max((float(max(np.abs(x).max(), np.ptp(x))) for x in axes if len(x)), default=0.0)
 
 
@@ -84,8 +83,7 @@ def measured_normals(surface: Surface) -> FloatArray:
     step *= np.where(told & (along < np.cos(SHARP)), ACROSS, 1.0)
     links = undirected(len(sure), a, b, step)
     _, _, source = nearest(links, np.flatnonzero(sure))
-    result: FloatArray = surface.normals[np.where(source >= 0, source, np.arange(len(sure)))]
-    return result
+    return surface.normals[np.where(source >= 0, source, np.arange(len(sure)))]
 
 
 _normals: WeakKeyDictionary[Surface, FloatArray] = WeakKeyDictionary()
@@ -109,13 +107,14 @@ def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
 
 def measured_turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((e,) angle between the sure normals of both faces of each edge in radians, (e,) bool: it is concave)."""
-    n, points, flat = sure_normals(surface), surface.points, surface.faces.ravel()
+    n, points = sure_normals(surface), surface.points
     count = len(surface.edges)
     angle, concave = np.empty(count), np.empty(count, bool)
     for k in slices(count):
         h, other = surface.edges[k].T
         a, b = n[h // 3].T, n[other // 3].T
-        along = (points[flat[next_half_edge(h)]] - points[flat[h]]).T
+        start, end = ends_of(surface.faces, h)
+        along = (points[end] - points[start]).T
         x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
         angle[k] = np.arctan2(
             np.sqrt(x * x + y * y + z * z), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -143,10 +142,9 @@ def measured_flats(surface: Surface) -> tuple[IntArray, BoolArray]:
 
 def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
     """((nv,) 2π less the angles at inner vertices, π less them on boundaries, (nv,) bool: on a boundary)."""
-    flat = cut_mesh.faces.ravel()
-    total = group_sum(corner_angles(cut_mesh).ravel(), flat, cut_mesh.n_vertices)
-    rim = np.zeros(cut_mesh.n_vertices, bool)
-    rim[flat[cut_mesh.boundary]] = True
+    angles = corner_angles(cut_mesh).ravel()
+    total = group_sum(angles, cut_mesh.faces.ravel(), cut_mesh.n_vertices)
+    rim = cut_mesh.on_boundary
     return np.where(rim, np.pi, 2 * np.pi) - total, rim
 
 
@@ -183,15 +181,13 @@ def _creased_sharply(surface: Surface) -> BoolArray:
     _, smooth, tube = developable_regions(surface, BLUNT)
     round_shape = (angle[on] < BLUNT) & ~tube[smooth[surface.sides[0, on]]]
     blunt, creases = group_sum(length * round_shape, of, n), group_sum(length, of, n)
-    result: BoolArray = blunt <= MOST_BLUNT * creases
-    return result
+    return blunt <= MOST_BLUNT * creases
 
 
 def surely_hard(surface: Surface) -> BoolArray:
     """(m,) bool: large flats that creases bound cover most of the component of the face."""
     share = _share_in_flats(surface, creased_flats(surface))
-    result: BoolArray = (share >= MOST_FLAT)[surface.components[1]]
-    return result
+    return (share >= MOST_FLAT)[surface.components[1]]
 
 
 def _share_in_flats(surface: Surface, chosen: BoolArray) -> FloatArray:
@@ -209,8 +205,7 @@ def area_share(surface: Surface, faces: BoolArray) -> FloatArray:
 def edges_inside(surface: Surface, chosen: BoolArray) -> BoolArray:
     """(e,) bool: edges inside the chosen flats ((flats,) bool)."""
     flat, inside = flats(surface)
-    result: BoolArray = inside & chosen[flat[surface.sides[0]]]
-    return result
+    return inside & chosen[flat[surface.sides[0]]]
 
 
 def large_flats(surface: Surface) -> BoolArray:
@@ -229,10 +224,10 @@ def facets(surface: Surface) -> BoolArray:
     """(e,) bool: edges inside flats of organic components that are mostly flats: bent tubes of quads."""
     flat, inside = flats(surface)
     share = _share_in_flats(surface, np.bincount(flat) > 1)[surface.components[1]]
-    result: BoolArray = inside & (share >= MOST_FLAT)[surface.sides[0]]
-    if result.any():
-        result &= ~hard_components(surface)[surface.sides[0]]
-    return result
+    inside = inside & (share >= MOST_FLAT)[surface.sides[0]]
+    if inside.any():
+        inside &= ~hard_components(surface)[surface.sides[0]]
+    return inside
 
 
 def creased_flats(surface: Surface) -> BoolArray:
@@ -244,8 +239,7 @@ def creased_flats(surface: Surface) -> BoolArray:
     length = np.where(turns(surface)[0] >= CREASE, length, -length)
     balance = group_sum(length, left, len(large)) + group_sum(length, right, len(large))
     balance += group_sum(surface.boundary_lengths, flat[surface.boundary // 3], len(large))
-    result: BoolArray = large & (balance >= 0)
-    return result
+    return large & (balance >= 0)
 
 
 def developable_regions(

@@ -8,10 +8,12 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     edge_keys,
+    ends_of,
     first_of_each,
     group_count,
     group_sum,
     next_half_edge,
+    positions_in,
     stable_order,
 )
 from circparam.core.graph import Graph, nearest, spanning_forest, undirected
@@ -120,9 +122,7 @@ def slits(atlas: Atlas, which: BoolArray | None = None) -> BoolArray:
     node, sites = _sites(cut_mesh, which)
     out = np.zeros(len(atlas.cut), bool)
     index = np.flatnonzero(~atlas.cut)  # of the edges of the cut mesh
-    flat = cut_mesh.faces.ravel()
-    h = cut_mesh.edges[:, 0]
-    a, b = node[flat[h]], node[flat[next_half_edge(h)]]
+    a, b = (node[end] for end in ends_of(cut_mesh.faces, cut_mesh.edges[:, 0]))
     cost = edge_costs(atlas)[index]
     ok = np.isfinite(cost) & (a != b)
     index, a, b, cost = index[ok], a[ok], b[ok], cost[ok]
@@ -133,8 +133,7 @@ def slits(atlas: Atlas, which: BoolArray | None = None) -> BoolArray:
     distance, parent = links.paths(sites)
     _, _, source = nearest(links.matrix, sites)
     met = np.isfinite(distance[a]) & np.isfinite(distance[b]) & (source[a] != source[b])
-    number = np.full(n, -1)
-    number[sites] = np.arange(len(sites))
+    number = positions_in(n, sites)
     p, q = number[source[a[met]]], number[source[b[met]]]
     whole = distance[a[met]] + cost[met] + distance[b[met]]
     chosen = np.flatnonzero(met)[spanning_forest(len(sites), p, q, whole)]

@@ -137,16 +137,13 @@ class Glue:
     def _untried(self, glues: Glues) -> BoolArray:
         """(candidates,) bool: what may be tried. Several arcs at once are, when each alone has failed."""
         arcs, first = glues.arcs, glues.n_arcs
-        held = np.zeros(first, bool)
-        held[arcs.arc[self.fixed[arcs.edge]]] = True
-        waiting = np.zeros(glues.n_pairs, bool)
-        waiting[glues.pair[~np.isin(glues.key[:first], self.tried) | held]] = True
+        held = mask_of(first, arcs.arc[self.fixed[arcs.edge]])
+        untried = ~np.isin(glues.key, self.tried)
+        waiting = mask_of(glues.n_pairs, glues.pair[untried[:first] | held])
         several = np.bincount(glues.pair, minlength=glues.n_pairs) > 1
         several &= (glues.left != glues.right)[first:]
         alone = ((arcs.left != arcs.right) | arcs.tip) & ~held
-        may = np.concatenate([alone, several & ~waiting])
-        result: BoolArray = may & ~np.isin(glues.key, self.tried)
-        return result
+        return np.concatenate([alone, several & ~waiting]) & untried
 
 
 def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int, worth: float) -> Glues:

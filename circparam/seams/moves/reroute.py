@@ -58,8 +58,7 @@ class Reroutes(Candidates):
     def seams(self, chosen: IntArray) -> BoolArray:
         """(e,) seams when the pieces of some groups have moved."""
         take = np.r_[np.isin(self.group, chosen), False]  # the last entry stands for −1
-        result: BoolArray = (self.cut & ~take[self.proposal.old]) | take[self.proposal.new]
-        return result
+        return (self.cut & ~take[self.proposal.old]) | take[self.proposal.new]
 
 
 class Reroute:
@@ -122,8 +121,7 @@ class Reroute:
             on = np.flatnonzero(path >= 0)
             total += group_sum(here[on], path[on], self.proposal.n)
             count += group_count(path[on], self.proposal.n)
-        result: FloatArray = total / np.maximum(count, 1)
-        return result
+        return total / np.maximum(count, 1)
 
     def _beside(self, atlas: Atlas) -> tuple[IntArray, IntArray]:
         """((pieces,), (pieces,)) charts on both sides, the lower number first."""
@@ -148,8 +146,7 @@ class Proposal:
         """(e,) seams when the chains ``take`` ((n,) bool) move and the others stay."""
         take = np.r_[take, False]  # the last entry stands for −1
         stay = np.r_[~take[:-1], False]
-        result: BoolArray = self.kept | take[self.new] | stay[self.old]
-        return result
+        return self.kept | take[self.new] | stay[self.old]
 
     def costs(self, cost: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,) what the old and the new path of every chain cost; cost: (e,) of each edge."""

@@ -9,10 +9,11 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    ends_of,
     first_of_runs,
     group_count,
     group_sum,
-    next_half_edge,
+    positions_in,
     sorted_distinct,
     stable_order,
 )
@@ -60,8 +61,6 @@ def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
     edges = shared_edges(faces)
     torn = runs.pairs[~run_opposite(faces, runs.pairs), 0]
     many = np.r_[runs.order[runs.head[runs.size > 2]], torn]
-    flat = faces.ravel()
-    ends = np.stack([flat[many], flat[next_half_edge(many)]], 1)
     surface = Surface(
         points,
         faces,
@@ -70,14 +69,13 @@ def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
         edges,
         np.zeros(len(edges), bool),
     )
-    return surface, np.sort(ends, axis=1)
+    return surface, np.sort(np.stack(ends_of(faces, many), 1), axis=1)
 
 
 def _large(surface: Surface) -> BoolArray:
     """(m,) bool: faces of components that are collapsed."""
     _, component = surface.components
-    result: BoolArray = (np.bincount(component) > SMALL_COMPONENT)[component]
-    return result
+    return (np.bincount(component) > SMALL_COMPONENT)[component]
 
 
 def decimate(surface: Surface, target: int) -> Proxy:
@@ -94,8 +92,7 @@ def decimate(surface: Surface, target: int) -> Proxy:
     position = points.copy()
     if large.any():
         used = sorted_distinct(faces[large])
-        local = np.full(n, -1)
-        local[used] = np.arange(len(used))
+        local = positions_in(n, used)
         centre = points[used].mean(0)
         size = float(np.abs(points[used] - centre).max())
         pieces = len(sorted_distinct(component[large]))
@@ -124,8 +121,7 @@ def decimate(surface: Surface, target: int) -> Proxy:
     keep = keep[_main_parts(position, coarse[keep], component[keep])]
     coarse = coarse[keep]
     kept = sorted_distinct(coarse)
-    number = np.full(n, -1)
-    number[kept] = np.arange(len(kept))
+    number = positions_in(n, kept)
     proxy, apart = pair_edges(position[kept], number[coarse])
     proxy = replace(proxy, whole_area=surface.whole_area)
     cell = _settle(surface, number[root])
@@ -150,18 +146,15 @@ def priced(proxy: Surface, surface: Surface, cell: IntArray) -> Surface:
     """The proxy with the prices of the surface: those of both cells that an edge joins, in the mean."""
     if surface.price is None:
         return proxy
-    flat = surface.corner_vertex.ravel()
-    h = surface.edges[:, 0]
-    ends = cell[np.r_[flat[h], flat[next_half_edge(h)]]]
+    ends = cell[np.concatenate(ends_of(surface.corner_vertex, surface.edges[:, 0]))]
     known = ends >= 0
     weight = np.tile(surface.edge_lengths, 2)[known]
     n = len(proxy.points)
     total = group_sum(weight, ends[known], n)
     price = group_sum(weight * np.tile(surface.price, 2)[known], ends[known], n)
     price = np.where(total > 0, price / np.maximum(total, 1e-300), 1.0)
-    coarse = proxy.faces.ravel()
-    h = proxy.edges[:, 0]
-    price = (price[coarse[h]] + price[coarse[next_half_edge(h)]]) / 2
+    a, b = ends_of(proxy.faces, proxy.edges[:, 0])
+    price = (price[a] + price[b]) / 2
     return replace(proxy, price=price, weighted=surface.weighted)
 
 
@@ -172,8 +165,7 @@ def _main_parts(points: FloatArray, faces: IntArray, component: IntArray) -> Boo
     size = np.bincount(part, minlength=count)
     largest = np.zeros(int(component.max()) + 1, np.int64)
     np.maximum.at(largest, component, size[part])
-    result: BoolArray = size[part] >= np.minimum(FRAGMENT, largest[component])
-    return result
+    return size[part] >= np.minimum(FRAGMENT, largest[component])
 
 
 def _settle(surface: Surface, cell: IntArray) -> IntArray:

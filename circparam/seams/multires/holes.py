@@ -79,8 +79,7 @@ def _folds(surface: Surface, fans: np.ndarray, loop: np.ndarray) -> BoolArray:
     with np.errstate(invalid="ignore"):
         sound = (normal * total[loop]).sum(1) > 0
     sound &= np.linalg.norm(normal, axis=1) > THIN * longest
-    result: BoolArray = ~sound
-    return result
+    return ~sound
 
 
 def without_fans(atlas: Atlas, surface: Surface) -> Atlas:

@@ -6,9 +6,10 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_of_runs,
+    first_of_groups,
     group_count,
     group_sum,
+    mask_of,
     norms3,
     numbered,
     slices,
@@ -66,8 +67,8 @@ def separate(
 
 def _clear_of_seams(coarse: Atlas) -> BoolArray:
     """(m,) coarse faces with no corner on a seam."""
-    on_seam = np.zeros(coarse.n_vertices, bool)
-    on_seam[coarse.ends[0][coarse.cut]] = on_seam[coarse.ends[1][coarse.cut]] = True
+    a, b = coarse.ends
+    on_seam = mask_of(coarse.n_vertices, np.r_[a[coarse.cut], b[coarse.cut]])
     touched = on_seam[coarse.surface.corner_vertex]
     return ~(touched[:, 0] | touched[:, 1] | touched[:, 2])
 
@@ -125,15 +126,11 @@ def match_charts(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> Transfe
     pairs, inverse = numbered(chart[ok] * width + label[ok])
     shared = group_sum(fine.surface.areas[ok], inverse, len(pairs))
     of = pairs // width
-    order = np.lexsort((-shared, of))
-    best = order[first_of_runs(of[order])]
+    best = first_of_groups(of, -shared)
     main, area = np.zeros(n, np.int64), np.zeros(n)
     main[of[best]], area[of[best]] = pairs[best] % width, shared[best]
-    order = np.lexsort((-area, main))
-    real = np.zeros(n, bool)
-    real[order[first_of_runs(main[order])]] = True
     # a chart without any coarse face (a component too small for the proxy) stands for itself
-    real |= area == 0
+    real = mask_of(n, first_of_groups(main, -area)) | (area == 0)
     return TransferredCharts(chart, main, real)
 
 
@@ -150,10 +147,8 @@ def drop_slivers(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> Transfe
             return found
         which = np.flatnonzero(may)
         side = np.where(sliver[arcs.left[which]], arcs.left[which], arcs.right[which])
-        order = np.lexsort((-arcs.length[which], side))
-        glue = which[order[first_of_runs(side[order])]]
-        chosen = np.zeros(len(arcs.left), bool)
-        chosen[glue] = True
+        glue = which[first_of_groups(side, -arcs.length[which])]
+        chosen = mask_of(len(arcs.left), glue)
         fine.cut[arcs.edge[chosen[arcs.arc]]] = False
     return match_charts(fine, coarse_chart, near)
 
@@ -219,8 +214,7 @@ def prolonged(coarse: Atlas, fine: Atlas, cut_mesh: CutMesh, source: IntArray) -
         count += group_count(vertex, n)
         for d in range(2):
             total[:, d] += group_sum(value[:, d], vertex, n)
-    result: FloatArray = total / np.maximum(count, 1)[:, None]
-    return result
+    return total / np.maximum(count, 1)[:, None]
 
 
 def cells_in_charts(fine: Surface, cut_mesh: CutMesh, proxy: Proxy) -> IntArray:
@@ -240,11 +234,8 @@ def take_over(fine: Atlas, coarse: Atlas, proxy: Proxy, near: IntArray) -> BoolA
     n, component = surface.components
     same = (near >= 0) & (proxy.cell[surface.corner_vertex] == proxy.surface.faces[near]).all(1)
     same &= np.bincount(near[near >= 0], minlength=len(coarse.surface.faces))[near] == 1
-    changed = np.zeros(n, bool)
-    changed[component[~same]] = True
-    taken: BoolArray = ~changed[component]
-    joined = np.zeros(3 * len(coarse.surface.faces), bool)
-    joined[coarse.surface.edges[~coarse.cut]] = True
+    taken = ~mask_of(n, component[~same])[component]
+    joined = mask_of(3 * len(coarse.surface.faces), coarse.surface.edges[~coarse.cut])
     edges = np.flatnonzero(taken[surface.sides[0]])
     h = surface.edges[edges]
     fine.cut[edges] = ~joined[3 * near[h // 3] + h % 3].all(1)

@@ -9,9 +9,10 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     edge_keys,
-    first_of_runs,
+    first_of_groups,
     group_count,
     mask_of,
+    positions_in,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
@@ -40,8 +41,7 @@ def transfer_seams(
     fine.cut = np.zeros(len(fine.cut), bool)
     if len(a) == 0:
         return 0
-    boundary = np.zeros(n, bool)
-    boundary[flat[surface.boundary]] = boundary[along[surface.boundary]] = True
+    boundary = mask_of(n, np.r_[flat[surface.boundary], along[surface.boundary]])
     boundary[proxy.apart.ravel()] = False
     chains = chains_of(a, b, n, boundary)
     router = _Router(fine, proxy, (flat, along), boundary, chains)
@@ -144,8 +144,7 @@ def _find_way(fine: Atlas, usable: IntArray, cost: FloatArray, start: int, end: 
 
 def _some_chains(chains: Chains, which: IntArray) -> Chains:
     """Some chains, numbered anew."""
-    number = np.full(len(chains.start), -1)
-    number[which] = np.arange(len(which))
+    number = positions_in(len(chains.start), which)
     inner = number[chains.chain] >= 0
     return Chains(
         chains.start[which],
@@ -198,8 +197,7 @@ def _fine_bands(
             fine_owner[vertex[free]] = chain[free]
     closed = fine.on_boundary.copy()
     closed[fine.ends[0][fine.cut]] = closed[fine.ends[1][fine.cut]] = True
-    at_end = np.zeros(n, bool)
-    at_end[chains.start] = at_end[chains.end] = True
+    at_end = mask_of(n, np.r_[chains.start, chains.end])
     return _share_out(ends, fine_owner, fine_value, cell, has & at_end[cell], closed)
 
 
@@ -232,10 +230,9 @@ def _representatives(
     c = cell[members]
     distance = np.linalg.norm(fine.surface.vertex_points[members] - points[c], axis=1)
     inside = boundary[c] & ~fine.on_boundary[members]
-    order = np.lexsort((distance, -beside[members], inside, c))
-    first = first_of_runs(c[order])
+    first = first_of_groups(c, inside, -beside[members], distance)
     out = np.full(len(points), -1)
-    out[c[order][first]] = members[order][first]
+    out[c[first]] = members[first]
     return out
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, stable_order
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of, stable_order
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
@@ -42,12 +42,9 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
     vertex, entry = vertex[keep], entry[keep]
     entry = entry[stable_order(vertex)]
     count, arc = components(len(c), entry[::2], entry[1::2])
-    h = atlas.surface.edges[c]
-    p, q = chart[h[:, 0] // 3], chart[h[:, 1] // 3]
+    p, q = chart[atlas.surface.sides[:, c]]
     left, right = np.zeros(count, np.int64), np.zeros(count, np.int64)
     left[arc], right[arc] = np.minimum(p, q), np.maximum(p, q)
     free = (valence == 1) & ~atlas.on_boundary
-    tip = np.zeros(count, bool)
-    tip[arc[free[a] | free[b]]] = True
-    length = group_sum(atlas.lengths[c], arc, count)
-    return Arcs(c, arc, left, right, length, tip)
+    tip = mask_of(count, arc[free[a] | free[b]])
+    return Arcs(c, arc, left, right, group_sum(atlas.lengths[c], arc, count), tip)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -136,9 +136,7 @@ def _grown(
         make_disks(atlas, graph)
         monitor.keep(atlas, sound=False)
         n, chart = atlas.charts()
-        again = np.zeros(n, bool)
-        again[chart[was]] = True
-        layouts = lay_out_fresh(atlas, again, rough, worker, monitor)
+        layouts = lay_out_fresh(atlas, mask_of(n, chart[was]), rough, worker, monitor)
     return atlas
 
 

@@ -8,7 +8,7 @@ import scipy.sparse as sps
 from circparam.core.arrays import (
     BoolArray,
     IntArray,
-    first_of_runs,
+    first_of_groups,
     group_count,
     mask_of,
     norms3,
@@ -114,8 +114,7 @@ def _split_overlaps(
     of = chart[pairs[:, 0]]
     done[of] = True
     place = atlas.surface.points[atlas.surface.faces[pairs, 0]]
-    order = np.lexsort((-norms3(place[:, 0] - place[:, 1]), of))
-    seeds = graph.cell[pairs[order[first_of_runs(of[order])]]]
+    seeds = graph.cell[pairs[first_of_groups(of, -norms3(place[:, 0] - place[:, 1]))]]
     use = ~atlas.cut & done[chart[atlas.surface.sides[0]]]
     links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
     side = _nearer(links, seeds)
@@ -156,11 +155,10 @@ def _map_again(
     """
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
-    todo = np.zeros(cut_mesh.n_charts, bool)
-    todo[cut_mesh.chart[(changed & ~kept)[layouts.cut_mesh.chart]]] = True
-    energy = chart_energies(cut_mesh, uv)
-    over = ~(energy <= bound)
-    todo[cut_mesh.chart[over[cut_mesh.chart] & changed[layouts.cut_mesh.chart]]] = True
+    was = layouts.cut_mesh.chart
+    over = ~(chart_energies(cut_mesh, uv) <= bound)[cut_mesh.chart]
+    again = (changed & ~kept)[was] | (changed[was] & over)
+    todo = mask_of(cut_mesh.n_charts, cut_mesh.chart[again])
     if todo.any():
         sub, vid, fid = cut_mesh.subset(todo)
         part = lay_out_sound(sub, uv[vid], options, monitor)

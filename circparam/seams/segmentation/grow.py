@@ -10,9 +10,10 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_of_runs,
+    first_of_groups,
     group_max,
     group_sum,
+    mask_of,
     norms3,
     numbered,
     slices,
@@ -126,8 +127,7 @@ def grow(
         inner = undirected(n, tail[~between], head[~between], step[~between])
         depth = distances(inner, rim)
         depth[~np.isfinite(depth)] = 0
-        order = np.lexsort((np.arange(n), -depth, region))
-        middle = order[first_of_runs(region[order])]
+        middle = first_of_groups(region, -depth)
     return region
 
 
@@ -148,7 +148,7 @@ def _far_seeds(graph: sps.csr_matrix, component: IntArray, count: int) -> IntArr
         if best <= 0:
             break
         candidate = np.flatnonzero((distance == reach[component]) & (distance > best / 2))
-        far = candidate[np.unique(component[candidate], return_index=True)[1]]
+        far = candidate[first_of_groups(component[candidate])]
         far = far[np.lexsort((far, -distance[far]))][:missing]
         seeds.append(far)
         missing -= len(far)
@@ -172,16 +172,13 @@ def split_charts(
     rounds: int = 2,
 ) -> BoolArray:
     """Cut the charts ``which`` ((n,) bool) into about ``pieces`` regions each; returns the edges newly cut."""
-    tail_chart = chart[atlas.surface.sides[0]]
-    use = ~atlas.cut & which[tail_chart]
-    cells = np.zeros(graph.n, bool)
-    cells[graph.cell[which[chart]]] = True
+    use = ~atlas.cut & which[chart[atlas.surface.sides[0]]]
+    cells = mask_of(graph.n, graph.cell[which[chart]])
     number = np.cumsum(cells) - 1
     tail, head = number[graph.tail[use]], number[graph.head[use]]
     n = int(cells.sum())
     region = grow(n, tail, head, graph.step[use], pieces * int(which.sum()), rounds)
-    new = np.zeros(len(atlas.cut), bool)
-    new[np.flatnonzero(use)[region[tail] != region[head]]] = True
+    new = mask_of(len(atlas.cut), np.flatnonzero(use)[region[tail] != region[head]])
     atlas.cut |= new
     return new
 

@@ -10,6 +10,7 @@ from circparam.core.arrays import (
     IntArray,
     group_count,
     group_sum,
+    mask_of,
 )
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -76,16 +77,12 @@ def lay_out_fresh(
 
 def chart_parts(cut_mesh: CutMesh) -> list[tuple[BoolArray, CutMesh, IntArray, IntArray]]:
     """CutMesh as ``in_parts`` has them: [((n,) charts, cut mesh of those, vertices, faces)]."""
-    out: list[tuple[BoolArray, CutMesh, IntArray, IntArray]] = []
     shares = in_parts(cut_mesh.chart)
     if len(shares) == 1:
         whole = np.ones(cut_mesh.n_charts, bool)
         return [(whole, cut_mesh, np.arange(cut_mesh.n_vertices), np.arange(len(cut_mesh.faces)))]
-    for faces in shares:
-        part = np.zeros(cut_mesh.n_charts, bool)
-        part[cut_mesh.chart[faces]] = True
-        out.append((part, *cut_mesh.subset(part)))
-    return out
+    charts = [mask_of(cut_mesh.n_charts, cut_mesh.chart[faces]) for faces in shares]
+    return [(part, *cut_mesh.subset(part)) for part in charts]
 
 
 def embed_and_relax(

@@ -9,6 +9,9 @@ from circparam.core.arrays import (
     IntArray,
     first_of_runs,
     mask_of,
+    positions_in,
+    ranges,
+    sorted_distinct,
     stable_order,
 )
 from circparam.core.graph import components, distances, nearest, undirected
@@ -60,9 +63,7 @@ def _chain_once(
     graph = undirected(total, node_a, node_b, np.ones(len(a)))
     _, label = components(total, node_a, node_b)
     vertex_of = np.r_[np.arange(n), np.stack([a, b], 1).ravel()]
-    used = np.zeros(total, bool)
-    used[node_a] = used[node_b] = True
-    nodes = np.flatnonzero(used)
+    nodes = sorted_distinct(np.r_[node_a, node_b])
     order = nodes[stable_order(label[nodes])]
     runs = first_of_runs(label[order])
     low, high = order[runs], order[np.r_[runs[1:], len(order)] - 1]
@@ -76,8 +77,7 @@ def _chain_once(
         none = np.zeros(0, np.int64)
         return Chains(none, none, none, none, none, none), closed, none
     steps = distances(graph, first_end)
-    chain_of_label = np.full(int(label.max()) + 1, -1)
-    chain_of_label[label[first_end]] = np.arange(len(first_end))
+    chain_of_label = positions_in(int(label.max()) + 1, label[first_end])
     inner = nodes[(nodes < n) & (chain_of_label[label[nodes]] >= 0)]
     chain = chain_of_label[label[inner]]
     size = steps[last_end].astype(np.int64)
@@ -204,5 +204,4 @@ def _direct(a: IntArray, b: IntArray, start: IntArray, end: IntArray) -> tuple[I
     hit = np.flatnonzero(high > low)
     count = (high - low)[hit]
     step = np.repeat(hit, count)
-    within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    return step, order[low[step] + within]
+    return step, order[low[step] + ranges(count)]

@@ -7,13 +7,14 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     edge_keys,
-    first_of_runs,
+    ends_of,
+    first_of_groups,
     group_sum,
-    next_half_edge,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.evaluate import jacobians
 from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.layout import ChartLayouts
 from circparam.solvers import dirichlet
@@ -29,7 +30,7 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     is not.
     """
     cut_mesh = layouts.cut_mesh
-    n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
+    n = cut_mesh.n_vertices
     peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy))
     done = np.zeros(cut_mesh.n_charts, bool)
     if len(peak) == 0:
@@ -38,14 +39,12 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.sides[0]]]
     if atlas.flat is not None:  # they are as developable as can be: a slit there is of no use
         inner &= ~atlas.flat
-    h = atlas.surface.edges[inner, 0]
-    a, b = flat[h], flat[next_half_edge(h)]
+    a, b = ends_of(cut_mesh.faces, atlas.surface.edges[inner, 0])
     distance, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
-    reached = np.flatnonzero(boundary_vertices(cut_mesh) & np.isfinite(distance) & (source >= 0))
+    reached = np.flatnonzero(cut_mesh.on_boundary & np.isfinite(distance) & (source >= 0))
     if len(reached) == 0:
         return done
-    order = np.lexsort((reached, distance[reached], source[reached]))
-    here = reached[order[first_of_runs(source[reached][order])]]
+    here = reached[first_of_groups(source[reached], distance[reached])]
     done[cut_mesh.vertex_chart[here]] = True
     index = np.flatnonzero(inner)
     key = edge_keys(a, b, n)
@@ -57,30 +56,18 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     return done
 
 
-def boundary_vertices(cut_mesh: CutMesh) -> BoolArray:
-    """(nv,) bool: the vertex lies on a boundary."""
-    out = np.zeros(cut_mesh.n_vertices, bool)
-    out[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
-    return out
-
-
 def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> IntArray:
     """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
     field = smoothed_area_distortion(cut_mesh, uv)
-    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~boundary_vertices(cut_mesh))
-    order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
-    first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
-    return vertices[order[first]]
+    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~cut_mesh.on_boundary)
+    return vertices[first_of_groups(cut_mesh.vertex_chart[vertices], -field[vertices])]
 
 
 def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over SMOOTHING_RINGS."""
     n = cut_mesh.n_vertices
-    jacobian = dirichlet.jacobians(
-        np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0)),
-        uv[cut_mesh.faces].transpose(2, 1, 0),
-    )
-    value = np.abs(np.log(np.maximum(dirichlet.determinants(jacobian), 1e-30)))
+    determinant = dirichlet.determinants(jacobians(cut_mesh, uv[cut_mesh.faces]))
+    value = np.abs(np.log(np.maximum(determinant, 1e-30)))
     weight = cut_mesh.areas
     flat = cut_mesh.faces.ravel()
     total = np.maximum(group_sum(np.repeat(weight, 3), flat, n), 1e-300)

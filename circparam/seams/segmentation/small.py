@@ -1,8 +1,6 @@
 """Small charts join their neighbours: face by face where they cannot as a whole."""
 
-import numpy as np
-
-from circparam.core.arrays import BoolArray, IntArray, group_count
+from circparam.core.arrays import BoolArray, IntArray, group_count, mask_of
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import TRIAL
@@ -22,10 +20,12 @@ def absorb(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) ->
     before = atlas.cut.copy(), atlas.corners.copy()
     while small.any():
         _take_apart(atlas, chart, small)
-        _hand_out(atlas, options, least, monitor)
+        # pieces join charts that are not small, from the rim inwards, in as many rounds as a small chart has
+        # faces
+        pieces = _Pieces(atlas, options, least)
+        search(atlas, pieces, options.demands, Effort(rounds=least), monitor)
         now_n, now = atlas.charts()
-        left = np.zeros(n, bool)
-        left[chart[small[chart] & _small(atlas, now, now_n, least)[now]]] = True
+        left = mask_of(n, chart[small[chart] & _small(atlas, now, now_n, least)[now]])
         if not left.any():
             break
         # the pieces of one chart may have helped those of another: try again without those that failed
@@ -46,30 +46,16 @@ def small_note(left: int, least: int) -> list[str]:
 
 def _small(atlas: Atlas, chart: IntArray, n: int, least: int) -> BoolArray:
     """(n,) charts below ``least`` faces that have a neighbour."""
-    e = atlas.surface.edges
-    p, q = chart[e[:, 0] // 3], chart[e[:, 1] // 3]
-    beside = np.zeros(n, bool)
-    beside[np.r_[p[p != q], q[p != q]]] = True
-    result: BoolArray = beside & (group_count(chart, n) < least)
-    return result
+    sides = chart[atlas.surface.sides]
+    beside = mask_of(n, sides[:, sides[0] != sides[1]])
+    return beside & (group_count(chart, n) < least)
 
 
 def _take_apart(atlas: Atlas, chart: IntArray, which: BoolArray) -> None:
     """Cut all edges inside some charts, but for those inside polygons, and lay the pieces out."""
-    e = atlas.surface.edges
-    inside = which[chart[e[:, 0] // 3]] & which[chart[e[:, 1] // 3]]
-    atlas.cut |= inside & ~atlas.surface.locked
+    atlas.cut |= atlas.surface.inner_edges(which[chart]) & ~atlas.surface.locked
     n, now = atlas.charts()
-    pieces = np.zeros(n, bool)
-    pieces[now[which[chart]]] = True
-    lay_out_fresh(atlas, pieces, TRIAL)
-
-
-def _hand_out(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) -> None:
-    """Merge pieces with charts that are not small, from the rim inwards, until nothing changes."""
-    # a chart of fewer than ``least`` faces is handed out piece by piece in as many rounds
-    effort = Effort(rounds=least)
-    search(atlas, _Pieces(atlas, options, least), options.demands, effort, monitor)
+    lay_out_fresh(atlas, mask_of(n, now[which[chart]]), TRIAL)
 
 
 class _Pieces(Glue):

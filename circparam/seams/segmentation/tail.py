@@ -8,7 +8,7 @@ stretch, tips are cut off too if nothing else helps.
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum, mask_of
 from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion, face_stretch
@@ -113,15 +113,13 @@ def _stretched_parts(
     n, part = components(len(far), left[joined], right[joined])
     share = group_sum(over, part, n) / whole
     order = np.argsort(share, kind="stable")
-    gone = np.zeros(n, bool)
-    gone[order[np.cumsum(share[order]) > limits.allowed]] = True
+    gone = mask_of(n, order[np.cumsum(share[order]) > limits.allowed])
     inside = np.bincount(cell, gone[part])[cell] > 0
     joined = inside[left] == inside[right]
     n, piece = components(len(far), left[joined], right[joined])
     rest = group_sum(cut_mesh.areas * ~inside, piece, n)[piece]
     largest = group_max(rest, cut_mesh.chart, cut_mesh.n_charts)[cut_mesh.chart]
-    result: BoolArray = inside | (rest < largest)
-    return result
+    return inside | (rest < largest)
 
 
 def _split(

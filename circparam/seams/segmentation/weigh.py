@@ -56,8 +56,7 @@ class Limits:
 def share_over(cut_mesh: CutMesh, stretch: FloatArray, most: float) -> FloatArray:
     """(n,) area of each chart that is stretched more than ``most`` times, over that of the surface."""
     area = group_sum(cut_mesh.areas * (stretch > most), cut_mesh.chart, cut_mesh.n_charts)
-    share: FloatArray = area / cut_mesh.areas.sum()
-    return share
+    return area / cut_mesh.areas.sum()
 
 
 def relax_weighted(
