@@ -1,13 +1,13 @@
 """Few charts under a distortion bound: grow, merge, shorten, on a coarse proxy where the mesh is large."""
 
 import dataclasses
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_sum, mask_of
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED_FACES, Worker
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -32,10 +32,11 @@ from circparam.seams.prices import edge_prices, with_visibility, with_weights
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import DIRECT_FACES, merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
-    dual_graph,
+    DualGraph,
     make_disks,
 )
 from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.small import small_note
 from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.seams.tiny_components import debris
@@ -74,8 +75,8 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     def search() -> Atlas:
         if mirror is not None:
             halved = mirror.without(forced)
-            return mirrored_atlas(opened, halved, bound, options, monitor, notes)
-        return bounded_atlas(opened, bound, options, monitor, notes)
+            return mirrored_atlas(opened, halved, bound, options, monitor)
+        return bounded_atlas(opened, bound, options, monitor)
 
     atlas = in_time(opened, search, monitor, partly=True)
     best = Atlas(opened, atlas.cut, atlas.corners)
@@ -84,9 +85,14 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
             if not monitor.expired:
                 limit_stretch_of_all(atlas, limits, monitor, seams and mirror is None)
     except OutOfTimeError:
-        monitor.late = True
-        return _seams(best, forced, notes)
-    return _seams(atlas, forced, notes)
+        monitor.late, atlas = True, best
+    if options.min_chart_faces > 1:
+        with suppress(OutOfTimeError):
+            notes += small_note(atlas, options.min_chart_faces)
+    # the seams of the opened surface, and those that were demanded
+    cut = forced.copy()
+    cut[~forced] = atlas.cut
+    return Seams(cut, atlas.corners, notes)
 
 
 def contains_draft(surface: Surface, options: SeamOptions) -> bool:
@@ -112,20 +118,8 @@ def hard_faces(surface: Surface, bound: float) -> BoolArray:
     return hard
 
 
-def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
-    """The seams of the opened surface and those that were demanded."""
-    cut = forced.copy()
-    cut[~forced] = atlas.cut
-    return Seams(cut, atlas.corners, notes)
-
-
 def mirrored_atlas(
-    surface: Surface,
-    mirror: Mirror,
-    bound: float,
-    options: SeamOptions,
-    monitor: Monitor,
-    notes: list[str],
+    surface: Surface, mirror: Mirror, bound: float, options: SeamOptions, monitor: Monitor
 ) -> Atlas:
     """The atlas of one half on both, then whatever charts of both may be glued where they meet.
 
@@ -134,45 +128,38 @@ def mirrored_atlas(
     """
     if options.max_charts is not None:
         options = dataclasses.replace(options, max_charts=max(options.max_charts // 2, 1))
-    half = bounded_atlas(surface.part(mirror.half), bound, options, monitor, notes)
+    half = bounded_atlas(surface.part(mirror.half), bound, options, monitor)
     if mirror.images is not None:
         other = image_of(surface, mirror, mirror.images, half)
     else:
         with monitor.stage("carry"):
             rest = surface.part(~mirror.half)
-            graph = dual_graph(rest)
+            graph = DualGraph(rest)
             other = transfer_to_fine(rest, graph, *about_image_of(mirror, half, rest))
-        worker = Worker(monitor.jobs if len(rest.faces) > PARTED_FACES else 1)
-        finish(Decided(other, graph), bound, options, worker, monitor, notes)
+        finish(Decided(other, graph), bound, options, monitor)
     atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
         merge(atlas, MergeOptions(bound, margin=MARGIN / 2), monitor, ~between)
         if not_disks(atlas.cut_mesh()).any():
-            make_disks(atlas, dual_graph(surface))
+            make_disks(atlas, DualGraph(surface))
     return atlas
 
 
-def bounded_atlas(
-    surface: Surface,
-    bound: float,
-    options: SeamOptions,
-    monitor: Monitor,
-    notes: list[str],
-) -> Atlas:
+def bounded_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """Decide the seams of a surface and lay its charts out: hard components from their regions.
 
     A number of charts is reached from the atlas without one, so that it never leads to more.
     """
     most = options.max_charts
     if most is None:
-        return free_atlas(surface, bound, options, monitor, notes)
+        return free_atlas(surface, bound, options, monitor)
     free = dataclasses.replace(options, max_charts=None)
-    atlas = free_atlas(surface, bound, free, monitor, notes)
+    atlas = free_atlas(surface, bound, free, monitor)
     count = atlas.charts()[0]
     pieces, _ = surface.components
     if count <= max(most, pieces) or monitor.expired:
         return atlas
-    tried = [atlas, grown_atlas(surface, bound, options, monitor, notes)]
+    tried = [atlas, grown_atlas(surface, bound, options, monitor)]
     if len(surface.faces) <= REGROUP_FACES:
         merged = Atlas(surface, atlas.cut.copy(), atlas.corners.copy())
         with monitor.stage("charts"):
@@ -183,18 +170,11 @@ def bounded_atlas(
     return best
 
 
-def free_atlas(
-    surface: Surface,
-    bound: float,
-    options: SeamOptions,
-    monitor: Monitor,
-    notes: list[str],
-) -> Atlas:
+def free_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """As many charts as the bound needs, and no more than can be had at the same distortion."""
-    atlas = _first_atlas(surface, bound, options, monitor, notes)
-    if options.min_chart_faces > 1:  # small charts are what decides who joins whom then
-        return atlas
-    if options.search.draft:
+    atlas = _first_atlas(surface, bound, options, monitor)
+    # where charts have a least size, it decides who joins whom
+    if options.min_chart_faces > 1 or options.search.draft:
         return atlas
     with monitor.stage("charts"):
         if len(surface.faces) <= LEVEL_FACES:
@@ -210,14 +190,12 @@ def free_atlas(
     return atlas
 
 
-def _first_atlas(
-    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
-) -> Atlas:
+def _first_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """Hard components from their regions, the others grown."""
     with monitor.stage("charts"):
         hard = hard_faces(surface, bound)
     if not hard.any():
-        return grown_atlas(surface, bound, options, monitor, notes)
+        return grown_atlas(surface, bound, options, monitor)
     if monitor.deadline is not None:
         with monitor.stage("charts"):
             monitor.keep(quick_atlas(surface.part(hard), bound, monitor))
@@ -228,24 +206,19 @@ def _first_atlas(
     for faces, make, share in ((hard, hard_atlas, hard.mean()), (~hard, grown_atlas, 1.0)):
         if faces.any():
             part = surface.part(faces)
-            search = partial(make, part, bound, options, monitor, notes)
+            search = partial(make, part, bound, options, monitor)
             with monitor.holding(np.inf, least=float(share)):
                 atlas.put(faces, in_time(part, search, monitor))
             monitor.keep(atlas.part(faces))
     doubtful = hard & ~surely_hard(surface) & surface.components_with(atlas.cut)
     if doubtful.any() and not monitor.expired:
-        hard &= ~grown_where_cheaper(atlas, doubtful, bound, options, monitor, notes)
+        hard &= ~grown_where_cheaper(atlas, doubtful, bound, options, monitor)
         atlas.prices = edge_prices(surface, hard)
     return atlas
 
 
 def grown_where_cheaper(
-    atlas: Atlas,
-    faces: BoolArray,
-    bound: float,
-    options: SeamOptions,
-    monitor: Monitor,
-    notes: list[str],
+    atlas: Atlas, faces: BoolArray, bound: float, options: SeamOptions, monitor: Monitor
 ) -> BoolArray:
     """Grow charts of components with those faces ((m,) bool) too, and put them where they cost less.
 
@@ -259,9 +232,8 @@ def grown_where_cheaper(
     draft = dataclasses.replace(options.search, draft=True)
     for search in dict.fromkeys((draft, options.search)):
         part = atlas.part(faces)
-        own: list[str] = []
         asked = dataclasses.replace(options, search=search)
-        make = partial(grown_atlas, part.surface, bound, asked, monitor, own)
+        make = partial(grown_atlas, part.surface, bound, asked, monitor)
         try:
             grown = in_time(part.surface, make, monitor)
         except OutOfTimeError:
@@ -279,7 +251,6 @@ def grown_where_cheaper(
             cheaper = _those_of(faces, ratio < 1)
             atlas.put(cheaper, grown.part(ratio < 1))
             out |= cheaper
-            notes += own  # they tell of charts that are there
         faces = _those_of(faces, ratio <= 2)
         if not faces.any() or monitor.expired:
             break

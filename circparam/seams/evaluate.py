@@ -130,16 +130,16 @@ class Trial:
         return (self.energy <= most) & ~self.overlapping
 
 
-def try_moves(moves: Moves, demands: Demands, worker: Worker, monitor: Monitor) -> Trial:
+def try_moves(moves: Moves, demands: Demands, monitor: Monitor) -> Trial:
     """Lay the charts of a batch of moves out, as far as they are good; many faces by all processes."""
     shares = in_parts(moves.cut_mesh.chart)
     if len(shares) == 1:
         return _tried(moves, demands, monitor)
-    groups = np.zeros((len(shares), moves.cut_mesh.n_charts), bool)
-    for group, faces in zip(groups, shares, strict=True):
-        group[moves.cut_mesh.chart[faces]] = True
+    chart, n = moves.cut_mesh.chart, moves.cut_mesh.n_charts
+    groups = [mask_of(n, chart[faces]) for faces in shares]
     parts = [moves.subset(group) for group in groups]
-    done = worker.map(_tried, [(part, demands) for part, _ in parts], monitor)
+    tasks = [(part, demands) for part, _ in parts]
+    done = Worker(monitor.jobs).map(_tried, tasks, monitor)
     trial = Trial.unknown(moves.cut_mesh)
     for group, (_, vid), of_part in zip(groups, parts, done, strict=True):
         trial.put(group, vid, of_part)

@@ -16,8 +16,8 @@ from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import ANY_BOUND
 from circparam.seams.segmentation.enforce import enforce, relaxed_layouts
-from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
-from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.grow import DualGraph, make_disks
+from circparam.seams.segmentation.small import absorb
 from circparam.solvers.newton import RelaxOptions
 
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
@@ -36,14 +36,7 @@ class Decided(NamedTuple):
     relaxing: RelaxOptions = FINAL
 
 
-def finish(
-    decided: Decided,
-    bound: float,
-    options: SeamOptions,
-    worker: Worker,
-    monitor: Monitor,
-    notes: list[str],
-) -> None:
+def finish(decided: Decided, bound: float, options: SeamOptions, monitor: Monitor) -> None:
     """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
     atlas = decided.atlas
     if decided.relaxing.local is not None:
@@ -59,15 +52,16 @@ def finish(
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
         tasks = ((atlas.apart(faces), to_bound, decided.relaxing) for faces in parts)
-        for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
+        done = Worker(monitor.jobs).map(settle_part, tasks, monitor)
+        for faces, moved in zip(parts, done, strict=True):
             atlas.take(faces, *moved)
         monitor.keep(atlas)
         if atlas.charts()[0] > count:
-            regroup(atlas, bound, options, worker, monitor)
+            regroup(atlas, bound, options, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            merging, least = MergeOptions(bound, MARGIN / 2, chart=np.inf), options.min_chart_faces
-            notes += small_note(absorb(atlas, merging, least, monitor), least)
+            merging = MergeOptions(bound, MARGIN / 2, chart=np.inf)
+            absorb(atlas, merging, options.min_chart_faces, monitor)
 
 
 def settle_part(
@@ -80,14 +74,11 @@ def settle_part(
         steps = dataclasses.replace(FINAL, bound=aim)
     with monitor.stage("relax"):
         layouts = relaxed_layouts(atlas, options, bound, aim, monitor)
-    if layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
-        enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
+    enforce(atlas, layouts, bound, steps, monitor)
     return atlas.cut, atlas.corners
 
 
-def regroup(
-    atlas: Atlas, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
-) -> None:
+def regroup(atlas: Atlas, bound: float, options: SeamOptions, monitor: Monitor) -> None:
     """Merge the pieces that enforcing left, and their neighbours, where that is good again."""
     if len(atlas.surface.faces) > LEVEL_FACES:
         # charts that are too large for any union need not be gone through
@@ -96,10 +87,10 @@ def regroup(
         if few.mean() < 0.5:
             part = atlas.part(few)
             if few.any():
-                regroup(part, bound, options, worker, monitor)
+                regroup(part, bound, options, monitor)
                 atlas.put(few, part)
             return
     merging = MergeOptions(
         bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES, search=options.search
     )
-    merge(atlas, merging, monitor, worker=worker)
+    merge(atlas, merging, monitor)

@@ -34,7 +34,7 @@ from circparam.seams.segmentation.decide import (
     merged_on,
     starts_of,
 )
-from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.stretch import stretch_held
 from circparam.seams.tiny_components import tiny_components
 from circparam.solvers.newton import RelaxOptions
@@ -50,18 +50,11 @@ DRAFT_LEVEL_FACES = 50_000
 LEVEL_STEPS = dataclasses.replace(FINAL, max_iterations=3, local=LOCAL)  # from a level on
 
 
-def grown_atlas(
-    surface: Surface,
-    bound: float,
-    options: SeamOptions,
-    monitor: Monitor,
-    notes: list[str],
-) -> Atlas:
+def grown_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """Decide the seams of a surface on a coarse proxy and lay its charts out.
 
     Components that need none, and thousands of tiny ones, are laid out on the surface itself.
     """
-    worker = Worker(monitor.jobs)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = np.ones(len(surface.faces), bool)
     if options.max_charts is None and options.min_chart_faces == 1:
@@ -70,31 +63,29 @@ def grown_atlas(
         atlas.surface = surface = with_visibility(surface, options, monitor, LEVEL_FACES)
         with monitor.stage("charts"):  # one start: they cover a twentieth of a page
             part, merging = surface.part(~rest), MergeOptions(bound)
-            atlas.put(~rest, decide(part, merging, [REGIONS], None, worker, monitor))
+            atlas.put(~rest, decide(part, merging, [REGIONS], None, monitor))
         monitor.keep(atlas.part(~rest))
     if rest.any():
         own = surface.part(rest)
         if own is not surface and len(surface.faces) > LEVEL_FACES:
             surface.forget()  # both would have all that is known of them side by side
-        decided = _decided(own, bound, options, worker, monitor)
-        finish(decided, bound, options, worker, monitor, notes)
+        decided = _decided(own, bound, options, monitor)
+        finish(decided, bound, options, monitor)
         if own is surface:
             return decided.atlas
         atlas.put(rest, decided.atlas)
     return atlas
 
 
-def _decided(
-    surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
-) -> Decided:
+def _decided(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Decided:
     """Seams before the last relaxation, decided on the surface or on its proxy."""
     if complexity(surface) > LOOPS:
         surface = with_visibility(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
-            decided = _decided(closed, bound, options, worker, monitor)
+            decided = _decided(closed, bound, options, monitor)
             atlas = without_fans(decided.atlas, surface)
-            return Decided(atlas, dual_graph(surface), decided.relaxing)
+            return Decided(atlas, DualGraph(surface), decided.relaxing)
     above = DRAFT_LEVEL_FACES if options.search.draft else LEVEL_FACES
     if len(surface.faces) > above and options.max_charts is None:
         with monitor.stage("charts"):
@@ -102,16 +93,16 @@ def _decided(
             level = decimate(surface, max(least, len(surface.faces) // LEVEL_RATIO))
         if len(level.surface.faces) <= PROXY_MOST_SHARE * len(surface.faces):
             return _from_level(surface, level, bound, options, monitor)
-    graph, draft = dual_graph(surface), options.search.draft
+    graph, draft = DualGraph(surface), options.search.draft
     with monitor.stage("charts"):
-        found = _on_proxies(surface, bound, options, worker, monitor)
+        found = _on_proxies(surface, bound, options, monitor)
         if found is None:
             merging = MergeOptions(bound, search=options.search)
             starts = starts_of(options.search, surface)
             if len(surface.faces) > DIRECT_FACES:
                 starts = starts[:1]
             regions = [regions for _, regions in starts]
-            atlas = decide(surface, merging, regions, options.max_charts, worker, monitor)
+            atlas = decide(surface, merging, regions, options.max_charts, monitor)
             if not draft:
                 atlas = _moved(atlas, surface, None, merging, options, monitor)
             return Decided(atlas, graph)
@@ -123,7 +114,7 @@ def _decided(
 
 
 def _on_proxies(
-    surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
+    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor
 ) -> tuple[Proxy, Atlas] | None:
     """The cheapest atlas of several starts, each on a proxy, with that; None where the surface is as small."""
     merging = MergeOptions(bound, search=options.search)
@@ -132,7 +123,8 @@ def _on_proxies(
     starts = starts_of(options.search, surface)
     tasks = [(surface, start, start == starts[0], merging, options) for start in starts]
     with _before_transfer(monitor):
-        found = [one for one in worker.map(_on_proxy, tasks, monitor) if one is not None]
+        done = Worker(monitor.jobs).map(_on_proxy, tasks, monitor)
+        found = [one for one in done if one is not None]
         if not found:
             return None
         proxy, coarse = min(found, key=lambda one: COST.of_components(one[1], relaxed=True).sum())
@@ -162,9 +154,8 @@ def _on_proxy(
     proxy = decimate(surface, faces)
     if len(proxy.surface.faces) > PROXY_MOST_SHARE * len(surface.faces):
         return None
-    worker, most = Worker(monitor.jobs), options.max_charts
     try:
-        make = partial(decide, proxy.surface, merging, [regions], most, worker, monitor)
+        make = partial(decide, proxy.surface, merging, [regions], options.max_charts, monitor)
         coarse = in_time(proxy.surface, make, monitor)
     except OutOfTimeError:
         if needed:
@@ -216,7 +207,7 @@ def _from_level(
         best = stretch_held(_level_atlas(middle, bound, options, monitor), bound, options, monitor)
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
-        blind, graph = surface.unpriced(), dual_graph(surface)
+        blind, graph = surface.unpriced(), DualGraph(surface)
         atlas = from_level(blind, graph, best, level, near)
     return Decided(atlas, graph, _relaxing(bound, options))
 
@@ -224,7 +215,7 @@ def _from_level(
 def _level_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """The atlas of a level, merged on there: on the surface itself a union costs as many times more."""
     with monitor.shown_as("level"):
-        search = partial(grown_atlas, surface, bound, options, monitor, [])
+        search = partial(grown_atlas, surface, bound, options, monitor)
         atlas = in_time(surface, search, monitor)
         if options.min_chart_faces == 1 and not options.search.draft:
             with monitor.stage("charts"):

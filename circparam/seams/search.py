@@ -21,7 +21,6 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, ma
 from circparam.core.graph import components, matching
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.workers import Worker
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
@@ -107,7 +106,6 @@ def search(
     demands: Demands,
     effort: Effort,
     monitor: Monitor,
-    worker: Worker | None = None,
 ) -> float:
     """Make moves of a family until none is left to try or the work is spent; returns what is left of it."""
     monitor.keep(atlas)
@@ -120,7 +118,7 @@ def search(
             break
         n, _ = atlas.charts()
         chosen = number[matching(score[number], left[number], right[number], n)]
-        outcome = _tried(atlas, candidates, chosen, demands, effort, monitor, worker)
+        outcome = _tried(atlas, candidates, chosen, demands, effort, monitor)
         atlas.cut = candidates.seams(chosen[outcome.made])
         family.learn(candidates, outcome)
         monitor.keep(atlas)
@@ -173,7 +171,6 @@ def _tried(
     demands: Demands,
     effort: Effort,
     monitor: Monitor,
-    worker: Worker | None,
 ) -> Outcome:
     """Lay out what the chosen moves leave, and keep the layouts of those that are good."""
     n = len(chosen)
@@ -199,7 +196,7 @@ def _tried(
     moves = replace(
         moves, most=1 + (loss + gain[batch.move]) / COST.distortion / cut_mesh.chart_areas
     )
-    trial = try_moves(moves, demands, worker or Worker(1), monitor)
+    trial = try_moves(moves, demands, monitor)
     good = trial.good(np.minimum(moves.most, demands.bound))
     with np.errstate(invalid="ignore"):
         added = batch.of_charts(COST.loss(jacobians(cut_mesh, trial.uv[cut_mesh.faces]))) - loss

@@ -8,7 +8,6 @@ from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.seams.evaluate import Demands
 from circparam.seams.moves.reroute import move_seams
 from circparam.seams.segmentation.enforce import enforce
-from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import Limits
@@ -27,7 +26,7 @@ SHAPES = {
 
 def cut(atlas: Atlas, bound: float) -> None:
     layouts = judge(*atlas.open())
-    enforce(atlas, dual_graph(atlas.surface), layouts, bound, RelaxOptions(), Monitor())
+    enforce(atlas, layouts, bound, RelaxOptions(), Monitor())
 
 
 # those that only move seams keep the charts and cost no more; others may cut

@@ -83,7 +83,7 @@ def test_grown_charts_take_the_place_of_dearer_ones(dear: bool) -> None:
     prices = edge_prices(surface)
     atlas = Atlas(surface, ~prices.flat if dear else np.zeros_like(prices.flat), prices=prices)
     before, every = atlas.cut.copy(), np.ones(len(surface.faces), bool)
-    grown_there = module.grown_where_cheaper(atlas, every, 1.05, SeamOptions(), Monitor(), [])
+    grown_there = module.grown_where_cheaper(atlas, every, 1.05, SeamOptions(), Monitor())
     assert (grown_there == dear).all()
     if dear:
         assert_promises(atlas, 1.05)
@@ -185,14 +185,15 @@ def test_samples(name: str) -> None:
     atlas_of((mesh.points, mesh.faces))
 
 
-def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
+@pytest.mark.parametrize("most", [None, 1, 3])
+def test_min_chart_faces_is_kept_or_one_note_counts_what_is_below(most: int | None) -> None:
     surface = surface_of(*shapes.cylinder(24, 8, caps=True))
     for least in (1, 40):
-        wanted = SeamOptions(max_distortion=1.02, min_chart_faces=least)
+        wanted = SeamOptions(max_distortion=1.02, min_chart_faces=least, max_charts=most)
         seams = SEAMS["charts"].function(surface, wanted, Monitor())
         size = np.bincount(Atlas(surface, seams.cut).charts()[1])
         below = int((size < least).sum())
-        assert bool(below) == bool(seams.notes)
+        assert len(seams.notes) == bool(below)
         assert all(note.startswith(f"{below} charts stay below {least}") for note in seams.notes)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import in_parts
 from circparam.seams.evaluate import Demands, Moves, Trial, try_moves
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
@@ -19,7 +19,7 @@ FINE = RelaxOptions(tolerance=1e-10, max_iterations=200)
 
 
 def tried(moves: Moves, demands: Demands) -> Trial:
-    return try_moves(moves, demands, Worker(1), Monitor())
+    return try_moves(moves, demands, Monitor())
 
 
 def halves(*parts: tuple, angle: float = 0.8) -> Moves:

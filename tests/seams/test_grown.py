@@ -8,7 +8,7 @@ from circparam.seams import finish, grown, stretch
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
 from circparam.seams.options import Search
-from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.grow import DualGraph
 from tests.support import shapes
 from tests.support.atlases import assert_promises, charts_of, surface_of, whole
 
@@ -68,7 +68,7 @@ def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
     inside = taken[surface.edges[:, 0] // 3]
     assert fine.cut[inside].sum() == part.cut.sum() > 30
     assert not fine.cut[~inside].any()
-    carried = from_level(surface, dual_graph(surface), coarse, level, near)
+    carried = from_level(surface, DualGraph(surface), coarse, level, near)
     assert np.array_equal(carried.corners[taken], coarse.corners[near[taken]])
     assert np.array_equal(carried.cut[inside], fine.cut[inside])
     p = surface.points[surface.faces[taken]]

@@ -35,7 +35,7 @@ def test_tiny_components_are_found_where_there_are_many() -> None:
 @pytest.mark.parametrize("body", [True, False])
 def test_their_charts_are_good_and_as_few_as_their_shapes_allow(body: bool) -> None:
     surface = debris(tiny_components.MANY_COMPONENTS, body)
-    atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
+    atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor())
     assert_promises(atlas, BOUND)
     cut_mesh = atlas.cut_mesh()
     components, component = surface.components

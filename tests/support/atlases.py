@@ -15,7 +15,7 @@ from circparam.seams import SEAMS
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.options import SeamOptions
 from circparam.seams.prices import SeamPrices
-from circparam.seams.segmentation.grow import dual_graph, make_disks
+from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.solvers.newton import RelaxOptions, relax
 
@@ -63,7 +63,7 @@ def as_it_lies(atlas: Atlas) -> Atlas:
 def voronoi(shape: tuple[np.ndarray, np.ndarray], seeds: int, seed: int = 0) -> Atlas:
     """A shape cut into disks, about one for each of so many random faces, and laid out."""
     surface = surface_of(*shape)
-    graph = dual_graph(surface)
+    graph = DualGraph(surface)
     start = np.unique(np.random.default_rng(seed).integers(0, len(surface.faces), seeds))
     ones = np.ones(len(graph.tail))
     _, _, source = nearest(undirected(graph.n, graph.tail, graph.head, ones), start)

@@ -6,7 +6,6 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, group_sum, mask_of
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
@@ -29,39 +28,32 @@ from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
 from circparam.seams.search import WORK_PER_FACE, Effort, search
 from circparam.seams.segmentation.enforce import enforce
-from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
+from circparam.seams.segmentation.grow import DualGraph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
-from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.small import absorb
 from circparam.solvers.objective import chart_energies
 
 SETTLED = dataclasses.replace(FINAL, bound=UNROLLED)
 MARGIN = 0.001  # of the root of the area of a chart: its parts keep so far apart
 
 
-def hard_atlas(
-    surface: Surface,
-    bound: float,
-    options: SeamOptions,
-    monitor: Monitor,
-    notes: list[str],
-) -> Atlas:
+def hard_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """Few charts of a hard surface, each a disk (holes allowed) below the bound, laid out. Deterministic.
 
     Of components that are copies of each other one is worked on, and the others get the same charts.
     """
-    worker = Worker(monitor.jobs)
     copies = find_copies(surface)
     whole = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
     if copies.first.all():
-        return _decided(whole, bound, options, worker, monitor, notes)
-    part = _decided(whole.part(copies.first), bound, options, worker, monitor, notes)
+        return _decided(whole, bound, options, monitor)
+    part = _decided(whole.part(copies.first), bound, options, monitor)
     atlas = spread_copies(surface, copies, part)
     cut_mesh = atlas.cut_mesh()
     bad = judge(cut_mesh, atlas.gather(cut_mesh)).bad(bound)[cut_mesh.chart]
     bad &= ~copies.first
     if bad.any():  # copies are not exact: these need charts of their own
         own = surface.whole_components(bad)
-        atlas.put(own, _decided(whole.part(own), bound, options, worker, monitor, notes))
+        atlas.put(own, _decided(whole.part(own), bound, options, monitor))
     atlas.prices = whole.prices
     return atlas
 
@@ -73,40 +65,32 @@ def quick_atlas(surface: Surface, bound: float, monitor: Monitor) -> Atlas:
     return atlas
 
 
-def _decided(
-    atlas: Atlas,
-    bound: float,
-    options: SeamOptions,
-    worker: Worker,
-    monitor: Monitor,
-    notes: list[str],
-) -> Atlas:
+def _decided(atlas: Atlas, bound: float, options: SeamOptions, monitor: Monitor) -> Atlas:
     """Cut and lay out a hard surface that has no seams yet, all components at the same time."""
     with monitor.stage("charts"):
-        graph = first_regions(atlas, bound, monitor)
+        first_regions(atlas, bound, monitor)
         work = WORK_PER_FACE * len(atlas.surface.faces)
         draw = Search(draw=options.search.draw)
         merging = MergeOptions(bound, MARGIN, work=work, search=draw)
-        merge_regions(atlas, merging, worker, monitor)
+        merge_regions(atlas, merging, monitor)
     with monitor.stage("enforce"):
-        enforce(atlas, graph, judge(*atlas.open()), bound, SETTLED, monitor)
+        enforce(atlas, judge(*atlas.open()), bound, SETTLED, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             absorbing = MergeOptions(bound, MARGIN, chart=np.inf)
-            left = absorb(atlas, absorbing, options.min_chart_faces, monitor)
-            notes += small_note(left, options.min_chart_faces)
+            absorb(atlas, absorbing, options.min_chart_faces, monitor)
     return atlas
 
 
-def merge_regions(atlas: Atlas, options: MergeOptions, worker: Worker, monitor: Monitor) -> None:
+def merge_regions(atlas: Atlas, options: MergeOptions, monitor: Monitor) -> None:
     """Glue the regions of an atlas and hand some over, in turns, until neither makes charts cheaper."""
     glue, hand_over = Glue(atlas, options), HandOver(atlas.charts()[1])
-    search(atlas, glue, options.demands, Effort(options.work), monitor, worker)
+    search(atlas, glue, options.demands, Effort(options.work), monitor)
     work, seams = options.work, np.zeros(0, bool)
     while not np.array_equal(seams, atlas.cut):
         seams = atlas.cut
-        work = search(atlas, hand_over, options.demands, Effort(work), monitor, worker)
-        work = search(atlas, glue, options.demands, Effort(work), monitor, worker)
+        work = search(atlas, hand_over, options.demands, Effort(work), monitor)
+        work = search(atlas, glue, options.demands, Effort(work), monitor)
 
 
 def unrolls_whole(surface: Surface) -> bool:
@@ -123,14 +107,14 @@ def unrolls_whole(surface: Surface) -> bool:
     return not (turns(surface)[0] >= SHARP).any() and not slits(atlas).any()
 
 
-def first_regions(atlas: Atlas, bound: float, monitor: Monitor) -> DualGraph:
+def first_regions(atlas: Atlas, bound: float, monitor: Monitor) -> None:
     """Cut along sharp edges, open what does not unroll, and split what still breaks the bound.
 
-    Flats stay whole, and are cells of the graph that is returned. Where faces are folded over, one may lie over
-    itself in space: it is no flat of the design, and is split like the rest.
+    Flats stay whole. Where faces are folded over, one may lie over itself in space: it is no flat of the
+    design, and is split like the rest.
     """
     prices = edge_prices(atlas.surface) if atlas.prices is None else atlas.prices
-    graph = dual_graph(atlas.surface, prices.flat)
+    graph = DualGraph(atlas.surface, prices.flat)
     layouts = creased_regions(atlas, graph, bound)
     while not monitor.expired:
         monitor.keep(atlas, sound=False)
@@ -143,10 +127,9 @@ def first_regions(atlas: Atlas, bound: float, monitor: Monitor) -> DualGraph:
             if not over.any():
                 break
             atlas.prices = prices = dataclasses.replace(prices, flat=prices.flat & ~over)
-            graph = dual_graph(atlas.surface, prices.flat)
+            graph = DualGraph(atlas.surface, prices.flat)
             split_charts(atlas, graph, chart, bad)
         layouts = _laid_out(atlas, graph, bad[chart], bound)
-    return graph
 
 
 def creased_regions(
@@ -172,7 +155,7 @@ def unrolls_in_part(surface: Surface, bound: float) -> BoolArray:
     A scan may stand on a flat, and a smooth shape end in some: the rest of it does not unroll.
     """
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
-    layouts = creased_regions(atlas, dual_graph(surface, atlas.flat), bound, relaxed=False)
+    layouts = creased_regions(atlas, DualGraph(surface, atlas.flat), bound, relaxed=False)
     bad = layouts.bad(bound)[layouts.cut_mesh.chart] & ~large_flats(surface)[flats(surface)[0]]
     return (area_share(surface, bad) <= MOST_REGIONS)[surface.components[1]]
 

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.cost import COST
 from circparam.seams.evaluate import MARGIN, Demands
@@ -49,11 +48,7 @@ class MergeOptions:
 
 
 def merge(
-    atlas: Atlas,
-    options: MergeOptions,
-    monitor: Monitor,
-    fixed: BoolArray | None = None,
-    worker: Worker | None = None,
+    atlas: Atlas, options: MergeOptions, monitor: Monitor, fixed: BoolArray | None = None
 ) -> None:
     """Glue charts until no pair is left to try. fixed: (e,) bool, seams that must stay."""
     draft = options.search.draft
@@ -61,7 +56,7 @@ def merge(
     # the few unions of a draft on the mesh itself do not pay for an order of the whole surface
     ordered = not draft or options.faces is None
     effort = Effort(options.work, rounds, ordered)
-    search(atlas, Glue(atlas, options, fixed), options.demands, effort, monitor, worker)
+    search(atlas, Glue(atlas, options, fixed), options.demands, effort, monitor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from circparam.seams.moves.reroute import shorten
 from circparam.seams.options import Search
 from circparam.seams.prices import planar
 from circparam.seams.search import WORK_PER_FACE
-from circparam.seams.segmentation.grow import dual_graph, first_charts, make_disks, split_charts
+from circparam.seams.segmentation.grow import DualGraph, first_charts, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.solvers.newton import relax
 
@@ -48,7 +48,6 @@ def decide(
     merging: MergeOptions,
     regions: Sequence[int],
     max_charts: int | None,
-    worker: Worker,
     monitor: Monitor,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole.
@@ -61,7 +60,7 @@ def decide(
     if not rest.all():
         monitor.keep(atlas.part(~rest))
     if rest.any():
-        atlas.put(rest, searched(atlas.surface.part(rest), merging, regions, worker, monitor))
+        atlas.put(rest, searched(atlas.surface.part(rest), merging, regions, monitor))
     if max_charts is not None:
         reach_count(atlas, merging.bound, max_charts, monitor)
     return atlas
@@ -78,18 +77,14 @@ def whole_components(atlas: Atlas, bound: float) -> BoolArray:
 
 
 def searched(
-    surface: Surface,
-    options: MergeOptions,
-    regions: Sequence[int],
-    worker: Worker,
-    monitor: Monitor,
+    surface: Surface, options: MergeOptions, regions: Sequence[int], monitor: Monitor
 ) -> Atlas:
     """The cheapest atlas of a few starts, each of which grows charts from so many regions and merges them."""
     if len(regions) == 1:
-        return grow_and_merge(surface, options, regions[0], worker, monitor)
+        return grow_and_merge(surface, options, regions[0], monitor)
     tasks = [(surface, options, k, k == regions[0]) for k in regions]
-    found = [Atlas(surface, *one) for one in worker.map(start_once, tasks, monitor) if one]
-    return min(found, key=COST.seams)
+    done = Worker(monitor.jobs).map(start_once, tasks, monitor)
+    return min((Atlas(surface, *one) for one in done if one), key=COST.seams)
 
 
 def start_once(
@@ -98,36 +93,22 @@ def start_once(
     """(cut, corners) of one start of several; None if it is not needed and there is no time for it."""
     if monitor.expired and not needed:
         return None
-    atlas = grow_and_merge(surface, options, seeds, None, monitor)
+    atlas = grow_and_merge(surface, options, seeds, monitor)
     return atlas.cut, atlas.corners
 
 
-def grow_and_merge(
-    surface: Surface, options: MergeOptions, seeds: int, worker: Worker | None, monitor: Monitor
-) -> Atlas:
-    """Grow charts round so many seeds, split what is bad, merge.
-
-    worker: lays half of the charts out where there is nothing better for it to do.
-    """
-    atlas = _grown(surface, options, seeds, worker, monitor)
-    merge(atlas, options, monitor, worker=worker)
-    return atlas
-
-
-def _grown(
-    surface: Surface, options: MergeOptions, seeds: int, worker: Worker | None, monitor: Monitor
-) -> Atlas:
-    """Charts grown round so many seeds and split until they are good."""
+def grow_and_merge(surface: Surface, options: MergeOptions, seeds: int, monitor: Monitor) -> Atlas:
+    """Charts grown round so many seeds, split until they are good, and merged."""
     bound = options.bound
     # what stays above the bound is split, wherever it ends; only a draft takes the word of the first steps
     rough = replace(ROUGH, give_up=bound) if options.search.draft else ROUGH
-    graph = dual_graph(surface, planar(surface, facets(surface)))
+    graph = DualGraph(surface, planar(surface, facets(surface)))
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     first_charts(atlas, graph, seeds)
     make_disks(atlas, graph)
     shorten(atlas, 2)
     make_disks(atlas, graph)
-    layouts = lay_out_fresh(atlas, None, rough, worker, monitor)
+    layouts = lay_out_fresh(atlas, None, rough, monitor)
     monitor.keep(atlas, sound=False)
     while (bad := layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)).any():
         was = bad[layouts.cut_mesh.chart]
@@ -136,7 +117,8 @@ def _grown(
         make_disks(atlas, graph)
         monitor.keep(atlas, sound=False)
         n, chart = atlas.charts()
-        layouts = lay_out_fresh(atlas, mask_of(n, chart[was]), rough, worker, monitor)
+        layouts = lay_out_fresh(atlas, mask_of(n, chart[was]), rough, monitor)
+    merge(atlas, options, monitor)
     return atlas
 
 
@@ -152,7 +134,7 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
         return
     work = WORK_PER_FACE * len(atlas.surface.faces)
     options = MergeOptions(bound, margin, cone=SHORT_ARCS, zip=False, work=work)
-    merge(atlas, options, monitor, worker=Worker(monitor.jobs))
+    merge(atlas, options, monitor)
 
 
 def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:

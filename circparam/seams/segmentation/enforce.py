@@ -20,7 +20,7 @@ from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
-from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
+from circparam.seams.segmentation.grow import DualGraph, make_disks, split_charts
 from circparam.seams.segmentation.layout import (
     ChartLayouts,
     judge,
@@ -36,7 +36,6 @@ NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 
 def enforce(
     atlas: Atlas,
-    graph: DualGraph,
     layouts: ChartLayouts,
     bound: float,
     options: RelaxOptions,
@@ -50,6 +49,9 @@ def enforce(
     Where good charts hold most of the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
+    if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
+        return
+    graph = DualGraph(atlas.surface, atlas.flat)
     slit = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that were slit
     whole, faces = atlas, np.ones(len(slit), bool)
     # halves of halves are single cells after so many rounds as their number has digits, each after a slit
@@ -62,7 +64,7 @@ def enforce(
             whole.put(faces, atlas)
             faces[faces] = inside
             atlas, slit = whole.part(faces), slit[inside]
-            graph = dual_graph(atlas.surface, atlas.flat)
+            graph = DualGraph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
             layouts = judge(cut_mesh, atlas.gather(cut_mesh))
             bad = np.ones(cut_mesh.n_charts, bool)

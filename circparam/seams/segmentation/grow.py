@@ -35,73 +35,53 @@ class DualGraph:
     """
 
     def __init__(self, surface: Surface, whole: BoolArray | None = None) -> None:
-        self._surface, self._whole = surface, None if whole is None else whole.copy()
+        self._surface = surface
+        self._joined = surface.locked if whole is None else surface.locked | whole
 
     @cached_property
-    def _made(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        return _cells_and_steps(self._surface, self._whole)
+    def _cells(self) -> tuple[int, IntArray]:
+        return components(len(self._surface.faces), *self._surface.sides[:, self._joined])
+
+    @property
+    def n(self) -> int:
+        """Number of cells."""
+        return self._cells[0]
 
     @property
     def cell(self) -> IntArray:
         """(m,) cell of each face."""
-        return self._made[0]
-
-    @property
-    def tail(self) -> IntArray:
-        """(e,) cell on the first side of every edge."""
-        return self._made[1]
-
-    @property
-    def head(self) -> IntArray:
-        """(e,) cell on the other side."""
-        return self._made[2]
-
-    @property
-    def step(self) -> FloatArray:
-        """(e,) cost of the step between both."""
-        return self._made[3]
+        return self._cells[1]
 
     @cached_property
-    def n(self) -> int:
-        """Number of cells."""
-        return int(self.cell.max()) + 1
+    def tail(self) -> IntArray:
+        """(e,) cell on the first side of every edge."""
+        return self.cell[self._surface.sides[0]]
 
+    @cached_property
+    def head(self) -> IntArray:
+        """(e,) cell on the other side."""
+        return self.cell[self._surface.sides[1]]
 
-def dual_graph(surface: Surface, whole: BoolArray | None = None) -> DualGraph:
-    """The dual graph of a surface: a step costs the distance of the centroids, more where the normal turns.
-
-    whole: (e,) bool, edges that join faces to cells besides the locked ones.
-    """
-    return DualGraph(surface, whole)
-
-
-def _cells_and_steps(
-    surface: Surface, whole: BoolArray | None
-) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """(cell, tail, head, step) of a dual graph."""
-    m = len(surface.faces)
-    fi, fj = surface.sides
-    locked = surface.locked if whole is None else surface.locked | whole
-    n, cell = components(m, fi[locked], fj[locked])
-    area = np.maximum(surface.areas, 1e-300)
-    total = group_sum(area, cell, n)
-    corner = np.empty((m, 3))
-    for k in slices(m):
-        a, b, c = (surface.points[surface.faces[k, j]] for j in range(3))
-        corner[k] = (a + b + c) / 3
-    centre = (
-        np.stack([group_sum(corner[:, d] * area, cell, n) for d in range(3)], 1) / total[:, None]
-    )
-    normal = np.stack([group_sum(surface.normals[:, d] * area, cell, n) for d in range(3)], 1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    a, b = cell[fi], cell[fj]
-    turn, far = np.empty(len(a)), np.empty(len(a))
-    for k in slices(len(a)):
-        x, y, z = (normal[a[k]] * normal[b[k]]).T
-        turn[k] = 1 - (x + y + z)
-        far[k] = norms3(centre[a[k]] - centre[b[k]])
-    step = far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
-    return cell, a, b, step
+    @cached_property
+    def step(self) -> FloatArray:
+        """(e,) cost of the step between both: the distance of the centroids, more where the normal turns."""
+        surface, (n, cell) = self._surface, self._cells
+        area = np.maximum(surface.areas, 1e-300)
+        total = group_sum(area, cell, n)
+        middle = np.empty((len(cell), 3))
+        for k in slices(len(cell)):
+            p, q, r = (surface.points[surface.faces[k, j]] for j in range(3))
+            middle[k] = (p + q + r) / 3
+        centre = group_sum(middle * area[:, None], cell, n) / total[:, None]
+        normal = group_sum(surface.normals * area[:, None], cell, n)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        a, b = self.tail, self.head
+        turn, far = np.empty(len(a)), np.empty(len(a))
+        for k in slices(len(a)):
+            x, y, z = (normal[a[k]] * normal[b[k]]).T
+            turn[k] = 1 - (x + y + z)
+            far[k] = norms3(centre[a[k]] - centre[b[k]])
+        return far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
 
 
 def grow(

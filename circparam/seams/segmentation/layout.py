@@ -49,25 +49,24 @@ def lay_out_fresh(
     atlas: Atlas,
     which: BoolArray | None,
     options: RelaxOptions,
-    worker: Worker | None = None,
     monitor: Monitor | None = None,
 ) -> ChartLayouts:
     """Embed charts on circles and relax them; ``which`` ((n,) bool): the others keep their layout.
 
-    worker: does parts of many charts.
+    monitor: its processes share many charts out in parts; None lays all out together.
     """
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
     chosen = np.ones(cut_mesh.n_charts, bool) if which is None else which
     if chosen.any():
         sub, vid, fid = cut_mesh.subset(chosen)
-        if worker is None:
+        if monitor is None:
             part = embed_and_relax(sub, options, None)
         else:
             part = np.zeros((sub.n_vertices, 2))
             parts = chart_parts(sub)
             tasks = [(part_mesh, options) for _, part_mesh, _, _ in parts]
-            done = worker.map(embed_and_relax, tasks, monitor or Monitor())
+            done = Worker(monitor.jobs).map(embed_and_relax, tasks, monitor)
             for (_, _, of_part, _), result in zip(parts, done, strict=True):
                 part[of_part] = result
         uv[vid] = part

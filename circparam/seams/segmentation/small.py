@@ -31,12 +31,18 @@ def absorb(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) ->
         # the pieces of one chart may have helped those of another: try again without those that failed
         atlas.cut, atlas.corners = before[0].copy(), before[1].copy()
         small &= ~left
+    return still_small(atlas, least)
+
+
+def still_small(atlas: Atlas, least: int) -> int:
+    """Number of charts below ``least`` faces that have a neighbour."""
     n, chart = atlas.charts()
     return int(_small(atlas, chart, n, least).sum())
 
 
-def small_note(left: int, least: int) -> list[str]:
-    """What to tell about charts below ``least`` faces that stay, if any do."""
+def small_note(atlas: Atlas, least: int) -> list[str]:
+    """What to tell about charts below ``least`` faces that have a neighbour, if there are any."""
+    left = still_small(atlas, least)
     if not left:
         return []
     return [

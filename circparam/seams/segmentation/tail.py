@@ -18,7 +18,7 @@ from circparam.seams.accuracy import FINAL
 from circparam.seams.evaluate import MARGIN
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.segmentation.enforce import enforce
-from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
+from circparam.seams.segmentation.grow import DualGraph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
 from circparam.seams.segmentation.weigh import ROUNDS, Limits, relax_weighted, share_over
 from circparam.solvers.newton import relax
@@ -88,10 +88,9 @@ def _cut_off(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
         opened, uv = atlas.open()
         inside |= chart_distortion(opened, uv)[opened.chart] > np.maximum(before, limits.bound)
         part = atlas.part(inside)
-        graph = dual_graph(part.surface, part.flat)
         inner, uv = part.open()
         layouts = judge(inner, lay_out_sound(inner, uv, FINAL, monitor))
-        enforce(part, graph, layouts, limits.bound, FINAL, monitor)
+        enforce(part, layouts, limits.bound, FINAL, monitor)
         merge(part, MergeOptions(limits.bound, MARGIN / 2), monitor)
         atlas.put(inside, part)
 
@@ -137,15 +136,15 @@ def _split(
     share = cut_mesh.chart_areas / cut_mesh.areas.sum()
     long = over > np.minimum(limits.allowed * share, over.max() / 2)
     part = atlas.part(long[cut_mesh.chart])
-    graph = dual_graph(part.surface, part.flat)
     inner, uv = part.open()
     layouts = judge(inner, relax(inner, uv, FINAL, monitor).uv)
     if not layouts.bad(limits.bound).any():
+        graph = DualGraph(part.surface, part.flat)
         split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool))
         make_disks(part, graph)
         inner, uv = part.open()
         layouts = judge(inner, lay_out_sound(inner, uv, FINAL, monitor))
-    enforce(part, graph, layouts, limits.bound, FINAL, monitor)
+    enforce(part, layouts, limits.bound, FINAL, monitor)
     after, uv = part.open()
     rest = limits.without(over[~long].sum(), cut_mesh, after)
     uv, _ = relax_weighted(after, uv, rest, monitor)

@@ -18,7 +18,7 @@ from circparam.seams.hard.regions import flats, hard_components
 from circparam.seams.hard.unroll import unroll
 from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
-from circparam.seams.segmentation.grow import dual_graph, make_disks
+from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import assert_promises, charts_of, surface_of, uncut
@@ -116,7 +116,7 @@ def test_a_flat_with_a_handle_is_cut() -> None:
     atlas = uncut(*plumbed())
     surface = atlas.surface
     assert not_disks(atlas.cut_mesh()).all()
-    make_disks(atlas, dual_graph(surface, edge_prices(surface).flat))
+    make_disks(atlas, DualGraph(surface, edge_prices(surface).flat))
     assert not not_disks(atlas.cut_mesh()).any()
     assert_promises(charts_of(surface), 1.05)
 
@@ -169,9 +169,9 @@ def test_only_hard_components_have_creases() -> None:
     surface = surface_of(*shapes.join(ball, (part.points + np.array([5.0, 0, 0]), part.faces)))
     hard = hard_components(surface)
     assert 0 < hard.sum() < len(hard)
-    atlas = module.free_atlas(surface, 1.05, SeamOptions(), Monitor(), [])
+    atlas = module.free_atlas(surface, 1.05, SeamOptions(), Monitor())
     assert np.array_equal(module.with_creases(atlas), hard)
-    few = module.bounded_atlas(surface, 1.05, SeamOptions(max_charts=2), Monitor(), [])
+    few = module.bounded_atlas(surface, 1.05, SeamOptions(max_charts=2), Monitor())
     assert np.array_equal(module.with_creases(few), hard)
 
 

@@ -6,7 +6,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.cost import COST
 from circparam.seams.evaluate import Demands
@@ -103,6 +102,6 @@ def test_charts_that_hand_regions_over_are_good_and_cost_no_more_than_glued_ones
     glued = Atlas(atlas.surface, atlas.cut, atlas.corners)
     options = MergeOptions(bound, MARGIN)
     merge(glued, options, Monitor())
-    merge_regions(atlas, options, Worker(1), Monitor())
+    merge_regions(atlas, options, Monitor())
     assert COST.seams(atlas) <= COST.seams(glued) + 1e-9
     assert_promises(atlas, bound)

@@ -25,7 +25,7 @@ def test_charts_of_a_proxy_stay_as_many_on_the_fine_surface(count: int) -> None:
     surface = surface_of(*shapes.torus(40, 20))
     proxy = decimate(surface, 500)
     coarse = Atlas(proxy.surface, np.zeros(len(proxy.surface.edges), bool))
-    grow.first_charts(coarse, grow.dual_graph(proxy.surface), count)
+    grow.first_charts(coarse, grow.DualGraph(proxy.surface), count)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     assert transfer_seams(coarse, proxy, atlas) == 0
     sizes = np.bincount(atlas.charts()[1])

@@ -7,7 +7,6 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import not_disks
-from circparam.seams.segmentation import grow
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
@@ -21,7 +20,7 @@ GAPS = RelaxOptions(tolerance=1e-6, max_iterations=40)
 def test_a_ring_that_covers_itself_gets_one_cut_across(turn: float, inner: float) -> None:
     atlas = as_it_lies(uncut(*shapes.wound(turn, 96, 6, inner)))
     assert judged(atlas).overlapping.all()
-    enforce(atlas, grow.dual_graph(atlas.surface), judged(atlas), 1.01, GAPS, Monitor())
+    enforce(atlas, judged(atlas), 1.01, GAPS, Monitor())
     assert atlas.charts()[0] == 2
     assert not judged(atlas).bad(1.01).any()
     length = atlas.surface.edge_lengths[atlas.cut].sum()
@@ -39,7 +38,7 @@ def test_charts_that_lie_on_themselves_are_cut_and_good_ones_are_not(
     surface, flat = atlas.surface, atlas.corners[m:].copy()
     laid = judged(atlas)
     assert laid.overlapping.tolist() == [True, False]
-    enforce(atlas, grow.dual_graph(surface), laid, 1.05, GAPS, Monitor())
+    enforce(atlas, laid, 1.05, GAPS, Monitor())
     after = judged(atlas)
     assert not after.bad(1.05).any()
     on_ring = surface.edges[:, 0] // 3 < m
@@ -58,7 +57,7 @@ def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> N
     atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
     laid = lay_out_fresh(atlas, None, GAPS)
     count = atlas.charts()[0]
-    enforce(atlas, grow.dual_graph(surface), laid, bound, GAPS, Monitor())
+    enforce(atlas, laid, bound, GAPS, Monitor())
     after = judged(atlas)
     assert not after.bad(bound).any()
     assert not not_disks(after.cut_mesh).any()
@@ -68,7 +67,7 @@ def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> N
 def test_good_charts_and_single_cells_are_left_as_they_are() -> None:
     atlas = as_it_lies(uncut(*shapes.grid(5, 5)))
     before = atlas.corners.copy()
-    enforce(atlas, grow.dual_graph(atlas.surface), judged(atlas), 1.0 + 1e-9, GAPS, Monitor())
+    enforce(atlas, judged(atlas), 1.0 + 1e-9, GAPS, Monitor())
     assert not atlas.cut.any()
     assert np.array_equal(atlas.corners, before)
     # one polygon cannot be split
@@ -77,10 +76,10 @@ def test_good_charts_and_single_cells_are_left_as_they_are() -> None:
     surface = dataclasses.replace(surface, locked=np.ones(len(surface.edges), bool))
     atlas = whole(surface)
     laid = lay_out_fresh(atlas, None, GAPS)
-    enforce(atlas, grow.dual_graph(surface), laid, 1.001, GAPS, Monitor())
+    enforce(atlas, laid, 1.001, GAPS, Monitor())
     assert not atlas.cut.any()
     # and when the time is up nothing is begun
     free = uncut(*ball)
     laid = lay_out_fresh(free, None, GAPS)
-    enforce(free, grow.dual_graph(free.surface), laid, 1.001, GAPS, Monitor(timeout=0.0))
+    enforce(free, laid, 1.001, GAPS, Monitor(timeout=0.0))
     assert not free.cut.any()
