@@ -58,3 +58,13 @@ def test_it_ends_where_the_curvature_is_not_positive() -> None:
     assert not conjugate_gradients(indefinite, np.array([0.0, 1.0]), as_it_is, 1e-9, 5).any()
     flat = sps.csr_matrix((2, 2))
     assert len(list(gradient_iterates(flat, np.ones(2), as_it_is))) == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_conjugate_gradients_solve_from_any_start(seed: int) -> None:
+    matrix, b = system(12, seed)
+    start = np.random.default_rng(seed).normal(size=12)
+    first = next(gradient_iterates(matrix, b, as_it_is, start))
+    np.testing.assert_allclose(first.residual, b - matrix @ start)
+    x = conjugate_gradients(matrix, b, as_it_is, 1e-12, 100, start)
+    np.testing.assert_allclose(matrix @ x, b, atol=1e-8)

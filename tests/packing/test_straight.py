@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from circparam.geometry.straight import directions
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
@@ -75,3 +76,17 @@ def test_every_packer_keeps_straight_charts_upright(count: int) -> None:
     asked = PackOptions(resolution=512, padding=1, effort=0.05, straighten="all")
     side = np.diff(pack(*charts, asked).uv.reshape(count, 4, 2), axis=1)
     assert np.abs(side).min(2).max() < 1e-9
+
+
+def test_the_border_of_a_rectangle_runs_along_its_own_axes() -> None:
+    """However long its sides are and however it is turned."""
+    faces, uv, chart, angle = turned_boxes(9, 2)
+    shapes = shapes_of(faces, uv, chart)
+    edges = uv[shapes.end] - uv[shapes.start]
+    owner = shapes.owner[shapes.start]
+    found = directions(edges, owner, 9)
+    perimeter = np.bincount(owner, np.linalg.norm(edges, axis=1))
+    np.testing.assert_allclose(found.length, perimeter)
+    np.testing.assert_allclose(found.share, 1.0)
+    off = np.mod(found.angle - angle + QUARTER / 2, QUARTER) - QUARTER / 2
+    np.testing.assert_allclose(off, 0.0, atol=1e-9)

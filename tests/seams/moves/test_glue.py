@@ -50,3 +50,12 @@ def test_an_isometric_layout_costs_its_seams_and_charts_alone() -> None:
     lay_out_fresh(atlas, None, STEPS)
     expected = COST.seams(atlas)
     assert COST.of_components(atlas, relaxed=True).sum() == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stretch", "tail"), [(1.0, 0.0), (1.5, 0.0), (2.5, COST.tail), (0.4, COST.tail)]
+)
+def test_a_stretched_face_costs_its_distortion_and_its_tail(stretch: float, tail: float) -> None:
+    energy = (stretch**2 + 1 + 1 / stretch**2 + 1) / 4
+    jacobian = np.array([[stretch, 0.0], [0.0, 1.0]])[:, :, None]
+    assert COST.loss(jacobian) == pytest.approx(COST.distortion * (energy - 1) + tail, abs=1e-12)
