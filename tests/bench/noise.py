@@ -131,6 +131,7 @@ def measure(build: Build, mesh: Bedded, kind: str, turns: list[int], rows: Rows)
 def table_of(rows: list[dict[str, Any]]) -> dict[str, np.ndarray]:
     """Each figure of FIGURES, with LEAST added, over the turns of one mesh, (turns,)."""
     out = {k: np.array([r[k] for r in rows], float) for k in FIGURES if k != "cost"}
+    out["seam_visible"] = np.nan_to_num(out["seam_visible"])  # no seam, none that is seen
     out["cost"] = out["seam_length"] + CHART * out["charts"]
     return {k: v + LEAST[k] for k, v in out.items()}
 
