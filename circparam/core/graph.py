@@ -20,7 +20,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.clock import tick
 from circparam.core.compiled import component_labels, dijkstra, minimum_spanning_tree
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 
 def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
@@ -155,6 +155,14 @@ class Graph:
             front = front[front >= 0]
         on = np.flatnonzero(marked & (parent >= 0))
         return self.edge(on, parent[on])
+
+
+def chains(a: IntArray, b: IntArray, through: BoolArray) -> tuple[int, IntArray]:
+    """Edges (a, b) joined at the nodes ``through`` ((n,) bool), each of which has two: (number, (e,) label)."""
+    ends = np.concatenate([a, b])
+    k = np.flatnonzero(through[ends])
+    k = k[stable_order(ends[k])] % max(len(a), 1)
+    return components(len(a), k[::2], k[1::2])
 
 
 def spanning_forest(n: int, a: IntArray, b: IntArray, order: FloatArray) -> IntArray:

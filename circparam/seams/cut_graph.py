@@ -11,7 +11,7 @@ from circparam.core.arrays import (
     group_count,
     mask_of,
 )
-from circparam.core.graph import Graph, components, spanning_forest
+from circparam.core.graph import Graph, chains, spanning_forest
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.errors import TopologyError
@@ -112,11 +112,6 @@ class _Part:
     weight: FloatArray
     locked: BoolArray
 
-    @property
-    def ends(self) -> tuple[IntArray, IntArray]:
-        """The two vertices of each edge."""
-        return ends_of(self.cut_mesh.faces, self.cut_mesh.edges[:, 0])
-
 
 def _part(surface: Surface, cut: BoolArray, faces: BoolArray) -> _Part:
     _, chart = surface.charts(cut)
@@ -130,12 +125,14 @@ def _part(surface: Surface, cut: BoolArray, faces: BoolArray) -> _Part:
     return _Part(cut_mesh, edge, weight, locked)
 
 
-def _nodes(cut_mesh: CutMesh) -> tuple[int, IntArray]:
-    """Vertices with every boundary loop drawn together to one node: (number, (n_vertices,) node)."""
+def _nodes(cut_mesh: CutMesh) -> tuple[int, IntArray, IntArray, IntArray]:
+    """Vertices with every boundary loop drawn together to one node: (number, (n_vertices,) node, both nodes of
+    each edge)."""
     node = np.arange(cut_mesh.n_vertices)
     loops = cut_mesh.loops
     node[cut_mesh.faces.ravel()[loops.half_edges]] = cut_mesh.n_vertices + loops.loop_of
-    return cut_mesh.n_vertices + len(loops.chart), node
+    a, b = ends_of(cut_mesh.faces, cut_mesh.edges[:, 0])
+    return cut_mesh.n_vertices + len(loops.chart), node, node[a], node[b]
 
 
 def cut_handles(surface: Surface, cut: BoolArray, charts: BoolArray, monitor: Monitor) -> BoolArray:
@@ -154,8 +151,7 @@ def _tree_cotree(part: _Part) -> BoolArray:
     2g edges that are left close the shortest loops.
     """
     cut_mesh = part.cut_mesh
-    n, node = _nodes(cut_mesh)
-    a, b = (node[end] for end in part.ends)
+    n, node, a, b = _nodes(cut_mesh)
     roots = np.empty(cut_mesh.n_charts, np.int64)
     roots[cut_mesh.vertex_chart[::-1]] = node[::-1]
     outer = np.flatnonzero(cut_mesh.loops.outer)
@@ -195,8 +191,7 @@ def _shorten(part: _Part, seam: BoolArray, monitor: Monitor) -> BoolArray:
     or the time is up (the seam is valid all the way).
     """
     cut_mesh = part.cut_mesh
-    n, node = _nodes(cut_mesh)
-    a, b = (node[end] for end in part.ends)
+    n, _, a, b = _nodes(cut_mesh)
     chart = cut_mesh.chart[cut_mesh.edges[:, 0] // 3]
     tried = np.zeros(len(seam), bool)
     for _ in range(1 + SHORTENED_FACES // len(cut_mesh.faces)):
@@ -224,12 +219,9 @@ def _longest_arcs(
 ) -> BoolArray:
     """(e,) for each chart the longest arc of its seam not tried yet; arcs end at branches and boundaries."""
     e = np.flatnonzero(seam)
-    ends = np.r_[a[e], b[e]]
-    through = (np.bincount(ends, minlength=1)[ends] == 2) & (ends < n_vertices)
-    k = np.flatnonzero(through)
-    k = k[np.argsort(ends[k], kind="stable")]
-    one, two = k[::2] % len(e), k[1::2] % len(e)  # the two edges at each vertex passed through
-    count, arc = components(len(e), one, two)
+    through = np.bincount(np.r_[a[e], b[e]], minlength=n_vertices) == 2
+    through[n_vertices:] = False
+    count, arc = chains(a[e], b[e], through)
     length = np.bincount(arc, weight[e], count)
     stale = np.bincount(arc, tried[e], count) > 0
     owner = np.zeros(count, np.int64)
@@ -248,8 +240,7 @@ def _reroute(
     kept = np.flatnonzero(~seam)
     _, corners = corner_classes(len(cut_mesh.faces), cut_mesh.edges[kept])
     trial = CutMesh(corners, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges[kept])
-    n, node = _nodes(trial)
-    a, b = (node[end] for end in ends_of(trial.faces, trial.edges[:, 0]))
+    n, _, a, b = _nodes(trial)
     on = arc[kept]
     owner = chart[kept]
     length = np.bincount(owner[on], part.weight[kept][on], trial.n_charts)
@@ -275,8 +266,7 @@ def _open(surface: Surface, cut: BoolArray, cut_mesh: CutMesh, charts: BoolArray
     """(e,) a short path in each closed chart, between two far ends (or from a slit, where it has one)."""
     part = _part(surface, cut, charts[cut_mesh.chart])
     cut_mesh = part.cut_mesh
-    n, node = _nodes(cut_mesh)
-    a, b = (node[end] for end in part.ends)
+    n, node, a, b = _nodes(cut_mesh)
     graph = Graph(n, a, b, part.weight)
     chart = np.full(n, -1)
     chart[node] = cut_mesh.vertex_chart

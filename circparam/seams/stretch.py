@@ -11,7 +11,7 @@ from circparam.seams.accuracy import AIMED, LOCAL
 from circparam.seams.finish import LEVEL_FACES
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import limit_stretch
-from circparam.seams.segmentation.weigh import Limits, share_over
+from circparam.seams.segmentation.weigh import Limits, share_over, with_tails
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = SeamOptions.max_distortion  # bound up to which seams are added for that
@@ -52,9 +52,7 @@ def stretch_held(atlas: Atlas, bound: float, options: SeamOptions, monitor: Moni
     return out
 
 
-def limit_stretch_of_all(
-    atlas: Atlas, limits: Limits, monitor: Monitor, seams: bool = True
-) -> None:
+def limit_stretch_of_all(atlas: Atlas, limits: Limits, monitor: Monitor, seams: bool) -> None:
     """As ``limit_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
     if len(atlas.surface.faces) <= LEVEL_FACES and limits.local is None:
         limit_stretch(atlas, limits, monitor, seams)
@@ -63,9 +61,7 @@ def limit_stretch_of_all(
     over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
     if over.sum() <= limits.allowed:
         return
-    order = np.argsort(over, kind="stable")
-    which = np.ones(cut_mesh.n_charts, bool)
-    which[order[np.cumsum(over[order]) <= limits.allowed / 2]] = False
+    which = with_tails(over, limits)
     rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
     faces = which[cut_mesh.chart]
     part = atlas.part(faces)

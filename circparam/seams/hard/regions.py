@@ -1,5 +1,8 @@
 """Smooth regions and flats of a hard surface: where its edges are sharp, and what a seam costs there."""
 
+from collections.abc import Callable
+from functools import wraps
+from typing import TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -19,6 +22,8 @@ from circparam.geometry.intrinsic import corner_angles
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 from circparam.mesh.surface import Surface
+
+Measured = TypeVar("Measured")
 
 NOISE = 3e-7  # of the extent of the mesh: single precision and exporters move a point so far
 NEEDLE = 1e-6  # height over longest edge: no normal of a flatter face is sure
@@ -55,14 +60,21 @@ def extent(surface: Surface) -> float:
     return max((float(max(np.abs(x).max(), np.ptp(x))) for x in axes if len(x)), default=0.0)
 
 
+def kept(measure: Callable[[Surface], Measured]) -> Callable[[Surface], Measured]:
+    """A measurement of surfaces that is made once for each, and kept as long as the surface is used."""
+    known: WeakKeyDictionary[Surface, Measured] = WeakKeyDictionary()
+
+    @wraps(measure)
+    def once(surface: Surface) -> Measured:
+        if surface not in known:
+            known[surface] = measure(surface)
+        return known[surface]
+
+    return once
+
+
+@kept
 def sure_normals(surface: Surface) -> FloatArray:
-    """As ``measured_normals``, kept as long as the surface is used."""
-    if surface not in _normals:
-        _normals[surface] = measured_normals(surface)
-    return _normals[surface]
-
-
-def measured_normals(surface: Surface) -> FloatArray:
     """(m, 3) unit normals; needles, whose own are noise, take that of the face beyond their longest edges.
 
     Where noise leaves them half a normal, faces beyond a sharp edge count as beyond a shorter one: the needle
@@ -86,26 +98,8 @@ def measured_normals(surface: Surface) -> FloatArray:
     return surface.normals[np.where(source >= 0, source, np.arange(len(sure)))]
 
 
-_normals: WeakKeyDictionary[Surface, FloatArray] = WeakKeyDictionary()
-_turns: WeakKeyDictionary[Surface, tuple[FloatArray, BoolArray]] = WeakKeyDictionary()
-_flats: WeakKeyDictionary[Surface, tuple[IntArray, BoolArray]] = WeakKeyDictionary()
-
-
+@kept
 def turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
-    """As ``measured_turns``, kept as long as the surface is used."""
-    if surface not in _turns:
-        _turns[surface] = measured_turns(surface)
-    return _turns[surface]
-
-
-def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
-    """As ``measured_flats``, kept as long as the surface is used."""
-    if surface not in _flats:
-        _flats[surface] = measured_flats(surface)
-    return _flats[surface]
-
-
-def measured_turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((e,) angle between the sure normals of both faces of each edge in radians, (e,) bool: it is concave)."""
     n, points = sure_normals(surface), surface.points
     count = len(surface.edges)
@@ -123,7 +117,8 @@ def measured_turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     return angle, concave
 
 
-def measured_flats(surface: Surface) -> tuple[IntArray, BoolArray]:
+@kept
+def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
     """((m,) flat of each face, (e,) bool: edges inside flats).
 
     A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not.

@@ -14,11 +14,11 @@ from circparam.core.arrays import (
     mask_of,
     positions_in,
 )
-from circparam.core.graph import nearest, undirected
+from circparam.core.graph import Graph, nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.prices import crease_costs
-from circparam.seams.segmentation.paths import Bands, Chains, bands, chains_of, route
+from circparam.seams.segmentation.paths import Bands, Chains, bands, chains_of, route, spread
 
 STRAY_CELLS = (0, 2)  # cells beside a seam's own that its path may use, attempt by attempt
 # from a surface with hardly fewer faces, along whose edges paths would zigzag
@@ -76,9 +76,8 @@ class _Router:
         close = member[fine.ends[0]] & member[fine.ends[1]]
         self.usable = np.flatnonzero(close & np.isfinite(self.cost))
         self.ends = fine.ends[0][self.usable], fine.ends[1][self.usable]
-        owner, _ = self._bands(chains, STRAY_CELLS[0])
         # (coarse points,) fine vertex that stands for each of those near chains
-        self.stand = _representatives(fine, proxy, boundary, chains, owner, member, close)
+        self.stand = self._representatives(chains, member, close)
         self.junctions = np.r_[chains.start, chains.end]
 
     def cut(self, chains: Chains, rings: int) -> Chains:
@@ -96,50 +95,103 @@ class _Router:
         return _some_chains(chains, routes.failed)
 
     def find_way(self, ends: tuple[int, int]) -> bool:
-        """Cut a shortest path between the stands of two coarse points: for the last few, one by one."""
-        usable = np.flatnonzero(np.isfinite(self.cost))
-        return _find_way(self.fine, usable, self.cost, *(int(self.stand[k]) for k in ends))
+        """Cut a shortest path between the stands of two coarse points, through any vertices that no seam uses:
+        for the last few chains, one by one."""
+        fine, (start, end) = self.fine, self.stand[list(ends)].tolist()
+        if start < 0 or end < 0 or start == end:
+            return False
+        a, b = fine.ends
+        free = ~fine.on_boundary
+        free[a[fine.cut]] = free[b[fine.cut]] = False
+        free[[start, end]] = True
+        points = fine.surface.vertex_points
+        reach = 6 * float(np.linalg.norm(points[start] - points[end]))
+        # what is further away straight on is further along edges too
+        free &= ((points - points[start]) ** 2).sum(1) <= (1 + 1e-9) * reach**2
+        use = np.flatnonzero(np.isfinite(self.cost) & free[a] & free[b] & ~fine.cut)
+        links = Graph(fine.n_vertices, a[use], b[use], self.cost[use])
+        distance, before = links.paths(np.array([start]), reach)
+        fine.cut[use[links.trace(before, np.array([end]))]] = True
+        return bool(np.isfinite(distance[end]))
 
     def _bands(self, chains: Chains, rings: int) -> tuple[IntArray, FloatArray]:
-        owner, value = bands(self.coarse_ends, len(self.boundary), chains, self.boundary, rings)
-        return _fine_bands(self.fine, self.proxy, chains, self.ends, owner, value)
+        """Bands of chains on the fine surface: cells of their own, shares of the cells at their ends."""
+        n, cell, fine = len(self.boundary), self.proxy.cell, self.fine
+        owner, value = bands(self.coarse_ends, n, chains, self.boundary, rings)
+        has = cell >= 0
+        fine_owner = np.where(has, owner[cell], -1)
+        fine_value = np.where(has, value[cell], 0.0)
+        # a chain of one edge has no cell of its own: it begins where its two end cells meet
+        short = np.flatnonzero(chains.size == 1)
+        if len(short):
+            key = edge_keys(chains.start[short], chains.end[short], n)
+            order = np.argsort(key, kind="stable")
+            here, there = (cell[end] for end in self.ends)
+            meet = edge_keys(here, there, n)
+            at = np.minimum(np.searchsorted(key[order], meet), len(short) - 1)
+            hit = (key[order][at] == meet) & (here >= 0) & (there >= 0)
+            for side in self.ends:
+                vertex, chain = side[hit], short[order[at[hit]]]
+                free = fine_owner[vertex] < 0
+                fine_owner[vertex[free]] = chain[free]
+        closed = fine.on_boundary.copy()
+        closed[fine.ends[0][fine.cut]] = closed[fine.ends[1][fine.cut]] = True
+        at_end = mask_of(n, np.r_[chains.start, chains.end])
+        return self._share_out(fine_owner, fine_value, has & at_end[cell], closed)
+
+    def _share_out(
+        self, owner: IntArray, value: FloatArray, junction: BoolArray, closed: BoolArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Give the vertices of junction cells to the nearest chain; boundaries and ends of chains to none."""
+        (a, b), cell = self.ends, self.proxy.cell
+        owner = np.where(closed, -1, owner)
+        fill = junction & ~closed & (owner < 0)
+        # from a chain's own cells into a junction cell, but not on from there into another one
+        use = (
+            (fill[a] & fill[b] & (cell[a] == cell[b]))
+            | (fill[a] & (owner[b] >= 0))
+            | (fill[b] & (owner[a] >= 0))
+        )
+        a, b = a[use], b[use]
+        seeds = np.unique(np.r_[a[~fill[a]], b[~fill[b]]])
+        if len(seeds):
+            links = undirected(len(owner), a, b, np.ones(len(a)))
+            _, _, source = nearest(links, seeds)
+            got = fill & (source >= 0)
+            owner[got], value[got] = owner[source[got]], value[source[got]]
+        return owner, value
+
+    def _representatives(self, chains: Chains, member: BoolArray, close: BoolArray) -> IntArray:
+        """(coarse points,) fine vertex that stands for each, −1 where none of its vertices is a ``member``.
+
+        member: (fine vertices,) bool, those that may stand for a point; close: (e,) bool, edges between them.
+
+        At a junction the vertex beside which the most chains begin; then one on the boundary where the coarse
+        point is on it; then the nearest.
+        """
+        fine, cell, points = self.fine, self.proxy.cell, self.proxy.surface.points
+        owner, _ = self._bands(chains, STRAY_CELLS[0])
+        members = np.flatnonzero(member)
+        ends = fine.ends[0][close], fine.ends[1][close]
+        a, b = np.r_[ends[0], ends[1], members], np.r_[ends[1], ends[0], members]
+        k = owner[b]
+        here = (k >= 0) & (cell[a] >= 0)
+        a, k = a[here], k[here]
+        own = (chains.start[k] == cell[a]) | (chains.end[k] == cell[a])
+        pairs = np.unique(a[own] * (len(chains.start) + 1) + k[own])
+        beside = np.bincount(pairs // (len(chains.start) + 1), minlength=len(cell))
+        c = cell[members]
+        distance = np.linalg.norm(fine.surface.vertex_points[members] - points[c], axis=1)
+        inside = self.boundary[c] & ~fine.on_boundary[members]
+        first = first_of_groups(c, inside, -beside[members], distance)
+        out = np.full(len(points), -1)
+        out[c[first]] = members[first]
+        return out
 
 
 def _close_to(ends: tuple[IntArray, IntArray], n: int, chains: Chains, rings: int) -> BoolArray:
     """(n,) bool: coarse points at most so many edges from a chain."""
-    close = mask_of(n, np.r_[chains.vertex, chains.start, chains.end])
-    for _ in range(rings):
-        a, b = close[ends[0]], close[ends[1]]
-        close[ends[1][a]] = close[ends[0][b]] = True
-    return close
-
-
-def _find_way(fine: Atlas, usable: IntArray, cost: FloatArray, start: int, end: int) -> bool:
-    """Cut a shortest path through any vertices that no seam uses: for the last few chains, one by one."""
-    if start < 0 or end < 0 or start == end:
-        return False
-    a, b = fine.ends
-    n = fine.n_vertices
-    free = ~fine.on_boundary
-    free[a[fine.cut]] = free[b[fine.cut]] = False
-    free[[start, end]] = True
-    points = fine.surface.vertex_points
-    reach = 6 * float(np.linalg.norm(points[start] - points[end]))
-    # what is further away straight on is further along edges too
-    free &= ((points - points[start]) ** 2).sum(1) <= (1 + 1e-9) * reach**2
-    use = usable[free[a[usable]] & free[b[usable]] & ~fine.cut[usable]]
-    links = undirected(n, a[use], b[use], cost[use])
-    distance, before, _ = nearest(links, np.array([start]), reach)
-    if not np.isfinite(distance[end]):
-        return False
-    path = [end]
-    while path[-1] != start:
-        path.append(int(before[path[-1]]))
-    on_path = edge_keys(np.array(path[:-1]), np.array(path[1:]), n)
-    key = edge_keys(a[use], b[use], n)
-    order = np.lexsort((cost[use], key))
-    fine.cut[use[order[np.searchsorted(key[order], on_path)]]] = True
-    return True
+    return spread(mask_of(n, np.r_[chains.vertex, chains.start, chains.end]), ends, rings)
 
 
 def _some_chains(chains: Chains, which: IntArray) -> Chains:
@@ -167,100 +219,3 @@ def _joined(first: Chains, second: Chains) -> Chains:
         strict=True,
     )
     return Chains(*(np.r_[a, b] for a, b in parts))
-
-
-def _fine_bands(
-    fine: Atlas,
-    proxy: Proxy,
-    chains: Chains,
-    ends: tuple[IntArray, IntArray],
-    owner: IntArray,
-    value: FloatArray,
-) -> tuple[IntArray, FloatArray]:
-    """The bands of the chains on the fine surface: cells of their own, shares of the cells at their ends."""
-    cell = proxy.cell
-    n = len(owner)
-    has = cell >= 0
-    fine_owner = np.where(has, owner[cell], -1)
-    fine_value = np.where(has, value[cell], 0.0)
-    # a chain of one edge has no cell of its own: it begins where its two end cells meet
-    short = np.flatnonzero(chains.size == 1)
-    key = edge_keys(chains.start[short], chains.end[short], n)
-    order = np.argsort(key, kind="stable")
-    meet = edge_keys(cell[ends[0]], cell[ends[1]], n)
-    if len(short):
-        at = np.minimum(np.searchsorted(key[order], meet), len(short) - 1)
-        hit = (key[order][at] == meet) & (cell[ends[0]] >= 0) & (cell[ends[1]] >= 0)
-        for side in ends:
-            vertex, chain = side[hit], short[order[at[hit]]]
-            free = fine_owner[vertex] < 0
-            fine_owner[vertex[free]] = chain[free]
-    closed = fine.on_boundary.copy()
-    closed[fine.ends[0][fine.cut]] = closed[fine.ends[1][fine.cut]] = True
-    at_end = mask_of(n, np.r_[chains.start, chains.end])
-    return _share_out(ends, fine_owner, fine_value, cell, has & at_end[cell], closed)
-
-
-def _representatives(
-    fine: Atlas,
-    proxy: Proxy,
-    boundary: BoolArray,
-    chains: Chains,
-    owner: IntArray,
-    member: BoolArray,
-    close: BoolArray,
-) -> IntArray:
-    """(coarse points,) fine vertex that stands for each, −1 where none of its vertices is a ``member``.
-
-    member: (fine vertices,) bool, those that may stand for a point; close: (e,) bool, edges between them.
-
-    At a junction the vertex beside which the most chains begin; then one on the boundary where the coarse point
-    is on it; then the nearest.
-    """
-    cell, points = proxy.cell, proxy.surface.points
-    members = np.flatnonzero(member)
-    ends = fine.ends[0][close], fine.ends[1][close]
-    a, b = np.r_[ends[0], ends[1], members], np.r_[ends[1], ends[0], members]
-    k = owner[b]
-    here = (k >= 0) & (cell[a] >= 0)
-    a, k = a[here], k[here]
-    own = (chains.start[k] == cell[a]) | (chains.end[k] == cell[a])
-    pairs = np.unique(a[own] * (len(chains.start) + 1) + k[own])
-    beside = np.bincount(pairs // (len(chains.start) + 1), minlength=len(cell))
-    c = cell[members]
-    distance = np.linalg.norm(fine.surface.vertex_points[members] - points[c], axis=1)
-    inside = boundary[c] & ~fine.on_boundary[members]
-    first = first_of_groups(c, inside, -beside[members], distance)
-    out = np.full(len(points), -1)
-    out[c[first]] = members[first]
-    return out
-
-
-def _share_out(
-    ends: tuple[IntArray, IntArray],
-    owner: IntArray,
-    value: FloatArray,
-    cell: IntArray,
-    junction: BoolArray,
-    closed: BoolArray,
-) -> tuple[IntArray, FloatArray]:
-    """Give the vertices of junction cells to the nearest chain; boundaries and ends of chains to none."""
-    n = len(owner)
-    owner = np.where(closed, -1, owner)
-    fill = junction & ~closed & (owner < 0)
-    a, b = ends
-    # from a chain's own cells into a junction cell, but not on from there into another one
-    use = (
-        (fill[a] & fill[b] & (cell[a] == cell[b]))
-        | (fill[a] & (owner[b] >= 0))
-        | (fill[b] & (owner[a] >= 0))
-    )
-    a, b = a[use], b[use]
-    seeds = np.unique(np.r_[a[~fill[a]], b[~fill[b]]])
-    if len(seeds):
-        _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), seeds)
-        got = fill & (source >= 0)
-        owner, value = owner.copy(), value.copy()
-        owner[got] = owner[source[got]]
-        value[got] = value[source[got]]
-    return owner, value

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of, stable_order
-from circparam.core.graph import components
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of
+from circparam.core.graph import chains
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 
@@ -36,12 +36,7 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
     a, b = atlas.ends[0][c], atlas.ends[1][c]
     valence = np.bincount(np.concatenate([a, b]), minlength=atlas.n_vertices)
     through = (valence == 2) & ~atlas.on_boundary & (np.abs(atlas.angle_defects) <= cone)
-    k = np.arange(len(c))
-    vertex, entry = np.concatenate([a, b]), np.concatenate([k, k])
-    keep = through[vertex]
-    vertex, entry = vertex[keep], entry[keep]
-    entry = entry[stable_order(vertex)]
-    count, arc = components(len(c), entry[::2], entry[1::2])
+    count, arc = chains(a, b, through)
     p, q = chart[atlas.surface.sides[:, c]]
     left, right = np.zeros(count, np.int64), np.zeros(count, np.int64)
     left[arc], right[arc] = np.minimum(p, q), np.maximum(p, q)

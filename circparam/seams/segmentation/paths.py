@@ -88,6 +88,14 @@ def _chain_once(
     return chains, closed, inner[same]
 
 
+def spread(near: BoolArray, ends: tuple[IntArray, IntArray], rings: int) -> BoolArray:
+    """(n,) bool: vertices at most so many edges (their two ends) from those that are ``near``."""
+    for _ in range(rings):
+        ahead, back = ends[1][near[ends[0]]], ends[0][near[ends[1]]]
+        near = near | mask_of(len(near), np.r_[ahead, back])
+    return near
+
+
 def bands(
     ends: tuple[IntArray, IntArray], n: int, chains: Chains, closed: BoolArray, rings: int
 ) -> tuple[IntArray, FloatArray]:
@@ -102,11 +110,7 @@ def bands(
     owner[chains.vertex] = chains.chain
     value[chains.vertex] = chains.position
     # no path is longer than ``rings`` edges, so the others need not be sorted
-    near = mask_of(n, chains.vertex)
-    for _ in range(rings):
-        ahead, back = near[ends[0]], near[ends[1]]
-        near[ends[1][ahead]] = near[ends[0][back]] = True
-    near &= ~blocked
+    near = spread(mask_of(n, chains.vertex), ends, rings) & ~blocked
     open_edge = near[ends[0]] & near[ends[1]]
     a, b = ends[0][open_edge], ends[1][open_edge]
     if len(chains.vertex) and len(a):

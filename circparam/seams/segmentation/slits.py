@@ -6,12 +6,12 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    edge_keys,
     ends_of,
     first_of_groups,
     group_sum,
+    mask_of,
 )
-from circparam.core.graph import nearest, undirected
+from circparam.core.graph import Graph
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.evaluate import jacobians
@@ -30,30 +30,21 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     is not.
     """
     cut_mesh = layouts.cut_mesh
-    n = cut_mesh.n_vertices
     peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy))
-    done = np.zeros(cut_mesh.n_charts, bool)
     if len(peak) == 0:
-        return done
+        return np.zeros(cut_mesh.n_charts, bool)
     cost = edge_costs(atlas)
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.sides[0]]]
     if atlas.flat is not None:  # they are as developable as can be: a slit there is of no use
         inner &= ~atlas.flat
     a, b = ends_of(cut_mesh.faces, atlas.surface.edges[inner, 0])
-    distance, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
-    reached = np.flatnonzero(cut_mesh.on_boundary & np.isfinite(distance) & (source >= 0))
-    if len(reached) == 0:
-        return done
-    here = reached[first_of_groups(source[reached], distance[reached])]
-    done[cut_mesh.vertex_chart[here]] = True
-    index = np.flatnonzero(inner)
-    key = edge_keys(a, b, n)
-    by_key = np.lexsort((cost[inner], key))
-    while len(here := here[before[here] >= 0]):
-        edge = edge_keys(here, before[here], n)
-        atlas.cut[index[by_key[np.searchsorted(key[by_key], edge)]]] = True
-        here = before[here]
-    return done
+    graph = Graph(cut_mesh.n_vertices, a, b, cost[inner])
+    distance, before = graph.paths(peak)
+    reached = np.flatnonzero(cut_mesh.on_boundary & np.isfinite(distance))
+    chart = cut_mesh.vertex_chart[reached]
+    ends = reached[first_of_groups(chart, distance[reached])]
+    atlas.cut[np.flatnonzero(inner)[graph.trace(before, ends)]] = True
+    return mask_of(cut_mesh.n_charts, chart)
 
 
 def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> IntArray:

@@ -20,7 +20,13 @@ from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import DualGraph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge, lay_out_sound
-from circparam.seams.segmentation.weigh import ROUNDS, Limits, relax_weighted, share_over
+from circparam.seams.segmentation.weigh import (
+    ROUNDS,
+    Limits,
+    relax_weighted,
+    share_over,
+    with_tails,
+)
 from circparam.solvers.newton import relax
 
 
@@ -54,11 +60,7 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
     if over.sum() <= limits.allowed:
         return uv
-    # charts with hardly a tail keep it
-    order = np.argsort(over, kind="stable")
-    kept = np.cumsum(over[order]) <= limits.allowed / 2
-    which = np.ones(cut_mesh.n_charts, bool)
-    which[order[kept]] = False
+    which = with_tails(over, limits)
     sub, vid, _ = cut_mesh.subset(which)
     rest = limits.without(over[~which].sum(), cut_mesh, sub)
     out = uv.copy()

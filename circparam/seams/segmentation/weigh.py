@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.workers import Worker
@@ -51,6 +51,12 @@ class Limits:
         """For a part of the surface, where the other parts use so much of the share."""
         left = max(self.allowed - over, 0.0)
         return replace(self, allowed=left * float(whole.areas.sum() / part.areas.sum()))
+
+
+def with_tails(over: FloatArray, limits: Limits) -> BoolArray:
+    """(n,) bool: charts with most of the tail; the others keep theirs, which is half of what is allowed."""
+    order = np.argsort(over, kind="stable")
+    return ~mask_of(len(over), order[np.cumsum(over[order]) <= limits.allowed / 2])
 
 
 def share_over(cut_mesh: CutMesh, stretch: FloatArray, most: float) -> FloatArray:
