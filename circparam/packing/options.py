@@ -79,6 +79,11 @@ class PackOptions:
         return max(self.padding - 0.5, 0.0) + MARGIN_TEXELS
 
     @property
+    def room(self) -> float:
+        """Side in texels of the page between its borders."""
+        return self.resolution - 2 * self.border
+
+    @property
     def fixed_scale(self) -> float | None:
         """Texels per unit of the uv given where the user fixes it, else None."""
         if not self.scale:
@@ -88,8 +93,7 @@ class PackOptions:
 
 def pages_needed(area: float, options: PackOptions) -> int:
     """Least number of pages for charts of an area in square texels, whatever their shapes."""
-    room = options.resolution - 2 * options.border
-    return math.ceil(area / room**2 - 1e-9)
+    return math.ceil(area / options.room**2 - 1e-9)
 
 
 def too_dense(area: float, options: PackOptions) -> str:
@@ -99,8 +103,8 @@ def too_dense(area: float, options: PackOptions) -> str:
     what = "the sizes given" if density is None else f"texel density {density:g}"
     cure = f"give --pages {least}" if PAGES.low <= least <= PAGES.high else "give fewer texels"
     if density is not None:
-        room = options.pages * (options.resolution - 2 * options.border) ** 2
-        cure += f", --texel-density below {density * math.sqrt(room / area):.3g}"
+        most = density * math.sqrt(options.pages * options.room**2 / area)
+        cure += f", --texel-density below {most:.3g}"
     return (
         f"at {what} it needs at least {least} pages of {options.resolution} texels: {cure} "
         "or a larger --resolution"

@@ -76,6 +76,11 @@ class Shapes:
         low, high = np.minimum.reduceat, np.maximum.reduceat
         return np.stack([low(x, at), low(y, at), high(x, at), high(y, at)], 1)
 
+    def sizes(self, angle: FloatArray) -> FloatArray:
+        """(n, 2) width and height of the bounding boxes."""
+        box = self.boxes(angle)
+        return box[:, 2:] - box[:, :2]
+
     @cached_property
     def _corners(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         """(b,) chart, (n,) first, (b,) x and y of the corners of outlines. If no chart has more than a few
@@ -206,9 +211,8 @@ def least_box_angles(shapes: Shapes, rotate: str) -> FloatArray:
     best = np.zeros(shapes.n)
     if rotate == "free":
         best = _best_angles(shapes, np.multiply)
-    box = shapes.boxes(best)
-    tall = (box[:, 3] - box[:, 1]) > (box[:, 2] - box[:, 0]) * (1 + 1e-9)
-    return best + np.where(tall, _QUARTER, 0.0)
+    width, height = shapes.sizes(best).T
+    return best + np.where(height > width * (1 + 1e-9), _QUARTER, 0.0)
 
 
 def least_square_angles(shapes: Shapes, rotate: str) -> FloatArray:
@@ -226,8 +230,7 @@ def _best_angles(shapes: Shapes, cost: np.ufunc) -> FloatArray:
         for _ in range(4):
             centre, least = best.copy(), np.full(shapes.n, np.inf)
             for t in np.linspace(-width / 2, width / 2, count):
-                box = shapes.boxes(centre + t)
-                size = cost(box[:, 2] - box[:, 0], box[:, 3] - box[:, 1])
+                size = cost(*shapes.sizes(centre + t).T)
                 better = size < least * (1 - 1e-12)
                 best[better], least[better] = (centre + t)[better], size[better]
             width, count = 2 * width / (count - 1), 9

@@ -102,8 +102,7 @@ def check_room(shapes: Shapes, options: PackOptions) -> None:
     """Refuse impossible tasks: more charts than a page has places, or charts without extent."""
     if not shapes.radius.max() > 0:
         raise NoResultError("no chart has any extent in uv: there is nothing to pack")
-    side = options.resolution - 2 * options.border
-    places = options.pages * (int(side / options.box_gap) + 1) ** 2
+    places = options.pages * (int(options.room / options.box_gap) + 1) ** 2
     if shapes.n > places:
         raise OptionError(
             f"{shapes.n} charts do not fit: {options.pages} page(s) of {options.resolution} texels have "
@@ -120,15 +119,13 @@ def check_fixed_room(shapes: Shapes, options: PackOptions) -> None:
     area = float(shapes.area.sum()) * scale**2
     if pages_needed(area, options) > options.pages:
         raise OptionError(too_dense(area, options))
-    box = shapes.boxes(least_square_angles(shapes, options.rotate))
-    side = (box[:, 2:] - box[:, :2]).max(1) * scale
-    room = options.resolution - 2 * options.border
+    side = float(shapes.sizes(least_square_angles(shapes, options.rotate)).max() * scale)
     # the least square is searched in steps: the packers decide on charts slightly too long
-    if side.max() > 1.01 * room:
-        holds = int(np.ceil((side.max() + 2 * options.border) / 100)) * 100  # to a full hundred
+    if side > 1.01 * options.room:
+        holds = int(np.ceil((side + 2 * options.border) / 100)) * 100  # to a full hundred
         raise OptionError(
-            f"the longest chart has {side.max():.0f} texels, and a page of {options.resolution} has room "
-            f"for {room:.0f}: lower the density, or raise --resolution to {holds}"
+            f"the longest chart has {side:.0f} texels, and a page of {options.resolution} has room "
+            f"for {options.room:.0f}: lower the density, or raise --resolution to {holds}"
         )
 
 

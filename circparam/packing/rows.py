@@ -46,7 +46,7 @@ def _dropped(
     grow = options.gap / 2
     margin = options.border - grow
     room = options.resolution - 2 * margin
-    if size[:, 0].max() > options.resolution - 2 * options.border:
+    if size[:, 0].max() > options.room:
         return None, 2.0
     order = np.argsort(-size[:, 1], kind="stable")
     rows, left = box_rows(size[order, 0], options)

@@ -16,8 +16,7 @@ def shelf_placement(shapes: Shapes, options: PackOptions) -> Placement | None:
     angle = least_box_angles(shapes, options.rotate)
     box, scale = shapes.boxes(angle), options.fixed_scale
     if scale is not None:
-        room = options.resolution - 2 * options.border
-        long = (box[:, 2:] - box[:, :2]).max(1) * scale > room
+        long = (box[:, 2:] - box[:, :2]).max(1) * scale > options.room
         if long.any():
             angle = np.where(long, least_square_angles(shapes, options.rotate), angle)
             box = shapes.boxes(angle)
@@ -37,8 +36,7 @@ def _largest_scale(size: FloatArray, options: PackOptions) -> float | None:
     """Bisection for the scale; None if not even boxes without extent fit."""
     if _rows(np.zeros_like(size), options) is None:
         return None
-    room = options.resolution - 2 * options.border
-    low, high = 0.0, room / float(size.max(initial=1e-300))
+    low, high = 0.0, options.room / float(size.max(initial=1e-300))
     if _rows(size * high, options) is not None:
         return high
     for _ in range(40):
@@ -54,7 +52,7 @@ def _largest_scale(size: FloatArray, options: PackOptions) -> float | None:
 
 def _rows(size: FloatArray, options: PackOptions) -> tuple[FloatArray, IntArray] | None:
     """Lower left corners and pages of boxes (n, 2) sorted by falling height; None if they do not fit."""
-    room = options.resolution - 2 * options.border
+    room = options.room
     if size.max(initial=0.0) > room * (1 + 1e-12):
         return None
     start, left = box_rows(size[:, 0], options)
@@ -74,7 +72,7 @@ def _rows(size: FloatArray, options: PackOptions) -> tuple[FloatArray, IntArray]
 
 def box_rows(width: FloatArray, options: PackOptions) -> tuple[IntArray, FloatArray]:
     """(where rows of boxes (n,) begin, and n at the end; the left side of each box) in the order given."""
-    gap, room = options.box_gap, options.resolution - 2 * options.border
+    gap, room = options.box_gap, options.room
     ends = np.cumsum(width + gap)
     rows = [0]
     while rows[-1] < len(width):

@@ -222,17 +222,17 @@ def _stacked(
     Returns (placement or None, height used over height there is).
     """
     n, k = angle.shape
-    wide = shapes.boxes(angle[:, 0])
-    mean = float((wide[:, 2] - wide[:, 0]).mean()) * scale + 2 * options.gap
+    size = shapes.sizes(angle[:, 0])
+    mean = float(size[:, 0].mean()) * scale + 2 * options.gap
     cell = float(max(mean / CHART_COLUMNS, options.resolution / 4096))
     grow = options.gap / 2
     shape = profiles(shapes, angle, scale, grow, cell)
     margin = options.border - grow
     room = options.resolution - 2 * margin
     columns = int(room / cell)
-    size = (wide[:, 2:] - wide[:, :2]) * scale
-    grown = shapes.area * scale**2 + size.max(1) * options.gap
-    order = np.argsort(-grown * size.max(1), kind="stable")
+    longest = size.max(1) * scale
+    grown = shapes.area * scale**2 + longest * options.gap
+    order = np.argsort(-grown * longest, kind="stable")
     sky = np.zeros((options.pages, columns), np.float32)
     pick, corner, rest = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
     page = np.zeros(n, np.int64)

@@ -41,6 +41,5 @@ def straight_charts(shapes: Shapes, longest: float) -> Straight:
     edges = shapes.points[shapes.end] - shapes.points[shapes.start]
     found = directions(edges, shapes.owner[shapes.start], shapes.n)
     angle = -found.angle
-    box = shapes.boxes(angle)
-    length_of = (box[:, 2:] - box[:, :2]).max(1)
-    return Straight(angle, (found.share >= STRAIGHT_SHARE) & (length_of <= longest))
+    short = shapes.sizes(angle).max(1) <= longest
+    return Straight(angle, (found.share >= STRAIGHT_SHARE) & short)

@@ -42,17 +42,24 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     ``options.min_chart_faces``. Charts keep the layout they had, so nothing overlaps, and their bound.
     """
     cascade = fallback.settle(cascade, monitor)
-    cut_mesh, uv = cascade.atlas.open()
-    asked = options.cuts_asked
-    most = np.inf if options.max_charts is None else options.max_charts - cut_mesh.n_charts
-    most = min(most, len(cut_mesh.faces) if asked is None else asked)
-    one = asked is None and options.pages in (None, 1)
-    no_seam = one and cascade.atlas.seam_length <= 0
-    if most < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
+    most = most_cuts(cascade, options, monitor)
+    one = options.cuts_asked is None and options.pages in (None, 1)
+    if most < 1 or (one and cascade.atlas.seam_length <= 0):
         return cascade
     if not options.draft:
         cascade = replace(cascade, packing=packing(cascade, options, monitor))
-    return cheapest(cascade, plans_of(cascade, options, int(most), monitor), options, monitor)
+    return cheapest(cascade, plans_of(cascade, options, most, monitor), options, monitor)
+
+
+def most_cuts(cascade: Cascade, options: Options, monitor: Monitor) -> int:
+    """How many cuts the options allow; none if time is up or some face has no layout."""
+    cut_mesh, uv = cascade.atlas.open()
+    if monitor.expired or not np.isfinite(uv).all():
+        return 0
+    most = len(cut_mesh.faces) if options.cuts_asked is None else options.cuts_asked
+    if options.max_charts is None:
+        return most
+    return min(most, options.max_charts - cut_mesh.n_charts)
 
 
 def page_cutter(cascade: Cascade, options: Options) -> Cutter:
@@ -169,18 +176,15 @@ def fit_pages(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     parts of fewer faces than ``options.min_chart_faces``.
     """
     cascade = fallback.settle(cascade, monitor)
-    cut_mesh, uv = cascade.atlas.open()
-    page = pack_options(options)
-    most = np.inf if options.max_charts is None else options.max_charts - cut_mesh.n_charts
-    most = min(most, len(cut_mesh.faces) if options.cuts_asked is None else options.cuts_asked)
-    if most < 1 or page.fixed_scale is None or monitor.expired or not np.isfinite(uv).all():
+    page, most = pack_options(options), most_cuts(cascade, options, monitor)
+    if most < 1 or page.fixed_scale is None:
         return cascade
-    side = (page.resolution - 2 * page.border) / page.fixed_scale
+    side = page.room / page.fixed_scale
     # there is no layout otherwise: cuts lead through flats too
     cutter = replace(page_cutter(cascade, options), through_flats=True)
     # a chart as long as a page lies along its sides, and leaves no room beside it: shorter ones follow
     for share in (1.0, np.sqrt(0.5), 0.5) if cutter.charts else ():
-        parts = _divided(cutter, share * side, int(most), monitor)
+        parts = _divided(cutter, share * side, most, monitor)
         if parts is None:
             continue
         cuts = len(parts) - len(cutter.charts)

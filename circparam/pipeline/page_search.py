@@ -92,10 +92,14 @@ class Search:
         for n, part, k, _ in self._trials(plan):
             if self.cutter.worth_trying(part, k):
                 halves = self.cutter.straight_parts(part, k)
-                parts = [*plan.parts[:n], *plan.parts[n + 1 :], *halves]
-                seam = plan.seam + (part.slit + float(part.chords.length[k])) / self.cutter.root
-                return Plan(parts, seam, plan.cuts + 1, self._log_share(parts))
+                return self._cut(plan, n, halves, part.slit + float(part.chords.length[k]))
         return None
+
+    def _cut(self, plan: Plan, n: int, halves: list[Part], seam: float) -> Plan:
+        """The plan with both halves in place of its part n. seam: length of what is cut."""
+        parts = [*plan.parts[:n], *plan.parts[n + 1 :], *halves]
+        seam = plan.seam + seam / self.cutter.root
+        return Plan(parts, seam, plan.cuts + 1, self._log_share(parts))
 
     def _following(self, plan: Plan) -> Plan | None:
         """The plan with the best cut more; None if no chord is left that can be cut.
@@ -118,9 +122,7 @@ class Search:
             made.append((part, k))
             cost += (done[1] - float(part.chords.length[k])) / self.cutter.root
             if cost < least:
-                parts = [*plan.parts[:n], *plan.parts[n + 1 :], *done[0]]
-                seam = plan.seam + (part.slit + done[1]) / self.cutter.root
-                best, least = Plan(parts, seam, plan.cuts + 1, self._log_share(parts)), cost
+                best, least = self._cut(plan, n, done[0], part.slit + done[1]), cost
         for part, k in made:
             part.failed.discard(k)
         return best

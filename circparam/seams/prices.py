@@ -85,27 +85,21 @@ def _crease_prices(surface: Surface) -> FloatArray:
     return 1 / (1 + 0.5 * np.clip(2 * (1 - np.cos(turns(surface)[0])), 0, 1))
 
 
-def shares_of_part(
-    surface: Surface, count: int, part: int, parts: int, monitor: Monitor
-) -> FloatArray:
-    """(e,) what one of so many parts of the directions has in the share of each edge. monitor: not asked."""
-    return edge_shares(surface, count, PIXELS, turn=slice(part, None, parts))
+def shares_of_part(surface: Surface, part: int, monitor: Monitor) -> FloatArray:
+    """(e,) what one part of the directions has in the share of each edge. monitor: not asked."""
+    return edge_shares(surface, DIRECTIONS, PIXELS, turn=slice(part, None, DIRECTION_PARTS))
 
 
-def visibility_prices(
-    surface: Surface, strength: float, monitor: Monitor | None = None
-) -> FloatArray:
+def visibility_prices(surface: Surface, strength: float, monitor: Monitor) -> FloatArray:
     """(e,) price of every edge: (share / TYPICAL_SHARE) to the power VISIBILITY_POWER · strength.
 
     share: of all directions from which the edge is seen, at least LEAST_SHARE · TYPICAL_SHARE. strength: from
     0, where all edges cost the same, to 1. An edge on a convex place costs its length. An edge down a groove
     that half as many directions see costs a quarter of it at a strength of ½. monitor: its processes share
-    the directions (None: this one takes all).
+    the directions.
     """
-    parts = 1 if monitor is None else DIRECTION_PARTS
-    tasks = [(surface, DIRECTIONS, part, parts) for part in range(parts)]
-    worker = Worker(1 if monitor is None else monitor.jobs)
-    share = sum(worker.map(shares_of_part, tasks, monitor or Monitor()))
+    tasks = [(surface, part) for part in range(DIRECTION_PARTS)]
+    share = sum(Worker(monitor.jobs).map(shares_of_part, tasks, monitor))
     relative = np.maximum(share / TYPICAL_SHARE, LEAST_SHARE)
     return relative ** (VISIBILITY_POWER * strength)
 

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.geometry.visibility import visible_share
+from circparam.geometry.visibility import edge_shares, visible_share
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.charts import charts
 from circparam.seams.options import HIDDEN, SeamOptions
 from circparam.seams.prices import (
+    DIRECTIONS,
     LEAST_SHARE,
+    PIXELS,
+    TYPICAL_SHARE,
     VISIBILITY_POWER,
     edge_costs,
     edge_prices,
@@ -38,11 +41,12 @@ def decided(surface: Surface, strength: float) -> Atlas:
 
 def test_prices_are_one_at_no_strength_and_fall_with_the_share_that_sees_an_edge() -> None:
     surface = grooved(3)
-    assert visibility_prices(surface, 0.0) == pytest.approx(1)
-    half, full = visibility_prices(surface, 0.5), visibility_prices(surface, 1.0)
+    none, half, full = (visibility_prices(surface, x, Monitor()) for x in (0.0, 0.5, 1.0))
+    assert none == pytest.approx(1)
     assert full == pytest.approx(half**2)
     # processes look along some of the directions each
-    assert visibility_prices(surface, 0.5, Monitor()) == pytest.approx(half)
+    share = edge_shares(surface, DIRECTIONS, PIXELS) / TYPICAL_SHARE
+    assert full == pytest.approx(np.maximum(share, LEAST_SHARE) ** VISIBILITY_POWER)
     assert full.min() >= LEAST_SHARE**VISIBILITY_POWER * (1 - 1e-12)
     h = surface.edges[:, 0]
     middle = surface.points[surface.faces].reshape(-1, 3)[h]
@@ -69,7 +73,7 @@ def test_a_flat_is_dearer_than_its_rim_however_many_see_the_rim() -> None:
     """Prices of visibility make the rim of a flat more than twice as dear as the flat is."""
     surface = surface_of(*shapes.cube(2))
     prices = edge_prices(surface)
-    seen = replace(surface, price=visibility_prices(surface, 0.5))
+    seen = replace(surface, price=visibility_prices(surface, 0.5, Monitor()))
     assert prices.flat.any()
     assert seen.price[~prices.flat].max() > 2
     uncut = np.zeros(len(surface.edges), bool)

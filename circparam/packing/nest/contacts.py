@@ -70,13 +70,9 @@ class Contacts:
 
 def to_world(placement: Placement, chart: IntArray, points: FloatArray) -> FloatArray:
     """Points (k, 2) about the centres of their charts (k,), as they lie on their page."""
-    turned = _turned(placement, chart, points * placement.scale)
-    return np.asarray(turned + placement.offset[chart])
-
-
-def _turned(placement: Placement, chart: IntArray, p: FloatArray) -> FloatArray:
     c, s = np.cos(placement.angle)[chart], np.sin(placement.angle)[chart]
-    return np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]], 1)
+    x, y = (points * placement.scale).T
+    return np.stack([c * x - s * y, s * x + c * y], 1) + placement.offset[chart]
 
 
 def find_contacts(

@@ -67,7 +67,7 @@ def _searched(task: PackTask) -> tuple[Placement | None, Straight | None]:
         board, cell = _board(shapes, options, density, straight)
         found, along = [], None
         # masks are grown by half the gap, which at the border is not needed
-        most = (_inner(options) + options.gap) / max(task.least * cell, 1e-300)
+        most = (options.room + options.gap) / max(task.least * cell, 1e-300)
         side = int(min(board.side - 1, most))
         if straight is not None:
             count = np.where(straight.counts, 4, [len(m.angle) for m in board.masks])
@@ -99,8 +99,7 @@ def _cells(shapes: Shapes, options: PackOptions) -> int:
 
 def _widest(shapes: Shapes, options: PackOptions) -> float:
     """Side of the least square that holds the longest chart."""
-    box = shapes.boxes(least_square_angles(shapes, options.rotate))
-    return float((box[:, 2:] - box[:, :2]).max())
+    return float(shapes.sizes(least_square_angles(shapes, options.rotate)).max())
 
 
 def _straight(shapes: Shapes, options: PackOptions) -> Straight | None:
@@ -130,7 +129,7 @@ def _board(
     side = grid - 1
     cell = float(np.sqrt(shapes.area.sum() / (density * options.pages))) / side
     # on the largest page, whose texels are the most cells; see ``to_placement``
-    grow = options.gap / 2 * side / (_inner(options) + options.gap)
+    grow = options.gap / 2 * side / (options.room + options.gap)
     masks, spectra = [], []
     for c, angles in enumerate(chart_angles(shapes, options)):
         clock.tick()
@@ -164,7 +163,7 @@ def to_placement(board: Board, found: GridLayout, cell: float, options: PackOpti
     angle = np.array([m.angle[k] for m, k in chosen])
     low = np.array([m.low[k] for m, k in chosen])
     # masks are grown by half the gap, which at the border is not needed: the free square is that much larger
-    texels = (_inner(options) + options.gap) / found.side
+    texels = (options.room + options.gap) / found.side
     corner = np.stack([found.column, found.row], 1) - low
     offset = corner * texels + options.border - options.gap / 2
     return Placement(texels / cell, angle, offset, found.page)
@@ -191,23 +190,17 @@ def _compacted(task: PackTask, candidates: list[Placement], growth: Growth) -> P
     return None
 
 
-def _inner(options: PackOptions) -> float:
-    """Side in texels of the page between its borders."""
-    return options.resolution - 2 * options.border
-
-
 def _alone(shapes: Shapes, options: PackOptions) -> Placement:
     """One chart in the middle of its page, at the angle where it fits the smallest square."""
     angle = least_square_angles(shapes, options.rotate)
-    box = shapes.boxes(angle)
-    side = float((box[:, 2:] - box[:, :2]).max())
+    side = float(shapes.sizes(angle).max())
     straight = straight_charts(shapes, np.inf)
     if options.rotate == "free" and options.straighten != "off" and straight.counts.all():
-        along = shapes.boxes(straight.angle)
-        longer = float((along[:, 2:] - along[:, :2]).max())
+        longer = float(shapes.sizes(straight.angle).max())
         if (side / longer) ** 2 >= 1 - STRAIGHT_LOSS:
-            angle, box, side = straight.angle, along, longer
-    scale = _inner(options) / side
+            angle, side = straight.angle, longer
+    box = shapes.boxes(angle)
+    scale = options.room / side
     offset = options.resolution / 2 - (box[:, 2:] + box[:, :2]) / 2 * scale
     return Placement(scale, angle, offset, np.zeros(1, np.int64))
 
@@ -216,7 +209,7 @@ def _at_fixed_scale(task: PackTask, scale: float) -> Placement | None:
     """A layout at the scale the user fixed, on as few pages as the search finds."""
     shapes, options = task.shapes, task.options
     area = float(shapes.area.sum()) * scale**2
-    page = (_inner(options) + options.gap) ** 2
+    page = (options.room + options.gap) ** 2
     if not 0 < area <= page * options.pages:
         return None
     # no compaction mends the error of this grid, so it is twice as fine

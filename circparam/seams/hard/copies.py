@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, IntArray, mask_of, ranges
+from circparam.core.arrays import BoolArray, IntArray, group_count, mask_of, ranges
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
@@ -31,15 +31,10 @@ def find_copies(surface: Surface) -> Copies:
 
     Each is a copy of the first of those with equal hashes, where its corners and angles agree with that one's.
     """
-    m, e = len(surface.faces), surface.edges
-    n, component = surface.components
-    order = np.argsort(component, kind="stable")
-    size = np.bincount(component, minlength=n)
-    rank = np.empty(m, np.int64)
-    rank[order] = ranges(size)
+    e, (n, component) = surface.edges, surface.components
     of_edge = component[surface.sides[0]]
-    edge_order = np.argsort(of_edge, kind="stable")
-    edges = np.bincount(of_edge, minlength=n)
+    size, edges = group_count(component, n), group_count(of_edge, n)
+    rank = _ranks(component, size)
     half = 3 * rank[e // 3] + e % 3
     mark = hashed(half[:, 0] * 3 + surface.locked, half[:, 1])
     total = np.zeros(n, np.uint64)
@@ -47,12 +42,7 @@ def find_copies(surface: Surface) -> Copies:
     key = hashed(size, edges) ^ total
     _, lead, group = np.unique(key, return_index=True, return_inverse=True)
     lead = lead[group.reshape(-1)]
-    start = np.cumsum(size) - size
-    edge_start = np.cumsum(edges) - edges
-    original = order[start[lead[component]] + rank]
-    edge_rank = np.empty(len(e), np.int64)
-    edge_rank[edge_order] = ranges(edges)
-    edge = edge_order[edge_start[lead[of_edge]] + edge_rank]
+    original, edge = _counterparts(component, size, lead), _counterparts(of_edge, edges, lead)
     # equal hashes are no proof, nor do they see the shape
     side = np.linalg.norm(surface.rest_triangles[:, [1, 2, 0]] - surface.rest_triangles, axis=2)
     differs = np.abs(side - side[original]).max(1) > SIDES * extent(surface)
@@ -62,9 +52,22 @@ def find_copies(surface: Surface) -> Copies:
     wrong |= surface.locked != surface.locked[edge]
     other = mask_of(n, np.r_[component[differs], of_edge[wrong]])
     return Copies(
-        np.where(other[component], np.arange(m), original),
+        np.where(other[component], np.arange(len(rank)), original),
         np.where(other[of_edge], np.arange(len(e)), edge),
     )
+
+
+def _ranks(label: IntArray, size: IntArray) -> IntArray:
+    """(k,) place of each member in its group. label: (k,) group of each, size: (n,) of the groups."""
+    out = np.empty(len(label), np.int64)
+    out[np.argsort(label, kind="stable")] = ranges(size)
+    return out
+
+
+def _counterparts(label: IntArray, size: IntArray, lead: IntArray) -> IntArray:
+    """(k,) the member in the same place of the group that leads each group. lead: (n,) groups."""
+    order, start = np.argsort(label, kind="stable"), np.cumsum(size) - size
+    return order[start[lead[label]] + _ranks(label, size)]
 
 
 def spread_copies(surface: Surface, copies: Copies, part: Atlas) -> Atlas:

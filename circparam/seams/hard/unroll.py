@@ -33,20 +33,17 @@ def unroll(cut_mesh: CutMesh) -> FloatArray:
     Each face takes the rotation that lays it beside its neighbour in a spanning tree over long edges; the
     layout with those Jacobians follows from one Poisson solve.
     """
-    turn = _turned(cut_mesh)
-    c, s = np.cos(turn), np.sin(turn)
-    uv, _ = from_jacobians(cut_mesh, np.stack([np.stack([c, -s]), np.stack([s, c])]))
-    return uv
-
-
-def _turned(cut_mesh: CutMesh) -> FloatArray:
-    """(m,) rotation of every face's frame, against that of the first face of its chart."""
-    i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
-    m = len(cut_mesh.faces)
+    i, j = cut_mesh.edges.T
     length = cut_mesh.edge_lengths.ravel()[i]
-    tree = spanning_forest(m, i // 3, j // 3, -length)
-    first = first_of_each(cut_mesh.chart, cut_mesh.n_charts)
-    return _passed_on(cut_mesh, tree, first)
+    tree = spanning_forest(len(cut_mesh.faces), i // 3, j // 3, -length)
+    turn = _passed_on(cut_mesh, tree, first_of_each(cut_mesh.chart, cut_mesh.n_charts))
+    return from_jacobians(cut_mesh, _rotations(turn))[0]
+
+
+def _rotations(turn: FloatArray) -> FloatArray:
+    """(2, 2, m) rotations by angles (m,)."""
+    c, s = np.cos(turn), np.sin(turn)
+    return np.array([[c, -s], [s, c]])
 
 
 def _passed_on(cut_mesh: CutMesh, tree: IntArray, roots: IntArray) -> FloatArray:
@@ -106,9 +103,7 @@ def transported(cut_mesh: CutMesh, jacobian: FloatArray, moves: BoolArray) -> Fl
         turn[further] += turn[back[further]]
         back = back[back]
     turn += own[back]
-    c, s = np.cos(turn), np.sin(turn)
-    bent = np.stack([np.stack([c, -s]), np.stack([s, c])])
-    return np.where(reached, bent, jacobian)
+    return np.where(reached, _rotations(turn), jacobian)
 
 
 def slits(atlas: Atlas, which: BoolArray | None = None) -> BoolArray:
