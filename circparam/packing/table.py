@@ -24,17 +24,9 @@ SKYLINE_FIRST = 20
 SKYLINE_CHARTS = 6000
 
 
-def _few_enough_to_nest(shapes: Shapes, options: PackOptions) -> bool:
-    return shapes.n <= NEST_CHARTS * math.sqrt(options.effort)
-
-
 def _few_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
     nested = shapes.n <= SKYLINE_FIRST and options.fixed_scale is None
     return shapes.n <= SKYLINE_CHARTS and not nested
-
-
-def _too_many_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
-    return shapes.n > SKYLINE_CHARTS
 
 
 def _shelf(task: PackTask) -> Placement | None:
@@ -70,7 +62,7 @@ PACKERS: Table[Packer] = Table(
     ),
     Row(
         "rows",
-        Packer(_rows, _too_many_for_skyline),
+        Packer(_rows, lambda shapes, _: shapes.n > SKYLINE_CHARTS),
         "rows by falling height, each let down on the one below",
     ),
     Row(
@@ -81,7 +73,7 @@ PACKERS: Table[Packer] = Table(
     ),
     Row(
         "nest",
-        Packer(_nest, _few_enough_to_nest),
+        Packer(_nest, lambda shapes, options: shapes.n <= NEST_CHARTS * math.sqrt(options.effort)),
         "search on masks at many angles, then compaction by linear programs",
         "compaction after Li and Milenkovic 1995",
     ),

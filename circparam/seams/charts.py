@@ -259,10 +259,8 @@ def grown_where_cheaper(
 
 def _breaks_bound(atlas: Atlas, bound: float) -> BoolArray:
     """(components,) bool: a chart of the component is bad or above the bound."""
-    cut_mesh, uv = atlas.open()
     n, component = atlas.surface.components
-    bad = judge(cut_mesh, uv).bad(bound)[cut_mesh.chart]
-    return mask_of(n, component[bad])
+    return mask_of(n, component[judge(*atlas.open()).bad_faces(bound)])
 
 
 def _seam_within(atlas: Atlas, edges: BoolArray) -> FloatArray:

@@ -59,7 +59,9 @@ def _searched(task: PackTask) -> tuple[Placement | None, Straight | None]:
     """
     shapes, options = task.shapes, task.options
     straight = _straight(shapes, options)
-    density = min(SPARSE_SHARE, shapes.area.sum() / _widest(shapes, options) ** 2 / options.pages)
+    # the least square that holds the longest chart
+    square = float(shapes.sizes(least_square_angles(shapes, options.rotate)).max()) ** 2
+    density = min(SPARSE_SHARE, shapes.area.sum() / square / options.pages)
     searches = 1 if straight is None or shapes.upright is not None else 2
     work = _work(shapes, options) / searches
     budgets = [Budget(work, lambda: task.monitor.expired) for _ in range(searches)]
@@ -95,11 +97,6 @@ def _cells(shapes: Shapes, options: PackOptions) -> int:
     """Side of a page in cells. Several pages share the cells of one, so that the work stays the same."""
     side = GRID_CELLS * np.sqrt(np.sqrt(shapes.n)) * np.cbrt(np.sqrt(options.effort))
     return max(int(side / np.sqrt(min(options.pages, 6))), 1)
-
-
-def _widest(shapes: Shapes, options: PackOptions) -> float:
-    """Side of the least square that holds the longest chart."""
-    return float(shapes.sizes(least_square_angles(shapes, options.rotate)).max())
 
 
 def _straight(shapes: Shapes, options: PackOptions) -> Straight | None:

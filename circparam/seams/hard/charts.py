@@ -48,9 +48,7 @@ def hard_atlas(surface: Surface, bound: float, options: SeamOptions, monitor: Mo
         return _decided(whole, bound, options, monitor)
     part = _decided(whole.part(copies.first), bound, options, monitor)
     atlas = spread_copies(surface, copies, part)
-    cut_mesh = atlas.cut_mesh()
-    bad = judge(cut_mesh, atlas.gather(cut_mesh)).bad(bound)[cut_mesh.chart]
-    bad &= ~copies.first
+    bad = judge(*atlas.open()).bad_faces(bound) & ~copies.first
     if bad.any():  # copies are not exact: these need charts of their own
         own = surface.whole_components(bad)
         atlas.put(own, _decided(whole.part(own), bound, options, monitor))
@@ -141,7 +139,7 @@ def creased_regions(
     atlas.cut |= prices.sharp & ~locked
     todo = np.ones(len(atlas.surface.faces), bool)
     layouts = _laid_out(atlas, graph, todo, bound, relaxed)
-    todo = layouts.bad(bound)[layouts.cut_mesh.chart]
+    todo = layouts.bad_faces(bound)
     new = prices.crease & atlas.surface.inner_edges(todo) & ~locked & ~atlas.cut
     if new.any():
         atlas.cut |= new
@@ -156,7 +154,7 @@ def unrolls_in_part(surface: Surface, bound: float) -> BoolArray:
     """
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=edge_prices(surface))
     layouts = creased_regions(atlas, DualGraph(surface, atlas.flat), bound, relaxed=False)
-    bad = layouts.bad(bound)[layouts.cut_mesh.chart] & ~large_flats(surface)[flats(surface)[0]]
+    bad = layouts.bad_faces(bound) & ~large_flats(surface)[flats(surface)[0]]
     return (area_share(surface, bad) <= MOST_REGIONS)[surface.components[1]]
 
 

@@ -16,6 +16,7 @@ from circparam.core.arrays import (
     group_sum,
     mask_of,
     slices,
+    unit,
 )
 from circparam.core.graph import components, nearest, undirected
 from circparam.geometry.intrinsic import corner_angles
@@ -128,8 +129,7 @@ def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
     inside = turns(surface)[0] < FLAT
     n, flat = components(m, fi[inside], fj[inside])
     normal = sure_normals(surface)
-    mean = np.stack([group_sum(normal[:, d] * surface.areas, flat, n) for d in range(3)], 1)
-    mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-300)[:, None]
+    mean = unit(group_sum(normal * surface.areas[:, None], flat, n))
     level = group_min((mean[flat] * normal).sum(1), flat, n) > np.cos(LEVEL)
     inside &= level[flat[fi]]
     return components(m, fi[inside], fj[inside])[1], inside

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_each, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.mesh.atlas import Atlas
@@ -151,8 +151,7 @@ def glues_of(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int, worth: float) ->
     right = np.concatenate([arcs.right, right])
     # a chart is known by its first face and its size, an arc by its first edge
     size = np.bincount(chart, minlength=n)
-    first_face = np.full(n, len(chart))
-    np.minimum.at(first_face, chart, np.arange(len(chart)))
+    first_face = first_of_each(chart, n)
     mark = np.full(len(left), len(atlas.cut) + 1)
     np.minimum.at(mark, arcs.arc, arcs.edge)
     key = hashed(first_face[left], size[left], first_face[right], size[right], mark)

@@ -72,12 +72,6 @@ def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
     return surface, np.sort(np.stack(ends_of(faces, many), 1), axis=1)
 
 
-def _large(surface: Surface) -> BoolArray:
-    """(m,) bool: faces of components that are collapsed."""
-    _, component = surface.components
-    return (np.bincount(component) > SMALL_COMPONENT)[component]
-
-
 def decimate(surface: Surface, target: int) -> Proxy:
     """A proxy of about ``target`` faces by quadric error (Garland and Heckbert 1997).
 
@@ -87,7 +81,7 @@ def decimate(surface: Surface, target: int) -> Proxy:
     points, faces = surface.vertex_points, surface.corner_vertex
     n = len(points)
     _, component = surface.components
-    large = _large(surface)
+    large = (np.bincount(component) > SMALL_COMPONENT)[component]  # (m,) faces that are collapsed
     root = np.arange(n)
     position = points.copy()
     if large.any():

@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     IntArray,
     first_of_groups,
     group_count,
+    group_max,
     group_sum,
     mask_of,
     norms3,
@@ -43,8 +44,7 @@ def separate(
     width = int(coarse_chart.max()) + 1
     pairs, inverse = numbered(chart[sure] * width + label)
     area = group_sum(fine.surface.areas[sure], inverse, len(pairs))
-    whole = np.zeros(width)
-    np.maximum.at(whole, pairs % width, area)
+    whole = group_max(area, pairs % width, width)
     much = area >= 0.3 * np.maximum(whole[pairs % width], 1e-300)
     several = group_count((pairs // width)[much], int(chart.max()) + 1) > 1
     seed = sure[much[inverse] & several[chart[sure]]]
@@ -212,8 +212,7 @@ def prolonged(coarse: Atlas, fine: Atlas, cut_mesh: CutMesh, source: IntArray) -
         vertex = cut_mesh.faces[faces, k]
         value = np.einsum("fdx,fx->fd", gradients[of], p) + offset[of]
         count += group_count(vertex, n)
-        for d in range(2):
-            total[:, d] += group_sum(value[:, d], vertex, n)
+        total += group_sum(value, vertex, n)
     return total / np.maximum(count, 1)[:, None]
 
 

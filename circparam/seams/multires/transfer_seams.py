@@ -71,7 +71,8 @@ class _Router:
         self.fine, self.proxy, self.coarse_ends, self.boundary = fine, proxy, coarse_ends, boundary
         self.cost = crease_costs(fine.surface)
         # no path of a chain leaves its cells and those beside them, so other edges need not be looked at
-        close = _close_to(coarse_ends, len(boundary), chains, max(STRAY_CELLS) + 1)
+        near = mask_of(len(boundary), np.r_[chains.vertex, chains.start, chains.end])
+        close = spread(near, coarse_ends, max(STRAY_CELLS) + 1)
         member = np.append(close, False)[proxy.cell]
         close = member[fine.ends[0]] & member[fine.ends[1]]
         self.usable = np.flatnonzero(close & np.isfinite(self.cost))
@@ -187,11 +188,6 @@ class _Router:
         out = np.full(len(points), -1)
         out[c[first]] = members[first]
         return out
-
-
-def _close_to(ends: tuple[IntArray, IntArray], n: int, chains: Chains, rings: int) -> BoolArray:
-    """(n,) bool: coarse points at most so many edges from a chain."""
-    return spread(mask_of(n, np.r_[chains.vertex, chains.start, chains.end]), ends, rings)
 
 
 def _some_chains(chains: Chains, which: IntArray) -> Chains:

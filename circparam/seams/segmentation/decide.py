@@ -165,8 +165,8 @@ def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> Non
 def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:
     """What counts where so many charts are wanted, the least first: charts that lie on themselves, which would
     be split, charts beyond that number, distortion, seam length."""
-    cut_mesh = atlas.cut_mesh()
-    layouts = judge(cut_mesh, atlas.gather(cut_mesh))
+    layouts = judge(*atlas.open())
+    cut_mesh = layouts.cut_mesh
     over = float(np.average(layouts.energy, weights=cut_mesh.chart_areas))
     faulty = int(layouts.bad(ANY_BOUND).sum())
     return faulty, max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length

@@ -65,9 +65,8 @@ def enforce(
             faces[faces] = inside
             atlas, slit = whole.part(faces), slit[inside]
             graph = DualGraph(atlas.surface, atlas.flat)
-            cut_mesh = atlas.cut_mesh()
-            layouts = judge(cut_mesh, atlas.gather(cut_mesh))
-            bad = np.ones(cut_mesh.n_charts, bool)
+            layouts = judge(*atlas.open())
+            bad = np.ones(layouts.cut_mesh.n_charts, bool)
         before = atlas.cut.copy()
         kept, slit = _cut_open(atlas, graph, layouts, bad, slit)
         if np.array_equal(before, atlas.cut):
@@ -155,8 +154,7 @@ def _map_again(
 
     kept: charts whose pieces keep their layout as it is, where that is within the bound.
     """
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
+    cut_mesh, uv = atlas.open()
     was = layouts.cut_mesh.chart
     over = ~(chart_energies(cut_mesh, uv) <= bound)[cut_mesh.chart]
     again = (changed & ~kept)[was] | (changed[was] & over)
@@ -176,8 +174,7 @@ def relaxed_layouts(
 
     bound: what a few local steps leave above it is relaxed on, until it falls to ``aim`` or cannot get there.
     """
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
+    cut_mesh, uv = atlas.open()
     small = group_count(cut_mesh.vertex_chart, cut_mesh.n_charts) <= SMALL_CHART
     if options.local is None:
         small[:] = False

@@ -18,6 +18,7 @@ from circparam.core.arrays import (
     numbered,
     slices,
     sorted_distinct,
+    unit,
 )
 from circparam.core.graph import components, distances, nearest, undirected
 from circparam.mesh.atlas import Atlas
@@ -73,8 +74,7 @@ class DualGraph:
             p, q, r = (surface.points[surface.faces[k, j]] for j in range(3))
             middle[k] = (p + q + r) / 3
         centre = group_sum(middle * area[:, None], cell, n) / total[:, None]
-        normal = group_sum(surface.normals * area[:, None], cell, n)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        normal = unit(group_sum(surface.normals * area[:, None], cell, n))
         a, b = self.tail, self.head
         turn, far = np.empty(len(a)), np.empty(len(a))
         for k in slices(len(a)):

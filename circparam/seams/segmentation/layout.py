@@ -44,6 +44,10 @@ class ChartLayouts:
         """(n,) charts above the bound, flipped, or overlapping themselves."""
         return ~(self.energy <= bound) | self.overlapping
 
+    def bad_faces(self, bound: float) -> BoolArray:
+        """(m,) bool: faces of such charts."""
+        return self.bad(bound)[self.cut_mesh.chart]
+
 
 def lay_out_fresh(
     atlas: Atlas,
@@ -55,8 +59,7 @@ def lay_out_fresh(
 
     monitor: its processes share many charts out in parts; None lays all out together.
     """
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
+    cut_mesh, uv = atlas.open()
     chosen = np.ones(cut_mesh.n_charts, bool) if which is None else which
     if chosen.any():
         sub, vid, fid = cut_mesh.subset(chosen)

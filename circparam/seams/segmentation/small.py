@@ -19,7 +19,10 @@ def absorb(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) ->
     small = _small(atlas, chart, n, least)
     before = atlas.cut.copy(), atlas.corners.copy()
     while small.any():
-        _take_apart(atlas, chart, small)
+        # all edges inside are cut, but for those inside polygons, and the pieces laid out
+        atlas.cut |= atlas.surface.inner_edges(small[chart]) & ~atlas.surface.locked
+        count, piece = atlas.charts()
+        lay_out_fresh(atlas, mask_of(count, piece[small[chart]]), TRIAL)
         # pieces join charts that are not small, from the rim inwards, in as many rounds as a small chart has
         # faces
         pieces = _Pieces(atlas, options, least)
@@ -55,13 +58,6 @@ def _small(atlas: Atlas, chart: IntArray, n: int, least: int) -> BoolArray:
     sides = chart[atlas.surface.sides]
     beside = mask_of(n, sides[:, sides[0] != sides[1]])
     return beside & (group_count(chart, n) < least)
-
-
-def _take_apart(atlas: Atlas, chart: IntArray, which: BoolArray) -> None:
-    """Cut all edges inside some charts, but for those inside polygons, and lay the pieces out."""
-    atlas.cut |= atlas.surface.inner_edges(which[chart]) & ~atlas.surface.locked
-    n, now = atlas.charts()
-    lay_out_fresh(atlas, mask_of(n, now[which[chart]]), TRIAL)
 
 
 class _Pieces(Glue):
