@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.moves.reroute import lead_round_flats
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.multires.transfer_layout import (
-    Carried,
     cells_in_charts,
+    clear_of_seams,
     drop_slivers,
     fine_targets,
     nearest_coarse_face,
@@ -31,10 +31,10 @@ def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: P
     fine = Atlas(surface, np.zeros(len(surface.edges), bool))
     transfer_seams(coarse, proxy, fine)
     lead_round_flats(fine)  # which the proxy does not have
-    carried = _carried(fine, graph, coarse, nearest_coarse_face(surface, proxy))
+    targets, _ = carried_over(fine, graph, coarse, nearest_coarse_face(surface, proxy))
     cut_mesh = fine.cut_mesh()
     bad = not_disks(cut_mesh)
-    uv, _ = from_jacobians(cut_mesh, carried.targets, 0 if bad.any() else UNTANGLE)
+    uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else UNTANGLE)
     fine.scatter(cut_mesh, uv)
     return fine
 
@@ -50,18 +50,23 @@ def from_level(
     fine = Atlas(surface, np.zeros(len(surface.edges), bool))
     transfer_seams(coarse, level, fine, STRAY_CELLS_OF_LEVEL)
     same = take_over(fine, coarse, level, near)
-    carried = _carried(fine, graph, coarse, near)
+    targets, source = carried_over(fine, graph, coarse, near)
     cut_mesh = fine.cut_mesh()
     system = CellPoisson(cut_mesh, cells_in_charts(surface, cut_mesh, level))
-    start = prolonged(coarse, fine, cut_mesh, carried.source)
-    fine.scatter(cut_mesh, system.unfolded(system.towards(carried.targets, start)))
+    start = prolonged(coarse, fine, cut_mesh, source)
+    fine.scatter(cut_mesh, system.unfolded(system.towards(targets, start)))
     fine.corners[same] = coarse.corners[near[same]]
     return fine
 
 
-def _carried(fine: Atlas, graph: DualGraph, coarse: Atlas, near: IntArray) -> Carried:
-    """What the coarse layout asks of the fine charts, once their seams have been put in order."""
-    _, coarse_chart = coarse.charts()
-    separate(fine, graph, coarse, coarse_chart, near)
-    transferred = drop_slivers(fine, coarse_chart, near)
-    return fine_targets(coarse, fine, coarse_chart, near, transferred)
+def carried_over(
+    fine: Atlas, graph: DualGraph, coarse: Atlas, near: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """What the coarse layout asks of the fine charts, once their seams are in order: see ``fine_targets``."""
+    known = near >= 0
+    label = np.where(known, coarse.charts()[1][near], -1)
+    clear = known & clear_of_seams(coarse)[near]
+    separate(fine, graph, label, clear)
+    main = drop_slivers(fine, label)
+    own = known & (label == main[fine.charts()[1]])
+    return fine_targets(coarse, fine, near, own, clear)

@@ -17,7 +17,6 @@ from circparam.core.arrays import (
     sorted_distinct,
 )
 from circparam.core.graph import nearest, undirected
-from circparam.core.records import dataclass
 from circparam.geometry.gradient_transfer import (
     in_rest_axes,
     nearest_known,
@@ -33,16 +32,15 @@ from circparam.seams.segmentation.arcs import arcs_of
 from circparam.seams.segmentation.grow import DualGraph
 
 
-def separate(
-    fine: Atlas, graph: DualGraph, coarse: Atlas, coarse_chart: IntArray, near: IntArray
-) -> None:
-    """Cut fine charts that hold several coarse ones (a path between them was not found) along their labels."""
+def separate(fine: Atlas, graph: DualGraph, label: IntArray, clear: BoolArray) -> None:
+    """Cut fine charts that hold several coarse ones (a path between them was not found) along their labels.
+
+    label: (m,) coarse chart near each face, −1 for none. clear: (m,) bool, no seam is near.
+    """
     _, chart = fine.charts()
-    clear = _clear_of_seams(coarse)
-    sure = np.flatnonzero((near >= 0) & clear[near])
-    label = coarse_chart[near[sure]]
-    width = int(coarse_chart.max()) + 1
-    pairs, inverse = numbered(chart[sure] * width + label)
+    sure = np.flatnonzero(clear)
+    width = int(label.max()) + 1
+    pairs, inverse = numbered(chart[sure] * width + label[sure])
     area = group_sum(fine.surface.areas[sure], inverse, len(pairs))
     whole = group_max(area, pairs % width, width)
     much = area >= 0.3 * np.maximum(whole[pairs % width], 1e-300)
@@ -53,7 +51,7 @@ def separate(
     before = fine.cut.copy()
     use = ~fine.cut & several[chart[fine.surface.sides[0]]]
     of_cell = np.full(graph.n, -1)
-    of_cell[graph.cell[seed]] = coarse_chart[near[seed]]
+    of_cell[graph.cell[seed]] = label[seed]
     seeded = of_cell >= 0
     # only cells without a label look for one, so links between two that have theirs are left out
     link = use & ~(seeded[graph.tail] & seeded[graph.head])
@@ -65,7 +63,7 @@ def separate(
     shorten(fine, 3, before)
 
 
-def _clear_of_seams(coarse: Atlas) -> BoolArray:
+def clear_of_seams(coarse: Atlas) -> BoolArray:
     """(m,) coarse faces with no corner on a seam."""
     a, b = coarse.ends
     on_seam = mask_of(coarse.n_vertices, np.r_[a[coarse.cut], b[coarse.cut]])
@@ -106,23 +104,13 @@ def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class TransferredCharts:
-    """Fine charts matched to coarse ones. main: (n,) coarse chart of each fine chart; real: (n,) bool, it is
-    the largest of its coarse chart (the others are slivers between paths)."""
-
-    chart: IntArray
-    main: IntArray
-    real: BoolArray
-
-
-def match_charts(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
-    """Which coarse chart each fine chart stands for, by the area they share."""
+def match_charts(fine: Atlas, label: IntArray) -> tuple[IntArray, BoolArray]:
+    """((n,) coarse chart that each fine chart stands for, by the area they share; (n,) bool: it is the largest
+    that does, others are slivers between paths). label: as for ``separate``."""
     n, chart = fine.charts()
-    label = np.where(near >= 0, coarse_chart[near], -1)
     ok = label >= 0
     # not as a table of both: thousands of components would make millions of pairs
-    width = int(coarse_chart.max()) + 1
+    width = int(label.max()) + 1
     pairs, inverse = numbered(chart[ok] * width + label[ok])
     shared = group_sum(fine.surface.areas[ok], inverse, len(pairs))
     of = pairs // width
@@ -130,51 +118,42 @@ def match_charts(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> Transfe
     main, area = np.zeros(n, np.int64), np.zeros(n)
     main[of[best]], area[of[best]] = pairs[best] % width, shared[best]
     # a chart without any coarse face (a component too small for the proxy) stands for itself
-    real = mask_of(n, first_of_groups(main, -area)) | (area == 0)
-    return TransferredCharts(chart, main, real)
+    return main, mask_of(n, first_of_groups(main, -area)) | (area == 0)
 
 
-def drop_slivers(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
-    """Glue charts that stand for no coarse chart to the neighbour with the longest common seam."""
+def drop_slivers(fine: Atlas, label: IntArray) -> IntArray:
+    """Glue charts that stand for no coarse chart to the neighbour with the longest common seam.
+
+    Returns (n,) the coarse chart that each chart then stands for. label: as for ``separate``.
+    """
     for _ in range(6):
-        found = match_charts(fine, coarse_chart, near)
-        if found.real.all():
-            return found
-        arcs = arcs_of(fine, found.chart)
-        sliver = ~found.real
+        main, real = match_charts(fine, label)
+        if real.all():
+            return main
+        arcs, sliver = arcs_of(fine, fine.charts()[1]), ~real
         may = (arcs.left != arcs.right) & (sliver[arcs.left] | sliver[arcs.right])
         if not may.any():
-            return found
+            return main
         which = np.flatnonzero(may)
         side = np.where(sliver[arcs.left[which]], arcs.left[which], arcs.right[which])
         glue = which[first_of_groups(side, -arcs.length[which])]
         chosen = mask_of(len(arcs.left), glue)
         fine.cut[arcs.edge[chosen[arcs.arc]]] = False
-    return match_charts(fine, coarse_chart, near)
-
-
-@dataclass(frozen=True, eq=False)
-class Carried:
-    """What a coarse layout asks of fine faces. targets: (2, 2, m) Jacobians, zero where it says nothing.
-    source: (m,) coarse face that each is taken from, −1 for none."""
-
-    targets: FloatArray
-    source: IntArray
+    return match_charts(fine, label)[0]
 
 
 def fine_targets(
-    coarse: Atlas,
-    fine: Atlas,
-    coarse_chart: IntArray,
-    near: IntArray,
-    transferred: TransferredCharts,
-) -> Carried:
-    """The Jacobians that the coarse layout asks of the fine faces."""
+    coarse: Atlas, fine: Atlas, near: IntArray, own: BoolArray, clear: BoolArray
+) -> tuple[FloatArray, IntArray]:
+    """((2, 2, m) Jacobians that the coarse layout asks of the fine faces, zero where it says nothing; (m,)
+    coarse face that each is taken from, −1 for none).
+
+    near: (m,) coarse face near each face. own: (m,) bool, that lies in the chart for which the chart of the
+    face stands. clear: as for ``separate``.
+    """
     gradients = space_gradients(coarse)
-    surface, chart = fine.surface, transferred.chart
-    clear = _clear_of_seams(coarse)
-    own = (near >= 0) & (np.where(near >= 0, coarse_chart[near], -1) == transferred.main[chart])
-    known = own & clear[near]
+    surface, (_, chart) = fine.surface, fine.charts()
+    known = own & clear
     # small charts may have no face clear of seams: there every face of its own counts
     none_clear = np.bincount(chart, known, int(chart.max()) + 1) == 0
     known |= own & none_clear[chart]
@@ -190,7 +169,7 @@ def fine_targets(
         far = at & ~known[k]
         turned[far] = turn_gradients(turned[far], normals[nearby[k][far]], normals[k][far])
         targets[..., k] = in_rest_axes(surface.points, surface.faces[k], normals[k], turned)
-    return Carried(targets, source)
+    return targets, source
 
 
 def prolonged(coarse: Atlas, fine: Atlas, cut_mesh: CutMesh, source: IntArray) -> FloatArray:

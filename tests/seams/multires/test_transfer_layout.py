@@ -6,13 +6,14 @@ import pytest
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy
+from circparam.seams.multires.transfer import carried_over
 from circparam.seams.multires.transfer_layout import (
     drop_slivers,
-    fine_targets,
     nearest_coarse_face,
     prolonged,
     take_over,
 )
+from circparam.seams.segmentation.grow import DualGraph
 from circparam.solvers.poisson import from_jacobians
 from tests.support import shapes
 from tests.support.atlases import cut_between, energies, middles, proxy_over, surface_of
@@ -52,20 +53,20 @@ def test_the_fine_layout_is_the_coarse_one(bend: float) -> None:
     second = (coarse_chart == 1)[:, None, None]
     coarse.corners = np.where(second, plane @ turn, plane)
     near = nearest_coarse_face(fine, proxy)
-    found = drop_slivers(atlas, coarse_chart, near)
-    carried = fine_targets(coarse, atlas, coarse_chart, near, found)
-    assert (coarse_chart[carried.source] == found.main[found.chart]).all()
+    targets, source = carried_over(atlas, DualGraph(fine), coarse, near)
+    meant = drop_slivers(atlas, coarse_chart[near])[atlas.charts()[1]]
+    assert (coarse_chart[source] == meant).all()
     cut_mesh = atlas.cut_mesh()
-    uv, _ = from_jacobians(cut_mesh, carried.targets)
+    uv, _ = from_jacobians(cut_mesh, targets)
     assert energies(cut_mesh, uv) == pytest.approx([1.0, 1.0], abs=2e-2 if bend else 1e-9)
     if not bend:  # continued from coarse faces it is the same already, where they lie, too
-        start = prolonged(coarse, atlas, cut_mesh, carried.source)
+        start = prolonged(coarse, atlas, cut_mesh, source)
         assert np.abs(np.diff((start - uv)[cut_mesh.faces], axis=1)).max() < 1e-9
-        place = coarse.corners[carried.source].mean(1) - start[cut_mesh.faces].mean(1)
+        place = coarse.corners[source].mean(1) - start[cut_mesh.faces].mean(1)
         assert np.abs(place).max() < 4 / N
     edge = np.diff(uv[cut_mesh.faces], axis=1)
     own = flat.points[flat.faces][:, :, :2]
-    mine = np.where((found.main[found.chart] == 1)[:, None, None], own @ turn, own)
+    mine = np.where((meant == 1)[:, None, None], own @ turn, own)
     assert np.abs(edge - np.diff(mine, axis=1)).max() < (0.2 if bend else 1e-6) / N
 
 
