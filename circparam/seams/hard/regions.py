@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     ends_of,
+    first_of_each,
     group_min,
     group_sum,
     mask_of,
@@ -158,9 +159,8 @@ def hard_components(surface: Surface) -> BoolArray:
     count, region, developable = developable_regions(surface)
     region_share = area_share(surface, developable[region])
     hard: BoolArray = large_share > flat_share / 2
-    of_region = np.zeros(count, np.int64)
-    of_region[region] = component
-    wide = np.bincount(component) >= REGION_FACES * np.bincount(of_region, minlength=n)
+    regions = np.bincount(component[first_of_each(region, count)], minlength=n)
+    wide = np.bincount(component) >= REGION_FACES * regions
     developed = (region_share >= MOST_REGIONS) & wide & ~hard
     if developed.any():
         hard[developed] = _creased_sharply(surface.part(developed[component]))
@@ -209,9 +209,8 @@ def large_flats(surface: Surface) -> BoolArray:
     flat, _ = flats(surface)
     whole = group_sum(surface.areas, component, n)
     count = int(flat.max(initial=-1)) + 1
-    of_flat = np.zeros(count, np.int64)
-    of_flat[flat] = component
-    large: BoolArray = group_sum(surface.areas, flat, count) > LARGE_FLAT * whole[of_flat]
+    of_flat = component[first_of_each(flat, count)]
+    large = group_sum(surface.areas, flat, count) > LARGE_FLAT * whole[of_flat]
     return large & (np.bincount(flat) > 1)
 
 

@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     first_of_each,
     group_count,
     group_sum,
+    mask_of,
     next_half_edge,
     positions_in,
     stable_order,
@@ -115,27 +116,23 @@ def slits(atlas: Atlas, which: BoolArray | None = None) -> BoolArray:
     """
     cut_mesh = atlas.cut_mesh()
     node, sites = _sites(cut_mesh, which)
-    out = np.zeros(len(atlas.cut), bool)
     index = np.flatnonzero(~atlas.cut)  # of the edges of the cut mesh
     a, b = (node[end] for end in ends_of(cut_mesh.faces, cut_mesh.edges[:, 0]))
     cost = edge_costs(atlas)[index]
     ok = np.isfinite(cost) & (a != b)
     index, a, b, cost = index[ok], a[ok], b[ok], cost[ok]
     if len(sites) < 2 or len(a) == 0:
-        return out
+        return np.zeros(len(atlas.cut), bool)
     n = int(node.max()) + 1
     links = Graph(n, a, b, cost)
-    distance, parent = links.paths(sites)
-    _, _, source = nearest(links.matrix, sites)
+    distance, parent, source = nearest(links.matrix, sites)
     met = np.isfinite(distance[a]) & np.isfinite(distance[b]) & (source[a] != source[b])
     number = positions_in(n, sites)
     p, q = number[source[a[met]]], number[source[b[met]]]
     whole = distance[a[met]] + cost[met] + distance[b[met]]
     chosen = np.flatnonzero(met)[spanning_forest(len(sites), p, q, whole)]
-    out[index[chosen]] = True
     ways = links.trace(parent, np.r_[a[chosen], b[chosen]])
-    out[index[ways]] = True
-    return out
+    return mask_of(len(atlas.cut), index[np.r_[chosen, ways]])
 
 
 def _sites(cut_mesh: CutMesh, which: BoolArray | None) -> tuple[IntArray, IntArray]:
