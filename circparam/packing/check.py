@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.coverage import painted
 from circparam.geometry.raster import crowded_labels, free_border, shared_texels, smallest_gap
 from circparam.packing.options import PackOptions

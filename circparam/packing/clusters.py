@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import cross2, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of

@@ -5,17 +5,10 @@ from dataclasses import field
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.limits import (
-    PADDING,
-    PAGES,
-    RESOLUTION,
-    ROTATIONS,
-    TEXEL_DENSITY,
-    check_page,
-)
+from circparam.core.limits import PADDING, PAGES, RESOLUTION, ROTATIONS, TEXEL_DENSITY, check_page
 from circparam.core.records import dataclass
 from circparam.core.registry import unknown_name
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 
 

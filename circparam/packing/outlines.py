@@ -5,16 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    group_sum,
-    mask_of,
-)
+from circparam.core.arrays import cross2, group_sum, mask_of
 from circparam.core.graph import components
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.halfedge import boundary_half_edges, shared_edges
 

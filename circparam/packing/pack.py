@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 
 from circparam.core import clock
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.packing import table
 from circparam.packing.check import PlacedCharts, faults

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TypeAlias
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
 

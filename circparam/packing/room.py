@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
+from circparam.core.arrays import ranges
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 

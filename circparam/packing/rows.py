@@ -6,8 +6,9 @@ below. The chart is upright or turned by half, whichever wastes less. Rows take 
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import ranges
 from circparam.core.monitor import Monitor
+from circparam.core.types import FloatArray, IntArray
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Placement

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement

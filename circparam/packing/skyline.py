@@ -10,9 +10,10 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import ranges
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Placement

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, mask_of
+from circparam.core.arrays import mask_of
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.straight import directions, straight_edges
 from circparam.packing.outlines import Shapes
 

@@ -5,16 +5,10 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    FloatArray,
-    IntArray,
-    cross2,
-    edge_keys,
-    ends_of,
-    group_sum,
-)
+from circparam.core.arrays import cross2, edge_keys, ends_of, group_sum
 from circparam.core.graph import nearest
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks

@@ -9,16 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    ends_of,
-    norms2,
-    ranges,
-)
+from circparam.core.arrays import cross2, ends_of, norms2, ranges
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import at_best_scales
 from circparam.geometry.intersect import properly_cross
 from circparam.mesh.atlas import Atlas

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.packing.budget import Budget
 from circparam.pipeline.page_cuts import Cutter, Part
 from circparam.seams.cost import COST

@@ -6,8 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum, mask_of
+from circparam.core.arrays import group_sum, mask_of
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -31,10 +32,7 @@ from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.prices import edge_prices, with_visibility, with_weights
 from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import DIRECT_FACES, merge_on, reach_count, worth
-from circparam.seams.segmentation.grow import (
-    DualGraph,
-    make_disks,
-)
+from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.small import small_note
 from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_limits

@@ -4,15 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    edge_keys,
-    ends_of,
-    group_count,
-)
+from circparam.core.arrays import edge_keys, ends_of, group_count
 from circparam.core.plural import counted
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface

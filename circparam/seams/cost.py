@@ -9,8 +9,9 @@ of the area of seam, so a weight says how much seam a user would give for one un
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.arrays import group_sum
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.distortion import stretch_and_distortion
 from circparam.geometry.intrinsic import singular_values
 from circparam.mesh.atlas import Atlas

@@ -2,18 +2,11 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    ends_of,
-    first_of_groups,
-    group_count,
-    mask_of,
-)
+from circparam.core.arrays import ends_of, first_of_groups, group_count, mask_of
 from circparam.core.graph import Graph, chains, spanning_forest
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes

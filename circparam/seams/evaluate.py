@@ -17,9 +17,6 @@ from dataclasses import fields, replace
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     cross2,
     first_of_groups,
     group_sum,
@@ -30,6 +27,7 @@ from circparam.core.arrays import (
 from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import crossings, overlaps, self_overlapping
 from circparam.mesh.cut_mesh import CutMesh

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL

@@ -2,8 +2,8 @@
 
 from dataclasses import field
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 HIDDEN = 0.5  # hide_seams where nothing else is asked for
 

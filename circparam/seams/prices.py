@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray
 from circparam.core.workers import Worker
 from circparam.geometry.visibility import edge_shares
 from circparam.mesh.atlas import Atlas, SeamPrices

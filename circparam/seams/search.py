@@ -17,10 +17,11 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of, numbered
+from circparam.core.arrays import group_sum, mask_of, numbered
 from circparam.core.graph import components, matching
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks

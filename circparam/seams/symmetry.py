@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, ends_of, group_sum
+from circparam.core.arrays import ends_of, group_sum
 from circparam.core.compiled import kd_tree
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, group_sum
+from circparam.core.arrays import group_sum
+from circparam.core.types import BoolArray
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import SMALL_COMPONENT
 

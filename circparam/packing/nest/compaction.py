@@ -11,9 +11,10 @@ from dataclasses import field, replace
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, cross2, dot2, norms2
+from circparam.core.arrays import cross2, dot2, norms2
 from circparam.core.linear_program import SIMPLEX, least
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.contacts import (
     Contacts,

@@ -2,17 +2,10 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    FloatArray,
-    IntArray,
-    dot2,
-    first_of_runs,
-    norms2,
-    ranges,
-    stable_order,
-)
+from circparam.core.arrays import dot2, first_of_runs, norms2, ranges, stable_order
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.geometry.intersect import properly_cross
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement

@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core import clock
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
+from circparam.core.arrays import ranges
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import row_crossings
 
 # Along either axis, how far an outline is grown in units of its radius, by steps −2..2; and the steps of the

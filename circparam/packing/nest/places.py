@@ -6,9 +6,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.imports import OnDemand
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.packing.nest.masks import Masks
 
 # brings scipy.special along, and a chart alone on its page needs neither

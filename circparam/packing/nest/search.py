@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks
 from circparam.packing.nest.places import GridPages, Spectrum

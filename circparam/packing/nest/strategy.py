@@ -3,7 +3,7 @@
 import numpy as np
 
 from circparam.core import clock
-from circparam.core.arrays import FloatArray
+from circparam.core.types import FloatArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.compaction import Ascent, Growth
 from circparam.packing.nest.masks import chart_masks

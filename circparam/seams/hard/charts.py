@@ -4,8 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, group_sum, mask_of
+from circparam.core.arrays import group_sum, mask_of
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, IntArray, group_count, mask_of, ranges
+from circparam.core.arrays import group_count, mask_of, ranges
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import FLAT, NOISE, extent, turns

@@ -8,9 +8,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     ends_of,
     first_of_each,
     group_min,
@@ -20,6 +17,7 @@ from circparam.core.arrays import (
     unit,
 )
 from circparam.core.graph import components, nearest, undirected
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.intrinsic import corner_angles
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes

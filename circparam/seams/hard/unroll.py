@@ -4,9 +4,6 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     edge_keys,
     ends_of,
     first_of_each,
@@ -19,6 +16,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import Graph, nearest, spanning_forest, undirected
 from circparam.core.linalg import Factor
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.regions import curvature

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_each, group_sum, mask_of
+from circparam.core.arrays import first_of_each, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.seams.cost import COST
 from circparam.seams.evaluate import MARGIN, Demands

@@ -3,8 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import group_count, group_sum
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.seams.moves.glue import hashed
 from circparam.seams.search import Candidates, Outcome

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import group_count, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands
 from circparam.seams.hard.regions import flats

@@ -6,9 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     ends_of,
     first_of_runs,
     group_count,
@@ -19,6 +16,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.collapse import collapsed
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, next_half_edge, ranges
+from circparam.core.arrays import next_half_edge, ranges
+from circparam.core.types import BoolArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface

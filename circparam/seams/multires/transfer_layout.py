@@ -3,9 +3,6 @@
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     first_of_groups,
     group_count,
     group_max,
@@ -17,6 +14,7 @@ from circparam.core.arrays import (
     sorted_distinct,
 )
 from circparam.core.graph import nearest, undirected
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.gradient_transfer import (
     in_rest_axes,
     nearest_known,

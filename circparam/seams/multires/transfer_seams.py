@@ -4,17 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    edge_keys,
-    first_of_groups,
-    group_count,
-    mask_of,
-    positions_in,
-)
+from circparam.core.arrays import edge_keys, first_of_groups, group_count, mask_of, positions_in
 from circparam.core.graph import Graph, nearest, undirected
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.prices import crease_costs

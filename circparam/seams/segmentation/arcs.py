@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, mask_of
+from circparam.core.arrays import group_sum, mask_of
 from circparam.core.graph import chains
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 
 CONE = 1.2  # radians of angle defect above which a vertex ends arcs

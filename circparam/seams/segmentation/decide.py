@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, mask_of
+from circparam.core.arrays import mask_of
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks

@@ -5,27 +5,16 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    IntArray,
-    first_of_groups,
-    group_count,
-    mask_of,
-    norms3,
-    sorted_distinct,
-)
+from circparam.core.arrays import first_of_groups, group_count, mask_of, norms3, sorted_distinct
 from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, IntArray
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
 from circparam.seams.segmentation.grow import DualGraph, make_disks, split_charts
-from circparam.seams.segmentation.layout import (
-    ChartLayouts,
-    judge,
-    lay_out_sound,
-)
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound
 from circparam.seams.segmentation.slits import slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies

@@ -7,9 +7,6 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     first_of_groups,
     group_max,
     group_sum,
@@ -21,6 +18,7 @@ from circparam.core.arrays import (
     unit,
 )
 from circparam.core.graph import components, distances, nearest, undirected
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface

@@ -4,16 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_count,
-    group_sum,
-    mask_of,
-)
+from circparam.core.arrays import group_count, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas

@@ -4,9 +4,6 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     first_of_runs,
     mask_of,
     positions_in,
@@ -16,6 +13,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components, distances, nearest, undirected
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

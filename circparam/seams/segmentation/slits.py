@@ -2,16 +2,9 @@
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    ends_of,
-    first_of_groups,
-    group_sum,
-    mask_of,
-)
+from circparam.core.arrays import ends_of, first_of_groups, group_sum, mask_of
 from circparam.core.graph import Graph
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.evaluate import jacobians

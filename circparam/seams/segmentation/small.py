@@ -1,7 +1,8 @@
 """Small charts join their neighbours: face by face where they cannot as a whole."""
 
-from circparam.core.arrays import BoolArray, IntArray, group_count, mask_of
+from circparam.core.arrays import group_count, mask_of
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import TRIAL
 from circparam.seams.moves.glue import Glue, Glues, MergeOptions

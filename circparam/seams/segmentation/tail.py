@@ -8,9 +8,10 @@ stretch, tips are cut off too if nothing else helps.
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum, mask_of
+from circparam.core.arrays import group_max, group_sum, mask_of
 from circparam.core.graph import components
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum, mask_of
+from circparam.core.arrays import group_count, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray
 from circparam.core.workers import Worker
 from circparam.geometry.distortion import face_stretch, stretch_and_distortion
 from circparam.geometry.nearby import centres, within
