@@ -108,7 +108,8 @@ def _with_alike(pairs: IntArray, first: IntArray) -> IntArray:
 
 
 def same_boundary(boundary: BoundarySegments) -> IntArray:
-    """(n,) the first chart with the same boundary, segment by segment; its own number if it has no area.
+    """(n,) the first chart with the same boundary, segment by segment; its own number if it has no boundary or
+    no area.
 
     Faces that show one patch of a palette lie on one another by the thousand. Two boundaries are the same
     if sums of 64 bits of their segments are, which do not depend on the order of these.
@@ -122,7 +123,8 @@ def same_boundary(boundary: BoundarySegments) -> IntArray:
     total = np.zeros(n, np.uint64)
     np.add.at(total, boundary.chart, code * HASH_FACTOR)
     out = np.arange(n)
-    solid = np.flatnonzero(boundary.size > 0)
+    # a closed chart lies in the plane as a double layer; only rounding gives it an area
+    solid = np.flatnonzero((boundary.size > 0) & mask_of(n, boundary.chart))
     _, at, label = np.unique(total[solid], return_index=True, return_inverse=True)
     out[solid] = solid[at][label.reshape(-1)]
     return out

@@ -267,8 +267,8 @@ def edge_shares(
     at = ((ranges(number) + 0.5) / number[edge])[:, None]
     n, component = surface.components
     two_sided = mask_of(n, component[surface.boundary // 3])
-    points = (surface.points - surface.points.mean(0)).T.copy()
-    a, b, c = (points[:, corner] for corner in surface.faces.T)
+    # points that no face uses may lie so far away that rounding leaves nothing of the volume
+    a, b, c = np.ascontiguousarray((flat - flat.mean(0)).reshape(-1, 3, 3).transpose(1, 2, 0))
     volume = group_sum(
         (a[1] * b[2] - a[2] * b[1]) * c[0]
         + (a[2] * b[0] - a[0] * b[2]) * c[1]

@@ -216,3 +216,15 @@ def test_faces_on_a_patch_of_a_palette() -> None:
         *charts_of(np.arange(3 * n).reshape(-1, 3), triangle.reshape(-1, 2), np.arange(n))
     ).pairs
     assert set(pairs.ravel().tolist()) == set(range(n))
+
+
+@given(place=st.tuples(st.floats(-9, 9), st.floats(-9, 9)), turn=st.floats(0, 6))
+def test_closed_charts_apart_from_each_other_do_not_overlap(place, turn):
+    """Spheres seen from above are folded onto themselves; rounding alone gives them an area."""
+    points, faces = shapes.icosphere(1)
+    seen = points[:, :2] @ shapes.rotation(0)[:2, :2]
+    uv = np.concatenate([seen * np.exp(turn) + place, seen + place + [3 * np.exp(turn) + 3, 0]])
+    found = overlaps(
+        *charts_of(np.concatenate([faces, faces + len(points)]), uv, np.repeat([0, 1], len(faces)))
+    )
+    assert len(found.pairs) == 0

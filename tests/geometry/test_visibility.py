@@ -104,3 +104,12 @@ def test_the_visible_share_is_weighted_by_length() -> None:
     outer = visible_share(surface, ~inner)
     assert every == pytest.approx(outer / 1.6, rel=1e-6)
     assert visible_share(surface, np.zeros(len(inner), bool)) is None
+
+
+@given(place=st.tuples(*[st.floats(-1e12, 1e12)] * 3))
+@settings(max_examples=5, deadline=None)
+def test_a_point_far_away_that_no_face_uses_changes_nothing(place) -> None:
+    points, faces = shapes.icosphere(2)
+    _, found = shares((points, faces))
+    _, beside = shares((np.concatenate([points, [place]]), faces))
+    np.testing.assert_array_equal(beside, found)
