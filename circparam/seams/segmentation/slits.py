@@ -1,31 +1,26 @@
-"""Slits from a chart's boundary to its worst vertex."""
+"""Slits from a chart's boundary to where it is bent most."""
 
 import numpy as np
 
-from circparam.core.arrays import ends_of, first_of_groups, group_sum, mask_of
+from circparam.core.arrays import ends_of, first_of_groups, group_count, mask_of
 from circparam.core.graph import Graph
-from circparam.core.types import BoolArray, FloatArray, IntArray
+from circparam.core.linalg import Factor
+from circparam.core.types import BoolArray, IntArray
+from circparam.geometry.intrinsic import corner_angles, cotangent_laplacian, vertex_angle_sums
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.evaluate import jacobians
 from circparam.seams.prices import edge_costs
-from circparam.seams.segmentation.layout import ChartLayouts
-from circparam.solvers import dirichlet
-
-# over which the distortion of areas is smoothed, so that single faces are no peaks
-SMOOTHING_RINGS = 2
 
 
-def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolArray:
-    """Cut charts open along a shortest path from where they are distorted most to their boundary.
+def slit_charts(atlas: Atlas, cut_mesh: CutMesh, which: BoolArray) -> BoolArray:
+    """Cut charts open along a shortest path from where they are bent most to their boundary.
 
-    Returns the charts that were cut: a chart whose worst vertex is on the boundary, or one with no way there,
-    is not.
+    Returns the charts that were cut: one without inner vertices, or without a way to its boundary, is not.
     """
-    cut_mesh = layouts.cut_mesh
-    peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy))
-    if len(peak) == 0:
-        return np.zeros(cut_mesh.n_charts, bool)
+    which = which & (group_count(cut_mesh.vertex_chart[~cut_mesh.on_boundary], len(which)) > 0)
+    if not which.any():
+        return which
+    peak = _peaks(cut_mesh, which)
     cost = edge_costs(atlas)
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.sides[0]]]
     if atlas.flat is not None:  # they are as developable as can be: a slit there is of no use
@@ -40,23 +35,14 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     return mask_of(cut_mesh.n_charts, chart)
 
 
-def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> IntArray:
-    """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
-    field = smoothed_area_distortion(cut_mesh, uv)
-    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~cut_mesh.on_boundary)
-    return vertices[first_of_groups(cut_mesh.vertex_chart[vertices], -field[vertices])]
+def _peaks(cut_mesh: CutMesh, which: BoolArray) -> IntArray:
+    """The inner vertex of each chosen chart where a conformal flattening changes sizes most.
 
-
-def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over SMOOTHING_RINGS."""
-    n = cut_mesh.n_vertices
-    determinant = dirichlet.determinants(jacobians(cut_mesh, uv[cut_mesh.faces]))
-    value = np.abs(np.log(np.maximum(determinant, 1e-30)))
-    weight = cut_mesh.areas
-    flat = cut_mesh.faces.ravel()
-    total = np.maximum(group_sum(np.repeat(weight, 3), flat, n), 1e-300)
-    field = group_sum(np.repeat(weight * value, 3), flat, n) / total
-    for _ in range(SMOOTHING_RINGS):
-        face = field[cut_mesh.faces].mean(1)
-        field = group_sum(np.repeat(weight * face, 3), flat, n) / total
-    return field
+    The logarithm u of its scale solves L u = K with u = 0 on the boundary (Ben-Chen, Gotsman, Bunin 2008). L is
+    the cotangent Laplacian, K the angle defects, whose noise on a rough surface cancels.
+    """
+    part, vertex, _ = cut_mesh.subset(which)
+    inner = np.flatnonzero(~part.on_boundary)
+    defect = 2 * np.pi - vertex_angle_sums(part, corner_angles(part))
+    size = np.abs(Factor(cotangent_laplacian(part)[inner][:, inner]).solve(defect[inner]))
+    return vertex[inner[first_of_groups(part.vertex_chart[inner], -size)]]
