@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         breadth_first_order,
         connected_components,
         dijkstra,
+        maximum_flow,
         minimum_spanning_tree,
     )
     from scipy.sparse.linalg import SuperLU
@@ -36,6 +37,7 @@ else:
 
     try:
         with alone("scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.sparse.linalg._dsolve"):
+            from scipy.sparse.csgraph._flow import maximum_flow
             from scipy.sparse.csgraph._min_spanning_tree import minimum_spanning_tree
             from scipy.sparse.csgraph._shortest_path import dijkstra
             from scipy.sparse.csgraph._traversal import breadth_first_order, connected_components
@@ -45,6 +47,7 @@ else:
             breadth_first_order,
             connected_components,
             dijkstra,
+            maximum_flow,
             minimum_spanning_tree,
         )
         from scipy.sparse.linalg import SuperLU
@@ -128,5 +131,6 @@ __all__ = [
     "dijkstra",
     "gstrf",
     "kd_tree",
+    "maximum_flow",
     "minimum_spanning_tree",
 ]

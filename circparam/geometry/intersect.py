@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     group_boxes,
     norms2,
     ranges,
+    slices,
     sorted_distinct,
     stable_order,
 )
@@ -333,3 +334,9 @@ def windings(boundary: BoundarySegments, points: FloatArray, chart: IntArray) ->
         side = orientation(s[j], e[j], points[k])
         np.add.at(out, k, np.where(up, side > 0, 0) - np.where(~up, side < 0, 0))
     return out
+
+
+def own_layers(boundary: BoundarySegments, points: FloatArray, chart: IntArray) -> IntArray:
+    """(k,) winding number of the boundary of its own chart ((k,) int) about each point (k, 2)."""
+    blocks = (windings(boundary, points[k], chart[k]) for k in slices(len(points), BLOCK_POINTS))
+    return np.concatenate([np.zeros(0, np.int64), *blocks])

@@ -13,8 +13,16 @@ from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
+from circparam.seams.prices import edge_costs
 from circparam.seams.segmentation.grow import DualGraph, make_disks, split_charts
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound
+from circparam.seams.segmentation.layout import (
+    GAP,
+    ChartLayouts,
+    judge,
+    lay_out_sound,
+    pushed_apart,
+)
+from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.slits import slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
@@ -36,7 +44,7 @@ def enforce(
 
     layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart above the bound is slit
     SLITS times from its boundary to where it is bent most, then split in two. Parts that lie on each other are
-    cut apart. Single cells cannot be split, so the work ends; what is left then is for the caller to judge.
+    cut or pushed apart. Single cells cannot be split, so the work ends; what is left then is for the caller to judge.
     Where good charts hold most of the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
@@ -59,8 +67,8 @@ def enforce(
             layouts = judge(*atlas.open())
             bad = np.ones(layouts.cut_mesh.n_charts, bool)
         before = atlas.cut.copy()
-        kept, slits = _cut_open(atlas, graph, layouts, bad, slits)
-        if np.array_equal(before, atlas.cut):
+        kept, slits = _cut_open(atlas, graph, layouts, bad, slits, bound, monitor)
+        if np.array_equal(before, atlas.cut) and not kept.any():
             break
         layouts = _map_again(atlas, layouts, bad, kept, bound, options, monitor)
     if atlas is not whole:
@@ -68,12 +76,18 @@ def enforce(
 
 
 def _cut_open(
-    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, bad: BoolArray, slits: IntArray
+    atlas: Atlas,
+    graph: DualGraph,
+    layouts: ChartLayouts,
+    bad: BoolArray,
+    slits: IntArray,
+    bound: float,
+    monitor: Monitor,
 ) -> tuple[BoolArray, IntArray]:
     """Slit bad charts ((n,) bool), or split them in two. slits: (m,) how often the chart of a face was slit.
 
-    Returns (n,) bool: charts whose pieces may keep their layout, since they were cut where they overlapped;
-    (m,) as ``slits``.
+    Returns (n,) bool: charts whose pieces may keep their layout, since they were cut or pushed apart where they
+    overlapped; (m,) as ``slits``.
     """
     chart, was = layouts.cut_mesh.chart, atlas.cut.copy()
     often = group_count(chart[slits >= SLITS], len(bad)) > 0
@@ -81,13 +95,33 @@ def _cut_open(
     slit = slit_charts(atlas, layouts.cut_mesh, open_to_slits)
     split = bad & ~slit
     folded = split & layouts.overlapping & np.isfinite(layouts.energy)
-    kept = _split_overlaps(atlas, graph, layouts, folded)
+    kept = split_layers(atlas, graph, layouts, folded, edge_costs(atlas))
+    kept |= _push_apart(atlas, layouts, folded & ~kept, bound, monitor)
+    kept |= _split_overlaps(atlas, graph, layouts, folded & ~kept)
     if (split & ~kept).any():
         split_charts(atlas, graph, chart, split & ~kept)
     if split.any():
         shorten(atlas, 3, was)
     make_disks(atlas, graph)
     return kept, slits + slit[chart]
+
+
+def _push_apart(
+    atlas: Atlas, layouts: ChartLayouts, which: BoolArray, bound: float, monitor: Monitor
+) -> BoolArray:
+    """Push parts of charts ((n,) bool) apart that lie on each other by less than a face; returns the free ones.
+
+    Only charts below the bound are pushed, because that costs distortion.
+    """
+    which = which & (layouts.energy <= bound)
+    done = np.zeros(len(which), bool)
+    if which.any():
+        sub, vid, fid = layouts.cut_mesh.subset(which)
+        uv, fine = pushed_apart(sub, layouts.uv[vid], GAP, bound, monitor)
+        kept = fine[sub.chart]
+        atlas.corners[fid[kept]] = uv[sub.faces[kept]]
+        done[layouts.cut_mesh.chart[fid[kept]]] = True
+    return done
 
 
 def _split_overlaps(
