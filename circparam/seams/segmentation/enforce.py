@@ -95,8 +95,8 @@ def _cut_open(
     slit = slit_charts(atlas, layouts.cut_mesh, open_to_slits)
     split = bad & ~slit
     folded = split & layouts.overlapping & np.isfinite(layouts.energy)
-    kept = split_layers(atlas, graph, layouts, folded, edge_costs(atlas))
-    kept |= _push_apart(atlas, layouts, folded & ~kept, bound, monitor)
+    kept = _push_apart(atlas, layouts, folded, bound, monitor)
+    kept |= split_layers(atlas, graph, layouts, folded & ~kept, edge_costs(atlas))
     kept |= _split_overlaps(atlas, graph, layouts, folded & ~kept)
     if (split & ~kept).any():
         split_charts(atlas, graph, chart, split & ~kept)

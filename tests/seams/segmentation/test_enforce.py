@@ -1,4 +1,4 @@
-"""Charts held to the bound: slit, split or laid out anew."""
+"""Charts held to the bound: slit, split, pushed apart or laid out anew."""
 
 import dataclasses
 
@@ -49,6 +49,18 @@ def test_charts_that_lie_on_themselves_are_cut_and_good_ones_are_not(
     assert after.energy == pytest.approx(np.ones(after.cut_mesh.n_charts), abs=1e-3)
     # at most one turn each, and the sheet
     assert 1 + np.ceil(turn / (2 * np.pi)) <= after.cut_mesh.n_charts <= most + 1
+
+
+def test_parts_that_lie_on_each_other_by_little_are_pushed_apart() -> None:
+    """Without a seam; a chart above the bound gets one, because a push costs distortion."""
+    surface = surface_of(*shapes.wound(2 * np.pi + 0.005))
+    laid = judged(as_it_lies(whole(surface)))
+    assert laid.overlapping.all()
+    for bound, cut in ((1.05, False), (float(np.nextafter(laid.energy[0], 0)), True)):
+        atlas = as_it_lies(whole(surface))
+        enforce(atlas, laid, bound, GAPS, Monitor())
+        assert atlas.cut.any() == cut
+        assert not judged(atlas).overlapping.any()
 
 
 @pytest.mark.parametrize("bound", [1.3, 1.05, 1.01])
