@@ -44,8 +44,8 @@ def enforce(
 
     layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart above the bound is slit
     SLITS times from its boundary to where it is bent most, then split in two. Parts that lie on each other are
-    cut or pushed apart. Single cells cannot be split, so the work ends; what is left then is for the caller to judge.
-    Where good charts hold most of the faces, the work goes on with the others alone.
+    pushed or cut apart. Single cells cannot be split, so the work ends; what is left then is for the caller to
+    judge. Where good charts hold most of the faces, the work goes on with the others alone.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
     if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
