@@ -131,8 +131,10 @@ def _split_overlaps(
 
     which: (n,) bool, charts. The two faces that cross and lie farthest apart in space tell the layers at first.
     """
-    pairs, chart = crossings(layouts.uv, layouts.cut_mesh) // 3, layouts.cut_mesh.chart
     done = np.zeros(len(which), bool)
+    if not which.any():
+        return done
+    pairs, chart = crossings(layouts.uv, layouts.cut_mesh) // 3, layouts.cut_mesh.chart
     pairs = pairs[which[chart[pairs[:, 0]]]]
     pairs = pairs[graph.cell[pairs[:, 0]] != graph.cell[pairs[:, 1]]]
     if len(pairs) == 0:

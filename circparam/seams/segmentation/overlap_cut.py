@@ -39,6 +39,8 @@ def split_layers(
     have no two parts that lie on each other without touching.
     """
     done = np.zeros(len(which), bool)
+    if not which.any():
+        return done
     chart = layouts.cut_mesh.chart
     left = atlas.surface.sides[0]
     inner = ~atlas.cut & which[chart[left]]
@@ -48,12 +50,13 @@ def split_layers(
     if not pairs:
         return done
     links = undirected(graph.n, graph.tail[inner], graph.head[inner], graph.step[inner])
+    area = group_sum(layouts.cut_mesh.areas, graph.cell, graph.n)
     off = np.zeros(graph.n, bool)  # cells that were cut off
     for source, sink in pairs:
         if off[source].any() or off[sink].any():
             continue
         # what lies far from the smaller part stays with the larger one
-        reach = NEAR * np.sqrt(_cell_areas(graph, layouts)[source].sum())
+        reach = NEAR * np.sqrt(area[source].sum())
         close = np.isfinite(distances(links, source, reach))
         close &= ~off
         close[sink] = False
@@ -63,10 +66,6 @@ def split_layers(
         atlas.cut |= new
         done[chart[left[new]]] = True
     return done
-
-
-def _cell_areas(graph: DualGraph, layouts: ChartLayouts) -> FloatArray:
-    return group_sum(layouts.cut_mesh.areas, graph.cell, graph.n)
 
 
 def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolArray]:
