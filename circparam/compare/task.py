@@ -24,7 +24,9 @@ def flatten_task(arrays: Arrays, settings: dict[str, Any]) -> tuple[Arrays, dict
     """
     runs: list[tuple[float, dict[str, float]]] = []
     while len(runs) < MOST_RUNS and sum(seconds for seconds, _ in runs) < ENOUGH_SECONDS:
-        cut_mesh = CutMesh(**arrays)
+        cut_mesh = CutMesh(
+            arrays["faces"], arrays["rest_triangles"], arrays["chart"], arrays["edges"]
+        )
         monitor = Monitor(timeout=settings["timeout"])
         start = time.perf_counter()
         layout = METHODS[settings["method"]].function(cut_mesh, settings["options"], monitor)

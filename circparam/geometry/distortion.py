@@ -199,7 +199,7 @@ def chart_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
     Infinite if the numbers are not finite or the chart is a point.
     """
-    return _distortion(*_scale_terms(cut_mesh, uv))
+    return _distortion(*_scale_terms(cut_mesh, uv)) + cut_mesh.chart_roughness
 
 
 def face_stretch(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
@@ -219,7 +219,7 @@ def stretch_and_distortion(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArra
     out = np.ones(len(cut_mesh.faces))
     with np.errstate(invalid="ignore"):
         out[live] = np.maximum(large * scale, 1 / np.maximum(small * scale, LEAST_SIGMA))
-    return out, _distortion(square, inverse, area)
+    return out, _distortion(square, inverse, area) + cut_mesh.chart_roughness
 
 
 def _distortion(square: FloatArray, inverse: FloatArray, area: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ from circparam.core.graph import cycles
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
+from circparam.mesh.roughness import Roughness
 
 # cached properties of a cut mesh that do not depend on lengths
 TOPOLOGICAL_PROPERTIES = (
@@ -66,13 +67,22 @@ class CutMesh:
     faces: (m, 3) int64 into the vertices of the cut mesh, counter-clockwise. rest_triangles: (m, 3, 2) float64,
     plane coordinates of the corners of each face, in the units of the mesh, positive area.
     chart: (m,) int64, 0..n_charts−1. edges: (e, 2) int64, the two half-edges of every inner edge.
-    Half-edge 3f + k runs from corner k to corner k + 1 of face f.
+    Half-edge 3f + k runs from corner k to corner k + 1 of face f. roughness: of a surface that stands for
+    another one.
     """
 
     faces: IntArray
     rest_triangles: FloatArray
     chart: IntArray
     edges: IntArray
+    roughness: Roughness | None = None
+
+    @cached_property
+    def chart_roughness(self) -> FloatArray:
+        """(n_charts,) what the energy of each chart counts besides its own, mostly nothing."""
+        if self.roughness is None:
+            return np.zeros(self.n_charts)
+        return self.roughness.of_charts(self.areas, self.chart, self.n_charts)
 
     @cached_property
     def n_vertices(self) -> int:
@@ -162,7 +172,7 @@ class CutMesh:
 
     def twin(self) -> "CutMesh":
         """The same cut mesh with its shapes, without what solves have left on it."""
-        out = CutMesh(self.faces, self.rest_triangles, self.chart, self.edges)
+        out = CutMesh(self.faces, self.rest_triangles, self.chart, self.edges, self.roughness)
         out.__dict__.update(
             {name: self.__dict__[name] for name in SHAPE_PROPERTIES if name in self.__dict__}
         )
@@ -184,7 +194,9 @@ class CutMesh:
         if kept is not None and kept[0] == unit:
             out = kept[1]
         else:
-            out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
+            out = CutMesh(
+                self.faces, self.rest_triangles / unit, self.chart, self.edges, self.roughness
+            )
             self.__dict__["_in_units"] = unit, out
         for name in TOPOLOGICAL_PROPERTIES:
             if name in self.__dict__:
@@ -216,6 +228,7 @@ class CutMesh:
             self.rest_triangles[fid],
             new_chart[self.chart[fid]],
             renumbered(edges, new_face),
+            None if self.roughness is None else self.roughness.part(fid),
         )
         if self.elimination is not None:
             order = new_vertex[self.elimination]

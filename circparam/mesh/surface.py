@@ -11,6 +11,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh, laid_flat, renumbered
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
+from circparam.mesh.roughness import Roughness
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,7 @@ class Surface:
     density: (m,) positive, how dense the texels of each face are to be beside others; None if all are alike.
     dense: shapes and areas are those at the density, as layouts are compared with them.
     whole_area: of the surface that this one is a part of; None if it is whole.
+    roughness: of the surface for which this one stands; None if it stands for none.
     """
 
     points: FloatArray
@@ -48,6 +50,7 @@ class Surface:
     density: FloatArray | None = None
     dense: bool = False
     whole_area: float | None = None
+    roughness: Roughness | None = None
 
     @property
     def corners(self) -> FloatArray:
@@ -226,7 +229,7 @@ class Surface:
             _, chart = self.charts(cut)
             edges = self.edges[~cut]
             _, corners = corner_classes(len(self.faces), edges)
-            last = CutMesh(corners, self.rest_triangles, chart, edges)
+            last = CutMesh(corners, self.rest_triangles, chart, edges, self.roughness)
         self.__dict__["_opened"] = cut.copy(), last
         return last
 
@@ -248,7 +251,8 @@ class Surface:
         e = e[faces[e[:, 0] // 3] & faces[e[:, 1] // 3]]
         e = renumbered(e, local)
         _, corners = corner_classes(len(fid), e)
-        return CutMesh(corners, self.rest_triangles[fid], chart[fid], e), fid
+        rough = None if self.roughness is None else self.roughness.part(fid)
+        return CutMesh(corners, self.rest_triangles[fid], chart[fid], e, rough), fid
 
     def without_edges(self, cut: BoolArray) -> "Surface":
         """The surface opened along some edges ((e,) bool), which become boundaries; of none: itself."""
@@ -289,4 +293,5 @@ class Surface:
             density=None if self.density is None else self.density[fid],
             dense=self.dense,
             whole_area=float(self.areas.sum()) if self.whole_area is None else self.whole_area,
+            roughness=None if self.roughness is None else self.roughness.part(fid),
         )

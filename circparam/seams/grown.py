@@ -21,6 +21,7 @@ from circparam.seams.moves.glue import MergeOptions
 from circparam.seams.moves.reroute import move_seams
 from circparam.seams.multires.decimate import Proxy, decimate, priced, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
+from circparam.seams.multires.roughness import with_roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
 from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
@@ -154,6 +155,7 @@ def _on_proxy(
     proxy = decimate(surface, faces)
     if len(proxy.surface.faces) > PROXY_MOST_SHARE * len(surface.faces):
         return None
+    proxy = with_roughness(proxy, surface, merging.bound)
     try:
         make = partial(decide, proxy.surface, merging, [regions], options.max_charts, monitor)
         coarse = in_time(proxy.surface, make, monitor)
@@ -202,6 +204,7 @@ def _from_level(
     """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little."""
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
+    level = with_roughness(level, surface, bound)
     middle = with_visibility(level.surface, options, monitor)
     with _before_transfer(monitor):
         best = stretch_held(_level_atlas(middle, bound, options, monitor), bound, options, monitor)

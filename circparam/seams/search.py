@@ -153,7 +153,7 @@ class _Batch:
     def energies(self, atlas: Atlas) -> FloatArray:
         """(charts,) mean energy of each chart, laid out as its faces are in the atlas."""
         energy = dirichlet.energy(jacobians(self.cut_mesh, atlas.corners[self.faces]))
-        return self.of_charts(energy) / self.cut_mesh.chart_areas
+        return self.of_charts(energy) / self.cut_mesh.chart_areas + self.cut_mesh.chart_roughness
 
     def of_charts(self, value: FloatArray) -> FloatArray:
         """(charts,) integral of a value of faces over each chart."""

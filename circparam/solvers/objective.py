@@ -74,7 +74,8 @@ class Objective:
         for k in slices(m):
             jacobian[..., k] = dirichlet.jacobians(self.gradients[..., k], self.gather(uv, k))
             value[k] = self.weight[k] * dirichlet.energy(jacobian[..., k], self.blend)
-        return group_sum(value, self.cut_mesh.chart, self.cut_mesh.n_charts), jacobian
+        energy = group_sum(value, self.cut_mesh.chart, self.cut_mesh.n_charts)
+        return energy + self.cut_mesh.chart_roughness, jacobian
 
     def gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
         """(n, 2) gradient of the energies, zero at fixed vertices."""

@@ -57,7 +57,7 @@ def close_small_holes(surface: Surface) -> Surface:
     if surface.price is not None:  # the new edges lie over holes: nothing is known of them
         price[: len(surface.edges)] = surface.price
     order = np.argsort(edges[:, 0], kind="stable")
-    beside = h[at] // 3
+    beside, rough = h[at] // 3, surface.roughness
     return replace(
         surface,
         faces=np.concatenate([surface.faces, fans[at]]),
@@ -67,6 +67,7 @@ def close_small_holes(surface: Surface) -> Surface:
         locked=locked[order],
         price=None if surface.price is None else price[order],
         first=None if surface.first is None else np.r_[surface.first, surface.first[beside]],
+        roughness=None if rough is None else rough.part(np.r_[np.arange(m), beside]),
     )
 
 
