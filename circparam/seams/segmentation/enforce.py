@@ -14,7 +14,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
 from circparam.seams.prices import edge_costs
-from circparam.seams.segmentation.grow import DualGraph, make_disks, split_charts
+from circparam.seams.segmentation.grow import DualGraph, halve_charts, make_disks
 from circparam.seams.segmentation.layout import (
     GAP,
     ChartLayouts,
@@ -99,7 +99,7 @@ def _cut_open(
     kept |= split_layers(atlas, graph, layouts, folded & ~kept, edge_costs(atlas))
     kept |= _split_overlaps(atlas, graph, layouts, folded & ~kept)
     if (split & ~kept).any():
-        split_charts(atlas, graph, chart, split & ~kept)
+        halve_charts(atlas, graph, chart, split & ~kept)
     if split.any():
         shorten(atlas, 3, was)
     make_disks(atlas, graph)
