@@ -1,5 +1,7 @@
 """The tail of the distortion: all but 0.1 % of the surface keep to the stretch that is asked for."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -118,3 +120,15 @@ def test_charts_are_not_split_where_their_number_counts():
     surface = surface_of(*SPIKE)
     assert charts_of(surface, max_stretch=1.2).charts()[0] > 1
     assert charts_of(surface, max_stretch=1.2, max_charts=1).charts()[0] == 1
+
+
+@pytest.mark.parametrize("how", [{}, DRAFT])
+def test_a_tail_that_is_not_worth_its_seams_is_left_unless_a_user_asked(how):
+    """The same part of a surface of a million times the area: its tail is a millionth as much of the whole."""
+    loose = fewest(SPIKE)
+    loose.surface = dataclasses.replace(loose.surface, whole_area=1e6 * loose.surface.areas.sum())
+    left = held(loose, 1.5, **how)
+    assert np.array_equal(left.cut, loose.cut)
+    assert share_over(left, 1.5) > 1e-3
+    asked = held(loose, 1.5, asked=True, **how)
+    assert share_over(asked, 1.5) <= 1e-3
