@@ -160,6 +160,10 @@ def _split(
     """
     share = cut_mesh.chart_areas / cut_mesh.areas.sum()
     long = over > np.minimum(limits.allowed * share, over.max() / 2)
+    if not limits.asked:  # a chart that would not pay for one more is not worth the work
+        long &= _pays(over * cut_mesh.areas.sum(), 0.0, 1, atlas.surface.unit)
+        if not long.any():
+            return False
     part = atlas.part(long[cut_mesh.chart])
     seams, count = part.surface.edge_lengths[part.cut].sum(), part.charts()[0]
     inner, uv = part.open()
