@@ -29,10 +29,9 @@ from circparam.pipeline.page_search import Plan, Search
 from circparam.pipeline.place import chart_signs, sized
 from circparam.seams.cost import COST
 from circparam.seams.search import WORK_PER_FACE
-from circparam.seams.segmentation.tail import limit_stretch
 from circparam.seams.segmentation.weigh import TAIL_SHARE, share_over
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
-from circparam.seams.stretch import STRETCH, stretch_asked
+from circparam.seams.stretch import STRETCH, limit_stretch_of_all, stretch_asked
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -131,7 +130,7 @@ def stretch_kept(
         return True
     allowed = max(_stretched(before, limits.most), TAIL_SHARE)
     if after > allowed:
-        limit_stretch(atlas, limits, monitor, seams=False)
+        limit_stretch_of_all(atlas, limits, monitor, seams=False)
         after = _stretched(atlas, limits.most)
     return after <= allowed
 
