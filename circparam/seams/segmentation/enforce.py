@@ -14,7 +14,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
 from circparam.seams.prices import edge_costs
-from circparam.seams.segmentation.grow import DualGraph, halve_charts, make_disks
+from circparam.seams.segmentation.grow import DualGraph, make_disks
+from circparam.seams.segmentation.halves import halve_between_ends, halve_evenly
 from circparam.seams.segmentation.layout import (
     GAP,
     ChartLayouts,
@@ -98,8 +99,11 @@ def _cut_open(
     kept = _push_apart(atlas, layouts, folded, bound, monitor)
     kept |= split_layers(atlas, graph, layouts, folded & ~kept, edge_costs(atlas))
     kept |= _split_overlaps(atlas, graph, layouts, folded & ~kept)
-    if (split & ~kept).any():
-        halve_charts(atlas, graph, chart, split & ~kept)
+    laid = np.isfinite(layouts.energy) & ~layouts.overlapping
+    if (split & laid).any():
+        halve_evenly(atlas, graph, layouts, split & laid)
+    if (split & ~laid & ~kept).any():
+        halve_between_ends(atlas, graph, chart, split & ~laid & ~kept)
     if split.any():
         shorten(atlas, 3, was)
     make_disks(atlas, graph)

@@ -8,7 +8,6 @@ import scipy.sparse as sps
 
 from circparam.core.arrays import (
     first_of_groups,
-    first_of_runs,
     group_max,
     group_sum,
     mask_of,
@@ -160,43 +159,6 @@ def split_charts(
     new = mask_of(len(atlas.cut), np.flatnonzero(use)[region[tail] != region[head]])
     atlas.cut |= new
     return new
-
-
-def halve_charts(atlas: Atlas, graph: DualGraph, chart: IntArray, which: BoolArray) -> None:
-    """Cut the charts ``which`` ((n,) bool) in two halves of one area, across the way between their ends.
-
-    chart: (m,) of each face. The ends are the two cells that lie farthest apart.
-    """
-    faces = np.flatnonzero(which[chart])
-    number = np.cumsum(mask_of(graph.n, graph.cell[faces])) - 1
-    cell, n = number[graph.cell[faces]], int(number[-1]) + 1
-    of_cell = np.zeros(n, np.int64)
-    of_cell[cell] = chart[faces]
-    use = np.flatnonzero(~atlas.cut & which[chart[atlas.surface.sides[0]]])
-    tail, head = number[graph.tail[use]], number[graph.head[use]]
-    links = undirected(n, tail, head, graph.step[use])
-    one = first_of_groups(of_cell, -distances(links, first_of_groups(of_cell)))
-    from_one = distances(links, one)
-    other = first_of_groups(of_cell, -from_one)
-    area = group_sum(atlas.surface.areas[faces], cell, n)
-    first = _first_halves(of_cell, from_one - distances(links, other), area)
-    atlas.cut[use[first[tail] != first[head]]] = True
-
-
-def _first_halves(group: IntArray, along: FloatArray, area: FloatArray) -> BoolArray:
-    """(cells,) bool: in the first half of the area of its group, in the order of ``along``; at least one cell,
-    and all of a single one."""
-    order = np.lexsort((along, group))
-    start = first_of_runs(group[order])
-    size = np.diff(np.r_[start, len(order)])
-    total = np.cumsum(area[order])
-    before = np.r_[0.0, total][start]
-    half = np.repeat((before + total[start + size - 1]) / 2, size)
-    inside = total <= half
-    inside[start] = True
-    out = np.zeros(len(order), bool)
-    out[order] = inside
-    return out
 
 
 def make_disks(atlas: Atlas, graph: DualGraph) -> None:
