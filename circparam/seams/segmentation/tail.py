@@ -158,14 +158,20 @@ def _split(
     Charts that lie on themselves once they are relaxed to the end are cut there, where there are any; else all
     are halved.
     """
-    share = cut_mesh.chart_areas / cut_mesh.areas.sum()
-    long = over > np.minimum(limits.allowed * share, over.max() / 2)
+    whole, unit = cut_mesh.areas.sum(), atlas.surface.unit
+    long = over > np.minimum(limits.allowed * cut_mesh.chart_areas / whole, over.max() / 2)
     if not limits.asked:  # a chart that would not pay for one more is not worth the work
-        long &= _pays(over * cut_mesh.areas.sum(), 0.0, 1, atlas.surface.unit)
+        long &= _pays(over * whole, 0.0, 1, unit)
         if not long.any():
             return False
     part = atlas.part(long[cut_mesh.chart])
     seams, count = part.surface.edge_lengths[part.cut].sum(), part.charts()[0]
+
+    def pays(charts: int) -> BoolArray | bool:
+        # all that is too long counts: the first of several halvings may shorten little
+        length = part.surface.edge_lengths[part.cut].sum() - seams
+        return limits.asked or _pays(over[long].sum() * whole, length, charts - count, unit)
+
     inner, uv = part.open()
     layouts = judge(inner, relax(inner, uv, FINAL, monitor).uv)
     if not layouts.bad(limits.bound).any():
@@ -174,18 +180,18 @@ def _split(
         make_disks(part, graph)
         inner, uv = part.open()
         layouts = judge(inner, lay_out_sound(inner, uv, FINAL, monitor))
+    # what is bad needs a cut more
+    if not pays(inner.n_charts + int(layouts.bad(limits.bound).sum())):
+        return False
     enforce(part, layouts, limits.bound, FINAL, monitor)
     after, uv = part.open()
+    if not pays(after.n_charts):
+        return False
     rest = limits.without(over[~long].sum(), cut_mesh, after)
     uv, _ = relax_weighted(after, uv, rest, monitor)
     part.scatter(after, uv)
-    left = share_over(after, face_stretch(after, uv), limits.most).sum() * share[long].sum()
-    if judge(after, uv).bad(limits.bound).any() or left >= over[long].sum():
-        return False
-    # all that is too long counts: the first of several halvings may shorten little
-    length = part.surface.edge_lengths[part.cut].sum() - seams
-    more, tail = after.n_charts - count, over[long].sum() * cut_mesh.areas.sum()
-    if not (limits.asked or _pays(tail, length, more, part.surface.unit)):
+    left = share_over(after, face_stretch(after, uv), limits.most).sum() * part.surface.areas.sum()
+    if judge(after, uv).bad(limits.bound).any() or left >= over[long].sum() * whole:
         return False
     atlas.put(long[cut_mesh.chart], part)
     return True

@@ -64,33 +64,3 @@ def test_disks_are_not_split_beside_what_is_none() -> None:
     stuck = Atlas(locked, np.zeros(len(ball.edges), bool))
     grow.make_disks(stuck, DualGraph(locked))
     assert not stuck.cut.any()
-
-
-@pytest.mark.parametrize("shape", [shapes.bumped_disk(400), shapes.grid(40, 4, 10.0, 1.0)])
-def test_halves_have_one_area_and_are_whole(shape) -> None:
-    atlas = uncut(*shape)
-    areas = atlas.surface.areas
-    _, chart = atlas.charts()
-    grow.halve_charts(atlas, DualGraph(atlas.surface), chart, np.array([True]))
-    n, chart = atlas.charts()
-    assert n == 2
-    assert abs(np.diff(np.bincount(chart, areas))[0]) <= 2 * areas.max()
-
-
-def test_a_long_chart_is_halved_across_and_others_stay() -> None:
-    surface = surface_of(*shapes.join(shapes.grid(40, 4, 10.0, 1.0), shapes.grid(5, 5)))
-    atlas = uncut(*shapes.join(shapes.grid(40, 4, 10.0, 1.0), shapes.grid(5, 5)))
-    _, chart = atlas.charts()
-    grow.halve_charts(atlas, DualGraph(surface), chart, np.array([True, False]))
-    assert atlas.charts()[0] == 3
-    assert surface.edge_lengths[atlas.cut].sum() < 2  # of 20 round it
-    share = np.bincount(atlas.charts()[1][chart == 0]) / (chart == 0).sum()
-    np.testing.assert_allclose(share, 0.5, atol=0.02)
-
-
-def test_charts_of_one_cell_cannot_be_halved() -> None:
-    surface = surface_of(*shapes.grid(3, 2))
-    whole = np.ones(len(surface.edges), bool)
-    atlas = uncut(*shapes.grid(3, 2))
-    grow.halve_charts(atlas, DualGraph(surface, whole), atlas.charts()[1], np.array([True]))
-    assert not atlas.cut.any()
