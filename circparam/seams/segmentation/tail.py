@@ -159,7 +159,8 @@ def _split(
     are halved.
     """
     whole, unit = cut_mesh.areas.sum(), atlas.surface.unit
-    long = over > np.minimum(limits.allowed * cut_mesh.chart_areas / whole, over.max() / 2)
+    share = cut_mesh.chart_areas / whole
+    long = over > np.minimum(limits.allowed * share, over.max() / 2)
     if not limits.asked:  # a chart that would not pay for one more is not worth the work
         long &= _pays(over * whole, 0.0, 1, unit)
         if not long.any():
@@ -190,8 +191,8 @@ def _split(
     rest = limits.without(over[~long].sum(), cut_mesh, after)
     uv, _ = relax_weighted(after, uv, rest, monitor)
     part.scatter(after, uv)
-    left = share_over(after, face_stretch(after, uv), limits.most).sum() * part.surface.areas.sum()
-    if judge(after, uv).bad(limits.bound).any() or left >= over[long].sum() * whole:
+    left = share_over(after, face_stretch(after, uv), limits.most).sum() * share[long].sum()
+    if judge(after, uv).bad(limits.bound).any() or left >= over[long].sum():
         return False
     atlas.put(long[cut_mesh.chart], part)
     return True

@@ -87,6 +87,23 @@ def test_even_halves_of_a_rough_chart_have_one_area_and_are_whole(seed) -> None:
     assert area.min() > 0.4 * area.sum()
 
 
+@pytest.mark.parametrize("wide", [0, 1])
+def test_a_bay_does_not_make_three_parts(wide) -> None:
+    """A horseshoe cut across both legs: the foot of the shorter leg stays with the rest."""
+    points, faces = shapes.grid(20, 20)
+    middle = points[faces].mean(1)
+    bay = (np.abs(middle[:, 0] - 0.5) < 0.25) & (middle[:, 1] < 0.75)
+    atlas = uncut(points, faces[~bay])
+    atlas.corners = points[faces[~bay]][:, :, :2]
+    layouts = judge(*atlas.open())
+    # as if the distortion grew along the legs, or from one to the other
+    along = points[faces[~bay]].mean(1)[:, wide]
+    atlas.surface = dataclasses.replace(atlas.surface, roughness=Roughness(0.1 * along, 1.0))
+    halve_evenly(atlas, DualGraph(atlas.surface), judge(*atlas.open()), np.array([True]))
+    assert layouts.cut_mesh.n_charts == 1
+    assert atlas.charts()[0] == 2
+
+
 def test_even_halves_leave_other_charts_and_cells_alone() -> None:
     shape = shapes.join(LONG, shapes.grid(5, 5))
     surface = surface_of(*shape)
