@@ -12,7 +12,7 @@ from circparam.seams.segmentation.halves import halve_between_ends, halve_evenly
 from circparam.seams.segmentation.layout import ChartLayouts, judge
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
-from tests.support.atlases import surface_of, uncut
+from tests.support.atlases import middles, surface_of, uncut
 
 
 @pytest.mark.parametrize("shape", [shapes.bumped_disk(400), shapes.grid(40, 4, 10.0, 1.0)])
@@ -43,6 +43,21 @@ def test_charts_of_one_cell_cannot_be_halved() -> None:
     atlas = uncut(*shapes.grid(3, 2))
     halve_between_ends(atlas, DualGraph(surface, whole), atlas.charts()[1], np.array([True]))
     assert not atlas.cut.any()
+
+
+@pytest.mark.parametrize("halve", ["between ends", "evenly"])
+def test_of_two_cells_each_is_a_half(halve) -> None:
+    """However small one of them is."""
+    atlas = uncut(*shapes.grid(5, 5))
+    atlas.corners = atlas.surface.points[atlas.surface.faces][:, :, :2]
+    small = middles(atlas.surface)[:, 0] < 0.25
+    left, right = small[atlas.surface.sides]
+    graph, which = DualGraph(atlas.surface, left == right), np.array([True])
+    if halve == "evenly":
+        halve_evenly(atlas, graph, judge(*atlas.open()), which)
+    else:
+        halve_between_ends(atlas, graph, atlas.charts()[1], which)
+    assert np.array_equal(atlas.cut, left != right)
 
 
 LONG = shapes.grid(40, 20, 2.0, 1.0)
