@@ -77,18 +77,16 @@ def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> N
     assert (atlas.cut.sum() > seams) == (laid.energy.max() > bound)
 
 
-def test_a_chart_that_is_rough_on_one_side_is_not_cut_into_dust() -> None:
-    """A saddle with roughness from 0 to 0.08 along it: halves across keep 0.02 and 0.06, of which
-    no cut brings the second below 0.05."""
-    points, faces = shapes.grid(24, 24, 2.0, 2.0)
-    x, y = points[:, :2].T - 1.0
-    points[:, 2] = 1.5 * x * y
+@pytest.mark.parametrize("height", [0.6, 0.7, 0.8])
+def test_a_chart_that_is_rough_on_one_side_is_not_cut_into_dust(height: float) -> None:
+    """A bump with roughness from 0 to 0.08 across it: of halves with 0.02 and 0.06 no cut brings the second
+    below 0.05, and it ends in single faces."""
+    points, faces = shapes.bumped_disk(800, height)
+    along = (points[faces].mean(1)[:, 0] + 1) / 2
     surface = surface_of(points, faces)
-    along = points[faces].mean(1)[:, 0] / 2
-    rough = dataclasses.replace(surface, roughness=Roughness(0.08 * along, 1.0))
-    atlas = whole(rough)
+    atlas = whole(dataclasses.replace(surface, roughness=Roughness(0.08 * along, 1.0)))
     laid = lay_out_fresh(atlas, None, GAPS)
-    assert laid.energy[0] > 1.05 > 1 + 0.04
+    assert laid.energy[0] > 1.05
     enforce(atlas, laid, 1.05, GAPS, Monitor())
     assert not judged(atlas).bad(1.05).any()
     assert atlas.charts()[0] <= 4
