@@ -14,7 +14,9 @@ from circparam.core.arrays import (
     edge_keys,
     first_of_runs,
     group_count,
+    group_max,
     group_min,
+    group_sum,
     sorted_distinct,
     stable_order,
 )
@@ -33,6 +35,20 @@ def follower_components(follower: IntArray) -> tuple[int, IntArray]:
     """As ``components``, of nodes (n,) that are joined to one other each, or to none (−1)."""
     joined = np.flatnonzero(follower >= 0)
     return components(len(follower), joined, follower[joined])
+
+
+def severed(
+    kept: BoolArray, i: IntArray, j: IntArray, area: FloatArray, group: IntArray
+) -> BoolArray:
+    """(n,) bool: nodes of ``kept`` ((n,) bool) in a piece that is smaller than the largest of their group.
+
+    i, j: (e,) nodes of one group that are joined. group: (n,) from 0. Largest by the sum of the areas (n,).
+    """
+    joined = kept[i] & kept[j]
+    n, piece = components(len(kept), i[joined], j[joined])
+    size = group_sum(area * kept, piece, n)[piece]
+    largest = group_max(size, group, int(group.max(initial=-1)) + 1)[group]
+    return kept & (size < largest)
 
 
 def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:

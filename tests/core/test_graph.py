@@ -15,6 +15,7 @@ from circparam.core.graph import (
     lowest_of_cycles,
     matching,
     nearest,
+    severed,
     spanning_forest,
     undirected,
 )
@@ -137,3 +138,14 @@ def test_matching_takes_the_best_pair_that_is_left(seed: int) -> None:
             taken |= {int(a[e]), int(b[e])}
             expected.append(int(e))
     assert matching(score, a, b, n).tolist() == sorted(expected)
+
+
+def test_what_is_severed_from_the_largest_piece_of_its_group() -> None:
+    """Two chains, 0 to 5 and 6 to 9, broken where a node is not kept. The largest piece has most area."""
+    i = np.array([0, 1, 2, 3, 4, 6, 7, 8])
+    kept = np.array([1, 1, 0, 1, 1, 1, 1, 0, 1, 1], bool)
+    area = np.array([4.0, 4, 9, 1, 1, 1, 1, 1, 1, 2])
+    group = np.array([0] * 6 + [1] * 4)
+    out = severed(kept, i, i + 1, area, group)
+    assert np.flatnonzero(out).tolist() == [3, 4, 5, 6]
+    assert not severed(np.ones(10, bool), i, i + 1, area, group).any()

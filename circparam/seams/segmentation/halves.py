@@ -6,11 +6,10 @@ from circparam.core.arrays import (
     cross2,
     first_of_groups,
     first_of_runs,
-    group_max,
     group_sum,
     mask_of,
 )
-from circparam.core.graph import components, distances, undirected
+from circparam.core.graph import distances, severed, undirected
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
@@ -49,8 +48,8 @@ def halve_evenly(atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: B
     mean = group_sum(area * energy, chart, n) / np.maximum(cut_mesh.chart_areas, 1e-300)
     excess = area * (energy - mean[chart])
     growth = np.stack([group_sum(excess * x, chart, n) for x in centre.T], axis=1)
-    beside = cells.mean(area * cross2(growth[chart], centre))
-    cells.cut(atlas, beside)
+    beside = group_sum(area * cross2(growth[chart], centre), cells.cell, len(cells.area))
+    cells.cut(atlas, beside / np.maximum(cells.area, 1e-300))
 
 
 def _face_energies(layouts: ChartLayouts) -> FloatArray:
@@ -86,20 +85,12 @@ class _Cells:
         tail, head = number[graph.tail[edge]], number[graph.head[edge]]
         return _Cells(faces, cell, of_cell, area, edge, tail, head)
 
-    def mean(self, weighted: FloatArray) -> FloatArray:
-        """(k,) mean over the area of each cell of values of faces, (m,) times their areas."""
-        total = group_sum(weighted, self.cell, len(self.chart))
-        return total / np.maximum(self.area, 1e-300)
-
     def cut(self, atlas: Atlas, along: FloatArray) -> None:
         """Cut between the halves that come first and last by ``along`` (k,); pieces apart join the other."""
         first = _first_halves(self.chart, along, self.area)
         for half in (True, False):
-            joined = first[self.tail] == first[self.head]
-            n, piece = components(len(first), self.tail[joined], self.head[joined])
-            size = group_sum(self.area * (first == half), piece, n)[piece]
-            largest = group_max(size, self.chart, int(self.chart.max()) + 1)[self.chart]
-            first[(first == half) & (size < largest)] = not half
+            apart = severed(first == half, self.tail, self.head, self.area, self.chart)
+            first[apart] = not half
         atlas.cut[self.edge[first[self.tail] != first[self.head]]] = True
 
 

@@ -8,8 +8,8 @@ stretch, tips are cut off too if nothing else helps.
 
 import numpy as np
 
-from circparam.core.arrays import group_max, group_sum, mask_of
-from circparam.core.graph import components
+from circparam.core.arrays import group_sum, mask_of
+from circparam.core.graph import components, severed
 from circparam.core.monitor import Monitor
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import chart_distortion, face_stretch
@@ -129,11 +129,7 @@ def _stretched_parts(
         around = group_sum(length, np.r_[part[left[rim]], part[right[rim]]], n)
         gone &= _pays(share * whole, around, 1, unit)
     inside = np.bincount(cell, gone[part])[cell] > 0
-    joined = inside[left] == inside[right]
-    n, piece = components(len(far), left[joined], right[joined])
-    rest = group_sum(cut_mesh.areas * ~inside, piece, n)[piece]
-    largest = group_max(rest, cut_mesh.chart, cut_mesh.n_charts)[cut_mesh.chart]
-    return inside | (rest < largest)
+    return inside | severed(~inside, left, right, cut_mesh.areas, cut_mesh.chart)
 
 
 def _pays(
