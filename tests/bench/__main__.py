@@ -3,19 +3,9 @@
 import importlib
 import sys
 
-NAMES = [
-    "solve",
-    "atlas",
-    "packing",
-    "speed",
-    "scale",
-    "batch",
-    "front",
-    "maps",
-    "look",
-    "noise",
-    "hand",
-]
+NAMES = (
+    "solve", "atlas", "packing", "speed", "scale", "batch", "front", "maps", "look", "noise", "hand",
+)  # fmt: skip
 
 
 def main() -> None:
@@ -23,7 +13,7 @@ def main() -> None:
     named = sys.argv[1:2] and sys.argv[1] in NAMES
     name = sys.argv.pop(1) if named else "solve"
     sys.argv[0] = f"python -m tests.bench {name}"
-    importlib.import_module(f"tests.bench.{name}").main()
+    sys.exit(importlib.import_module(f"tests.bench.{name}").main())
 
 
 if __name__ == "__main__":

@@ -166,8 +166,4 @@ def main() -> None:
         "bounds. Seconds without reading and writing."
     )
     title = "Hard surfaces beside xatlas" if chosen.hard else "Atlases beside others"
-    print(f"written: {common.write(f'{kind}.md', title, intro, blocks)}")
-
-
-if __name__ == "__main__":
-    main()
+    common.write(f"{kind}.md", title, intro, blocks)

@@ -221,8 +221,4 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--meshes", type=int, default=1000)
     parser.add_argument("--tasks", type=int, default=100_000)
-    run_cases(parser, {"rate": rate, "empty": empty}, page)
-
-
-if __name__ == "__main__":
-    main()
+    run_cases(parser, rate, empty, page=page)

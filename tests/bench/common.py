@@ -100,14 +100,14 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
     return lines + ["| " + " | ".join(row) + " |" for row in rows]
 
 
-def write(name: str, title: str, intro: str, blocks: Iterable[list[str]]) -> Path:
-    """Write a report into docs/benchmarks."""
+def write(name: str, title: str, intro: str, blocks: Iterable[list[str]]) -> None:
+    """Write a report into docs/benchmarks, and say so."""
     path = REPORTS / name
     parts = [f"# {title}", "", intro, "", *machine(), ""]
     for block in blocks:
         parts += [*block, ""]
     path.write_text("\n".join(parts).rstrip() + "\n", encoding="utf-8")
-    return path
+    print(f"written: {path}")
 
 
 def figures(lines: Iterable[Line]) -> list[str]:
@@ -137,13 +137,14 @@ def wanted(lines: list[Line]) -> list[str]:
 
 def run_cases(
     parser: argparse.ArgumentParser,
-    cases: dict[str, Callable[[argparse.Namespace], list[Line]]],
+    *functions: Callable[[argparse.Namespace], list[Line]],
     page: Callable[[argparse.Namespace], tuple[str, str, str]],
 ) -> None:
     """Run the cases that the command line names, and write the page where all of them were run.
 
-    cases: name → function of the command line, its docstring the heading. page: its file, title and intro.
+    A case is the name of a function of the command line, its docstring the heading. page: file, title, intro.
     """
+    cases = {function.__name__: function for function in functions}
     names = ", ".join(cases)
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of: {names}; all if left out")
     chosen = parser.parse_args()
@@ -156,7 +157,7 @@ def run_cases(
         lines = cases[name](chosen)
         for line in lines:
             say(line)
-        title = (cases[name].__doc__ or name).splitlines()[0].rstrip(".")
+        title = str(cases[name].__doc__).splitlines()[0].rstrip(".")
         blocks.append(section(title, figures(lines)))
     if not chosen.no_report and not chosen.cases:
-        print(f"written: {write(*page(chosen), blocks)}")
+        write(*page(chosen), blocks)

@@ -179,8 +179,4 @@ def main() -> None:
     everything = common.table(["mesh", "faces", *EFFORTS, *who], cells)
     intro = "Made by `make bench-front`; README shows a part of it.\n\n![The frontier](../pictures/front.png)"
     blocks = [[f"{FIGURES}."], [f"- {line}" for line in notes], everything]
-    print(f"written: {common.write('front.md', 'The frontier', intro, blocks)}")
-
-
-if __name__ == "__main__":
-    main()
+    common.write("front.md", "The frontier", intro, blocks)

@@ -252,21 +252,9 @@ def upright(_: Namespace) -> list[Line]:
     return lines
 
 
-CASES = {
-    "stacks": stacks,
-    "straight": straight,
-    "page": page,
-    "lods": lods,
-    "densities": densities,
-    "upright": upright,
-}
-
-
 def main() -> None:
     """Run the cases."""
     intro = "What an artist's options reach, by `make bench-hand`; see [the page](../artists.md)."
-    run_cases(options(__doc__), CASES, lambda _: ("hand.md", "The hand of an artist", intro))
-
-
-if __name__ == "__main__":
-    main()
+    page_of = ("hand.md", "The hand of an artist", intro)
+    cases = (stacks, straight, page, lods, densities, upright)
+    run_cases(options(__doc__), *cases, page=lambda _: page_of)

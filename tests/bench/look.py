@@ -251,7 +251,3 @@ def main() -> None:
         "their density that textures have which repeat."
     )
     common.write("look.md", "The look of models before and after unwrap --rebake", intro, blocks)
-
-
-if __name__ == "__main__":
-    main()

@@ -275,8 +275,4 @@ def main() -> None:
         "Dirichlet energy / 4, mean over the area, 1 is an isometry. Mean error: distance of the vertices of A "
         "from where they belong, in diagonals of the box."
     )
-    print(f"written: {common.write('maps.md', 'Maps between surfaces', intro, blocks)}")
-
-
-if __name__ == "__main__":
-    main()
+    common.write("maps.md", "Maps between surfaces", intro, blocks)

@@ -247,8 +247,4 @@ def main() -> None:
     if not chosen.no_report:
         intro = "Made by `make bench-noise`; see the head of `tests/bench/noise.py`."
         title = "A change beside the noise"
-        print(f"written: {common.write('noise.md', title, intro, [facts, report])}")
-
-
-if __name__ == "__main__":
-    main()
+        common.write("noise.md", title, intro, [facts, report])

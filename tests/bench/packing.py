@@ -1,6 +1,6 @@
 """Full pages: atlases with and without cuts for them; identical charts packed beside xatlas and sparrow.
 
-    python -m tests.bench.packing [FILE...] [--no-report] [--sparrow PYTHON]
+    python -m tests.bench packing [FILE...] [--no-report] [--sparrow PYTHON]
 
 Every mesh is unwrapped at the defaults and with ``--pack-splits 0``: charts, length of the seams, covered share
 at 2048 texels and padding 4, and what packing takes of all seconds. Files that are named replace the corpus.
@@ -224,7 +224,3 @@ def main() -> int:
         )
         write("packing.md", "Full pages", intro, parts)
     return 0 if all(r["kept"] for r in rows) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,6 +1,6 @@
 """``make bench-scale``: rough meshes with floaters and an inner shell; docs/benchmarks/scale.md.
 
-    python -m tests.bench.scale [--sizes 0.09,0.33,0.66,1.2,4.7,10] [--floaters 20000] [--holes 20000]
+    python -m tests.bench scale [--sizes 0.09,0.33,0.66,1.2,4.7,10] [--floaters 20000] [--holes 20000]
 
 Every mesh is made here: a ball with limbs, displaced by waves and by noise of a quarter of an edge, an inner
 shell and 40 floaters, some of them open. Each is unwrapped to PLY by the command line in a process of its own;
@@ -189,8 +189,4 @@ def main() -> None:
     blocks = [common.table(HEAD, map(row, runs)), common.wanted(lines)]
     if not given.no_report:
         intro = "Made by `make bench-scale`, by tests/bench/scale.py."
-        print(f"written: {common.write('scale.md', 'Large meshes', intro, blocks)}")
-
-
-if __name__ == "__main__":
-    main()
+        common.write("scale.md", "Large meshes", intro, blocks)

@@ -1,6 +1,6 @@
 """``make bench``: how fast the methods are, beside libigl in the same run; writes docs/benchmarks/solve.md.
 
-    python -m tests.bench.solve [CASE...]
+    python -m tests.bench solve [CASE...]
 
 Every figure is a ratio of two times of the same run, or a peak memory; each method runs in a process of its
 own. Meshes are generated, and those of the corpus folder (CIRCPARAM_CORPUS) are added where it exists.
@@ -8,17 +8,18 @@ own. Meshes are generated, and those of the corpus folder (CIRCPARAM_CORPUS) are
 
 import statistics
 from argparse import Namespace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from circparam import formats
 from circparam.core import own_process
 from circparam.core.own_process import Outcome
 from circparam.mesh.cut_mesh import CutMesh
 from tests.bench import tasks
 from tests.bench.common import Line, options, run_cases
 from tests.support import shapes
+from tests.support.atlases import uncut
 from tests.support.corpus import CORPUS
 
 REPEATS = 5
@@ -47,7 +48,7 @@ def flatten(cut_mesh: CutMesh, method: str, repeats: int = 1, **options: Any) ->
 def convex(_: Namespace) -> list[Line]:
     """100k vertices: circle beside libigl's harmonic and beside floater."""
     points, faces = shapes.bumped_disk(100_000 - 1121)
-    cut_mesh = tasks.whole(points, faces)
+    cut_mesh = uncut(points, faces).cut_mesh()
     circle, floater = (flatten(cut_mesh, name, REPEATS) for name in ("circle", "floater"))
     peer = run("harmonic_by_igl", {"points": points, "faces": faces}, repeats=REPEATS)
     own = statistics.median(
@@ -65,10 +66,10 @@ def convex(_: Namespace) -> list[Line]:
 
 def million(_: Namespace) -> list[Line]:
     """1M vertices: memory, and how time grows."""
-    small = tasks.whole(*shapes.bumped_disk(100_000 - 1121))
+    small = uncut(*shapes.bumped_disk(100_000 - 1121)).cut_mesh()
     a = flatten(small, "circle", REPEATS)
     del small
-    large = tasks.whole(*shapes.bumped_disk(1_000_000 - 3545))
+    large = uncut(*shapes.bumped_disk(1_000_000 - 3545)).cut_mesh()
     b = flatten(large, "circle")
     first = statistics.median(a.info["seconds"])
     last = b.info["seconds"][0]
@@ -96,7 +97,7 @@ def first_within(cut_mesh: CutMesh, enough: float, steps: int, **options: Any) -
 
 def newton(_: Namespace) -> list[Line]:
     """Isometric: steps on a bumped disk of 39k faces, memory at 400k faces."""
-    cut_mesh = tasks.whole(*shapes.bumped_disk(19_500 - 495))
+    cut_mesh = uncut(*shapes.bumped_disk(19_500 - 495)).cut_mesh()
     done = flatten(cut_mesh, "isometric", start="mean-value")
     steps = done.info["iterations"][0]
     best = tasks.energy(cut_mesh, done.arrays["uv"])
@@ -106,7 +107,7 @@ def newton(_: Namespace) -> list[Line]:
              f"{len(cut_mesh.faces)} faces, SD/4 {best:.6f}; it stops by itself after {steps} steps, "
              f"{done.info['seconds'][0]:.2f} s")
     ]  # fmt: skip
-    cut_mesh = tasks.whole(*shapes.bumped_disk(200_000 - 1585))
+    cut_mesh = uncut(*shapes.bumped_disk(200_000 - 1585)).cut_mesh()
     done = flatten(cut_mesh, "isometric")
     return [
         *lines,
@@ -119,9 +120,9 @@ def blocks(_: Namespace) -> list[Line]:
     """1000 charts of 40 faces beside one chart of 40k faces."""
     bend = lambda p: p + [0, 0, 1] * (0.3 * np.sin(3 * p[:, :1]) * np.cos(2 * p[:, 1:2]))  # noqa: E731
     p, f = shapes.grid(6, 5)
-    many = tasks.whole(*shapes.row_of((bend(p), f), 1000))
+    many = uncut(*shapes.row_of((bend(p), f), 1000)).cut_mesh()
     p, f = shapes.grid(201, 101)
-    one = tasks.whole(bend(p), f)
+    one = uncut(bend(p), f).cut_mesh()
     lines = []
     for method in ("circle", "lscm", "isometric"):
         times = [min(flatten(x, method, 3).info["seconds"]) for x in (many, one)]
@@ -170,15 +171,14 @@ def _slim_meshes() -> list[tuple[str, CutMesh, np.ndarray]]:
     ]
     for name in LARGE_DISKS:
         if (CORPUS / name).exists():
-            made.append((name, _read(CORPUS / name)))
+            mesh = formats.read(CORPUS / name).mesh
+            made.append((name, (mesh.points, mesh.weld[mesh.faces])))
     out = []
     for name, (p, f) in made:
-        cut_mesh = tasks.whole(p, f)
-        if (
-            cut_mesh.n_charts != 1
-            or cut_mesh.n_vertices != len(np.unique(f))
-            or len(cut_mesh.faces) != len(f)
-        ):
+        cut_mesh = uncut(p, f).cut_mesh()
+        if (cut_mesh.n_charts, cut_mesh.n_vertices) != (1, len(np.unique(f))) or len(
+            cut_mesh.faces
+        ) != len(f):
             continue  # SLIM needs the one disk as it is, without repairs
         points = np.zeros((cut_mesh.n_vertices, 3))
         points[cut_mesh.faces.ravel()] = p[f.ravel()]
@@ -186,21 +186,8 @@ def _slim_meshes() -> list[tuple[str, CutMesh, np.ndarray]]:
     return out
 
 
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    from circparam import formats
-
-    mesh = formats.read(path).mesh
-    return mesh.points, mesh.weld[mesh.faces]
-
-
-CASES = {"convex": convex, "million": million, "newton": newton, "blocks": blocks, "slim": slim}
-
-
 def main() -> None:
     """Run the cases."""
     intro = "Made by `make bench`. Ratios of times of one run; each method in a process of its own."
-    run_cases(options(__doc__), CASES, lambda _: ("solve.md", "Speed of the solvers", intro))
-
-
-if __name__ == "__main__":
-    main()
+    page = ("solve.md", "Speed of the solvers", intro)
+    run_cases(options(__doc__), convex, million, newton, blocks, slim, page=lambda _: page)

@@ -177,8 +177,4 @@ def main() -> None:
         section("Hot spots", common.table(["mesh", "functions"], hot)),
     ]
     title = "Speed of whole atlases"
-    print(f"written: {common.write('speed.md', title, INTRO, blocks)}")
-
-
-if __name__ == "__main__":
-    main()
+    common.write("speed.md", title, INTRO, blocks)

@@ -8,8 +8,6 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import repair
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 
@@ -22,12 +20,6 @@ USED = (
     "circparam.seams.charts", "circparam.pipeline.fuller_page", "circparam.packing.nest.strategy",
     "scipy.fft", "scipy.spatial", "scipy.optimize",
 )  # fmt: skip
-
-
-def whole(points: np.ndarray, faces: np.ndarray) -> CutMesh:
-    """A mesh of disks as cut mesh, nothing cut."""
-    surface, _ = repair(Mesh(points, faces))
-    return surface.cut_mesh(np.zeros(len(surface.edges), bool))
 
 
 def arrays_of(cut_mesh: CutMesh) -> Arrays:

@@ -197,7 +197,7 @@ def judgements(path: Path) -> dict[tuple[str, ...], str]:
     return old
 
 
-def report(found: list[tuple[Mutant, bool]], seed: int) -> Path:
+def report(found: list[tuple[Mutant, bool]], seed: int) -> None:
     """Write docs/benchmarks/mutants.md; judgements of survivors that were there before stay."""
     old = judgements(REPORTS / REPORT)
     rooms: dict[str, list[bool]] = defaultdict(list)
@@ -216,7 +216,7 @@ def report(found: list[tuple[Mutant, bool]], seed: int) -> Path:
     )
     survivors = table(["place", "before", "after", "judgement"], rows)
     blocks = [table(["room", "planted", "noticed"], share), section("Survivors", survivors)]
-    return write(REPORT, "Planted faults", intro, blocks)
+    write(REPORT, "Planted faults", intro, blocks)
 
 
 def main() -> int:
@@ -236,7 +236,7 @@ def main() -> int:
     if not found:
         sys.exit(f"no mutant was tried within {chosen.minutes:g} minutes")
     if not chosen.no_report:
-        print(f"\n{report(found, chosen.seed).relative_to(ROOT)} is written")
+        report(found, chosen.seed)
     print("\nsurvivors:", *(f"  {line_of(m)}" for m, seen in found if not seen), sep="\n")
     share = sum(seen for _, seen in found) / len(found)
     print(f"\n{len(found)} of {len(mutants)} tried: {share:.1%} noticed, wanted {ENOUGH:.0%}")
