@@ -61,8 +61,9 @@ def test_a_face_without_a_shape_is_left_out():
 def test_the_tail_is_what_is_counted_face_by_face(faces, percent, most):
     stretch, area = (np.array(x) for x in zip(*faces, strict=True))
     tail = Tail.of(stretch, area)
-    over = area[stretch > most].sum() / area.sum()
-    assert tail.share_over(most) == pytest.approx(over, abs=1e-12)
+    for value in (most, *stretch):  # what is just that is not over
+        over = area[stretch > value].sum() / area.sum()
+        assert tail.share_over(value) == pytest.approx(over, abs=1e-12)
     value = tail.percentile(percent)
     assert value in stretch
     # no more than so much lies above, and with anything less it would be more
@@ -71,17 +72,8 @@ def test_the_tail_is_what_is_counted_face_by_face(faces, percent, most):
     expected = np.quantile(stretch, percent / 100, method="inverted_cdf", weights=area)
     at = np.searchsorted(np.sort(stretch), [value, expected])
     assert abs(at[0] - at[1]) <= 1  # where the share is met exactly, rounding decides
-
-
-def test_the_share_over_a_value_leaves_out_what_is_just_that():
-    tail = Tail.of(np.array([3.0, 1.0, 2.0]), np.array([1.0, 6.0, 3.0]))
-    assert tail.share_over(2.0) == pytest.approx(0.1)
-    assert tail.share_over(1.9) == pytest.approx(0.4)
-    assert tail.share_over(3.0) == 0
-    assert tail.share_over(0.5) == 1
-    assert [tail.percentile(p) for p in (50, 61, 89, 91, 100)] == [1, 2, 2, 3, 3]
-    assert Tail.of(np.zeros(0), np.zeros(0)).percentile(99) == 1
-    assert Tail.of(np.zeros(0), np.zeros(0)).share_over(2) == 0
+    none = Tail.of(stretch[:0], area[:0])
+    assert (none.percentile(percent), none.share_over(most)) == (1, 0)
 
 
 @pytest.mark.parametrize("scales", [(2.0, 0.5), (2.0, 1.0), (1.0, 0.25)])

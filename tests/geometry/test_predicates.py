@@ -35,10 +35,5 @@ def test_orientation_is_exact_where_floating_point_is_known_to_fail():
     plain = (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
     assert (np.sign(plain) != got).any(), "the case is hard enough"
     for scale in (1e-140, 1e140):
-        assert np.array_equal(
-            orientation(p * scale, q * scale, r * scale),
-            [
-                exact_sign(a * scale, np.array([12, 12]) * scale, np.array([24, 24]) * scale)
-                for a in p
-            ],
-        )
+        far = [exact_sign(*(scale * x for x in corners)) for corners in zip(p, q, r, strict=True)]
+        assert np.array_equal(orientation(p * scale, q * scale, r * scale), far)

@@ -30,10 +30,8 @@ def test_candidates_hold_every_pair_that_meets(n, seed, scale, reach, kind):
     for i, j in Candidates(start, end, group, np.full(n, reach * scale)):
         assert (i < j).all()
         pairs |= set(zip(i.tolist(), j.tolist(), strict=True))
-    low, high = (
-        np.minimum(start, end) - reach * scale / 2,
-        np.maximum(start, end) + reach * scale / 2,
-    )
+    low = np.minimum(start, end) - reach * scale / 2
+    high = np.maximum(start, end) + reach * scale / 2
     for i in range(n):
         for j in range(i + 1, n):
             if group[i] != group[j]:

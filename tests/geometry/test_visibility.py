@@ -13,11 +13,6 @@ from tests.support.atlases import ends, surface_of
 Shape = tuple[np.ndarray, np.ndarray]
 
 
-def inner_shell() -> Shape:
-    p, f = shapes.icosphere(3)
-    return shapes.join((p, f), (0.6 * p, f))
-
-
 def channel(depth: float = 2.0, refine: int = 2) -> Shape:
     """A part with the profile of a U: a channel one wide and so deep between two walls one thick."""
     mask = np.ones((3, 6, int(depth) + 1), bool)
@@ -36,12 +31,17 @@ def test_every_edge_of_a_sphere_is_seen_from_half_of_the_directions() -> None:
     assert found.mean() == pytest.approx(0.5, abs=0.015)
 
 
-def test_a_shell_inside_a_closed_one_is_never_seen() -> None:
-    surface, found = shares(inner_shell())
+def test_a_shell_inside_a_closed_one_is_never_seen_and_counts_by_its_length() -> None:
+    p, f = shapes.icosphere(3)
+    surface, found = shares(shapes.join((p, f), (0.6 * p, f)))
     inner = np.linalg.norm(surface.points[ends(surface)], axis=2).max(1) < 0.7
     assert inner.sum() == (~inner).sum()
     assert (found[inner] == 0).all()
     assert found[~inner] == pytest.approx(0.5, abs=0.1)
+    every, none, outer = (visible_share(surface, cut) for cut in (inner | True, inner, ~inner))
+    assert none == 0
+    assert every == pytest.approx(outer / 1.6, rel=1e-6)
+    assert visible_share(surface, inner & False) is None
 
 
 @pytest.mark.parametrize("depth", [1.0, 2.0, 4.0])
@@ -94,16 +94,6 @@ def test_faces_that_hide_nothing_asked_for_may_be_left_out(refine: int, pixels: 
         few = np.arange(len(whole)) % step == 0
         found = edge_shares(surface, 24, pixels, few)
         np.testing.assert_array_equal(found, whole[few])
-
-
-def test_the_visible_share_is_weighted_by_length() -> None:
-    surface = surface_of(*inner_shell())
-    inner = np.linalg.norm(surface.points[ends(surface)], axis=2).max(1) < 0.7
-    every = visible_share(surface, np.ones(len(inner), bool))
-    assert visible_share(surface, inner) == 0
-    outer = visible_share(surface, ~inner)
-    assert every == pytest.approx(outer / 1.6, rel=1e-6)
-    assert visible_share(surface, np.zeros(len(inner), bool)) is None
 
 
 @given(place=st.tuples(*[st.floats(-1e12, 1e12)] * 3))

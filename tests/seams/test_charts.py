@@ -51,12 +51,6 @@ def test_the_bound_of_charts_is_kept_to_half_a_percent_of_its_excess(shape, shar
     assert atlas.cut.any() == (share < 1)
 
 
-def test_a_lower_bound_gives_more_seam_and_less_distortion() -> None:
-    shape = shapes.icosphere(2)
-    lengths = [atlas_of(shape, max_distortion=d)[1].seam_length for d in (1.01, 1.2)]
-    assert lengths[0] > lengths[1]
-
-
 PEELED = 2 / 4 + 2 * np.sqrt(np.pi)  # two strips, as those of a tennis ball
 
 
@@ -131,16 +125,6 @@ def test_a_disk_that_needs_no_seam_gets_none_however_its_faces_are_made() -> Non
     surface, atlas = atlas_of(needles(60, 0.2))
     assert len(surface.faces) > grown.DIRECT_FACES
     assert not atlas.cut.any()
-
-
-def test_every_component_gets_charts_of_its_own() -> None:
-    shape = shapes.row_of(shapes.cube(2), 5)
-    surface, atlas = atlas_of(shape)
-    n, chart = atlas.charts()
-    assert n == 5
-    x = surface.points[surface.faces].mean(1)[:, 0]
-    for k in range(5):
-        assert np.ptp(x[chart == k]) <= np.ptp(x) / 5
 
 
 def test_forced_seams_are_cut_and_forbidden_ones_are_not() -> None:

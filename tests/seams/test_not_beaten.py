@@ -31,10 +31,6 @@ TOUCHING = {"truck.obj"}
 OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45}, {"effort": "draft"})
 
 
-def is_small(path: Path) -> bool:
-    return path.stat().st_size <= MOST_COMPARED_BYTES
-
-
 SAMPLES = samples.names(pairs=False) if WHOLE else ("ribbon",)
 
 # the small ones by ``make test-corpus``, some that were beaten by ``make test``

@@ -83,22 +83,14 @@ def test_locked_edges_are_never_cut() -> None:
 BOUND = 1.05
 
 
-def halves(shape: tuple[np.ndarray, np.ndarray], wave: float, n: float = 5) -> Atlas:
+def halves(shape: tuple[np.ndarray, np.ndarray], wave: float) -> Atlas:
     """A shape cut in two at y = 0.5, or along a wave round that, and laid out."""
     surface = surface_of(*shape)
     middle = middles(surface)
     middle = (middle - middle.min(0)) / np.ptp(middle[:, :2], axis=0).max()
-    atlas = cut_between(surface, (middle[:, 1] > 0.5 + wave * np.sin(n * middle[:, 0])).astype(int))
+    atlas = cut_between(surface, (middle[:, 1] > 0.5 + wave * np.sin(5 * middle[:, 0])).astype(int))
     lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-4, max_iterations=40))
     return atlas
-
-
-def test_a_winding_seam_gets_straight() -> None:
-    atlas = halves(shapes.delaunay_square(900), 0.12)
-    before = atlas.seam_length
-    move_seams(atlas, Demands(BOUND, 0.0), Monitor())
-    assert atlas.charts()[0] == 2
-    assert atlas.seam_length < 0.9 * before
 
 
 def test_a_seam_moves_to_where_it_is_cheap() -> None:
@@ -115,14 +107,6 @@ def test_a_seam_moves_to_where_it_is_cheap() -> None:
     lengths = atlas.surface.edge_lengths
     inside = lengths[atlas.cut & cheap].sum() / lengths[atlas.cut].sum()
     assert inside > 0.7
-
-
-def test_what_would_break_the_bound_stays() -> None:
-    atlas = halves(shapes.hemisphere(14), 0.1)
-    cut, corners = atlas.cut.copy(), atlas.corners.copy()
-    move_seams(atlas, Demands(1 + 1e-6, 0.0), Monitor())
-    assert np.array_equal(atlas.cut, cut)
-    assert np.array_equal(atlas.corners, corners)
 
 
 def test_one_piece_that_breaks_the_bound_does_not_hold_the_others_back() -> None:

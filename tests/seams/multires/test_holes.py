@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from circparam import unwrap
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.segmentation.decide import whole_components
@@ -60,14 +59,6 @@ def test_seams_go_back_to_the_surface_itself() -> None:
     assert len(back.cut) == len(surface.edges)
     ends = {tuple(e) for e in closed.edges[chosen]}
     assert all((tuple(e) in ends) == c for e, c in zip(surface.edges, back.cut, strict=True))
-
-
-def test_a_wavy_sheet_full_of_holes_is_unwrapped_like_one_without() -> None:
-    result = unwrap(wavy(shapes.holed_sheet(36, 4), 0.25), pack_splits=0)
-    assert result.status == "ok"
-    assert result.measures["flips"] == 0
-    assert result.measures["overlap"] == 0
-    assert result.measures["charts"] <= 30
 
 
 def test_components_that_are_good_charts_stay_whole() -> None:

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.roughness import Roughness
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, judged, middles, surface_of, uncut, whole
+from tests.support.atlases import as_it_lies, judged, surface_of, uncut, whole
 
 GAPS = RelaxOptions(tolerance=1e-6, max_iterations=40)
 
@@ -62,19 +61,6 @@ def test_parts_that_lie_on_each_other_by_little_are_pushed_apart() -> None:
         enforce(atlas, laid, bound, GAPS, Monitor())
         assert atlas.cut.any() == cut
         assert not judged(atlas).overlapping.any()
-
-
-@pytest.mark.parametrize("bound", [1.3, 1.05, 1.01])
-def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> None:
-    surface = surface_of(*shapes.icosphere(2))
-    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
-    laid = lay_out_fresh(atlas, None, GAPS)
-    seams = atlas.cut.sum()
-    enforce(atlas, laid, bound, GAPS, Monitor())
-    after = judged(atlas)
-    assert not after.bad(bound).any()
-    assert not not_disks(after.cut_mesh).any()
-    assert (atlas.cut.sum() > seams) == (laid.energy.max() > bound)
 
 
 @pytest.mark.parametrize("height", [0.6, 0.7, 0.8])
