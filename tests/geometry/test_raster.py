@@ -92,6 +92,18 @@ def test_each_row_is_crossed_where_an_edge_passes_its_centre(seed: int) -> None:
     assert np.allclose(d[:, 0] * e[:, 1], d[:, 1] * e[:, 0], atol=1e-9)
 
 
+@pytest.mark.parametrize("search", [4, NEAR_TEXELS + 1])
+def test_a_gap_is_found_in_every_direction(search: int) -> None:
+    """One texel beside another, at every offset within the search."""
+    reach = np.arange(-search, search + 1)
+    for dy, dx in np.stack(np.meshgrid(reach, reach), 2).reshape(-1, 2).tolist():
+        if not 0 < np.hypot(dy, dx) <= search:
+            continue
+        grid = np.full((2 * search + 1, 2 * search + 1), -1, np.int32)
+        grid[search, search], grid[search + dy, search + dx] = 3, 1
+        assert smallest_gap(grid, search) == (np.hypot(dy, dx), (1, 3))
+
+
 @settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(0, 7) | st.integers(NEAR_TEXELS + 1, NEAR_TEXELS + 9))
 def test_smallest_gap_is_that_of_all_pairs(seed: int, search: int) -> None:

@@ -25,27 +25,11 @@ def tube() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return points, faces, points[:, :2] * 0.4 + 0.5
 
 
-def test_the_outline_of_a_folded_chart_reaches_its_folds() -> None:
-    """The borders of the barrel are short and in the middle: its width is told by the folds alone."""
-    _, faces, uv = tube()
-    box = shapes_of(faces, uv, np.zeros(len(faces), np.int64)).boxes(np.zeros(1))[0]
-    low, high = uv.min(0), uv.max(0)
-    np.testing.assert_allclose(
-        box, np.concatenate([low, high]) - np.tile((low + high) / 2, 2), atol=1e-12
-    )
-
-
 def test_mirrored_halves_are_packed_on_each_other(tmp_path: Path) -> None:
     points, faces, uv = tube()
-    square, flat = (
-        np.array([[0, 0, 3.0], [1, 0, 3], [1, 1, 3], [0, 1, 3]]),
-        np.array([[0, 1, 2], [0, 2, 3]]),
-    )
-    n = len(points)
-    document = from_arrays(
-        np.concatenate([points, square]), np.concatenate([faces, flat + n]),
-        np.concatenate([uv, square[:, :2] * 0.3]), np.concatenate([faces, flat + n]),
-    )  # fmt: skip
+    square, flat = shapes.grid(2, 2)
+    both, every = shapes.join((points, faces), (square + [0, 0, 3], flat))
+    document = from_arrays(both, every, np.concatenate([uv, square[:, :2] * 0.3]), every)
     old = document.uv()
     result = repack(document, tmp_path / "out.obj", resolution=512, padding=4)
     new = read(tmp_path / "out.obj").uv()

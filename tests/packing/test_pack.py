@@ -65,13 +65,6 @@ def test_charts_smaller_than_a_texel_do_not_overlap():
     assert apart[~np.eye(40, dtype=bool)].min() > 1
 
 
-def test_sizes_are_kept_without_scale():
-    faces, uv, chart = blobs(6, 8)
-    uv = uv / 40
-    packed = pack(faces, uv, chart, PackOptions(256, 2, scale=False, effort=QUICK))
-    assert packed.scale == 1.0
-
-
 @pytest.mark.parametrize("n", [2, 3, 6])
 def test_a_page_packed_before_fits_at_its_sizes(n):
     """Packers reach less at fixed sizes; charts then stay where they lie, if that passes the check."""
@@ -99,9 +92,11 @@ def test_more_pages_hold_larger_charts(n):
         promise(faces, uv, chart, three, options)
 
 
-def test_more_charts_than_places_are_refused():
+def test_charts_that_do_not_fit_and_charts_without_area_alone_are_refused():
     with pytest.raises(OptionError, match="500 charts do not fit"):
         pack(*triangles(500, 1), PackOptions(64, 4))
+    with pytest.raises(NoResultError):
+        pack(np.array([[0, 1, 2]]), np.zeros((3, 2)), np.zeros(1, int))
 
 
 def test_charts_without_area_are_kept_and_named():
@@ -112,11 +107,6 @@ def test_charts_without_area_are_kept_and_named():
     assert "1 of 4 charts have no area" in packed.notes[0]
     line = packed.uv[-3:]
     assert np.ptp(line, axis=0).max() > 0
-
-
-def test_nothing_to_pack_is_refused():
-    with pytest.raises(NoResultError):
-        pack(np.array([[0, 1, 2]]), np.zeros((3, 2)), np.zeros(1, int))
 
 
 def test_inputs_are_untouched_and_mirrored_charts_stay_so():
@@ -132,11 +122,10 @@ def test_inputs_are_untouched_and_mirrored_charts_stay_so():
 def test_what_cannot_fit_at_a_density_is_told_at_once_with_the_pages_it_needs():
     """Ten squares of 100 texels on pages of 250, which hold four of them each at best."""
     faces, uv, chart = boxes(np.ones((10, 2)))
-    with pytest.raises(OptionError, match=r"needs at least 2 pages of 250 texels: give --pages 2"):
-        pack(faces, uv, chart, PackOptions(250, 4, texel_density=100.0))
     packed = pack(faces, uv, chart, PackOptions(250, 4, pages=3, texel_density=100.0))
     assert int(packed.page.max()) + 1 == 3
-    with pytest.raises(OptionError, match="--texel-density below") as told:
+    says = r"needs at least 2 pages of 250 texels: give --pages 2.*--texel-density below"
+    with pytest.raises(OptionError, match=says) as told:
         pack(faces, uv, chart, PackOptions(250, 4, texel_density=100.0))
     below = float(str(told.value).split("below ")[1].split()[0])
     # at that density the areas alone would just do

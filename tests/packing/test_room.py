@@ -57,9 +57,8 @@ def test_charts_shrink_alike_or_are_refused() -> None:
 
 
 def test_a_second_page_takes_what_the_first_has_no_room_for() -> None:
-    found = find_room(
-        rectangles([(0.4, 0.4)]), [page((0, 0, 1, 1)), page((0, 0, 0.5, 1))], ASKED, True
-    )
+    pages = [page((0, 0, 1, 1)), page((0, 0, 0.5, 1))]
+    found = find_room(rectangles([(0.4, 0.4)]), pages, ASKED, True)
     assert found.page.tolist() == [1]
     assert 1.5 < found.uv[:, 0].min() <= found.uv[:, 0].max() < 2
 
@@ -73,6 +72,5 @@ def test_many_small_charts_find_room() -> None:
 
 
 def test_what_is_free_is_told_in_pages() -> None:
-    assert free_share([page((0, 0, 1, 0.5)), page((0, 0, 0.25, 1))], ASKED) == pytest.approx(
-        1.25, abs=0.02
-    )
+    used = [page((0, 0, 1, 0.5)), page((0, 0, 0.25, 1))]
+    assert free_share(used, ASKED) == pytest.approx(1.25, abs=0.02)

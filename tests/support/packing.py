@@ -6,8 +6,6 @@ import pytest
 from circparam.geometry.coverage import painted
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
-from circparam.packing.pack import finish
-from circparam.packing.shelf import shelf_placement
 from tests.support.shapes import areas
 
 QUICK = 0.02  # effort: the guarantees hold after any amount of search
@@ -45,15 +43,6 @@ def edges_of(faces, uv):
     a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     alone = ~np.isin(a * len(uv) + b, b * len(uv) + a)
     return uv[a[alone]], uv[b[alone]]
-
-
-def shelf(faces, uv, chart, options):
-    """Rows of boxes only, as ``pack`` would return them."""
-    shapes = shapes_of(faces, uv, chart)
-    placement = shelf_placement(shapes, options)
-    packed, wrong = finish(shapes, placement, options)
-    assert wrong is None
-    return packed
 
 
 def triangles(n, seed):
@@ -145,9 +134,8 @@ def boxes(sizes, turn=0.0):
     n = len(sizes)
     corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) * sizes[:, None]
     c, s = np.broadcast_to(np.cos(turn), n), np.broadcast_to(np.sin(turn), n)
-    uv = corner @ np.stack([c, s, -s, c], 1).reshape(n, 2, 2) + [
-        [[10.0 * k, 3.0]] for k in range(n)
-    ]
+    place = np.stack([10.0 * np.arange(n), np.full(n, 3.0)], 1)
+    uv = corner @ np.stack([c, s, -s, c], 1).reshape(n, 2, 2) + place[:, None]
     faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(n)])
     return faces, uv.reshape(-1, 2), np.repeat(np.arange(n), 2)
 

@@ -63,21 +63,12 @@ def side_of(board: Board) -> int:
     return found.side
 
 
-def least_side(board: Board) -> int:
-    """Side of the smallest page for the first rectangle alone."""
-    return int(board.masks[0].size.max(1).min())
-
-
-@pytest.mark.parametrize(("count", "across"), [(1, 1), (4, 2), (9, 3)])
-def test_squares_lie_side_by_side(count: int, across: int) -> None:
-    board = rectangles(*[(8, 8)] * count)
-    assert 8 * across <= side_of(board) <= across * least_side(board)
-
-
-def test_two_squares_need_a_page_as_wide_as_both() -> None:
+@pytest.mark.parametrize(("count", "side", "across"), [(1, 8, 1), (2, 16, 2), (4, 8, 2), (9, 8, 3)])
+def test_squares_lie_side_by_side(count: int, side: int, across: int) -> None:
     """Whatever their angles (Erdos' squares: two in a unit square have sides of 1 together)."""
-    board = rectangles((16, 16), (16, 16))
-    assert 2 * 16 <= side_of(board) <= 2 * least_side(board)
+    board = rectangles(*[(side, side)] * count)
+    alone = int(board.masks[0].size.max(1).min())
+    assert side * across <= side_of(board) <= across * alone
 
 
 def test_small_ones_lie_in_the_room_beside_large_ones() -> None:

@@ -12,14 +12,15 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import PackTask
-from tests.support.packing import blobs, boxes, rectangles, shelf
+from circparam.packing.shelf import shelf_placement
+from tests.support.packing import blobs, boxes, rectangles
 
 
 def test_nesting_beats_rows_of_boxes():
     faces, uv, chart = blobs(9, 5)
     options = PackOptions(512, effort=0.2)
-    tight, rows = pack(faces, uv, chart, options), shelf(faces, uv, chart, options)
-    assert tight.share[0] > 1.15 * rows.share[0]
+    boxes = shelf_placement(shapes_of(faces, uv, chart), options)
+    assert (512 * pack(faces, uv, chart, options).scale) ** 2 > 1.15 * boxes.scale**2
 
 
 def test_one_chart_is_turned_to_fill_the_page():

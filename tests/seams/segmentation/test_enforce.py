@@ -16,17 +16,6 @@ from tests.support.atlases import as_it_lies, judged, surface_of, uncut, whole
 GAPS = RelaxOptions(tolerance=1e-6, max_iterations=40)
 
 
-@pytest.mark.parametrize(("turn", "inner"), [(7.5, 0.7), (10.0, 0.7), (11.0, 0.3)])
-def test_a_ring_that_covers_itself_gets_one_cut_across(turn: float, inner: float) -> None:
-    atlas = as_it_lies(uncut(*shapes.wound(turn, 96, 6, inner)))
-    assert judged(atlas).overlapping.all()
-    enforce(atlas, judged(atlas), 1.01, GAPS, Monitor())
-    assert atlas.charts()[0] == 2
-    assert not judged(atlas).bad(1.01).any()
-    length = atlas.surface.edge_lengths[atlas.cut].sum()
-    assert 1 <= length / (1 - inner) <= 1.5
-
-
 @pytest.mark.parametrize(("turn", "most"), [(3 * np.pi, 4), (16.0, 6)])
 def test_charts_that_lie_on_themselves_are_cut_and_good_ones_are_not(
     turn: float, most: int
