@@ -1,12 +1,9 @@
 """The surface and the cut mesh: charts that follow the seams, shapes that both share."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from circparam.mesh.cut_mesh import not_disks
-from circparam.mesh.surface import Surface
 from tests.support import shapes
 from tests.support.atlases import surface_of
 from tests.support.charts import patches_of
@@ -40,13 +37,8 @@ def test_disks_with_or_without_holes_are_told_from_closed_charts_and_handles(sha
     assert not_disks(patches_of(shape)[0]).tolist() == [not disk]
 
 
-def surface() -> Surface:
-    whole = surface_of(*shapes.icosphere(1))
-    return replace(whole, price=np.arange(1.0, len(whole.edges) + 1))
-
-
 def test_charts_follow_the_seams_also_when_the_same_array_changes() -> None:
-    whole = surface()
+    whole = surface_of(*shapes.icosphere(1))
     cut = np.zeros(len(whole.edges), bool)
     assert whole.charts(cut)[0] == 1
     cut[:] = True

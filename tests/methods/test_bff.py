@@ -14,19 +14,24 @@ def run(shape, boundary=None):
     return cut_mesh, points, flattened("bff", cut_mesh, bff_boundary=boundary)
 
 
-def boundary_lengths(cut_mesh, uv):
-    h = cut_mesh.boundary
+def length_ratios(cut_mesh, uv, h):
+    """Lengths of half-edges in a layout over those on the surface."""
     i, j = cut_mesh.faces.ravel()[h], cut_mesh.faces[:, [1, 2, 0]].ravel()[h]
-    return np.hypot(*(uv[j] - uv[i]).T)
+    return np.hypot(*(uv[j] - uv[i]).T) / cut_mesh.edge_lengths.ravel()[h]
+
+
+def outer(cut_mesh):
+    """The half-edges of the outer boundary, in ascending order."""
+    loops = cut_mesh.loops
+    return np.sort(loops.half_edges[loops.outer[loops.loop_of]])
 
 
 def test_the_boundary_keeps_its_lengths():
     cut_mesh, _, layout = run(shapes.bumped_disk(1000))
-    ratio = boundary_lengths(cut_mesh, layout.uv) / cut_mesh.edge_lengths.ravel()[cut_mesh.boundary]
-    assert ratio.std() / ratio.mean() < 0.05
-    lscm = flattened("lscm", cut_mesh).uv
-    other = boundary_lengths(cut_mesh, lscm) / cut_mesh.edge_lengths.ravel()[cut_mesh.boundary]
-    assert ratio.std() / ratio.mean() < other.std() / other.mean()
+    layouts = layout.uv, flattened("lscm", cut_mesh).uv
+    own, other = (length_ratios(cut_mesh, uv, cut_mesh.boundary) for uv in layouts)
+    assert own.std() / own.mean() < 0.05
+    assert own.std() / own.mean() < other.std() / other.mean()
 
 
 def test_angles_are_those_of_lscm():
@@ -67,9 +72,7 @@ def test_bad_boundaries_are_refused(boundary, word):
 def test_a_flat_ring_comes_back_with_its_own_lengths_too():
     cut_mesh, points, layout = run(shapes.annulus())
     assert apart(layout.uv, points[:, :2]) < 1e-9
-    loops = cut_mesh.loops
-    outer = np.sort(loops.half_edges[loops.outer[loops.loop_of]])
-    own = cut_mesh.edge_lengths.ravel()[outer]
+    own = cut_mesh.edge_lengths.ravel()[outer(cut_mesh)]
     twice = flattened("bff", cut_mesh, bff_boundary=2 * own)
     assert apart(twice.uv, points[:, :2]) < 1e-9
     assert np.ptp(twice.uv[:, 0]) == pytest.approx(4, rel=1e-9)
@@ -78,19 +81,14 @@ def test_a_flat_ring_comes_back_with_its_own_lengths_too():
 def test_lengths_on_the_outer_boundary_are_met_round_holes_too():
     shape = shapes.planar_holes(3, seed=1)
     cut_mesh, _ = patches_of(shapes.waved(shape, 0.1))
-    loops = cut_mesh.loops
-    assert len(loops.chart) == 4
-    h = np.sort(loops.half_edges[loops.outer[loops.loop_of]])
-    own = cut_mesh.edge_lengths.ravel()[h]
-    uv = flattened("bff", cut_mesh, bff_boundary=1.5 * own).uv
-    i, j = cut_mesh.faces.ravel()[h], cut_mesh.faces[:, [1, 2, 0]].ravel()[h]
-    ratio = np.hypot(*(uv[j] - uv[i]).T) / own
-    np.testing.assert_allclose(ratio, 1.5, rtol=0.02)
+    assert len(cut_mesh.loops.chart) == 4
+    h = outer(cut_mesh)
+    uv = flattened("bff", cut_mesh, bff_boundary=1.5 * cut_mesh.edge_lengths.ravel()[h]).uv
+    np.testing.assert_allclose(length_ratios(cut_mesh, uv, h), 1.5, rtol=0.02)
 
 
 def test_the_disk_takes_holes():
     cut_mesh, _, layout = run(shapes.annulus(), "disk")
-    outer = cut_mesh.loops.half_edges[cut_mesh.loops.outer[cut_mesh.loops.loop_of]]
-    radius = np.abs(complex_of(layout.uv))[cut_mesh.faces.ravel()[outer]]
+    radius = np.abs(complex_of(layout.uv))[cut_mesh.faces.ravel()[outer(cut_mesh)]]
     assert np.ptp(radius) < 1e-9
     assert measure(cut_mesh, layout.uv).flips == 0

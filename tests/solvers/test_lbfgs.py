@@ -16,9 +16,9 @@ def bowls(weight, target, group):
     return energy
 
 
-def descended(count, weight, target, group, options, precondition=lambda g: g):
+def descended(count, weight, target, group, options):
     energy = bowls(weight, target, group)
-    return descend(energy, np.zeros_like(target), Groups(group, count), precondition, options)
+    return descend(energy, np.zeros_like(target), Groups(group, count), lambda g: g, options)
 
 
 def test_groups_are_independent_to_the_last_bit():
@@ -59,14 +59,9 @@ def test_every_accepted_step_lowers_the_energy_of_its_group_and_time_ends_it():
         def expired(self):
             return len(seen) == 4
 
-    found = descend(
-        bowls(weight, target, group),
-        np.zeros((8, 2)),
-        Groups(group, 2),
-        lambda g: g,
-        DescentOptions(1e-15, 100),
-        Watch(),
-    )
+    energy, groups = bowls(weight, target, group), Groups(group, 2)
+    options = DescentOptions(1e-15, 100)
+    found = descend(energy, np.zeros((8, 2)), groups, lambda g: g, options, Watch())
     assert len(seen) == 4
     assert (np.diff(seen) < 0).all()
     assert found.reasons == ["out of time"] * 2

@@ -104,13 +104,13 @@ def test_a_chart_is_given_up_only_where_its_floor_lies_above() -> None:
     cut_mesh, uv = mixed_charts()
     full = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10))
     least = full.energy[1]
-    hopeless = relax(cut_mesh, uv, RelaxOptions(give_up=float(1 + 0.5 * (least - 1))))
+    half = float(1 + 0.5 * (least - 1))
+    hopeless = relax(cut_mesh, uv, RelaxOptions(give_up=half))
     assert hopeless.stopped[1] == "gave up"
     assert 1 < hopeless.iterations[1] < full.iterations[1]
     begun = relax(cut_mesh, uv, RelaxOptions(max_iterations=3)).uv
     for early in (False, True):
-        asked = RelaxOptions(tolerance=1e-10, give_up=float(1 + 0.5 * (least - 1)), early=early)
-        again = relax(cut_mesh, begun, asked)
+        again = relax(cut_mesh, begun, RelaxOptions(tolerance=1e-10, give_up=half, early=early))
         assert again.stopped[1] == "gave up"
         assert again.iterations[1] == (1 if early else 2)
     kept = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10, give_up=float(1.01 * least)))
