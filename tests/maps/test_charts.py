@@ -56,23 +56,19 @@ def test_a_disk_in_two_charts(tmp_path: Path) -> None:
     np.testing.assert_allclose(image[on_seam, 0], 8 / 17, atol=1e-9)
 
 
-def test_other_charts_are_told(tmp_path: Path) -> None:
-    a = stored(tmp_path, "a", *tori.patchwork(24, 12, 4, 3))
-    b = stored(tmp_path, "b", *tori.patchwork(24, 12, 3, 3))
-    with pytest.raises(
-        TopologyError, match=r"a\.obj has 12 charts, 24 seams and 12 nodes, .*b\.obj has 9 charts"
-    ):
-        circparam.map_surfaces(a, b, charts=True)
-
-
-def test_a_ring_is_no_chart(tmp_path: Path) -> None:
-    a = stored(tmp_path, "a", *tori.patchwork(24, 12, 3, 1))
-    with pytest.raises(TopologyError, match="closed loop that meets no other"):
-        circparam.map_surfaces(a, a, charts=True)
-
-
-def test_a_layout_without_seams_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("first", "second", "says"),
+    [
+        ((4, 3), (3, 3), r"a\.obj has 12 charts, 24 seams and 12 nodes, .*b\.obj has 9 charts"),
+        ((3, 1), (3, 1), "closed loop that meets no other"),
+        ((), (), "no seam"),
+    ],
+)
+def test_layouts_without_charts_that_correspond(first, second, says, tmp_path: Path) -> None:
+    """The numbers of charts along the torus and round its tube; none is one chart that covers itself."""
     mesh = tori.torus(24, 12)
-    a = stored(tmp_path, "a", mesh, UVMap(mesh.points[:, :2].copy(), mesh.faces))
-    with pytest.raises(TopologyError, match="no seam"):
-        circparam.map_surfaces(a, a, charts=True)
+    plain = mesh, UVMap(mesh.points[:, :2].copy(), mesh.faces)
+    made = [tori.patchwork(24, 12, *counts) if counts else plain for counts in (first, second)]
+    a, b = (stored(tmp_path, name, *one) for name, one in zip("ab", made, strict=True))
+    with pytest.raises(TopologyError, match=says):
+        circparam.map_surfaces(a, b, charts=True)

@@ -154,41 +154,35 @@ def test_a_face_that_lies_on_others_goes_to_free_room(tmp_path: Path):
         transfer(source, [from_arrays(*doubled(0.4))])
 
 
-def test_another_shape_is_refused_with_the_place(tmp_path: Path):
-    fine = hill(12)
-    source = stored(tmp_path, "lod0", Mesh(*fine), two_charts(*fine))
-    bulge = fine[0].copy()
-    bulge[:, 2] += 0.6 * np.exp(-60 * ((fine[0][:, :2] - [0.25, 0.75]) ** 2).sum(1))
-    with pytest.raises(NoResultError, match=r"at \(0\.2\d* 0\.7.*% of the size away"):
-        transfer(source, [from_arrays(bulge, fine[1])])
-    with pytest.raises(NoResultError, match="same shape, place and size"):
-        transfer(source, [from_arrays(3 * fine[0], fine[1])])
+def shared_texels(layout: UVMap) -> UVMap:
+    """Its right chart lies on the left one."""
+    layout.uv[layout.uv[:, 1] > 0.43] -= [0.15 + 0.2, 0.45]
+    return layout
 
 
-def test_a_level_that_is_inside_out_is_refused_at_once(tmp_path: Path):
-    """Its charts would lie mirrored; the search for a layout without flips did not end."""
-    points, faces = hill(8)
-    layout = two_charts(points, faces)
-    first = from_arrays(points, faces, layout.uv, layout.uv_faces)
-    with pytest.raises(NoResultError, match="inside out"):
-        transfer(first, [(points, faces[:, ::-1])])
+POINTS, FACES = hill(12)
+LAYOUT = two_charts(POINTS, FACES)
+BULGE = 0.6 * np.exp(-60 * ((POINTS[:, :2] - [0.25, 0.75]) ** 2).sum(1, keepdims=True)) * [0, 0, 1]
+NO_MATCH = {
+    "bulge": (LAYOUT, (POINTS + BULGE, FACES), r"at \(0\.2\d* 0\.7.*% of the size away"),
+    "size": (LAYOUT, (3 * POINTS, FACES), "same shape, place and size"),
+    # its charts would lie mirrored; the search for a layout without flips did not end
+    "inside out": (LAYOUT, (POINTS, FACES[:, ::-1]), "inside out"),
+    # the message named the target and asked for a finer mesh, which has the same overlaps
+    "overlap": (
+        shared_texels(two_charts(POINTS, FACES)), hill(6),
+        r"given arrays: its charts overlap in uv.*circparam pack",
+    ),
+    "no uv": (None, hill(4), "no uv set 0"),
+}  # fmt: skip
 
 
-def test_a_first_mesh_whose_charts_share_texels_is_told_of(tmp_path: Path):
-    """The message named the target and asked for a finer mesh, which has the same overlaps."""
-    points, faces = hill(8)
-    uv = two_charts(points, faces)
-    right = uv.uv[:, 1] > 0.43
-    uv.uv[right] -= [0.15 + 0.2, 0.45]
-    with pytest.raises(
-        NoResultError, match=r"given arrays: its charts overlap in uv.*circparam pack"
-    ):
-        transfer(from_arrays(points, faces, uv.uv, uv.uv_faces), [hill(6)])
-
-
-def test_a_first_mesh_without_uv(tmp_path: Path):
-    with pytest.raises(InputError, match="no uv set 0"):
-        transfer(from_arrays(*hill(4)), [from_arrays(*hill(4))])
+@pytest.mark.parametrize("kind", NO_MATCH)
+def test_levels_that_do_not_match_are_refused(kind: str):
+    layout, level, says = NO_MATCH[kind]
+    uv = () if layout is None else (layout.uv, layout.uv_faces)
+    with pytest.raises(InputError if layout is None else NoResultError, match=says):
+        transfer(from_arrays(POINTS, FACES, *uv), [level])
 
 
 def test_the_command_writes_all_or_nothing(tmp_path: Path):

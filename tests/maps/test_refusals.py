@@ -44,32 +44,24 @@ MARKS = {
     "uncut": (TORUS, TORUS, ON_TORUS[[0, 1, 3]], "1 handle of 1 uncut"),
 }
 PATHS = {
-    "one": ([[FIRST]], "path 1: it names 1 landmark"),
-    "far": ([[FIRST, 10**6]], "path 1: vertex 1000000 of A is not a landmark"),
-    "no landmark": ([[FIRST, FIRST + 1]], "not a landmark"),
-    "there and back": ([[FIRST, SECOND, FIRST]], "joined already"),
+    "one landmark": ([FIRST], "path 1: it names 1 landmark"),
+    "far": ([FIRST, 10**6], "path 1: vertex 1000000 of A is not a landmark"),
+    "no landmark": ([FIRST, FIRST + 1], "not a landmark"),
+    "there and back": ([FIRST, SECOND, FIRST], "joined already"),
+}
+BAD = (InputError, TopologyError)
+PAIRS |= {name: (a, b, {"landmarks": x}, BAD, said) for name, (a, b, x, said) in MARKS.items()}
+PAIRS |= {
+    name: (TORUS, TORUS, {"landmarks": ON_TORUS, "paths": [path]}, InputError, said)
+    for name, (path, said) in PATHS.items()
 }
 
 
 @pytest.mark.parametrize("kind", PAIRS)
-def test_pairs_without_a_map(kind: str) -> None:
+def test_pairs_landmarks_and_paths_without_a_map(kind: str) -> None:
     a, b, words, error, message = PAIRS[kind]
     with pytest.raises(error, match=message):
         circparam.map_surfaces(a, b, **words)
-
-
-@pytest.mark.parametrize("kind", MARKS)
-def test_landmarks_that_name_nothing(kind: str) -> None:
-    a, b, marks, message = MARKS[kind]
-    with pytest.raises((InputError, TopologyError), match=message):
-        circparam.map_surfaces(a, b, landmarks=marks)
-
-
-@pytest.mark.parametrize("kind", PATHS)
-def test_paths_that_name_nothing(kind: str) -> None:
-    paths, message = PATHS[kind]
-    with pytest.raises(InputError, match=message):
-        circparam.map_surfaces(TORUS, TORUS, landmarks=ON_TORUS, paths=paths)
 
 
 @pytest.mark.parametrize(

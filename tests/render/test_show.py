@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.formats.io import read
-from circparam.mesh.mesh import UVMap
+from circparam.formats.document import Document
+from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.show import LARGEST_SIDE_TEXELS, page_images
-from tests.support.baking import sheet, write_obj
+from tests.support.baking import sheet, stored
+
+
+def textured(folder: Path) -> Document:
+    """A sheet with skin.png as its texture."""
+    (folder / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
+    points, faces = sheet(2)
+    return stored(folder, "a", Mesh(points, faces), UVMap(points[:, :2], faces), mtl="m.mtl")
 
 
 @pytest.mark.parametrize(("mode", "kind"), [("RGB", "JPEG"), ("RGBA", "PNG")])
@@ -20,10 +27,7 @@ def test_large_textures_are_scaled_down_and_keep_their_alpha(tmp_path: Path, mod
     image = Image.new(mode, (2 * LARGEST_SIDE_TEXELS, 64), right[: len(mode)])
     image.paste(left[: len(mode)], (0, 0, LARGEST_SIDE_TEXELS, 64))
     image.save(tmp_path / "skin.png")
-    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    points, faces = sheet(2)
-    write_obj(tmp_path / "a.obj", points, UVMap(points[:, :2].copy(), faces), faces, mtl="m.mtl")
-    found, why, notes = page_images(read(tmp_path / "a.obj"), 0)
+    found, why, notes = page_images(textured(tmp_path), 0)
     assert found is not None, why
     assert notes == []
     ((data, media),) = found.files
@@ -37,10 +41,7 @@ def test_large_textures_are_scaled_down_and_keep_their_alpha(tmp_path: Path, mod
 
 def test_small_textures_go_as_they_are(tmp_path: Path):
     Image.new("RGB", (16, 8), (1, 2, 3)).save(tmp_path / "skin.png")
-    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    points, faces = sheet(2)
-    write_obj(tmp_path / "a.obj", points, UVMap(points[:, :2].copy(), faces), faces, mtl="m.mtl")
-    document = read(tmp_path / "a.obj")
+    document = textured(tmp_path)
     found, _, _ = page_images(document, 0)
     assert found.files == [((tmp_path / "skin.png").read_bytes(), "image/png")]
     assert page_images(document, 1)[:2] == (None, "the texture belongs to uv set 0")

@@ -3,12 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-import circparam
 from circparam.bake.sampling import Closest
-from circparam.core.arrays import IntArray
-from circparam.errors import TopologyError
 from circparam.formats.document import Document
 from circparam.formats.io import read
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint, save_map
@@ -44,31 +40,15 @@ def written_belts(folder: Path, tail: str = "") -> tuple[Path, Path, Path]:
     return folder / f"a{tail}.obj", folder / f"b{tail}.obj", folder / f"m{tail}.npz"
 
 
-def check_mirrored(a: Mesh, b: Mesh, marks: IntArray, most: float) -> None:
-    """The mirror image of B is told, and mapped where it is meant: places within ``most`` sizes of A."""
-    mirror = Mesh(b.points * [1, 1, -1], b.faces[:, ::-1])
-    with pytest.raises(TopologyError, match="mirrored"):
-        circparam.map_surfaces(a, mirror, landmarks=marks)
-    found = circparam.map_surfaces(a, mirror, landmarks=marks, mirrored=True)
-    assert found.inversions == (0, 0)
-    image = found.map.to_b.of(mirror.points, mirror.faces)
-    size = np.linalg.norm(np.ptp(a.points, axis=0))
-    assert np.linalg.norm(image * [1, 1, -1] - a.points, axis=1).mean() < most * size
-
-
 def cube_obj(folder: Path) -> Document:
     """A cube of six polygons with normals and uv of their own, as modelling programs write it."""
     lines = [f"v {k & 1} {k >> 1 & 1} {k >> 2}" for k in range(8)]
     sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     lines += ["vn 0 0 -2", "vn 0 0 1", "vn 0 -1 0", "vn 0 1 0", "vn -1 0 0", "vn 1 0 0"]
-    for k in range(6):
-        u, v = (k % 3) / 3, (k // 3) / 2
-        lines += [
-            f"vt {u + a} {v + b}" for a, b in ((0.02, 0.02), (0.3, 0.02), (0.3, 0.45), (0.02, 0.45))
-        ]
+    corners = ((0.02, 0.02), (0.3, 0.02), (0.3, 0.45), (0.02, 0.45))
+    lines += [f"vt {k % 3 / 3 + a} {k // 3 / 2 + b}" for k in range(6) for a, b in corners]
     for k, side in enumerate(sides):
-        lines.append(
-            "f " + " ".join(f"{a + 1}/{4 * k + j + 1}/{k - 6}" for j, a in enumerate(side))
-        )
+        words = [f"{a + 1}/{4 * k + j + 1}/{k - 6}" for j, a in enumerate(side)]
+        lines.append(" ".join(["f", *words]))
     (folder / "cube.obj").write_text("\n".join(lines) + "\n")
     return read(folder / "cube.obj")
