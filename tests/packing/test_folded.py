@@ -28,7 +28,7 @@ def tube() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_mirrored_halves_are_packed_on_each_other(tmp_path: Path) -> None:
     points, faces, uv = tube()
     square, flat = shapes.grid(2, 2)
-    both, every = shapes.join((points, faces), (square + [0, 0, 3], flat))
+    both, every = shapes.join((points, faces), (square + np.array([0, 0, 3]), flat))
     document = from_arrays(both, every, np.concatenate([uv, square[:, :2] * 0.3]), every)
     old = document.uv()
     result = repack(document, tmp_path / "out.obj", resolution=512, padding=4)
