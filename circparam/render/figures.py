@@ -8,8 +8,6 @@ from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
-from circparam.mesh.mesh import Mesh, UVMap
-from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.verify import verify
 from circparam.render.colours import DISTORTION_END
 from circparam.render.scene import Scene
@@ -69,12 +67,11 @@ def counts(scene: Scene, options: PictureOptions) -> str:
 def scene_figures(scene: Scene) -> list[tuple[str, str]]:
     """The key figures of a scene, for pictures made without a report at hand; few where no face has an area."""
     once = scene.once
-    mesh, uvmap = Mesh(once.points, once.faces), UVMap(once.uv, once.uv_faces)
     try:
-        surface, _ = repair(mesh, RepairOptions(), uvmap)
-        return as_figures(verify(surface, uvmap, resolution=RASTER_TEXELS, padding=4).numbers())
+        found = verify(once.surface, once.uvmap, resolution=RASTER_TEXELS, padding=4)
     except InputError:
         return [("charts", f"{once.n_charts:,}"), ("flips", f"{int(once.flipped.sum()):,}")]
+    return as_figures(found.numbers())
 
 
 # names of measures in reports → their labels in pictures, in order
@@ -110,16 +107,16 @@ NAMES = {
 
 def as_figures(measures: Mapping[str, object] | Figures) -> list[tuple[str, str]]:
     """Measures as (label, text): known ones first, numbers rounded to readable digits; None is left out."""
-    pairs = dict(measures.items() if isinstance(measures, Mapping) else measures)
-    known = [name for name in NAMES if name in pairs]
-    order = [*known, *(name for name in pairs if name not in NAMES)]
+    pairs = dict(measures)
     out = []
-    for name in order:
-        value = pairs[name]
+    for name in dict.fromkeys([*NAMES, *pairs]):
+        value = pairs.get(name)
         if value is None or (name == "missing" and not value):
             continue
-        share = name in ("pack", "share_over_2") and isinstance(value, float)
-        text = f"{100 * value:.1f} %" if share and isinstance(value, float) else number_text(value)
+        if name in ("pack", "share_over_2") and isinstance(value, float):
+            text = f"{100 * value:.1f} %"
+        else:
+            text = number_text(value)
         out.append((NAMES.get(name, name.replace("_", " ")), text))
     return out
 

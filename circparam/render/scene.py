@@ -1,19 +1,18 @@
 """Content of a picture: a mesh with its uv, its charts, its seams, and the distortion of every face."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import (
     cross_areas,
-    edge_keys,
     group_sum,
     mask_of,
     next_half_edge,
     normals_of,
     numbered_rows,
-    relabel,
     unit,
 )
 from circparam.core.graph import components
@@ -27,6 +26,7 @@ from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import sort_by_edge
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.surface import Surface
 from circparam.mesh.weld import first_duplicates
 from circparam.pipeline.verify import flipped_faces
 
@@ -56,11 +56,9 @@ class Scene:
     @cached_property
     def copied(self) -> BoolArray:
         """(m,) faces that show another one again."""
-        out = np.zeros(len(self.faces), bool)
-        if self.source is not None:
-            out[:] = True
-            out[np.unique(self.source, return_index=True)[1]] = False
-        return out
+        m = len(self.faces)
+        source = np.arange(m) if self.source is None else self.source
+        return ~mask_of(m, np.unique(source, return_index=True)[1])
 
     @property
     def once(self) -> "Scene":
@@ -80,8 +78,7 @@ class Scene:
     @cached_property
     def used_points(self) -> FloatArray:
         """(p, 3) the points that some face uses."""
-        used = mask_of(len(self.points), self.faces)
-        return self.points[used]
+        return self.points[mask_of(len(self.points), self.faces)]
 
     @cached_property
     def inside_out(self) -> bool:
@@ -104,8 +101,7 @@ class Scene:
     @cached_property
     def uv_areas(self) -> FloatArray:
         """(m,) signed uv area of every face, 0 if it has none."""
-        c = np.nan_to_num(self.corner_uv)
-        return cross_areas(c) / 2
+        return cross_areas(np.nan_to_num(self.corner_uv)) / 2
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -114,8 +110,7 @@ class Scene:
 
     @cached_property
     def _crosses(self) -> FloatArray:
-        c = self.points[self.faces]
-        return normals_of(c)
+        return normals_of(self.points[self.faces])
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -158,13 +153,19 @@ class Scene:
         if self.base is not None and self.source is not None:
             return self.base.flipped[self.source]
         out = np.zeros(len(self.faces), bool)
-        try:
-            uvmap = UVMap(self.uv, self.uv_faces)
-            surface, _ = repair(Mesh(self.points, self.faces), RepairOptions(), uvmap)
-        except InputError:  # no face has an area
-            return out
-        out[surface.source] = flipped_faces(surface, uvmap)
+        with suppress(InputError):
+            out[self.surface.source] = flipped_faces(self.surface, self.uvmap)
         return out
+
+    @property
+    def uvmap(self) -> UVMap:
+        """The layout."""
+        return UVMap(self.uv, self.uv_faces)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface that reports judge; raises InputError where no face has an area."""
+        return repair(Mesh(self.points, self.faces), RepairOptions(), self.uvmap)[0]
 
     @cached_property
     def single(self) -> BoolArray:
@@ -199,13 +200,6 @@ class Scene:
         low = np.where(low - snap_low < 0.35, np.minimum(snap_low, low), low - margin)
         high = np.where(snap_high - high < 0.35, np.maximum(snap_high, high), high + margin)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-    @cached_property
-    def n_tiles(self) -> int:
-        """Number of unit tiles that hold a face, by its centre."""
-        tile = np.floor(self.corner_uv[self.mapped].mean(1))
-        tile -= tile.min(0)
-        return len(np.unique(tile[:, 0] * (tile[:, 1].max() + 1) + tile[:, 1]))
 
     @cached_property
     def outside(self) -> bool:
@@ -277,15 +271,11 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
     new_uv = uv[uv_faces[mapped].ravel()[first]]
     # components of the faces through shared edges, numbered by falling uv area; −1 without uv
     fid = np.flatnonzero(mapped)
-    rows = np.repeat(np.arange(len(fid)), 3)
-    a, b = joined[fid].ravel(), joined[fid][:, [1, 2, 0]].ravel()
-    edges, edge = np.unique(edge_keys(a, b, len(new_uv)), return_inverse=True)
-    _, labels = components(len(fid) + len(edges), rows, edge.reshape(-1) + len(fid))
-    n, label = relabel(labels[: len(fid)])
-    c = new_uv[joined[fid]]
-    area = group_sum(np.abs(cross_areas(c)), label, n)
-    rank = np.empty(n, np.int64)
-    rank[np.lexsort((np.arange(n), -area))] = np.arange(n)
+    runs = sort_by_edge(joined[fid], len(new_uv))
+    again = np.flatnonzero(~mask_of(len(runs.order), runs.head))  # on the edge of the one before
+    n, label = components(len(fid), runs.order[again - 1] // 3, runs.order[again] // 3)
+    area = group_sum(np.abs(cross_areas(new_uv[joined[fid]])), label, n)
+    rank = np.argsort(np.argsort(-area, kind="stable"))
     chart = np.full(len(joined), -1)
     chart[fid] = rank[label]
     return Scene(points, faces, weld, new_uv, joined, chart)

@@ -79,18 +79,16 @@ def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArr
     """A key light from the upper left, wrapped round the shape, over a soft sky."""
     n = np.stack([normal @ camera.right, normal @ camera.up, normal @ camera.back], 1)
     n[back] *= -1
-    key = (
-        np.clip(0.5 + 0.5 * (n @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))), 0, 1) ** 1.6
-    )
+    towards = n @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))
+    key = np.clip(0.5 + 0.5 * towards, 0, 1) ** 1.6
     sky = 0.5 + 0.5 * n[:, 1]
     return 0.42 + 0.56 * key + 0.10 * sky
 
 
 def _occlusion(z: FloatArray, pixel: IntArray, factor: int) -> FloatArray:
     """Darken pixels deeper than their surroundings (unsharp masking of the depth, Luft 2006)."""
-    small = z[
-        factor // 2 :: factor, factor // 2 :: factor
-    ]  # a soft effect: one sample a pixel is enough
+    # a soft effect: one sample a pixel is enough
+    small = z[factor // 2 :: factor, factor // 2 :: factor]
     mask = np.isfinite(small)
     if not mask.any():
         return np.ones(len(pixel))
@@ -128,19 +126,20 @@ def paint(
 def checker_colours(scene: Scene, view: View, cells: float) -> FloatArray:
     """(p, 3) a checker in the colours of the charts. cells: checker cells for one uv unit."""
     uv = interpolated(view.bary, scene.corner_uv[view.face])
-    return _chart_table(scene, (0.80, 0.18))[scene.chart[view.face], _checker(uv, cells)]
+    return _in_cells(scene, view.face, uv, cells, (0.80, 0.18))
 
 
-def _checker(uv: FloatArray, cells: float) -> IntArray:
-    """(p,) 0 or 1: the colour of the checker at each uv."""
-    step = np.floor(np.nan_to_num(uv) * cells)
-    return ((step[:, 0] + step[:, 1]) % 2).astype(np.int64)
+def _in_cells(
+    scene: Scene, face: IntArray, uv: FloatArray, cells: float, pale: tuple[float, float]
+) -> FloatArray:
+    """(p, 3) the colours of the charts of faces (p,) at uv (p, 2), paler in every other cell.
 
-
-def _chart_table(scene: Scene, pale: tuple[float, float]) -> FloatArray:
-    """(n_charts + 1, 2, 3) two shades of every chart's colour, by how much white they hold; last: no uv."""
-    base = col.chart_colours(np.r_[np.arange(scene.n_charts), -1])
-    return np.stack([col.mix(base, np.ones(3), t) for t in pale], 1)
+    pale: the share of white in both kinds of cells.
+    """
+    base = col.chart_colours(np.r_[np.arange(scene.n_charts), -1])  # the last: no uv
+    table = np.stack([col.mix(base, np.ones(3), t) for t in pale], 1)
+    step = np.floor(np.nan_to_num(uv) * cells).sum(1)
+    return table[scene.chart[face], (step % 2).astype(np.int64)]
 
 
 def distortion_colours(scene: Scene, faces: IntArray, top: float) -> FloatArray:
@@ -172,13 +171,12 @@ def checker_cells(scene: Scene, across: float = 26.0) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The layout in the plane, rasterised. share: covered part of the tiles in use.
+    """The layout in the plane, rasterised.
 
     image: (h, w, 3). overlap: part of the covered samples that more than one face covers.
     """
 
     image: FloatArray
-    share: float
     overlap: float
 
 
@@ -206,12 +204,8 @@ def draw_plan(
     pixel = np.flatnonzero(face.ravel() >= 0)
     seen = face.ravel()[pixel]
     flat = image.reshape(-1, 3)
-    shade = np.zeros(len(pixel), np.int64)
-    if cells:
-        at = np.stack([pixel % n + 0.5, -(pixel // n) - 0.5], 1) / unit + origin
-        shade = _checker(at, cells)
-    table = _chart_table(scene, (0.62, 0.42) if cells else (0.52, 0.52))
-    flat[pixel] = table[scene.chart[seen], shade]
+    at = np.stack([pixel % n + 0.5, -(pixel // n) - 0.5], 1) / unit + origin
+    flat[pixel] = _in_cells(scene, seen, at, cells, (0.62, 0.42) if cells else (0.52, 0.52))
     flat[pixel[scene.flipped[seen]]] = col.rgb(col.FLIP)
     double = layers.ravel()[pixel] > 1
     stripe = ((pixel % n + pixel // n) // (3 * factor)) % 2 == 0
@@ -222,11 +216,8 @@ def draw_plan(
     mask = draw_lines(a, b, image.shape[:2], 0.62 * factor * weight)[..., None]
     strength = 0.85 * np.sqrt(weight)
     image[:] = image * (1 - strength * mask) + col.rgb(col.INK) * strength * mask
-    return Plan(
-        np.clip(shrink(image, factor), 0, 1),
-        len(pixel) / (scene.n_tiles * unit**2),
-        float(double.mean()) if len(pixel) else 0.0,
-    )
+    overlap = float(double.mean()) if len(pixel) else 0.0
+    return Plan(np.clip(shrink(image, factor), 0, 1), overlap)
 
 
 def _tile_ground(
@@ -234,7 +225,7 @@ def _tile_ground(
 ) -> FloatArray:
     """Panel on paper with a hairline round every tile; the unit square is the palest part."""
     u0, v0, u1, v1 = bounds
-    image = np.ones((n, n, 3), np.float64)
+    image = np.ones((n, n, 3))
 
     def column(u: float) -> int:
         return round(float((u - origin[0]) * unit))

@@ -61,18 +61,16 @@ def test_faces_without_uv_are_grey():
     assert image.size == (1600, 1010)
 
 
-def test_layout_share_overlap_and_tiles():
+def test_the_part_of_a_layout_that_overlaps():
     points, faces, uv, uv_faces = cube()
     scene = make_scene(points, faces, uv, uv_faces)
     plan = draw_plan(scene, 256)
-    assert plan.share == pytest.approx(0.64, abs=0.01)
     assert plan.overlap == 0
     half = np.concatenate([uv[:12], uv[:12]])  # the second half lies on the first
     plan = draw_plan(make_scene(points, faces, half, uv_faces), 256)
-    assert plan.share == pytest.approx(0.32, abs=0.01)
     assert plan.overlap == pytest.approx(1.0, abs=0.01)
     nothing = draw_plan(make_scene(points, faces, 0 * uv, uv_faces), 16)
-    assert (nothing.share, nothing.overlap) == (0, 0)
+    assert nothing.overlap == 0
 
 
 def test_a_face_that_is_there_twice_is_no_overlap():
@@ -85,7 +83,6 @@ def test_a_face_that_is_there_twice_is_no_overlap():
     assert len(once.seams)
     plan = draw_plan(scene, 256)
     assert plan.overlap == 0
-    assert plan.share == pytest.approx(0.64, abs=0.01)
 
 
 def test_uv_outside_the_unit_square_is_shown():
@@ -93,8 +90,6 @@ def test_uv_outside_the_unit_square_is_shown():
     scene = make_scene(points, faces, uv * 3, uv_faces)
     assert scene.outside
     assert scene.bounds == pytest.approx((0, 0, 3, 3))
-    plan = draw_plan(scene, 90, 1)
-    assert plan.share == pytest.approx(5.76 / 6, abs=0.02)  # six tiles hold the centre of a face
     corner = make_scene(points, faces, uv + np.array([5.0, 7.0]), uv_faces)
     u0, v0, u1, v1 = corner.bounds
     assert (u0, v0) == (0, 0)  # the unit square stays in the picture
