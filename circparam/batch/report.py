@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from circparam._version import __version__
 from circparam.batch.index import STORED_FIGURES, Index
 from circparam.batch.progress import LINE_STATUSES, printable
 from circparam.batch.store import Folder, again, root_store
-from circparam.compare.rows import Entry
 from circparam.core.types import FloatArray
 from circparam.formats.io import read
 from circparam.render import colours as col
 from circparam.render.compare_page import png_url
-from circparam.render.html import fill_in, page_style, viewer_file
+from circparam.render.scene import make_scene
 from circparam.render.side_by_side import draw_layouts
+from circparam.render.templates import document as whole_page
+from circparam.render.templates import fill_in, page_style, viewer_file
 
 PAGE_NAME, TABLE_NAME = "report.html", "report.csv"
 MOST_TABLE_ROWS = 10_000  # of the table in the page; report.csv has all
@@ -83,17 +83,18 @@ def report_page(folder: Folder, index: Index) -> str:
         {"heads": columns, "kinds": LINE_STATUSES, "rows": rows}, separators=(",", ":")
     )
     colours = {"WARN": col.CHARTS[5], **{kind.upper(): _COLOURS[kind] for kind in LINE_STATUSES}}
-    fields = {
-        "VERSION": __version__,
-        "TITLE": f"Batch: {sum(counts.values()):,} meshes",
-        "NOTE": html.escape(readable(folder.address.encode("utf-8", "surrogateescape"))),
-        "STYLE": page_style("compare.css") + fill_in(viewer_file("batch.css"), colours),
-        "SECTIONS": "\n".join(filter(None, sections)),
-        "ROWS_NOTE": note if cut else "",
-        "DATA": data.replace("<", "\\u003c"),
-        "SCRIPT": viewer_file("batch.js"),
-    }
-    return fill_in(viewer_file("batch.html"), fields)
+    return whole_page(
+        f"Batch: {sum(counts.values()):,} meshes",
+        readable(folder.address.encode("utf-8", "surrogateescape")),
+        page_style("compare.css") + fill_in(viewer_file("batch.css"), **colours),
+        fill_in(
+            viewer_file("batch.html"),
+            SECTIONS="\n".join(filter(None, sections)),
+            ROWS_NOTE=note if cut else "",
+            DATA=data.replace("<", "\\u003c"),
+        ),
+        viewer_file("batch.js"),
+    )
 
 
 _COLOURS = {kind: col.CHARTS[k] for kind, k in zip(LINE_STATUSES, (2, 4, 1, 5), strict=True)}
@@ -269,10 +270,8 @@ def thumbnails(folder: Folder, name: str) -> list[str]:
         uvmap = document.uv(document.uv_sets[-1]) if document.uv_sets else None
         if uvmap is None:
             return []
-        row = Entry("", "ok", uvmap=uvmap)
-        (drawn,) = draw_layouts(document.mesh, [row], THUMBNAIL_PIXELS)
-        if drawn.images is not None:
-            layout, checker, _ = drawn.images
+        scene = make_scene(document.mesh.points, document.mesh.faces, uvmap.uv, uvmap.uv_faces)
+        for layout, checker, _ in filter(None, draw_layouts([scene], THUMBNAIL_PIXELS)):
             return [png_url(checker), png_url(layout)]
     return []
 

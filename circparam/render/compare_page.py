@@ -4,8 +4,8 @@ Bar charts are SVG, on a logarithmic scale where values spread over more than a 
 """
 
 import base64
-import html
 import io
+import itertools
 import math
 import os
 from collections.abc import Sequence
@@ -13,31 +13,22 @@ from typing import Any
 
 from PIL import Image, ImageDraw
 
-from circparam._version import __version__
 from circparam.compare.rows import Comparison, Entry
 from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.figures import PictureOptions
-from circparam.render.html import (
-    PageLayout,
-    aspect,
-    drawable,
-    escaped,
-    fill_in,
-    page_style,
-    viewer,
-    viewer_file,
-    viewer_script,
-)
+from circparam.render.html import PageLayout, aspect, drawable, viewer, viewer_script
 from circparam.render.picture import draw_scale
+from circparam.render.scene import Scene
 from circparam.render.side_by_side import (
     COLUMNS,
-    DrawnLayout,
+    Pictures,
     caption,
     cell_text,
     draw_layouts,
     scenes_of,
 )
+from circparam.render.templates import document, page_style, piece, viewer_file
 from circparam.render.text import fitted, width, write
 
 STAGE_COLOURS = (col.CHARTS[0], col.CHARTS[1], col.CHARTS[4], col.CHARTS[2])
@@ -47,81 +38,91 @@ LETTER_WIDTH = 8.0
 CHART_UNITS, BAR_UNITS, ROW_UNITS = 640, 300, 30
 LEAST_DRAWN_VALUE = 1e-4  # lower values are drawn as this one: nobody tells them apart
 PLOT_COLUMNS = 5  # layouts beside each other in an image
+PLOT_PIXELS, GAP_PIXELS, MARGIN_PIXELS = 280, 20, 40  # side of a picture, space between, and around
 MOST_INTERVALS = 6  # so many intervals at most: their labels stand apart
 LARGEST_DRAWN_VALUE = 1e12  # collapsed faces: no scale reaches so far
+TABLE1_HEADS = (
+    "vertices", "circle, ms", "Floater, ms", "Floater / circle", "of the weights alone", "in the source",
+)  # fmt: skip
 
 
 def compare_page(meshes: Sequence[Comparison], sizes: Sequence[Any] = ()) -> str:
     """The page as text: the viewer, then one section a mesh, then Table 1 if it was measured."""
     title = ", ".join(_title(m) for m in meshes) or "Table 1"
     layouts: list[PageLayout] = []
-    numbers: list[list[int | None]] = []
+    sections = []
     for k, shown in enumerate(meshes):
-        mine: list[int | None] = []
-        for row, scene in zip(shown.rows, scenes_of(shown.shape, shown.rows), strict=True):
-            mine.append(None if scene is None else len(layouts))
+        scenes = scenes_of(shown.shape, shown.rows)
+        sections.append(_section(shown, scenes, len(layouts)))
+        for row, scene in zip(shown.rows, scenes, strict=True):
             if scene is not None:
-                look = PictureOptions(title=_title(shown))
                 known = [(COLUMNS[k], cell_text(k, row.figure(k))) for k in COLUMNS]
                 figures = [("status", row.status), *(pair for pair in known if pair[1] != "–")]
+                look = PictureOptions(title=_title(shown))
                 layouts.append(PageLayout(row.method, scene, look, figures, k))
-        numbers.append(mine)
-    sections = [_section(m, numbers[k]) for k, m in enumerate(meshes)]
     if sizes:
         sections.append(_table1(sizes))
-    fields = {
-        "VERSION": __version__,
-        "TITLE": escaped(f"{title}: methods side by side"),
-        "ASPECT": f"{aspect(layouts):.4g}" if layouts else "1",
-        "STYLE": page_style("style.css") + viewer_file("compare.css"),
-        "VIEWER": viewer(drawable(layouts), (), [_title(m) for m in meshes]) if layouts else "",
-        "SECTIONS": "\n".join(sections),
-        "SCRIPT": viewer_file("sort.js") + (viewer_script() if layouts else ""),
-    }
-    return fill_in(viewer_file("compare.html"), fields)
+    content = '<div id="report">\n' + "\n".join(sections) + "\n</div>"
+    script, shape = viewer_file("sort.js"), "1"
+    if layouts:
+        names = [_title(m) for m in meshes]
+        content = viewer(drawable(layouts), (), names) + content
+        script, shape = script + viewer_script(), f"{aspect(layouts):.4g}"
+    return document(
+        f"{title}: methods side by side",
+        "",
+        page_style("style.css") + viewer_file("compare.css"),
+        content,
+        script,
+        f' class="report" style="--aspect: {shape}"',
+    )
 
 
 def _title(shown: Comparison) -> str:
     return os.path.basename(shown.mesh)
 
 
-def _section(shown: Comparison, numbers: Sequence[int | None]) -> str:
-    drawn = draw_layouts(shown.shape, shown.rows)
-    cards = "".join(_card(d, n) for d, n in zip(drawn, numbers, strict=True))
-    ramp = ",".join(col.hex_code(c) for c in col.distortion_map(16))
+def _section(shown: Comparison, scenes: Sequence[Scene | None], first: int) -> str:
+    """Pictures, figures and plots of a mesh. first: number of its first layout in the viewer."""
+    numbers = itertools.count(first)
+    drawn = zip(shown.rows, draw_layouts(scenes), strict=True)
+    cards = [_card(row, p, None if p is None else next(numbers)) for row, p in drawn]
     flips = any(row.figure("flips") for row in shown.rows)
-    chip = (
-        f'<i class="chip" style="background:{col.FLIP}"></i><span>flipped</span>' if flips else ""
-    )
-    legend = (
-        '<p class="legend">Distortion: <span>1 is perfect</span>'
-        f'<i style="background:linear-gradient(90deg,{ramp})">'
-        f"</i><span>{col.DISTORTION_END:g} or more</span>{chip}</p>"
-    )
-    return (
-        f"<section><h2>{escaped(_title(shown))}</h2><p>{shown.faces:,} faces, cut {escaped(shown.cut)}</p>"
-        f'{legend}<div class="cards">{cards}</div>'
-        f"{_table(shown.rows, _title(shown))}"
-        f'<div class="plots">{bars(shown.rows, "seconds", "Seconds")}'
-        f"{bars(shown.rows, 'distortion', 'Distortion (1 is perfect), bars from 1')}</div></section>"
+    return piece(
+        "compared",
+        title=_title(shown),
+        faces=f"{shown.faces:,}",
+        cut=shown.cut,
+        ramp=",".join(col.hex_code(c) for c in col.distortion_map(16)),
+        end=f"{col.DISTORTION_END:g}",
+        FLIPS=piece("flips", colour=col.FLIP) if flips else "",
+        CARDS="".join(cards),
+        TABLE=_table(shown.rows, _title(shown)),
+        PLOTS=bars(shown.rows, "seconds", "Seconds")
+        + bars(shown.rows, "distortion", "Distortion (1 is perfect), bars from 1"),
     )
 
 
-def _card(drawn: DrawnLayout, number: int | None) -> str:
+def _card(row: Entry, pictures: Pictures | None, number: int | None) -> str:
     """Pictures of a row, and a button that shows it in the viewer."""
-    row = drawn.row
-    badge = "" if row.status == "ok" else f'<em class="{row.status}">{row.status}</em>'
-    head = f"<h3>{escaped(row.method)}{badge}</h3>"
-    if drawn.images is None:
-        reason = escaped(row.error or "no layout")
-        return f'<article>{head}<p class="empty">{reason}</p></article>'
-    pictures = "".join(
-        f'<img alt="{what} of {escaped(row.method)}" src="{png_url(image)}" '
-        f'width="{image.width}" height="{image.height}">'
-        for what, image in zip(("layout", "checker", "distortion"), drawn.images, strict=True)
-    )
-    button = f'<p><button type="button" data-show="{number}">Show large</button></p>'
-    return f"<article>{head}{pictures}<p>{escaped(caption(row))}</p>{button}</article>"
+    if pictures is None:
+        content = piece("empty", reason=row.error or "no layout")
+    else:
+        named = zip(("layout", "checker", "distortion"), pictures, strict=True)
+        shown = "".join(
+            piece(
+                "picture",
+                what=what,
+                method=row.method,
+                url=png_url(image),
+                width=image.width,
+                height=image.height,
+            )
+            for what, image in named
+        )
+        content = piece("shown", PICTURES=shown, caption=caption(row), number=number)
+    badge = "" if row.status == "ok" else piece("badge", status=row.status)
+    return piece("card", method=row.method, BADGE=badge, CONTENT=content)
 
 
 def png_url(image: Image.Image) -> str:
@@ -135,26 +136,22 @@ def _table(rows: Sequence[Entry], title: str) -> str:
     """All figures, a column only where some row has a value; a click on a heading sorts."""
     keys = [k for k in COLUMNS if any(r.figure(k) is not None for r in rows)]
     best = {k: _best(rows, k) for k in keys}
-    heads = "".join(
-        f'<th scope="col"><button type="button">{escaped(COLUMNS[k])}</button></th>' for k in keys
-    )
     body = []
     for row in rows:
         cells = ""
         for k in keys:
-            value, least = row.figure(k), best[k]
-            mark = (
-                " class=best" if row.status == "ok" and least is not None and value == least else ""
-            )
+            value = row.figure(k)
             number = "" if value is None else repr(float(value))
-            cells += f'<td data-value="{number}"{mark}>{cell_text(k, value)}</td>'
-        name = escaped(row.method)
-        body.append(f'<tr><th scope="row" data-value="{name}">{name}</th>{cells}</tr>')
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="Figures of {escaped(title)}">'
-        '<table class="sortable"><thead><tr><th scope="col">'
-        f'<button type="button">method</button></th>{heads}</tr></thead>'
-        f"<tbody>{''.join(body)}</tbody></table></div>"
+            first = row.status == "ok" and value is not None and value == best[k]
+            mark = " class=best" if first else ""
+            cells += piece("cell", value=number, BEST=mark, text=cell_text(k, value))
+        body.append(piece("row", name=row.method, CELLS=cells))
+    return piece(
+        "table",
+        label=f"Figures of {title}",
+        SORTABLE=' class="sortable"',
+        HEADS="".join(piece("sorting", text=t) for t in ("method", *(COLUMNS[k] for k in keys))),
+        ROWS="".join(body),
     )
 
 
@@ -169,28 +166,18 @@ def _best(rows: Sequence[Entry], key: str) -> float | None:
 
 def _table1(sizes: Sequence[Any]) -> str:
     """Table 1 of the source, measured again: medians in milliseconds, and both ratios."""
-    rows = []
+    rows = ""
     for s in sizes:
-        paper = "–" if s.paper_ratio is None else f"{s.paper_ratio:.3f}"
-        rows.append(
-            f"<tr><th scope=row>{s.vertices}</th><td>{1e3 * s.circle.median:.3g}</td>"
-            f"<td>{1e3 * s.floater.median:.3g}</td><td>{s.ratio:.3f}</td>"
-            f"<td>{s.weights_ratio:.3f}</td><td>{paper}</td></tr>"
-        )
-    heads = "".join(
-        f'<th scope="col">{name}</th>'
-        for name in (
-            "vertices", "circle, ms", "Floater, ms", "Floater / circle", "of the weights alone",
-            "in the source",
-        )
-    )  # fmt: skip
-    return (
-        "<section><h2>Circle and Floater on the sizes of Table 1</h2>"
-        "<p>Medians from the cut mesh to uv. The source (Kim 2019) gives no unit; ratios can be compared, "
-        'times cannot.</p><div class="scroll" tabindex="0" role="region" aria-label="Table 1">'
-        f"<table><thead><tr>{heads}</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table></div></section>"
-    )
+        texts = [
+            *(f"{1e3 * times.median:.3g}" for times in (s.circle, s.floater)),
+            *(f"{ratio:.3f}" for ratio in (s.ratio, s.weights_ratio)),
+            "–" if s.paper_ratio is None else f"{s.paper_ratio:.3f}",
+        ]
+        cells = "".join(piece("only", text=text) for text in texts)
+        rows += piece("figures", SCOPE=" scope=row", label=s.vertices, CELLS=cells)
+    heads = "".join(piece("head", text=name) for name in TABLE1_HEADS)
+    table = piece("table", label="Table 1", SORTABLE="", HEADS=heads, ROWS=rows)
+    return piece("table1", TABLE=table)
 
 
 def compare_plot(meshes: Sequence[Comparison]) -> Image.Image:
@@ -198,50 +185,54 @@ def compare_plot(meshes: Sequence[Comparison]) -> Image.Image:
 
     A mesh with one row has its three pictures beside each other.
     """
-    size, gap, margin, head = 280, 20, 40, 76
-    drawn = [(m, draw_layouts(m.shape, m.rows, size)) for m in meshes]
-    # room for a name, three pictures and a line of figures
+    head = 76
     cards = []
-    for _, rows in drawn:
-        each = [[i.height + 6 for i in row.images] for row in rows if row.images is not None]
-        tallest = max([max(h) if len(rows) == 1 else sum(h) for h in each], default=60)
-        cards.append(34 + tallest + 40)
-    widest = max(3 if len(d) == 1 else min(PLOT_COLUMNS, len(d)) for _, d in drawn)
-    wide = max(2 * margin + widest * size + (widest - 1) * gap, 660)
+    for shown in meshes:
+        drawn = draw_layouts(scenes_of(shown.shape, shown.rows), PLOT_PIXELS)
+        alone = len(shown.rows) == 1
+        cards.append([_plot_card(*pair, alone) for pair in zip(shown.rows, drawn, strict=True)])
+    step = PLOT_PIXELS + GAP_PIXELS
+    widest = max(3 if len(row) == 1 else min(PLOT_COLUMNS, len(row)) for row in cards)
+    wide = max(2 * MARGIN_PIXELS + widest * step - GAP_PIXELS, 660)
+    tallest = [max(card.height for card in row) for row in cards]
     heights = [
-        head + c * -(-len(d) // PLOT_COLUMNS) for c, (_, d) in zip(cards, drawn, strict=True)
+        head + tall * -(-len(row) // PLOT_COLUMNS) for tall, row in zip(tallest, cards, strict=True)
     ]
-    page = Image.new("RGB", (wide, sum(heights) + margin // 2), col.PAPER)
+    page = Image.new("RGB", (wide, sum(heights) + MARGIN_PIXELS // 2), col.PAPER)
     draw = ImageDraw.Draw(page)
     y = 0
-    for (shown, rows), card, height in zip(drawn, cards, heights, strict=True):
-        left = draw_scale(page, draw, wide - margin, y + 32, col.DISTORTION_END, "distortion 1")
-        title = fitted(draw, _title(shown), 26, left - margin - 24)
-        write(draw, (margin, y + 26), title, 26, col.INK)
-        for k, row in enumerate(rows):
-            x = margin + (k % PLOT_COLUMNS) * (size + gap)
-            _plot_card(page, draw, x, y + head + (k // PLOT_COLUMNS) * card, row, len(rows) == 1)
+    for shown, row, tall, height in zip(meshes, cards, tallest, heights, strict=True):
+        right = wide - MARGIN_PIXELS
+        left = draw_scale(page, draw, right, y + 32, col.DISTORTION_END, "distortion 1")
+        title = fitted(draw, _title(shown), 26, left - MARGIN_PIXELS - 24)
+        write(draw, (MARGIN_PIXELS, y + 26), title, 26, col.INK)
+        for k, card in enumerate(row):
+            down, across = divmod(k, PLOT_COLUMNS)
+            page.paste(card, (MARGIN_PIXELS + across * step, y + head + down * tall))
         y += height
     return page
 
 
-def _plot_card(
-    page: Image.Image, draw: ImageDraw.ImageDraw, x: int, y: int, drawn: DrawnLayout, across: bool
-) -> None:
-    row = drawn.row
-    write(draw, (x, y), row.method, 20, col.INK)
+def _plot_card(row: Entry, pictures: Pictures | None, across: bool) -> Image.Image:
+    """A name, three pictures below or beside each other, and a line of figures."""
+    images = pictures or ()
+    wide = 3 * PLOT_PIXELS + 2 * GAP_PIXELS if across else PLOT_PIXELS
+    each = [image.height + 6 for image in images] or [60]
+    bottom = 34 + (max(each) if across else sum(each))
+    card = Image.new("RGB", (wide, bottom + 40), col.PAPER)
+    draw = ImageDraw.Draw(card)
+    write(draw, (0, 0), row.method, 20, col.INK)
     if row.status != "ok":
-        write(draw, (x + width(draw, row.method, 20) + 12, y + 4), row.status, 16, col.WARN)
-    if drawn.images is None:
-        write(draw, (x, y + 60), "no layout", 16, col.MUTED)
-        return
-    left, top, bottom = x, y + 34, y + 34
-    for image in drawn.images:
-        page.paste(image, (left, top))
-        bottom = max(bottom, top + image.height + 6)
-        left, top = (left + image.width + 20, top) if across else (left, bottom)
-    room = 3 * 280 + 2 * 20 if across else 280
-    write(draw, (x, bottom + 2), fitted(draw, caption(row), 16, room), 16, col.MUTED)
+        write(draw, (width(draw, row.method, 20) + 12, 4), row.status, 16, col.WARN)
+    x, y = 0, 34
+    for image in images:
+        card.paste(image, (x, y))
+        x, y = (x + image.width + GAP_PIXELS, y) if across else (x, y + image.height + 6)
+    if images:
+        write(draw, (0, bottom + 2), fitted(draw, caption(row), 16, wide), 16, col.MUTED)
+    else:
+        write(draw, (0, 60), "no layout", 16, col.MUTED)
+    return card
 
 
 @dataclass(frozen=True)
@@ -294,52 +285,41 @@ def bars(rows: Sequence[Entry], key: str, title: str) -> str:
     left = 16 + LETTER_WIDTH * max((len(row.method) for row in rows), default=0)
     top = 60 if scale.logarithmic else 36
     bottom = top + len(rows) * ROW_UNITS
+    how = f"{title}, logarithmic" if scale.logarithmic else title
+    drawn = [_text(0, 16, how, "title")]
     # thin lines at the decades, with their values above them
-    lines = []
     for mark, share in scale.ticks:
         x = left + BAR_UNITS * share
-        lines.append(f'<path class="tick" d="M{x:.1f},{top - 8}V{bottom}"/>')
-        text = f"{base + mark:g}"
-        lines.append(
-            f'<text x="{x:.1f}" y="{top - 14}" text-anchor="middle" class="small">{text}</text>'
-        )
+        drawn.append(f'<path class="tick" d="M{x:.1f},{top - 8}V{bottom}"/>')
+        drawn.append(_text(x, top - 14, f"{base + mark:g}", "small", "middle"))
     for k, (row, value) in enumerate(zip(rows, values, strict=True)):
         y = top + k * ROW_UNITS
-        name = html.escape(row.method)
-        lines.append(f'<text x="{left - 12:g}" y="{y + 14}" text-anchor="end">{name}</text>')
-        if value is None:
-            lines.append(f'<text x="{left + 8:g}" y="{y + 14}" class="muted">no value</text>')
-            continue
-        length = BAR_UNITS * scale(value - base)
+        drawn.append(_text(left - 12, y + 14, row.method, "method", "end"))
+        said, length = "no value", 0.0
+        if value is not None:
+            said, length = cell_text(key, value), BAR_UNITS * scale(value - base)
         x = float(left)
-        for share, colour in bar_parts(row, stages):
-            part = length * share
-            lines.append(
-                f'<rect x="{x:.1f}" y="{y}" width="{part:.1f}" height="19" fill="{colour}"/>'
-            )
-            x += part
-        text = cell_text(key, value)
-        lines.append(f'<text x="{x + 8:.1f}" y="{y + 14}" class="muted">{text}</text>')
-    lines += _key(stages, bottom + 8)
-    how = f"{title}, logarithmic" if scale.logarithmic else title
-    wide = max(left + BAR_UNITS + 16 + LETTER_WIDTH * 12, CHART_UNITS)
-    return (
-        f'<svg class="plot" viewBox="0 0 {wide:g} {bottom + 30}" role="img" aria-label="{html.escape(how)}">'
-        f'<text x="0" y="16" class="title">{html.escape(how)}</text>{"".join(lines)}</svg>'
-    )
-
-
-def _key(stages: Sequence[str], y: float) -> list[str]:
-    """Which colour is which stage."""
-    out, x = [], 0.0
-    for name, colour in [
-        *zip(stages, STAGE_COLOURS, strict=False),
-        *([("other", REST_COLOUR)] * bool(stages)),
-    ]:
-        out.append(f'<rect x="{x:g}" y="{y:g}" width="12" height="12" fill="{colour}"/>')
-        out.append(f'<text x="{x + 18:g}" y="{y + 11:g}" class="muted">{html.escape(name)}</text>')
+        for share, colour in bar_parts(row, stages) if length else ():
+            drawn.append(_rectangle(x, y, length * share, 19, colour))
+            x += length * share
+        drawn.append(_text(x + 8, y + 14, said, "muted"))
+    # which colour is which stage
+    names = [*stages, "other"] if stages else []
+    x, y = 0.0, bottom + 8
+    for name, colour in zip(names, (*STAGE_COLOURS[: len(stages)], REST_COLOUR), strict=False):
+        drawn += [_rectangle(x, y, 12, 12, colour), _text(x + 18, y + 11, name, "muted")]
         x += 34 + LETTER_WIDTH * len(name)
-    return out
+    wide = max(left + BAR_UNITS + 16 + LETTER_WIDTH * 12, CHART_UNITS)
+    view = f"0 0 {wide:g} {bottom + 30}"
+    return piece("plot", view=view, label=how, DRAWN="".join(drawn))
+
+
+def _text(x: float, y: float, text: str, kind: str, anchor: str = "start") -> str:
+    return piece("text", x=f"{x:g}", y=y, text=text, kind=kind, anchor=anchor)
+
+
+def _rectangle(x: float, y: float, wide: float, high: float, colour: str) -> str:
+    return f'<rect x="{x:.1f}" y="{y}" width="{wide:.1f}" height="{high}" fill="{colour}"/>'
 
 
 def bar_parts(row: Entry, stages: Sequence[str]) -> list[tuple[float, str]]:

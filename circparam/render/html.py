@@ -5,17 +5,13 @@ other: before and after, or those of several methods. ``packed`` says how the ge
 """
 
 import base64
-import html
 import json
-import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from importlib import resources
 from typing import Any
 
 import numpy as np
 
-from circparam._version import __version__
 from circparam.core.arrays import group_count, group_sum, next_half_edge
 from circparam.core.records import dataclass
 from circparam.render import colours as col
@@ -24,6 +20,7 @@ from circparam.render.coarser import MOST_PAGE_FACES, coarser
 from circparam.render.figures import Figures, PageImages, PictureOptions, counts, scene_figures
 from circparam.render.packed import box, pack_geometry, uv_span
 from circparam.render.scene import Scene
+from circparam.render.templates import document, fill_in, page_style, piece, viewer_file
 from circparam.render.views import checker_cells, layout_line_weight
 
 SCRIPTS = [
@@ -79,16 +76,14 @@ def page(
     layouts = drawable(layouts)
     drawn = layouts[-1].scene
     part = "" if scene is drawn else f" · drawn with {len(drawn.faces):,} of the faces"
-    fields = {
-        "VERSION": __version__,
-        "TITLE": escaped(options.title),
-        "NOTE": escaped(counts(scene, options) + part),
-        "ASPECT": f"{aspect(layouts):.4g}",
-        "STYLE": page_style("style.css"),
-        "VIEWER": viewer(layouts, options.repairs, active=len(layouts) - 1),
-        "SCRIPT": viewer_script(),
-    }
-    return fill_in(viewer_file("page.html"), fields)
+    return document(
+        options.title,
+        counts(scene, options) + part,
+        page_style("style.css"),
+        viewer(layouts, options.repairs, active=len(layouts) - 1),
+        viewer_script(),
+        f' style="--aspect: {aspect(layouts):.4g}"',
+    )
 
 
 def viewer(
@@ -126,27 +121,23 @@ def viewer(
     meta["layouts"] = [
         {**_meta(each), "sections": p.sections} for each, p in zip(layouts, packed, strict=True)
     ]
-    lines = "".join(f"<li>{escaped(line)}</li>" for line in repairs)
-    fields = {
-        "HINT": HINT,
-        "LAYOUTS": _choice(layouts, meshes),
-        "PANELS": "".join(_panels(k, each, len(layouts)) for k, each in enumerate(layouts)),
-        "FIGURES": _table(layouts),
-        "CHARTS_OF": ' · <span id="charts-of"></span>' if len(layouts) > 1 else "",
-        "REPAIRS": f"<ul>{lines}</ul>" if repairs else "<p>None.</p>",
-        "MORPHS": "".join(
-            f'<label class="tool morph"><span title="{escaped(name)}">{escaped(name)}</span> '
-            f'<input type="range" id="morph-{k}" min="0" max="1" step="0.01" value="0"> '
-            f'<output id="morph-value-{k}"></output></label>'
-            for k, (name, _) in enumerate(layouts[-1].scene.targets)
-        ),
-        "META": json.dumps(meta, separators=(",", ":")).replace("<", "\\u003c"),
-        "MESHES": "\n".join(
-            f'<script type="text/plain" id="mesh-{k}">{base64.b64encode(p.data).decode()}</script>'
+    lines = "".join(piece("repair", line=line) for line in repairs)
+    targets = enumerate(layouts[-1].scene.targets)
+    return fill_in(
+        viewer_file("viewer.html"),
+        hint=HINT,
+        LAYOUTS=_choice(layouts, meshes),
+        PANELS="".join(_panels(k, each, len(layouts)) for k, each in enumerate(layouts)),
+        FIGURES=_table(layouts),
+        CHARTS_OF=' · <span id="charts-of"></span>' if len(layouts) > 1 else "",
+        REPAIRS=f"<ul>{lines}</ul>" if repairs else "<p>None.</p>",
+        MORPHS="".join(piece("morph", k=k, name=name) for k, (name, _) in targets),
+        META=json.dumps(meta, separators=(",", ":")).replace("<", "\\u003c"),
+        MESHES="\n".join(
+            piece("geometry", k=k, DATA=base64.b64encode(p.data).decode())
             for k, p in enumerate(packed)
         ),
-    }
-    return fill_in(viewer_file("viewer.html"), fields)
+    )
 
 
 def viewer_script() -> str:
@@ -160,74 +151,26 @@ def drawable(layouts: Sequence[PageLayout]) -> list[PageLayout]:
     return [each.of_faces(most) for each in layouts]
 
 
-PANEL_LABELS = {
-    "surface": "The surface: arrow keys turn it, plus and minus zoom, comma and full stop go through "
-    "the charts, Home resets",
-    "plane": "The uv layout: arrow keys move it, plus and minus zoom, comma and full stop go through "
-    "the charts, Home resets",
-}
-
-
 def _panels(k: int, layout: PageLayout, count: int) -> str:
     """The two panels of a layout, each with its name; those of the first have no number."""
-    number = f"-{k}" if k else ""
-    name = escaped(layout.name)
-    heads = {"surface": name if count > 1 else "Surface", "plane": "Layout"}
-    of = f" of {name}" if count > 1 else ""
-    names = "".join(
-        f'<h2 class="name {kind}-name" id="{kind}-name{number}">{text}</h2>'
-        for kind, text in heads.items()
+    several = count > 1
+    return piece(
+        "panels",
+        k=k,
+        number=f"-{k}" if k else "",
+        surface=layout.name if several else "Surface",
+        of=f" of {layout.name}" if several else "",
     )
-    panels = "".join(
-        f'<div id="{kind}{number}" class="panel {kind}" tabindex="0" role="application" '
-        f'aria-label="{words.replace(":", of + ":", 1)}"></div>'
-        for kind, words in PANEL_LABELS.items()
-    )
-    return f'<div class="layout" data-layout="{k}">{names}{panels}</div>'
 
 
 def _choice(layouts: Sequence[PageLayout], meshes: Sequence[str]) -> str:
     """A box for each layout, and a list of the meshes where there are several; nothing for one layout."""
     if len(layouts) < 2:
         return ""
-    options = "".join(
-        f'<option value="{k}">{escaped(name)}</option>' for k, name in enumerate(meshes)
-    )
-    chosen = (
-        f'<label class="tool">Mesh <select id="of-mesh">{options}</select></label>'
-        if len(meshes) > 1
-        else ""
-    )
-    boxes = "".join(
-        f'<label class="tool"><input type="checkbox" name="layout" value="{k}"> {escaped(each.name)}</label>'
-        for k, each in enumerate(layouts)
-    )
-    return (
-        f'<div class="tool choice" role="group" aria-label="Layouts" '
-        f'title="keys: b one or several, [ and ] the next">{chosen}{boxes}</div>'
-    )
-
-
-def fill_in(template: str, fields: dict[str, str]) -> str:
-    """Replace every %NAME% of a template; replaced text is not searched again."""
-    names = "|".join(map(re.escape, fields))
-    return re.sub(f"%({names})%", lambda found: fields[found[1]], template)
-
-
-def viewer_file(name: str) -> str:
-    """The text of a file of the viewer."""
-    return (resources.files("circparam.render") / "viewer" / name).read_text("utf-8")
-
-
-def page_style(name: str) -> str:
-    """A style sheet of the viewer with the colours of all pictures filled in."""
-    dark = {f"DARK-{name}": code for name, code in col.DARK.items()}
-    return fill_in(viewer_file("scheme.css") + viewer_file(name), col.LIGHT | dark)
-
-
-def escaped(text: str) -> str:
-    """Text for a page: no markup, and no halves of surrogate pairs, which names on a disk may hold."""
-    return html.escape(text.encode("utf-8", "replace").decode())
+    options = "".join(piece("mesh", k=k, name=name) for k, name in enumerate(meshes))
+    boxes = "".join(piece("box", k=k, name=each.name) for k, each in enumerate(layouts))
+    chosen = piece("meshes", OPTIONS=options) if len(meshes) > 1 else ""
+    return piece("choice", MESHES=chosen, BOXES=boxes)
 
 
 def aspect(layouts: Sequence[PageLayout]) -> float:
@@ -243,20 +186,15 @@ def _table(layouts: Sequence[PageLayout]) -> str:
         dict(scene_figures(each.scene) if each.figures is None else each.figures)
         for each in layouts
     ]
-    head = ""
-    if len(layouts) > 1:
-        names = "".join(
-            f'<td data-figures="{k}">{escaped(each.name)}</td>' for k, each in enumerate(layouts)
-        )
-        head = f"<tr><th></th>{names}</tr>"
-    rows = []
-    for label in dict.fromkeys(label for column in columns for label in column):
-        cells = "".join(
-            f"<td{f' data-figures={k}' if len(columns) > 1 else ''}>{escaped(column.get(label, '–'))}</td>"
-            for k, column in enumerate(columns)
-        )
-        rows.append(f"<tr><th scope=row>{escaped(label)}</th>{cells}</tr>")
-    return head + "".join(rows)
+    cell = "figure" if len(layouts) > 1 else "only"
+
+    def row(label: str, texts: Iterable[str]) -> str:
+        cells = "".join(piece(cell, k=k, text=text) for k, text in enumerate(texts))
+        return piece("figures", SCOPE=" scope=row" if label else "", label=label, CELLS=cells)
+
+    head = row("", (each.name for each in layouts)) if len(layouts) > 1 else ""
+    labels = dict.fromkeys(label for column in columns for label in column)
+    return head + "".join(row(n, (column.get(n, "–") for column in columns)) for n in labels)
 
 
 def _meta(layout: PageLayout) -> dict[str, Any]:

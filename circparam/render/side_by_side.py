@@ -2,22 +2,21 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from typing import TypeAlias
 
 import numpy as np
 from PIL import Image
 
 from circparam.compare.rows import Entry
 from circparam.core.plural import counted
-from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh
 from circparam.render import colours as col
-from circparam.render.camera import Camera, best_directions, look_from
+from circparam.render.camera import best_directions, look_from
 from circparam.render.figures import number_text
 from circparam.render.picture import to_image
 from circparam.render.scene import Scene, make_scene
 from circparam.render.views import (
-    View,
     checker_cells,
     checker_colours,
     distortion_colours,
@@ -45,31 +44,23 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnLayout:
-    """A row and its pictures: layout, checker, distortion; None if the row has no layout."""
-
-    row: Entry
-    images: tuple[Image.Image, Image.Image, Image.Image] | None
+Pictures: TypeAlias = tuple[Image.Image, Image.Image, Image.Image]  # layout, checker, distortion
 
 
 def draw_layouts(
-    mesh: Mesh, rows: Sequence[Entry], size: int = 300, samples: int = 2
-) -> list[DrawnLayout]:
-    """Every row drawn from the same side of the surface, with one scale of distortion.
+    scenes: Sequence[Scene | None], size: int = 300, samples: int = 2
+) -> list[Pictures | None]:
+    """Layouts of one mesh drawn from the same side of the surface, with one scale of distortion.
 
     size: pixels of the square layout; the views are size wide and as high as the surface needs.
     """
-    scenes = scenes_of(mesh, rows)
-    height = size
-    view: View | None = None
-    camera: Camera | None = None
-    out = []
-    for row, scene in zip(rows, scenes, strict=True):
+    ink, view = col.rgb(col.INK), None
+    out: list[Pictures | None] = []
+    for scene in scenes:
         if scene is None:
-            out.append(DrawnLayout(row, None))
+            out.append(None)
             continue
-        if view is None or camera is None:
+        if view is None:
             direction = best_directions(scene, 1, "auto")[0]
             trial, _ = look_from(scene, direction, "auto").project(scene.used_points, 1000, 1000)
             wide, high = np.ptp(trial, axis=0) + 1e-9
@@ -80,12 +71,10 @@ def draw_layouts(
             view = with_seams(view, scene, camera)
         cells = checker_cells(scene, 22)
         plan = draw_plan(scene, size, samples, cells=cells)
-        checker = paint(view, checker_colours(scene, view, cells), col.rgb(col.INK))
+        checker = paint(view, checker_colours(scene, view, cells), ink)
         colours = distortion_colours(scene, view.face, col.DISTORTION_END)
-        distortion = paint(view, colours, col.rgb(col.INK), 0.5, 0.5)
-        out.append(
-            DrawnLayout(row, (to_image(plan.image), to_image(checker), to_image(distortion)))
-        )
+        distortion = paint(view, colours, ink, 0.5, 0.5)
+        out.append((to_image(plan.image), to_image(checker), to_image(distortion)))
     return out
 
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.render.side_by_side import cell_text, draw_layouts
+from circparam.render.side_by_side import cell_text, draw_layouts, scenes_of
 from tests.support.side_by_side import compared_sheet
 
 
 def test_same_view_and_same_scale():
     sheet = compared_sheet()
-    drawn = draw_layouts(sheet.shape, sheet.rows, size=60, samples=1)
-    good, bad, none = (d.images for d in drawn)
+    scenes = scenes_of(sheet.shape, sheet.rows)
+    good, bad, none = draw_layouts(scenes, size=60, samples=1)
     assert none is None
     shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
     assert np.array_equal(*shape)  # the same silhouette
@@ -21,8 +21,8 @@ def test_same_view_and_same_scale():
 def test_a_view_of_a_tall_mesh_is_no_higher_than_wide():
     tall = compared_sheet()
     mesh = replace(tall.shape, points=tall.shape.points * [1.0, 5.0, 1.0])
-    shown = draw_layouts(mesh, tall.rows, size=60, samples=1)
-    assert shown[0].images[1].size == (60, 60)
+    shown = draw_layouts(scenes_of(mesh, tall.rows), size=60, samples=1)
+    assert shown[0][1].size == (60, 60)
 
 
 def test_cells():
