@@ -78,44 +78,19 @@ def view_document(
     if before is not None:
         check_before(path)
     how = Look(**look)
-    uv_set, group_by, up = how.uv_set, how.group_by, how.up
-    scene, verified = _verified_scene(document, uv_set, group_by)
-    images, note, notes = None, "this mesh has no texture", list(document.notes)
-    notes += [verified.note] if verified is not None and verified.note else []
-    if path.suffix.lower() == ".html":
-        images, note, more = page_images(document, uv_set)
-        targets = document.targets()
-        scene = replace(scene, targets=tuple(targets[:MOST_TARGETS]))
-        if len(targets) > MOST_TARGETS:
-            more = [
-                *more,
-                f"the first {MOST_TARGETS} of {len(targets)} morph targets have a slider",
-            ]
-        notes += more
-    scene = with_instances(scene, document.instance_transforms())
-    name = Path(document.source.name).name
-    if up == "auto":  # the axis of a format that becomes glTF; else that on which the shape stands
-        up = axis_up(document) or up
     options = PictureOptions(
-        title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
-        padding=how.padding, scale_end=how.scale_end or DISTORTION_END, repairs=tuple(notes),
-        images=images, image_note=note,
-    )  # fmt: skip
-    if verified is not None:
-        options = replace(options, charts=verified.verification.charts)
-    old = None if before is None else _before(before, uv_set, group_by, options)
-    save_scene(path, scene, options, view_figures(verified, scene), old)
-    return scene
-
-
-def _verified_scene(
-    document: Document, uv_set: int, group_by: str | None
-) -> tuple[Scene, VerifiedSet | None]:
-    """The scene of a uv set, several atlases side by side, and the verdict of ``circparam check --uv``."""
-    uvmap, verified = document.require_uv(uv_set), verified_set(document, uv_set, group_by)
-    if verified is not None:
-        uvmap = laid_apart(uvmap, verified.tiles)
-    return scene_of(document, uvmap), verified
+        title=Path(document.source.name).name,
+        note=f"uv set {how.uv_set}" if len(document.uv_sets) > 1 else "",
+        # the axis of a format that becomes glTF; else that on which the shape stands
+        up=(how.up == "auto" and axis_up(document)) or how.up,
+        padding=how.padding,
+        scale_end=how.scale_end or DISTORTION_END,
+    )
+    is_page = path.suffix.lower() == ".html"
+    shown = _layout("after", document, how, options, is_page)
+    old = None if before is None else _layout("before", before, how, options, is_page)
+    save_scene(path, shown.scene, shown.options, shown.figures, old)
+    return shown.scene
 
 
 def check_before(path: Path) -> None:
@@ -126,15 +101,29 @@ def check_before(path: Path) -> None:
         )
 
 
-def _before(
-    document: Document, uv_set: int, group_by: str | None, options: PictureOptions
+def _layout(
+    name: str, document: Document, how: Look, options: PictureOptions, is_page: bool
 ) -> PageLayout:
-    """The layout of the original file, with its own textures and the camera of the new one."""
-    scene, verified = _verified_scene(document, uv_set, group_by)
+    """A uv set of a file with its figures and notes; on a page with its textures, and after with its morph
+    targets."""
+    uvmap, notes = document.require_uv(how.uv_set), list(document.notes)
+    verified = verified_set(document, how.uv_set, how.group_by)
+    if verified is not None:
+        uvmap = laid_apart(uvmap, verified.tiles)
+        options = replace(options, charts=verified.verification.charts)
+        notes += [verified.note] if verified.note else []
+    scene = scene_of(document, uvmap)
+    figures = view_figures(verified, scene)
+    if is_page:
+        images, why, more = page_images(document, how.uv_set)
+        options, notes = replace(options, images=images, image_note=why), notes + more
+    if is_page and name == "after":
+        targets = document.targets()
+        scene = replace(scene, targets=tuple(targets[:MOST_TARGETS]))
+        if len(targets) > MOST_TARGETS:
+            notes.append(f"the first {MOST_TARGETS} of {len(targets)} morph targets have a slider")
     scene = with_instances(scene, document.instance_transforms())
-    images, note, _ = page_images(document, uv_set)
-    options = replace(options, images=images, image_note=note)
-    return PageLayout("before", scene, options, view_figures(verified, scene))
+    return PageLayout(name, scene, replace(options, repairs=tuple(notes)), figures)
 
 
 def view_figures(verified: VerifiedSet | None, scene: Scene) -> list[tuple[str, str]]:
