@@ -4,33 +4,30 @@ Every texel with its centre on a face is looked up on that face. Colours then gr
 boundary of a chart never takes in background.
 """
 
-from collections.abc import Callable
 from dataclasses import field, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
-from circparam.bake.projection import Projection, height_paint, normal_paint, require_shape, through
+from circparam.bake.projection import Projection, landed_paint, normal_paint, require_shape
 from circparam.bake.sampling import (
     Closest,
     Paint,
     apart,
-    closest_paint,
     corner_paint,
     same_surface,
     texel_ratio,
     texture_paint,
 )
 from circparam.bake.texels import NO_TEXEL, doubled_notes
-from circparam.core.arrays import group_max, group_min
+from circparam.core.arrays import group_max, group_min, interpolated
 from circparam.core.fields import Range, shown
 from circparam.core.monitor import Monitor
 from circparam.core.plural import percent
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, IntArray
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, turned
 from circparam.formats.materials import decode
@@ -83,24 +80,38 @@ def bake(
     SIDE_TEXELS.check("size", size)
     monitor = monitor or Monitor()
     tile = tiles_of(layout)
-    images: dict[tuple[int, int], Texels] = {}
-    form = (size, channels, bits)
-    covered = sought = doubled = 0
     names = sorted({(int(u), int(v)) for u, v in np.unique(tile[tile[:, 0] >= 0], axis=0)})
+    images: dict[tuple[int, int], Texels] = {}
+    covered = sought = painted = 0
     with monitor.stage("bake"):
         for k, (u, v) in enumerate(names):
-            here = (tile == (u, v)).all(1)
-            image, mask, tried, twice = _bake_tile(
-                layout, here, np.array([u, v]), paint, form,
-                lambda done, k=k: monitor.update((k + done) / len(names)),  # type: ignore[misc]
-            )  # fmt: skip
+            faces = np.flatnonzero((tile == (u, v)).all(1))
+            corners = layout.uv[layout.uv_faces[faces]] - [u, v]
+            xy = np.stack([corners[..., 0], 1 - corners[..., 1]], 2) * size
+            image = np.zeros((size * size, channels), np.uint8 if bits == 8 else np.uint16)
+            mask = np.zeros(size * size, bool)
+            for part in fragments(xy, size, size):
+                colour = paint(faces[part.face], barycentric(xy, part.face, part.pixel, size))
+                known = np.flatnonzero(~np.isnan(colour).any(1))
+                pixel = part.pixel[known]
+                image[pixel] = np.round(np.clip(colour[known], 0, 1) * ((1 << bits) - 1))
+                mask[pixel] = True
+                sought += len(part.pixel)
+                painted += len(pixel)
+                done = float(part.face.max(initial=0) + 1) / len(faces)
+                monitor.update((k + done) / len(names))
             covered += int(mask.sum())
-            sought += tried
-            doubled += twice
-            images[u, v] = dilate(image, mask)
+            images[u, v] = image.reshape(size, size, channels)
+            if mask.any() and not mask.all():  # the other texels take the nearest colour
+                bare = ~mask.reshape(size, size)
+                near: Any = distance_transform_edt(
+                    bare, return_distances=False, return_indices=True
+                )
+                images[u, v] = images[u, v][near[0], near[1]]
     if sought == 0:
         raise InputError(NO_TEXEL)
-    return Baked(images, covered / (len(names) * size * size), doubled_notes(doubled, covered))
+    notes = doubled_notes(painted - covered, covered)
+    return Baked(images, covered / (len(names) * size * size), notes)
 
 
 def tiles_of(layout: UVMap) -> IntArray:
@@ -125,43 +136,6 @@ def tiles_of(layout: UVMap) -> IntArray:
             )
         out[mapped, axis] = low.astype(np.int64)
     return out
-
-
-def _bake_tile(
-    layout: UVMap, here: BoolArray, tile: IntArray, paint: Paint, form: tuple[int, int, int],
-    progress: Callable[[float], None],
-) -> tuple[Texels, BoolArray, int, int]:  # fmt: skip
-    """One tile: (image, covered texels, texels in faces, texels painted twice); form: size, channels, bits;
-    progress: the share of the faces that are done."""
-    size, channels, bits = form
-    kind = np.dtype(np.uint8 if bits == 8 else np.uint16)
-    image = np.zeros((size * size, channels), kind)
-    mask = np.zeros(size * size, bool)
-    face_of = np.flatnonzero(here)
-    corners = layout.uv[layout.uv_faces[face_of]] - tile
-    xy = np.stack([corners[..., 0], 1 - corners[..., 1]], 2) * size
-    tried = twice = 0
-    for part in fragments(xy, size, size):
-        bary = barycentric(xy, part.face, part.pixel, size)
-        colour = paint(face_of[part.face], bary)
-        tried += len(part.pixel)
-        known = ~np.isnan(colour).any(1)
-        pixel = part.pixel[known]
-        code = np.round(np.clip(colour[known], 0, 1) * ((1 << bits) - 1))
-        image[pixel] = code  # whole numbers within the range of the type
-        before = int(np.count_nonzero(mask))
-        mask[pixel] = True
-        progress(float(part.face.max(initial=0) + 1) / len(face_of))
-        twice += len(pixel) - (int(np.count_nonzero(mask)) - before)
-    return image.reshape(size, size, channels), mask.reshape(size, size), tried, twice
-
-
-def dilate(image: Texels, mask: BoolArray) -> Texels:
-    """The image with every uncovered texel taking the colour of the nearest covered one."""
-    if mask.all() or not mask.any():
-        return image
-    nearest: Any = distance_transform_edt(~mask, return_distances=False, return_indices=True)
-    return image[nearest[0], nearest[1]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,33 +173,44 @@ def bake_document(
     across = across or Across()
     check_across(kind, source is not None, across)
     layout = document.require_uv(uv_set)
-    upright: list[str] = []
+    notes: list[str] = []
     if source is not None:
         require_shape(source)
         if not isinstance(across.by, SurfaceMap):
-            document, source, upright = brought_upright(document, source)
+            document, source, notes = brought_upright(document, source)
+    look = Painted()
+    if kind not in SHAPE_KINDS:
+        look = _colours(document, layout, kind, source, uv_set, size)
+    projection = None
     if source is not None and (kind in SHAPE_KINDS or across.by is not None):
         require_shape(document)
-        baked = _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
-        return replace(baked, notes=upright + baked.notes, tints=_tints(source, kind))
-    paint, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
-    notes = upright + notes
-    if source is not None and not same_surface(document.mesh, source.mesh):
-        closest = Closest(source.mesh.points, source.mesh.faces)
-        away = apart(document.mesh, closest)
-        if away > LOST_SIZES:
-            raise InputError(
-                f"{document.source.name}: it lies {away:.2g} times its size away from {source.source.name}: "
-                "bring both to one place and scale, or give --map"
-            )
-        paint = closest_paint(document.mesh, closest, paint)
-        notes = [*notes, "the source is another mesh: colours come from its closest points"]
-        if away > DOUBTFUL_SIZES:
-            notes.append(
-                f"these lie {percent(away)} of its size away in the mean: both should have one place and scale"
-            )
-    baked = bake(layout, paint, size, channels=channels, monitor=monitor)
-    return replace(baked, notes=notes + baked.notes, tints=_tints(source or document, kind))
+        by = oriented(across.by, document, source) if isinstance(across.by, SurfaceMap) else None
+        projection = Projection(document.mesh, source.mesh, across.cage, by)
+        projection.probe()
+        look = _projected(projection, look, kind, document, layout, source)
+    elif source is not None and not same_surface(document.mesh, source.mesh):
+        look = _closest(look, document, source)
+    baked = bake(layout, look.paint, size, channels=look.channels, bits=look.bits, monitor=monitor)
+    notes += look.notes
+    report: dict[str, Any] = {}
+    if projection is not None:
+        projection.check()
+        notes += projection.notes()
+        kind_of_map = "map" if projection.mapped else "nearest"
+        report = {"map": kind_of_map, **look.report, **projection.report()}
+    return replace(baked, notes=notes + baked.notes, report=report, tints=look.tints)
+
+
+@dataclass(frozen=True, eq=False)
+class Painted:
+    """A paint of some channels and bits a channel. The others: as in ``Baked``."""
+
+    paint: Paint = field(default=lambda _, bary: bary)
+    channels: int = 3
+    bits: int = 8
+    notes: list[str] = field(default_factory=list)
+    report: dict[str, Any] = field(default_factory=dict)
+    tints: tuple[str, ...] = ()
 
 
 def brought_upright(document: Document, source: Document) -> tuple[Document, Document, list[str]]:
@@ -241,12 +226,6 @@ def brought_upright(document: Document, source: Document) -> tuple[Document, Doc
         apart(a.mesh, Closest(b.mesh.points, b.mesh.faces)) for a, b in ((document, source), found)
     )
     return (*found, notes) if after < before else (document, source, [])
-
-
-def _tints(origin: Document, kind: str) -> tuple[str, ...]:
-    """Effects of the materials of a file on textures baked from it."""
-    found = origin.textures() if kind == "texture" else None
-    return () if found is None else found.tints
 
 
 def check_across(kind: str, has_source: bool, across: Across) -> None:
@@ -268,48 +247,52 @@ def check_across(kind: str, has_source: bool, across: Across) -> None:
             )
 
 
-def _bake_across(
-    document: Document, layout: UVMap, kind: str, source: Document, across: Across,
-    how: tuple[int, int, Monitor | None],
-) -> Baked:  # fmt: skip
-    """Bake along rays or through a map; how: (uv set, size, monitor)."""
-    uv_set, size, monitor = how
-    mapped = None if across.by == "nearest" or across.by is None else across.by
-    if mapped is not None:
-        mapped = oriented(mapped, document, source)
-    projection = Projection(document.mesh, source.mesh, across.cage, mapped)
-    projection.probe()
-    notes: list[str] = []
-    bits, channels = 8, 3
-    report: dict[str, Any] = {"map": "nearest" if mapped is None else "map"}
+def _projected(
+    projection: Projection, look: Painted, kind: str, document: Document, layout: UVMap, source: Document
+) -> Painted:  # fmt: skip
+    """Normals, heights or colours (by the paint of a look) of the source where rays or a map meet it."""
     if kind == "normals":
-        paint = normal_paint(projection, document, layout, source)
-    elif kind == "height":
+        return replace(look, paint=normal_paint(projection, document, layout, source))
+    if kind == "height":
         reach = projection.height_range(layout)
-        paint, bits, channels = height_paint(projection, reach), 16, 1
-        report["height_range"] = [-reach, reach]
-    else:
-        found, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
-        paint = through(projection, found, channels)
-    baked = bake(layout, paint, size, channels=channels, bits=bits, monitor=monitor)
-    projection.check()
-    tally = projection.tally
-    if mapped is None:
-        report |= {"cage": projection.cage, "missed": tally.share(tally.missed)}
-        if tally.missed:
-            notes.append(projection.note())
-    report["empty"] = tally.share(tally.empty)
-    return replace(baked, notes=notes + baked.notes, report=report)
+        # along the smooth normals of the target, from −reach (black) to +reach (white)
+        paint = landed_paint(
+            projection, 1, lambda face, bary, landed: (0.5 + 0.5 * landed.t / reach)[:, None]
+        )
+        return Painted(paint, 1, 16, report={"height_range": [-reach, reach]})
+    paint = landed_paint(
+        projection, look.channels, lambda face, bary, landed: look.paint(landed.face, landed.bary)
+    )
+    return replace(look, paint=paint)
+
+
+def _closest(look: Painted, document: Document, source: Document) -> Painted:
+    """The colours of the points of the source that are closest to the places of a document."""
+    mesh, closest = document.mesh, Closest(source.mesh.points, source.mesh.faces)
+    away = apart(mesh, closest)
+    if away > LOST_SIZES:
+        raise InputError(
+            f"{document.source.name}: it lies {away:.2g} times its size away from {source.source.name}: "
+            "bring both to one place and scale, or give --map"
+        )
+    notes = [*look.notes, "the source is another mesh: colours come from its closest points"]
+    if away > DOUBTFUL_SIZES:
+        notes.append(
+            f"these lie {percent(away)} of its size away in the mean: both should have one place and scale"
+        )
+
+    def paint(face: IntArray, bary: FloatArray) -> FloatArray:
+        there, at, _ = closest.find(interpolated(bary, mesh.points[mesh.faces[face]]))
+        return look.paint(there, at)
+
+    return replace(look, paint=paint, notes=notes)
 
 
 def _colours(
-    document: Document, layout: UVMap, kind: str, source: Document | None, how: tuple[int, int]
-) -> tuple[Paint, int, list[str]]:
-    """The colours of a file, or its textures averaged to texels of the new layout: (paint, channels, notes).
-
-    how: (uv set, size).
-    """
-    origin, (uv_set, size) = source or document, how
+    document: Document, layout: UVMap, kind: str, source: Document | None, uv_set: int, size: int
+) -> Painted:
+    """The colours of a file, or its textures averaged to texels of the new layout."""
+    origin = source or document
     name = origin.source.name
     if kind != "texture":
         corners = origin.colours()
@@ -318,7 +301,7 @@ def _colours(
                 f"{name} has no vertex colours: bake with --from texture, or give a file that has them with "
                 "--source"
             )
-        return corner_paint(corners), 3, []
+        return Painted(corner_paint(corners))
     found = origin.textures()
     if found is None:
         raise InputError(f"{name} names no texture: give a file that has one with --source")
@@ -334,14 +317,6 @@ def _colours(
         sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
     except InputError as error:
         raise origin.source.error(error) from None
-    paint, channels = texture_paint(
-        found, old, texel_ratio(old, float(np.mean(sides)), layout, size)
-    )
-    return paint, channels, list(found.notes)
-
-
-def to_image(array: Texels) -> Image.Image:
-    """A tile as an image."""
-    if array.shape[2] == 1:
-        return Image.fromarray(array[..., 0])
-    return Image.fromarray(array, "RGBA" if array.shape[2] == 4 else "RGB")
+    ratio = texel_ratio(old, float(np.mean(sides)), layout, size)
+    paint, channels = texture_paint(found, old, ratio)
+    return Painted(paint, channels, notes=list(found.notes), tints=found.tints)

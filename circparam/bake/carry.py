@@ -50,6 +50,12 @@ class Work:
     xy: FloatArray
     new: Frames | None
 
+    def places(self, part: "Part") -> tuple[IntArray, FloatArray]:
+        """((p,) faces, (p, 3) barycentric coordinates) of the middles of the texels of a part."""
+        pixel, face = self.texels.pixel[part.at], self.texels.face[part.at]
+        bary = next(places_in(self.xy, face, pixel, self.texels.size, 1))
+        return face, bary.T.astype(np.float64)
+
 
 def carry(
     source: Source,
@@ -68,7 +74,7 @@ def carry(
     groups = groups_of(source.looks, look.merge, source.kept)
     texels = find_texels(layout, size)
     slots = {slot for group in groups for slot in group.shown}
-    turns = any(slot.kind in ("normal", "direction") for slot in slots)
+    turns = any(slot.turns for slot in slots)
     uv = layout.corners
     new = source.frames(uv) if turns else None
     xy = np.nan_to_num(corners_in_texels(layout, size))
@@ -97,7 +103,7 @@ def _painted(
             if use is not None:
                 work.source.places(use)
                 work.source.sampled(use, slot.srgb)
-            if slot.kind in ("normal", "direction"):
+            if slot.turns:
                 work.source.old_frames(use)
     done = 0
     with ThreadPoolExecutor(max(1, min(cores(), 4))) as pool:
@@ -152,44 +158,42 @@ def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part
 
 def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> int:
     """Write the texels of a part into the pages, in place; returns their number."""
-    texels, material = work.texels, part.material
-    pixel, face = texels.pixel[part.at], texels.face[part.at]
-    looked: dict[Slot, FloatArray] = {}
-    alike: dict[tuple[object, ...], list[tuple[Use, Slot]]] = {}
-    for slot, image in material.uses.items():
-        if slot in part.group.shown:  # images of one layout are looked up at the same texels
-            shape = work.source.images[image.image].shape
-            layout = shape, image.uv_set, image.move.tobytes(), image.wrap, image.nearest
-            alike.setdefault(layout, []).append((image, slot))
-    for wanted in alike.values():
-        found = look_up(work, part, wanted)
-        looked |= {slot: values for (_, slot), values in zip(wanted, found, strict=True)}
-    for slot in part.group.shown:
-        use, none = material.uses.get(slot), without_image(slot)
-        texel = np.broadcast_to(none, (len(face), len(none)))
-        if use is not None:
-            has = work.source.places(use)[1][face]  # no uv, no texture: the factor alone
-            texel = np.where(has[:, None], looked[slot][:, slot.channels], none)
-        own, common = material.factors[slot], part.group.factors[slot]
-        if slot.kind in ("normal", "direction"):
-            texel = _turned(work, slot, use, own, common, (pixel, face, texel))
+    material, group = part.material, part.group
+    pixel = work.texels.pixel[part.at]
+    for slot, texel in texels_shown(work, part).items():
+        if slot.turns:
+            values = _turned(work, part, slot, texel)
         else:
-            texel = fitted(slot, texel, own, common)
+            values = fitted(slot, texel, material.factors[slot], group.factors[slot])
         # code texels and write them into the channels of their slot
-        for k, channel in enumerate(slot.channels):
-            value = texel[:, k]
+        for channel, value in zip(slot.channels, values.T, strict=False):
             if channel == 3 and slot.covers:
-                if part.material.alpha == "OPAQUE":
+                if material.alpha == "OPAQUE":
                     continue
-                if part.material.alpha == "MASK":
-                    value = with_cutoff(value, part.material.cutoff, part.group.cutoff)
+                if material.alpha == "MASK":
+                    value = with_cutoff(value, material.cutoff, group.cutoff)
             images[slot.page][pixel, channel] = coded(value, slot.srgb and channel < 3)
     return len(part.at)
 
 
-def without_image(slot: Slot) -> FloatArray:
-    """The texel that stands for no image in a slot."""
-    return np.array(FILL.get(slot.kind, (1.0,) * len(slot.channels)))
+def texels_shown(work: Work, part: Part) -> dict[Slot, FloatArray]:
+    """(p, c) the texels of a part in each slot that its group shows, directions in the old frames."""
+    alike: dict[tuple[object, ...], list[tuple[Use, Slot]]] = {}
+    for slot, image in part.material.uses.items():
+        if slot in part.group.shown:  # images of one layout are looked up at the same texels
+            shape = work.source.images[image.image].shape
+            layout = shape, image.uv_set, image.move.tobytes(), image.wrap, image.nearest
+            alike.setdefault(layout, []).append((image, slot))
+    out = {}
+    for slot in part.group.shown:  # without an image
+        none = np.array(FILL.get(slot.kind, (1.0,) * len(slot.channels)))
+        out[slot] = np.broadcast_to(none, (len(part.at), len(none)))
+    for wanted in alike.values():
+        # no uv, no texture: the factor alone
+        has = work.source.places(wanted[0][0])[1][work.texels.face[part.at], None]
+        for (_, slot), found in zip(wanted, look_up(work, part, wanted), strict=True):
+            out[slot] = np.where(has, found[:, slot.channels], out[slot])
+    return out
 
 
 def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[FloatArray]:
@@ -230,37 +234,28 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
     return [total.astype(np.float64) for total in sums]
 
 
-def _turned(
-    work: Work,
-    slot: Slot,
-    use: Use | None,
-    own: FloatArray,
-    common: FloatArray,
-    texels: tuple[IntArray, IntArray, FloatArray],
-) -> FloatArray:
-    """Texels of normals or directions in the frames of the new layout.
-
-    own, common: factors of the material and of its group. texels: (p,) texels, (p,) faces, (p, 3) their values
-    in the old frames.
-    """
-    pixel, face, texel = texels
-    bary = next(places_in(work.xy, face, pixel, work.texels.size, 1)).T.astype(np.float64)
-    old = work.source.old_frames(use)
-    new = work.new or old  # there are new ones wherever a slot turns
+def in_space(work: Work, part: Part, slot: Slot, texel: FloatArray) -> FloatArray:
+    """(p, 3) unit directions on the surface that texels (p, 3) tell in the old frames."""
+    vector, factor = texel * 2 - 1, part.material.factors[slot]
     if slot.kind == "normal":
-        vector = (texel * 2 - 1) * [own[0], own[0], 1]
-        return 0.5 + 0.5 * new.into(face, bary, old.out_of(face, bary, vector))
-    flat = old.out_of(face, bary, rotated(texel * 2 - 1, own[1]))
-    turned = unit(new.into(face, bary, flat) * [1, 1, 0])
-    strength = texel[:, 2] * (own[0] / common[0] if common[0] > 0 else 1.0)
-    return np.column_stack([0.5 + 0.5 * turned[:, :2], strength])
+        vector = vector * [factor[0], factor[0], 1]
+    else:
+        (c, s), (x, y, _) = (np.cos(factor[1]), np.sin(factor[1])), vector.T
+        vector = np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
+    frames = work.source.old_frames(part.material.uses.get(slot))
+    return frames.out_of(*work.places(part), vector)
 
 
-def rotated(vector: FloatArray, angle: float) -> FloatArray:
-    """Vectors (p, 3) flat in x and y, turned by an angle."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y = vector[:, 0], vector[:, 1]
-    return np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
+def _turned(work: Work, part: Part, slot: Slot, texel: FloatArray) -> FloatArray:
+    """Texels (p, 3) of normals or directions in the frames of the new layout."""
+    # there are new frames wherever a slot turns
+    new = work.new or work.source.old_frames(part.material.uses.get(slot))
+    vector = new.into(*work.places(part), in_space(work, part, slot, texel))
+    if slot.kind == "normal":
+        return 0.5 + 0.5 * vector
+    own, common = (each.factors[slot][0] for each in (part.material, part.group))
+    strength = texel[:, 2] * (own / common if common > 0 else 1.0)
+    return np.column_stack([0.5 + 0.5 * unit(vector * [1, 1, 0])[:, :2], strength])
 
 
 def groups_of(looks: Looks, merge: bool, kept: frozenset[int]) -> tuple[Group, ...]:

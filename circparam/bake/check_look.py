@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from circparam.bake.carry import Part, Work, look_up, rotated, without_image
+from circparam.bake.carry import Part, Work, in_space, texels_shown
 from circparam.bake.look_source import Source
-from circparam.bake.texels import Texels, places_in
+from circparam.bake.texels import Texels
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.looks import Group, Material, Slot
+from circparam.formats.looks import Group, Slot
 from circparam.formats.materials import srgb
 from circparam.geometry.raster import rasterise
 from circparam.geometry.visibility import GOLDEN
@@ -98,35 +98,24 @@ def _picture(
     for k in np.unique(label).tolist():
         material, at = source.looks.materials[k], np.flatnonzero(label == k)
         if slot in material.factors:
-            part = Part(Group((k,), {}, ()), material, at, 1)
-            value = _values(work, part, slot, material)
+            value = _values(work, Part(Group((k,), {}, (slot,)), material, at, 1), slot)
             out[pixel[at], : value.shape[1]] = value
     return out.reshape(PICTURE_PIXELS, PICTURE_PIXELS, -1)
 
 
-def _values(work: Work, part: Part, slot: Slot, material: Material) -> FloatArray:
+def _values(work: Work, part: Part, slot: Slot) -> FloatArray:
     """(p, c) values of a slot of a material: texel times factor, colours coded as sRGB."""
-    texels, use, own = work.texels, material.uses.get(slot), material.factors[slot]
-    pixel, face = texels.pixel[part.at], texels.face[part.at]
+    texel, own = texels_shown(work, part)[slot], part.material.factors[slot]
+    if slot.turns:
+        strength = own[0] * texel[:, 2:] if slot.kind == "direction" else 1.0
+        return 0.5 + 0.5 * in_space(work, part, slot, texel) * strength
     value: FloatArray
-    texel = np.tile(without_image(slot), (len(face), 1))
-    if use is not None:
-        has = work.source.places(use)[1][face]
-        texel[has] = look_up(work, part, [(use, slot)])[0][has][:, slot.channels]
-    if slot.kind in ("normal", "direction"):
-        bary = next(places_in(work.xy, face, pixel, texels.size, 1)).T.astype(np.float64)
-        frames, value = work.source.old_frames(use), texel * 2 - 1
-        turns = slot.kind == "direction"
-        value = rotated(value, own[1]) if turns else value * [own[0], own[0], 1]
-        value = frames.out_of(face, bary, value) * (own[0] * texel[:, 2:] if turns else 1.0)
-        return 0.5 + 0.5 * value
     if slot.kind == "occlusion":
         value = 1 + own * (texel - 1)
-        return value
-    if slot.kind == "range":
+    elif slot.kind == "range":
         value = texel * ((own[1] - own[0]) / 1000) + own[0] / 1000  # nm as µm
-        return value
-    value = texel * own
+    else:
+        value = texel * own
     if slot.srgb:
         colours = np.array([channel < 3 for channel in slot.channels])
         value[:, colours] = srgb(value[:, colours])

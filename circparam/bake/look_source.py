@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.bake.projection import frames_over
+from circparam.bake.projection import file_normals, own_frames
 from circparam.bake.source_image import SourceImage
 from circparam.bake.texels import flat_areas
 from circparam.core.arrays import normals_of
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import FloatArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.looks import Looks, Use, pixels
-from circparam.geometry.shading import Frames, corner_normals
+from circparam.geometry.shading import Frames
 
 FARTHEST_TILES = 1e9  # copies of an image away, where doubles still tell its texels apart
 # times an image is laid over the surface, from which on it is a pattern that repeats
@@ -108,27 +108,16 @@ class Source:
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) areas of the faces in space."""
-        corners = self.document.mesh.corners
-        cross = normals_of(corners)
-        return np.asarray(np.linalg.norm(cross, axis=1) / 2)
-
-    @cached_property
-    def vertex(self) -> IntArray:
-        """(m, 3) label of each corner by position."""
-        mesh = self.document.mesh
-        return mesh.rank[mesh.faces]
+        return np.asarray(np.linalg.norm(normals_of(self.document.mesh.corners), axis=1) / 2)
 
     @cached_property
     def normals(self) -> FloatArray:
         """(m, 3, 3) unit normals of corners: those of the file, else smooth ones."""
-        mesh = self.document.mesh
-        own = self.document.normals()
-        return corner_normals(mesh.corners, self.vertex) if own is None else own
+        return file_normals(self.document)
 
     def frames(self, corners: FloatArray) -> Frames:
         """Tangent frames over uv (m, 3, 2) with v up."""
-        mesh = self.document.mesh
-        return frames_over(mesh.corners, self.vertex, self.normals, np.nan_to_num(corners))
+        return own_frames(self.document, np.nan_to_num(corners), self.normals)
 
     def old_frames(self, use: Use | None) -> Frames:
         """The frames in which an image tells directions: tangents of the file where it has them."""

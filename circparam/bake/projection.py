@@ -6,6 +6,7 @@ cage. Otherwise the texel stays empty and is filled like padding. With a map the
 source, every vertex to its place. Rays then take the nearest hit.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from functools import cached_property
 
@@ -14,7 +15,6 @@ import numpy as np
 from circparam.bake.sampling import Closest, Paint
 from circparam.core.arrays import interpolated, numbered_rows, slices, unit
 from circparam.core.plural import percent
-from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
@@ -34,19 +34,6 @@ PROBED_FACES = 2_000  # faces whose middles tell whether two surfaces lie apart
 HEIGHT_PROBES = (
     np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2], [3, 3, 0], [3, 0, 3], [0, 3, 3]]) / 6
 )
-
-
-@dataclass
-class Tally:
-    """Number of texels sought, of rays without a hit, and of texels left empty."""
-
-    sought: int = 0
-    missed: int = 0
-    empty: int = 0
-
-    def share(self, count: int) -> float:
-        """A part of the texels that were sought."""
-        return count / max(self.sought, 1)
 
 
 def require_shape(document: Document) -> None:
@@ -70,7 +57,8 @@ def require_shape(document: Document) -> None:
 class Projection:
     """Places of a target's texels on a source.
 
-    corners: (m, 3, 3) of the projected target: with a map, on the source. reach: (m,) of the cage.
+    corners: (m, 3, 3) of the projected target: with a map, on the source. reach: (m,) of the cage. texels:
+    numbers of those sought, missed by their rays, and left empty.
     """
 
     def __init__(
@@ -93,7 +81,7 @@ class Projection:
             self.reach = np.linalg.norm(sides, axis=2).max(1)
             self.cage = float(self.reach.max())
         self.tree = BoxTree(source.corners)
-        self.tally = Tally()
+        self.texels: Counter[str] = Counter()
 
     @cached_property
     def closest(self) -> Closest:
@@ -106,8 +94,7 @@ class Projection:
         normal = unit(interpolated(bary, self.normals[face]))
         hits = first_hits(self.tree, place, normal, self.reach[face], nearest=self.mapped)
         missed = np.flatnonzero(hits.face < 0)
-        self.tally.sought += len(face)
-        self.tally.missed += len(missed)
+        self.texels.update(sought=len(face), missed=len(missed))
         if len(missed) == 0:
             return hits
         far = np.inf if self.mapped else FILL_CAGES * self.cage
@@ -117,7 +104,7 @@ class Projection:
         corners = self.source.points[self.source.faces[np.maximum(there, 0)]]
         on = interpolated(at, corners)
         hits.t[missed] = ((on - place[missed]) * normal[missed]).sum(1)
-        self.tally.empty += int(np.count_nonzero(there < 0))
+        self.texels["empty"] += int(np.count_nonzero(there < 0))
         return hits
 
     def height_range(self, layout: UVMap) -> float:
@@ -127,18 +114,28 @@ class Projection:
             return self.cage
         face = np.repeat(np.flatnonzero(layout.laid), len(HEIGHT_PROBES))
         landed = self.find(face, np.tile(HEIGHT_PROBES, (len(face) // len(HEIGHT_PROBES), 1)))
-        self.tally = Tally()
+        self.texels.clear()
         return max(float(np.abs(landed.t[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
 
-    def note(self) -> str:
+    def share(self, kind: str) -> float:
+        """The texels of a kind as a part of all that were sought."""
+        return self.texels[kind] / max(self.texels["sought"], 1)
+
+    def report(self) -> dict[str, float]:
+        """The figures for JSON."""
+        rays = {} if self.mapped else {"cage": self.cage, "missed": self.share("missed")}
+        return {**rays, "empty": self.share("empty")}
+
+    def notes(self) -> list[str]:
         """The share of rays without a hit, and their replacement."""
-        tally = self.tally
-        missed, empty = (tally.share(count) for count in (tally.missed, tally.empty))
-        return (
+        if self.mapped or not self.texels["missed"]:
+            return []
+        missed, empty = self.share("missed"), self.share("empty")
+        return [
             f"{percent(missed)} of the rays meet nothing within the cage of {self.cage:.4g}: "
             f"{percent(missed - empty)} take the closest point, {percent(empty)} are left to the padding; "
             "a larger --cage may meet more"
-        )
+        ]
 
     def probe(self) -> None:
         """As ``check``, after rays from the middle of a few faces: before all of them are cast."""
@@ -146,17 +143,16 @@ class Projection:
         face = np.unique(np.linspace(0, count - 1, min(count, PROBED_FACES)).astype(np.int64))
         self.find(face, np.full((len(face), 3), 1 / 3))
         self.check()
-        self.tally = Tally()
+        self.texels.clear()
 
     def check(self) -> None:
         """Raises InputError if hardly any texel finds its place, because the meshes do not belong together."""
-        tally = self.tally
-        if self.mapped and tally.share(tally.missed) > LOST_TEXEL_SHARE:
+        if self.mapped and self.share("missed") > LOST_TEXEL_SHARE:
             raise InputError(
                 "the map flips the surface: one mesh is mirrored or reversed; turn it, and make "
                 "the map again"
             )
-        if tally.empty == tally.sought:
+        if self.texels["empty"] == self.texels["sought"]:
             raise InputError(
                 f"no ray meets the source within the cage of {self.cage:.4g}: the surfaces lie apart or have "
                 "opposite windings; move or turn one, or enlarge --cage"
@@ -185,13 +181,6 @@ def landed_paint(
     return painted
 
 
-def through(projection: Projection, paint: Paint, channels: int) -> Paint:
-    """Values of a paint of the source at the places of the target's texels."""
-    return landed_paint(
-        projection, channels, lambda face, bary, landed: paint(landed.face, landed.bary)
-    )
-
-
 def normal_paint(
     projection: Projection, target: Document, layout: UVMap, source: Document
 ) -> Paint:
@@ -200,15 +189,12 @@ def normal_paint(
     The target's normals are those of its file (glTF), else smooth. With a map they are the normals of the
     target moved onto the source, so a normal turns with its surface.
     """
-    seen = source.normals()
-    if seen is None:
-        label = source.mesh.rank[source.mesh.faces]
-        seen = corner_normals(source.mesh.corners, label, SHARP_DEGREES)
+    seen = file_normals(source, SHARP_DEGREES)
     if projection.mapped:
         uv = layout.corners
         space = frames_over(projection.corners, projection.vertex, projection.normals, uv)
     else:
-        space = own_frames(target, layout)
+        space = own_frames(target, layout.corners)
 
     def normals(face: IntArray, bary: FloatArray, landed: Hits) -> FloatArray:
         normal = interpolated(landed.bary, seen[landed.face])
@@ -217,16 +203,20 @@ def normal_paint(
     return landed_paint(projection, 3, normals)
 
 
-def own_frames(target: Document, layout: UVMap, own: FloatArray | None = None) -> Frames:
-    """The frames in which a viewer reads the normals of a mesh.
+def file_normals(document: Document, sharp: float = 180.0) -> FloatArray:
+    """(m, 3, 3) unit normals of the corners: those of the file, else smooth ones but across sharp edges."""
+    mesh, own = document.mesh, document.normals()
+    return corner_normals(mesh.corners, mesh.rank[mesh.faces], sharp) if own is None else own
 
-    own: (m, 3, 3) of its corners; None takes those of its file, or smooth ones.
+
+def own_frames(document: Document, uv: FloatArray, normal: FloatArray | None = None) -> Frames:
+    """The frames over uv (m, 3, 2) in which a viewer reads the normals of a mesh.
+
+    normal: (m, 3, 3) of its corners; None takes those of ``file_normals``.
     """
-    mesh = target.mesh
-    corners, vertex = mesh.corners, mesh.rank[mesh.faces]
-    own = target.normals() if own is None else own
-    normal = corner_normals(corners, vertex) if own is None else own
-    return frames_over(corners, vertex, normal, layout.corners)
+    mesh = document.mesh
+    normal = file_normals(document) if normal is None else normal
+    return frames_over(mesh.corners, mesh.rank[mesh.faces], normal, uv)
 
 
 def frames_over(
@@ -235,10 +225,3 @@ def frames_over(
     """Tangent frames of corners (m, 3, 3) over uv (m, 3, 2), one where corners share position and uv."""
     place = numbered_rows(uv.reshape(-1, 2))[1].reshape(-1, 3)
     return frames(corners, uv, vertex * (int(place.max()) + 1) + place, normal)
-
-
-def height_paint(projection: Projection, reach: float) -> Paint:
-    """Heights along the target's smooth normals, from −reach (black) to +reach (white)."""
-    return landed_paint(
-        projection, 1, lambda face, bary, landed: (0.5 + 0.5 * landed.t / reach)[:, None]
-    )

@@ -151,17 +151,6 @@ def apart(mesh: Mesh, closest: Closest) -> float:
     return float(closest.find(corners.mean(1))[2].mean()) / max(size, 1e-300)
 
 
-def closest_paint(mesh: Mesh, closest: Closest, paint: Paint) -> Paint:
-    """Colours of another surface: those of its point that is closest to each place of the mesh."""
-
-    def through(face: IntArray, bary: FloatArray) -> FloatArray:
-        places = interpolated(bary, mesh.points[mesh.faces[face]])
-        there, at, _ = closest.find(places)
-        return paint(there, at)
-
-    return through
-
-
 def same_surface(a: Mesh, b: Mesh) -> bool:
     """Whether two meshes are the same triangles in the same order, up to single precision."""
     if a.faces.shape != b.faces.shape:

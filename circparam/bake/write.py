@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from PIL import Image
 
-from circparam.bake.bake import Across, Baked, Texels, bake_document, to_image
+from circparam.bake.bake import Across, Baked, Texels, bake_document
 from circparam.bake.projection import own_frames
 from circparam.core.files import check_free, write_files
 from circparam.core.plural import counted
@@ -86,7 +87,7 @@ def write_baked(
         own = document.normals()
         if not is_gltf and up == "z":
             document, own = turned(document), None if own is None else y_up(own, up)
-        space = own_frames(document, layout, own)
+        space = own_frames(document, layout.corners, own)
         sign = np.broadcast_to(space.sign[:, None, None], (*space.normal.shape[:2], 1))
         tangent = np.concatenate([space.tangent, sign], 2)
         order = encoded.face_map
@@ -120,7 +121,8 @@ def _gloss_notes(document: Document) -> list[str]:
 def png(array: Texels, level: int = 7) -> bytes:
     """A tile as PNG bytes; level: of compression, 0 to 9."""
     out = io.BytesIO()
-    to_image(array).save(out, "PNG", compress_level=level)
+    image = Image.fromarray(array[..., 0] if array.shape[2] == 1 else array)
+    image.save(out, "PNG", compress_level=level)
     return out.getvalue()
 
 

@@ -38,6 +38,11 @@ class Slot:
     kind: Kind = "product"
     covers: bool = False
 
+    @property
+    def turns(self) -> bool:
+        """Whether its values are directions in a tangent frame."""
+        return self.kind in ("normal", "direction")
+
 
 @dataclass(frozen=True, eq=False)
 class Use:

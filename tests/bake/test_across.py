@@ -36,7 +36,7 @@ def decoded(baked: Baked, document: Document, face: IntArray, bary: FloatArray) 
     """Directions in space that a viewer of glTF reads from a normal map."""
     layout = document.uv()
     x, y, z = (2 * sample_back(baked, layout, face, bary) - 1).T[..., None]
-    space = own_frames(document, layout)
+    space = own_frames(document, layout.corners)
     t, b, n = (
         unit(np.einsum("pk,pkc->pc", bary, axis[face]))
         for axis in (space.tangent, space.bitangent, space.normal)
@@ -246,7 +246,7 @@ def test_faces_at_one_place_of_the_page_have_frames_of_their_own(tmp_path: Path)
     faces = np.arange(6).reshape(2, 3)
     target = stored(tmp_path, "a", Mesh(points, faces), UVMap(points[:3, :2], faces % 3))
     along_u = (points[faces[:, 1]] - points[faces[:, 0]])[:, None]
-    tangent = own_frames(target, target.uv()).tangent
+    tangent = own_frames(target, target.uv().corners).tangent
     np.testing.assert_allclose(tangent, np.broadcast_to(along_u, tangent.shape), atol=1e-12)
 
 

@@ -141,7 +141,7 @@ def covers() -> Image.Image:
     coarse, dense = samples.load("cover-coarse"), samples.load("cover-dense")
     baked = bake_document(coarse, "normals", source=dense, across=Across("nearest"), size=1024)
     layout = coarse.uv()
-    space, code = own_frames(coarse, layout), baked_colour(coarse, baked)
+    space, code = own_frames(coarse, layout.corners), baked_colour(coarse, baked)
 
     def told(face: IntArray, bary: FloatArray) -> FloatArray:
         x, y, z = (2 * code(face, bary) - 1).T[..., None]
