@@ -1,6 +1,7 @@
 """Sparse linear systems: factor once, solve many; conjugate gradients. Only this module knows the solver."""
 
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from itertools import islice
 from typing import Any, NamedTuple, TypeAlias
 
@@ -10,7 +11,7 @@ import scipy.sparse as sps
 from circparam.core.arrays import dot
 from circparam.core.clock import tick
 from circparam.core.compiled import SuperLU, gstrf
-from circparam.core.types import ComplexArray, FloatArray, IntArray
+from circparam.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 from circparam.errors import NoResultError
 
 SparseMatrix: TypeAlias = (
@@ -90,6 +91,32 @@ class ComplexFactor(Factor):
             return b.copy()
         x = self._lu.solve(np.asfortranarray(b, np.complex128))
         return np.asarray(x, np.complex128)
+
+
+class HeldFactor:
+    """The factorisation of a system with some of the unknowns given.
+
+    matrix: (n, n). held: those unknowns, (n,) bool or (k,) numbers.
+    """
+
+    def __init__(self, matrix: SparseMatrix, held: BoolArray | IntArray) -> None:
+        self.held, self.free = held, np.ones(matrix.shape[0], bool)
+        self.free[held] = False
+        self._rows = sps.csr_matrix(matrix)[self.free]
+        self._factor = Factor(self._rows[:, self.free])
+
+    @cached_property
+    def _from_held(self) -> sps.csr_matrix:
+        return self._rows[:, self.held]
+
+    def solve(self, b: FloatArray, given: FloatArray | None = None) -> FloatArray:
+        """x (n, ...) with matrix @ x = b but for the rows of those ``given`` (k, ...); None: zeros."""
+        x, right = np.zeros_like(b), b[self.free]
+        if given is not None:
+            x[self.held] = given
+            right = right - self._from_held @ given
+        x[self.free] = self._factor.solve(right)
+        return x
 
 
 def solve(matrix: SparseMatrix, b: FloatArray) -> FloatArray:

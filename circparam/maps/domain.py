@@ -21,7 +21,7 @@ from circparam.core.arrays import (
     positions_in,
 )
 from circparam.core.graph import components, matching
-from circparam.core.linalg import Factor
+from circparam.core.linalg import HeldFactor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -229,8 +229,8 @@ def laid_in_polygons(
     free = np.ones(len(key), bool)
     at = np.searchsorted(key, side)
     places[at], free[at] = np.concatenate(along)[first], False
-    matrix, to_fixed = assemble(part, w.ravel(), free)
-    places[free] = Factor(matrix).solve(to_fixed @ places[~free])
+    system = HeldFactor(assemble(part, w.ravel(), free), ~free)
+    places = system.solve(np.zeros_like(places), places[~free])
     out = np.zeros((len(mesh.faces), 3, corners.shape[1]))
     out[own] = places[part.faces]
     return out

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import group_sum
-from circparam.core.linalg import Factor
+from circparam.core.linalg import HeldFactor
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
 from circparam.core.types import BoolArray, FloatArray
@@ -41,22 +41,12 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
         size = np.ones(cut_mesh.n_charts)
         if options.pins is not None:
             uv, size = fit_pins(cut_mesh, uv, options.pins)
-        factor, free = stiffness(cut_mesh, hold)
-
-        def precondition(g: FloatArray) -> FloatArray:
-            out = np.zeros_like(g)
-            out[free] = factor.solve(g[free])
-            return out
-
         found = descend(
             lambda x: rigid_energy(cut_mesh, x, hold),
             uv,
             Groups(cut_mesh.vertex_chart, cut_mesh.n_charts),
-            precondition,
-            DescentOptions(
-                ARAP_TOLERANCE if options.tolerance is None else options.tolerance,
-                ARAP_STEPS if options.max_iterations is None else options.max_iterations,
-            ),
+            stiffness(cut_mesh, hold).solve,
+            DescentOptions(*options.stops(ARAP_TOLERANCE, ARAP_STEPS)),
             monitor,
         )
     uv, repairs = untangle_layout(
@@ -94,13 +84,11 @@ def rigid_energy(
     return value, gradient
 
 
-def stiffness(cut_mesh: CutMesh, hold: BoolArray) -> tuple[Factor, BoolArray]:
+def stiffness(cut_mesh: CutMesh, hold: BoolArray) -> HeldFactor:
     """Factor of the cotangent Laplacian on the vertices that move, with a touch of ridge for translations."""
-    free = ~hold
     L = cotangent_laplacian(cut_mesh)
     d = L.diagonal()
-    L = L + sps.diags(1e-9 * d + 1e-14 * float(d.mean()))
-    return Factor(sps.csc_matrix(sps.csr_matrix(L)[free][:, free])), free
+    return HeldFactor(L + sps.diags(1e-9 * d + 1e-14 * float(d.mean())), hold)
 
 
 ROW: MethodRow = Row(

@@ -47,6 +47,11 @@ class MethodOptions:
         """Options of the convex map."""
         return TutteOptions(self.boundary, self.spacing, self.polygon, self.clamp, self.repair)
 
+    def stops(self, tolerance: float, steps: int) -> tuple[float, int]:
+        """(tolerance, most iterations) that the user set, or those of the method."""
+        limit = steps if self.max_iterations is None else self.max_iterations
+        return tolerance if self.tolerance is None else self.tolerance, limit
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:

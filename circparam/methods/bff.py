@@ -7,15 +7,16 @@ holes, and the layout is that of the uncut chart. Flips are possible where the m
 boundary crosses itself.
 """
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_count, group_sum, mask_of, next_half_edge, positions_in
-from circparam.core.linalg import Factor
+from circparam.core.arrays import ends_of, group_count, group_sum, mask_of, positions_in
+from circparam.core.linalg import Factor, HeldFactor
 from circparam.core.monitor import Monitor
-from circparam.core.records import dataclass
 from circparam.core.registry import Row
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import FloatArray
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import (
     corner_angles,
@@ -24,7 +25,7 @@ from circparam.geometry.intrinsic import (
     vertex_angle_sums,
 )
 from circparam.mesh.cut_mesh import CutMesh, close_holes
-from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, direct
 from circparam.methods.conformal import at_surface_area
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices, open_holes
@@ -35,25 +36,6 @@ from circparam.solvers.tutte.outer import OuterBoundary, outer_boundary
 DISK_ROUNDS = 40  # of the fixed point iteration for the disk
 # of its target length, that a boundary edge keeps when the boundary is closed
 LEAST_EDGE_SHARE = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class _Walk:
-    """outer: the outer boundaries; follower (b,) entry after each; length (b,) of each edge on the surface."""
-
-    outer: OuterBoundary
-    follower: IntArray
-    length: FloatArray
-
-    def sums(self, values: FloatArray) -> FloatArray:
-        """(n,) sum over each boundary."""
-        return group_sum(values, self.outer.index, len(self.outer.size))
-
-    def running(self, values: FloatArray) -> FloatArray:
-        """(b,) running sum along each boundary, the entry's own value included."""
-        total = np.cumsum(values)
-        first = self.outer.start
-        return total - (total[first] - values[first])[self.outer.index]
 
 
 def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
@@ -77,8 +59,7 @@ def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
         own_size = np.full(cut_mesh.n_charts, target is None or isinstance(target, str))
         uv = at_surface_area(cut_mesh, uv, own_size)
     uv, notes = untangle_layout(cut_mesh, uv, "bff", options, monitor)
-    steps = np.ones(cut_mesh.n_charts, np.int64)
-    return Layout(uv, steps, ["solved"] * cut_mesh.n_charts, notes)
+    return direct(cut_mesh, uv, notes)
 
 
 def _flatten(cut_mesh: CutMesh, u: FloatArray, conjugate: bool) -> FloatArray:
@@ -92,16 +73,10 @@ def _flatten(cut_mesh: CutMesh, u: FloatArray, conjugate: bool) -> FloatArray:
     return uv
 
 
-def _boundary(cut_mesh: CutMesh) -> _Walk:
-    """The outer boundaries of all charts."""
-    outer = outer_boundary(cut_mesh)
-    return _Walk(outer, outer.neighbour(1), cut_mesh.edge_lengths.ravel()[outer.half_edge])
-
-
 def _log_factors(cut_mesh: CutMesh, lengths: FloatArray) -> FloatArray:
     """(n_vertices,) log scale factor on the outer boundaries for target lengths, by half-edge number."""
-    boundary = _boundary(cut_mesh)
-    h = boundary.outer.half_edge
+    boundary = outer_boundary(cut_mesh)
+    h = boundary.half_edge
     if lengths.shape != h.shape:
         raise OptionError(
             f"bff has {len(h)} outer boundary edges and got lengths of shape {lengths.shape}"
@@ -117,27 +92,8 @@ def _log_factors(cut_mesh: CutMesh, lengths: FloatArray) -> FloatArray:
     sums[boundary.follower] += after
     total[boundary.follower] += boundary.length
     result = np.zeros(cut_mesh.n_vertices)
-    result[boundary.outer.vertices] = sums / total
+    result[boundary.vertices] = sums / total
     return result
-
-
-class _Solution:
-    """Solutions x of L x = b away from vertices ``on`` (k,), whose values are given."""
-
-    def __init__(self, L: sps.csr_matrix, on: IntArray) -> None:
-        self.on, self.free = on, np.ones(L.shape[0], bool)
-        self.free[on] = False
-        rows = L[self.free]
-        self.from_given = rows[:, on]
-        self.factor = Factor(sps.csc_matrix(rows[:, self.free]))
-
-    def of(self, given: FloatArray, b: FloatArray | float = 0.0) -> FloatArray:
-        """(n, ...) the solution with the values given (k, ...); b (n,), zero for a harmonic one."""
-        out = np.empty((len(self.free), *given.shape[1:]))
-        right = b[self.free] if isinstance(b, np.ndarray) else b
-        out[self.on] = given
-        out[self.free] = self.factor.solve(right - self.from_given @ given)
-        return out
 
 
 class _Flattening:
@@ -145,20 +101,25 @@ class _Flattening:
     angles at each vertex, ``angles`` (n,)."""
 
     def __init__(self, cut_mesh: CutMesh) -> None:
-        self.cut_mesh, self.boundary = cut_mesh, _boundary(cut_mesh)
-        self.on_outer = self.boundary.outer.vertices
+        self.cut_mesh, self.boundary = cut_mesh, outer_boundary(cut_mesh)
+        self.on_outer = self.boundary.vertices
         self.inner = ~cut_mesh.on_boundary
         self.L = sps.csr_matrix(cotangent_laplacian(cut_mesh))
         self.angles = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
 
+    @cached_property
+    def pinned(self) -> HeldFactor:
+        """Solutions that are zero at the first boundary vertex of every chart."""
+        return HeldFactor(self.L, self.on_outer[self.boundary.start])
+
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
         """The flattening with log scale factor u (n_vertices,) on the boundary: curvature, curve, inside."""
         u, boundary = u[self.on_outer], self.boundary
-        inside = _Solution(self.L, self.on_outer)
-        scale = inside.of(u, self.angles - 2 * np.pi)
+        inside = HeldFactor(self.L, self.on_outer)
+        scale = inside.solve(self.angles - 2 * np.pi, u)
         lengths = boundary.length * np.exp((u + u[boundary.follower]) / 2)
         turning = np.pi - self.angles[self.on_outer] + (self.L @ scale)[self.on_outer]
-        uv = inside.of(_closed_curve(boundary, lengths, turning))
+        uv = inside.solve(np.zeros((len(scale), 2)), _closed_curve(boundary, lengths, turning))
         if conjugate:
             uv[:, 1] = self._conjugate(uv[:, 0])
         return uv
@@ -166,26 +127,25 @@ class _Flattening:
     def disk(self) -> FloatArray:
         """The flattening onto a disk: boundary curvature in proportion to the resulting lengths."""
         boundary = self.boundary
-        pinned = self._pinned()
         b = self.angles - 2 * np.pi
         lengths = boundary.length
         for _ in range(DISK_ROUNDS):
-            share = lengths / boundary.sums(lengths)[boundary.outer.index]
+            share = lengths / boundary.sums(lengths)[boundary.index]
             curvature = share.copy()
             curvature[boundary.follower] += share
             b[self.on_outer] = np.pi * curvature - (np.pi - self.angles[self.on_outer])
-            u = pinned.of(np.zeros(len(pinned.on)), b)[self.on_outer]
-            u = u - (boundary.sums(u) / boundary.outer.size)[boundary.outer.index]
+            u = self.pinned.solve(b)[self.on_outer]
+            u = u - (boundary.sums(u) / boundary.size)[boundary.index]
             new = boundary.length * np.exp((u + u[boundary.follower]) / 2)
             change = np.abs(np.log(new / lengths)).max()
             lengths = np.sqrt(new * lengths) if change > 0.1 else new
             if change < 1e-10:
                 break
-        share = lengths / boundary.sums(lengths)[boundary.outer.index]
+        share = lengths / boundary.sums(lengths)[boundary.index]
         angle = 2 * np.pi * (boundary.running(share) - share)
-        radius = np.sqrt(self.cut_mesh.chart_areas / np.pi)[boundary.outer.chart]
+        radius = np.sqrt(self.cut_mesh.chart_areas / np.pi)[boundary.chart]
         curve = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
-        return _Solution(self.L, self.on_outer).of(curve)
+        return HeldFactor(self.L, self.on_outer).solve(np.zeros((len(b), 2)), curve)
 
     def holed(self, u: FloatArray, conjugate: bool) -> FloatArray:
         """The same as ``automatic`` for charts with holes, opened along cuts from boundary to boundary.
@@ -199,7 +159,8 @@ class _Flattening:
         walk, at = disk.boundary, disk.on_outer
         turning = np.pi - disk.angles[at] + (disk.L @ scale)[at]
         lengths = walk.length * np.exp((scale[at] + scale[at[walk.follower]]) / 2)
-        uv = _Solution(disk.L, at).of(_closed_curve(walk, lengths, turning))
+        curve = _closed_curve(walk, lengths, turning)
+        uv = HeldFactor(disk.L, at).solve(np.zeros((len(scale), 2)), curve)
         targets = np.ascontiguousarray(jacobians(opened.cut_mesh, uv).transpose(1, 2, 0))
         if conjugate:
             uv, _ = from_jacobians(cut_mesh, targets)
@@ -207,8 +168,8 @@ class _Flattening:
             uv[:, 0] = -self._conjugate(uv[:, 1])
             uv[:, 1] = self._conjugate(uv[:, 0])
             return uv
-        outer = mask_of(cut_mesh.faces.size, self.boundary.outer.half_edge)
-        held = outer[walk.outer.half_edge]
+        outer = mask_of(cut_mesh.faces.size, self.boundary.half_edge)
+        held = outer[walk.half_edge]
         curve = _closed_curve(walk, np.where(held, lengths, 0.0), turning)
         return from_jacobians(cut_mesh, targets, held=(opened.origin[at[held]], curve[held]))[0]
 
@@ -230,34 +191,27 @@ class _Flattening:
         matrix = sps.csc_matrix(tie.T @ self.L @ tie)
         return given + tie @ Factor(matrix).solve(-excess - tie.T @ (self.L @ given))
 
-    def _pinned(self) -> _Solution:
-        """Solutions with the first boundary vertex of every chart given."""
-        return _Solution(self.L, self.on_outer[self.boundary.outer.start])
-
     def _conjugate(self, x: FloatArray) -> FloatArray:
         """The y with the least conformal energy for this x: L y = (x_before − x_after)/2 on the boundary."""
-        flat, h = self.cut_mesh.faces.ravel(), self.cut_mesh.boundary
-        i, j = flat[h], flat[next_half_edge(h)]
+        i, j = ends_of(self.cut_mesh.faces, self.cut_mesh.boundary)
         n = self.cut_mesh.n_vertices
         b = (group_sum(x[i], j, n) - group_sum(x[j], i, n)) / 2
-        pinned = self._pinned()
-        return pinned.of(np.zeros(len(pinned.on)), b)
+        return self.pinned.solve(b)
 
 
-def _closed_curve(boundary: _Walk, lengths: FloatArray, turning: FloatArray) -> FloatArray:
+def _closed_curve(boundary: OuterBoundary, lengths: FloatArray, turning: FloatArray) -> FloatArray:
     """(b, 2) the polygon with these turning angles at its vertices and edge lengths changed as little as closes
     it (Sawhney, Crane 2017, section 4.4). Edges of length 0 keep it."""
-    outer = boundary.outer
-    index = outer.index
+    index, size = boundary.index, boundary.size
     # angles that add up to 2π on every boundary, whatever the rounding
-    turning = turning + ((2 * np.pi - boundary.sums(turning)) / outer.size)[index]
+    turning = turning + ((2 * np.pi - boundary.sums(turning)) / size)[index]
     direction = boundary.running(turning)
     T = np.stack([np.cos(direction), np.sin(direction)], 1)
     floor = LEAST_EDGE_SHARE * lengths
     weight = np.where(lengths > 0, boundary.length, 0.0)
     for _ in range(20):
         gap = np.stack([boundary.sums(lengths * t) for t in T.T], 1)
-        G = np.empty((len(outer.size), 2, 2))
+        G = np.empty((len(size), 2, 2))
         for i in range(2):
             for j in range(2):
                 G[:, i, j] = boundary.sums(weight * T[:, i] * T[:, j])

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_max, group_sum, next_half_edge
+from circparam.core.arrays import ends_of, group_max, group_sum
 from circparam.core.linalg import ComplexFactor
 from circparam.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 from circparam.geometry.intrinsic import cotangent_laplacian, signed_areas
@@ -22,16 +22,10 @@ def conformal_matrix(cut_mesh: CutMesh) -> sps.csc_matrix:
 
     Q holds ±i/2 on the boundary half-edges i → j: half the sum of u_i v_j − u_j v_i is the area inside.
     """
-    h = cut_mesh.boundary
-    flat = cut_mesh.faces.ravel()
-    i, j = flat[h], flat[next_half_edge(h)]
-    n = cut_mesh.n_vertices
-    half = np.full(len(h), 0.5j)
-    area = sps.coo_matrix(
-        (np.concatenate([half, -half]), (np.concatenate([i, j]), np.concatenate([j, i]))),
-        shape=(n, n),
-    )
-    return sps.csc_matrix(cotangent_laplacian(cut_mesh) + area.tocsr())
+    i, j = ends_of(cut_mesh.faces, cut_mesh.boundary)
+    n, half = cut_mesh.n_vertices, np.full(len(i), 0.5j)
+    area = sps.csr_matrix((np.r_[half, -half], (np.r_[i, j], np.r_[j, i])), shape=(n, n))
+    return sps.csc_matrix(cotangent_laplacian(cut_mesh) + area)
 
 
 def start_modes(cut_mesh: CutMesh) -> ComplexArray:

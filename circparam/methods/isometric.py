@@ -45,25 +45,13 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
                 f"chart {chart} has {int(report.after[chart])} flipped faces with its pins in place: "
                 "move the pins nearer to where the chart lies without them"
             )
+    tolerance, limit = options.stops(ISOMETRIC_TOLERANCE, ISOMETRIC_STEPS)
+    accuracy = RelaxOptions(tolerance, limit, blend=options.blend, fixed=fixed)
     with monitor.stage("relax"):
-        relaxed = relax(
-            cut_mesh,
-            uv,
-            RelaxOptions(
-                tolerance=ISOMETRIC_TOLERANCE if options.tolerance is None else options.tolerance,
-                max_iterations=ISOMETRIC_STEPS
-                if options.max_iterations is None
-                else options.max_iterations,
-                blend=options.blend,
-                fixed=fixed,
-            ),
-            monitor,
-        )
-    stuck = [k for k, reason in enumerate(relaxed.stopped) if reason == "flipped start"]
+        relaxed = relax(cut_mesh, uv, accuracy, monitor)
+    stuck = relaxed.stopped.count("flipped start")
     if stuck:
-        notes.append(
-            f"isometric: {len(stuck)} charts start with flipped faces and were not relaxed"
-        )
+        notes.append(f"isometric: {stuck} charts start with flipped faces and were not relaxed")
     uv = at_pins(cut_mesh, relaxed.uv, size, options.pins)
     return Layout(uv, relaxed.iterations, relaxed.stopped, notes)
 

@@ -57,21 +57,15 @@ def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray
     Returns (z (n,), (n_charts,) charts fixed by pins of the user). Raises OptionError for bad pins.
     """
     pinned = np.zeros(cut_mesh.n_charts, bool)
-    vertices = np.zeros(0, np.int64)
-    places = np.zeros(0, np.complex128)
+    z = np.zeros(cut_mesh.n_vertices, np.complex128)
+    free = np.ones(cut_mesh.n_vertices, bool)
     if pins is not None:
         check_pins(cut_mesh, pins, 2)
-        vertices, places = pins.vertices, pins.uv[:, 0] + 1j * pins.uv[:, 1]
-        pinned[cut_mesh.vertex_chart[vertices]] = True
-    own, own_places = _opposite_points(cut_mesh, ~pinned)
-    vertices = np.concatenate([vertices, own])
-    places = np.concatenate([places, own_places])
-    free = np.ones(cut_mesh.n_vertices, bool)
-    free[vertices] = False
-    matrix = conformal_matrix(cut_mesh).tocsr()
-    z = np.zeros(cut_mesh.n_vertices, np.complex128)
-    z[vertices] = places
-    rows = matrix[free]
+        z[pins.vertices], free[pins.vertices] = pins.uv[:, 0] + 1j * pins.uv[:, 1], False
+        pinned[cut_mesh.vertex_chart[pins.vertices]] = True
+    own, places = _opposite_points(cut_mesh, ~pinned)
+    z[own], free[own] = places, False
+    rows = conformal_matrix(cut_mesh).tocsr()[free]
     z[free] = ComplexFactor(sps.csc_matrix(rows[:, free])).solve_complex(
         -np.asarray(rows[:, ~free] @ z[~free], np.complex128)
     )

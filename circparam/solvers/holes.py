@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, IntArray, next_half_edge
+from circparam.core.arrays import ends_of
 from circparam.core.graph import Graph, nearest, spanning_forest
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 
@@ -54,11 +55,10 @@ def _joining_paths(cut_mesh: CutMesh) -> BoolArray:
     cut = np.zeros(len(cut_mesh.edges), bool)
     if loops.outer.all():
         return cut
-    flat, h = cut_mesh.faces.ravel(), cut_mesh.edges[:, 0]
-    a, b = flat[h], flat[next_half_edge(h)]
-    length = cut_mesh.edge_lengths.ravel()[h]
+    a, b = ends_of(cut_mesh.faces, cut_mesh.edges[:, 0])
+    length = cut_mesh.lengths(cut_mesh.edges[:, 0])
     n = cut_mesh.n_vertices
-    on_loop = flat[loops.half_edges]
+    on_loop = cut_mesh.faces.ravel()[loops.half_edges]
     loop = np.full(n, -1)
     loop[on_loop] = loops.loop_of
     graph = Graph(n, a, b, length)

@@ -1,10 +1,13 @@
 """The objective of Newton's method: the symmetric Dirichlet energies of many charts at once."""
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum, slices
+from circparam.core.arrays import group_count, group_sum, slices
 from circparam.core.linalg import Factor, SparseMatrix, conjugate_gradients
+from circparam.core.types import BoolArray, FloatArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import VertexPattern, hold, pattern_of
@@ -12,12 +15,9 @@ from circparam.solvers.preconditioner import (
     DIRECT_LIMIT,
     SMALL_CHART,
     BlockJacobi,
-    BlockPattern,
     CoarseSpace,
     TwoLevel,
     aggregates,
-    hold_blocks,
-    solve_direct,
 )
 
 # A line search follows, so the direction of large charts need not be exact. Conjugate gradients end when the
@@ -49,9 +49,12 @@ class Objective:
         if weight is not None:
             self.weight = self.weight * weight
         self.corners = cut_mesh.faces.T.copy()
-        self._pattern: BlockPattern | None = None
-        self._direct: VertexPattern | None = None
         self._coarse: CoarseSpace | None = None
+
+    @cached_property
+    def _pattern(self) -> VertexPattern:
+        """The pattern of the Hessian with the vertices in their own order."""
+        return VertexPattern(self.cut_mesh, None)
 
     def gather(self, uv: FloatArray, faces: slice = slice(None)) -> FloatArray:
         """(2, 3, m) uv of the corners (of some faces)."""
@@ -134,13 +137,9 @@ class Objective:
 
     def _factored(self, blocks: FloatArray, g: FloatArray, uv: FloatArray) -> FloatArray:
         """H⁻¹ g by factorisation; the order of elimination that the first one finds serves all others."""
-        if self.reordered:
-            pattern = pattern_of(self.cut_mesh)
-        else:
-            pattern = self._direct = self._direct or VertexPattern(self.cut_mesh, None)
+        pattern = pattern_of(self.cut_mesh) if self.reordered else self._pattern
         matrix = self.stiffened(pattern.blocks(blocks), uv)
         if self.fixed is not None:
-            matrix = sps.csc_matrix(matrix)
             hold(matrix, self.fixed[pattern.order])
         factor = Factor(matrix, pattern.ordered)
         if self.reordered and not pattern.ordered:
@@ -149,10 +148,10 @@ class Objective:
 
     def _hessian(self, blocks: FloatArray, uv: FloatArray) -> SparseMatrix:
         """(2n, 2n) positive semidefinite, with unit rows (times a number) for fixed vertices."""
-        if self._pattern is None:
-            self._pattern = BlockPattern(self.cut_mesh)
-        matrix = self.stiffened(self._pattern.assemble(blocks), uv)
-        return matrix if self.fixed is None else _hold(matrix, self.fixed)
+        matrix = self.stiffened(self._pattern.block_rows(blocks), uv)
+        if self.fixed is not None:
+            hold(matrix, self.fixed)
+        return matrix
 
     def _by_size(self, matrix: SparseMatrix, g: FloatArray, uv: FloatArray) -> FloatArray:
         """Approximate matrix⁻¹ g: small charts are factored, large ones use conjugate gradients.
@@ -171,7 +170,8 @@ class Objective:
         rows = sps.csr_matrix(matrix)
         if self.fixed is not None:
             rows.eliminate_zeros()  # rows of fixed vertices would fill the factor
-        step[~large] = solve_direct(rows[small][:, small], g[~large])
+        # symmetric: the rows are the columns, which the factor wants
+        step[~large] = Factor(rows[small][:, small].T).solve(g[~large].ravel()).reshape(-1, 2)
         if large.any():
             step[large] = self._iterated(rows[~small][:, ~small], g[large], uv, large)
         return step
@@ -181,25 +181,13 @@ class Objective:
     ) -> FloatArray:
         """Approximate matrix⁻¹ g by conjugate gradients, for the vertices of large charts ((n,) bool)."""
         if self._coarse is None:
-            # _hessian, which gave the matrix, made the pattern
-            pattern = self._pattern or BlockPattern(self.cut_mesh)
-            groups = aggregates(self.cut_mesh, pattern, uv)[large]
+            groups = aggregates(self.cut_mesh, uv)[large]
             groups = np.unique(groups, return_inverse=True)[1].reshape(-1)
             self._coarse = CoarseSpace(matrix, groups, uv[large])
         precondition = TwoLevel(matrix, self._coarse)
         rows = precondition.matrix
         step = conjugate_gradients(rows, g.ravel(), precondition, CG_TOLERANCE, CG_LIMIT)
         return step.reshape(-1, 2)
-
-
-def _hold(matrix: SparseMatrix, fixed: BoolArray) -> SparseMatrix:
-    """The matrix with identity rows and columns (times a number) for fixed vertices; it may change in place."""
-    if isinstance(matrix, sps.bsr_matrix):
-        hold_blocks(matrix, fixed)
-        return matrix
-    columns = sps.csc_matrix(matrix)
-    hold(columns, fixed)
-    return columns
 
 
 def in_units_of_faces(cut_mesh: CutMesh, uv: FloatArray) -> tuple[CutMesh, FloatArray, float]:

@@ -1,4 +1,4 @@
-"""Symmetric matrices over the vertices of a cut mesh for factorisations: a pattern made once, filled in place.
+"""Symmetric matrices over the vertices of a cut mesh: a pattern made once, filled in place.
 
 A pattern may order its vertices so that elimination fills little. The order of one factorisation serves all
 later ones over the same edges, with one number or a block for each pair of vertices.
@@ -7,22 +7,15 @@ later ones over the same edges, with one number or a block for each pair of vert
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_count,
-    group_sum,
-    stable_order,
-)
-from circparam.core.linalg import Factor
+from circparam.core.arrays import group_count, group_sum, stable_order
+from circparam.core.linalg import Factor, SparseMatrix
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
 RIDGE_SHARE = 1e-9  # of the diagonal, since the energy does not see a chart move as a whole
-TRANSPOSED = np.array(
-    [0, 2, 1, 3]
-)  # entries of a transposed block, where a block is (00, 01, 10, 11)
+# entries of a transposed block, where a block is (00, 01, 10, 11)
+TRANSPOSED = np.array([0, 2, 1, 3])
 
 
 def pattern_of(cut_mesh: CutMesh) -> "VertexPattern":
@@ -70,9 +63,8 @@ class VertexPattern:
 
     def __init__(self, cut_mesh: CutMesh, order: IntArray | None) -> None:
         n = cut_mesh.n_vertices
-        flat = (
-            cut_mesh.faces.T.ravel()
-        )  # half-edge k of face f is entry k m + f, as ``edge_blocks`` has them
+        # half-edge k of face f is entry k m + f, as ``edge_blocks`` has them
+        flat = cut_mesh.faces.T.ravel()
         i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
         m = len(cut_mesh.faces)
         self.left, self.right, self.boundary = (
@@ -121,23 +113,43 @@ class VertexPattern:
 
         The rows of the blocks sum to zero, except for a small ridge. The next call overwrites the same matrix.
         """
-        flat = blocks.reshape(4, -1)
-        edge = np.concatenate(
-            [flat[:, self.left] + flat[TRANSPOSED][:, self.right], flat[:, self.boundary]], axis=1
-        )
-        both = np.concatenate([edge, edge[TRANSPOSED]], axis=1)
+        both = self._edge_blocks(blocks)
         diagonal = -np.stack([group_sum(x, self.rows, self.n) for x in both])
-        trace = diagonal[0] + diagonal[3]
-        mean = group_sum(trace, self.chart, len(self.count)) / self.count
-        ridge = RIDGE_SHARE * trace + 1e-4 * RIDGE_SHARE * mean[self.chart]
-        diagonal[0] += ridge
-        diagonal[3] += ridge
+        diagonal[::3] += self._ridge(diagonal[0] + diagonal[3])
         data = np.concatenate([both, diagonal], axis=1)
         if self.place is not None:
             data = np.stack([self._placed(x) for x in data])
         gather, matrix = self._block_pattern()
         matrix.data = data.ravel()[gather]
         return matrix
+
+    def block_rows(self, blocks: FloatArray) -> sps.bsr_matrix:
+        """The matrix of ``blocks`` by rows of blocks, for products with vectors."""
+        # symmetric: the columns of the pattern are the rows of the matrix
+        both, empty = self._edge_blocks(blocks), np.zeros(self.n)
+        data = np.empty((len(self.row), 4))
+        for k, transposed in enumerate(TRANSPOSED):
+            data[:, k] = self._placed(np.concatenate([both[transposed], empty]))
+        diagonal = -np.add.reduceat(data, self.start[:-1], axis=0)
+        diagonal[:, ::3] += self._ridge(diagonal[:, 0] + diagonal[:, 3])[:, None]
+        data[self.row == np.repeat(np.arange(self.n), np.diff(self.start))] = diagonal
+        entries = data.reshape(-1, 2, 2), self.row, self.start
+        return sps.bsr_matrix(entries, shape=(2 * self.n, 2 * self.n))
+
+    def _edge_blocks(self, blocks: FloatArray) -> FloatArray:
+        """(4, 2e) blocks of the edges, those of both sides added up, in one direction, then in the other."""
+        flat, count = blocks.reshape(4, -1), len(self.rows) // 2
+        out = np.empty((4, 2 * count))
+        for ahead, back, place in zip(flat, flat[TRANSPOSED], out, strict=True):
+            place[: len(self.left)] = ahead[self.left] + back[self.right]
+            place[len(self.left) : count] = ahead[self.boundary]
+        out[:, count:] = out[TRANSPOSED, :count]
+        return out
+
+    def _ridge(self, trace: FloatArray) -> FloatArray:
+        """(n,) what the diagonal gets, by the traces of its blocks."""
+        mean = group_sum(trace, self.chart, len(self.count)) / self.count
+        return RIDGE_SHARE * trace + 1e-4 * RIDGE_SHARE * mean[self.chart]
 
     def gather(self, x: FloatArray) -> FloatArray:
         """Values (n, 2) of the vertices as rows of the matrix (2n,)."""
@@ -182,13 +194,14 @@ class VertexPattern:
         return self._blocks
 
 
-def hold(matrix: sps.csc_matrix, fixed: BoolArray) -> None:
+def hold(matrix: SparseMatrix, fixed: BoolArray) -> None:
     """Give fixed vertices ((n,) bool, as the rows have them) unit rows and columns, times a number, in place.
 
-    matrix: (2n, 2n), symmetric, with its whole diagonal.
+    matrix: (2n, 2n), symmetric, with its whole diagonal; of blocks, or by columns.
     """
-    held = np.repeat(fixed, 2)
+    by_blocks = isinstance(matrix, sps.bsr_matrix)
+    held = fixed if by_blocks else np.repeat(fixed, 2)
     size = float(np.abs(matrix.diagonal()).mean())
-    column = np.repeat(np.arange(len(held)), np.diff(matrix.indptr))
-    matrix.data[held[matrix.indices] | held[column]] = 0.0
-    matrix.data[held[column] & (matrix.indices == column)] = size
+    line = np.repeat(np.arange(len(held)), np.diff(matrix.indptr))
+    matrix.data[held[line] | held[matrix.indices]] = 0.0
+    matrix.data[held[line] & (matrix.indices == line)] = size * np.eye(2) if by_blocks else size

@@ -3,17 +3,9 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    first_of_each,
-    group_sum,
-    mask_of,
-    next_half_edge,
-    slices,
-)
-from circparam.core.linalg import Factor
+from circparam.core.arrays import first_of_each, group_sum, mask_of, next_half_edge, slices
+from circparam.core.linalg import Factor, HeldFactor
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import pattern_of
@@ -90,11 +82,7 @@ class Poisson:
         self.corners = cut_mesh.faces.T.copy()
         n = cut_mesh.n_vertices
         if held is not None:
-            free = np.ones(n, bool)
-            free[held[0]] = False
-            self.free = np.flatnonzero(free)
-            self.rows = laplacian(cut_mesh)[self.free]
-            self.factor = Factor(self.rows[:, self.free].tocsc())
+            self.held_factor = HeldFactor(laplacian(cut_mesh), held[0])
             return
         g = self.gradients
         weight = -(g * g[:, [1, 2, 0]]).sum(0) * cut_mesh.areas
@@ -116,16 +104,11 @@ class Poisson:
     def layout(self, targets: FloatArray) -> FloatArray:
         """(nv, 2) the layout for these Jacobians (2, 2, m)."""
         right = divergence(self.cut_mesh, self.gradients, targets)
-        uv = np.zeros((self.cut_mesh.n_vertices, 2))
-        if self.held is None:
-            order = self.pattern.order
-            uv[order] = self.factor.solve(right[order])
-            return uv - uv[self.pins][self.cut_mesh.vertex_chart]
-        uv[self.held[0]] = self.held[1]
-        uv[self.free] = self.factor.solve(
-            right[self.free] - self.rows[:, self.held[0]] @ self.held[1]
-        )
-        return uv
+        if self.held is not None:
+            return self.held_factor.solve(right, self.held[1])
+        order, uv = self.pattern.order, np.empty_like(right)
+        uv[order] = self.factor.solve(right[order])
+        return uv - uv[self.pins][self.cut_mesh.vertex_chart]
 
     def judged(self, uv: FloatArray) -> tuple[FloatArray, BoolArray]:
         """(Jacobians (2, 2, m), (n_charts,) bool: a face is flipped)."""

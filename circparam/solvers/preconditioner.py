@@ -1,19 +1,12 @@
-"""One block matrix for all charts: the 2 × 2 vertex blocks of a Hessian, with a pattern computed once."""
+"""Preconditioners of a Hessian with a 2 × 2 block for each pair of neighbouring vertices."""
 
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_count,
-    group_sum,
-    next_half_edge,
-    stable_order,
-)
+from circparam.core.arrays import ends_of, group_count, group_sum
 from circparam.core.graph import components
 from circparam.core.linalg import Factor, SparseMatrix
+from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 
 # Number of vertices from which conjugate gradients with the two-level preconditioner are faster than a
@@ -23,72 +16,7 @@ SMALL_CHART = 1000  # vertices up to which charts of larger systems are solved b
 AGGREGATE_SIZE = 60  # vertices in one aggregate of the coarse space
 
 
-class BlockPattern:
-    """Where the blocks of the edges and vertices of the cut mesh stand in a block-sparse-row matrix."""
-
-    def __init__(self, cut_mesh: CutMesh) -> None:
-        flat = cut_mesh.faces.ravel()
-        i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
-        first = np.concatenate([i, cut_mesh.boundary])
-        tail, head = flat[first], flat[next_half_edge(first)]
-        n = cut_mesh.n_vertices
-        rows = np.concatenate([tail, head, np.arange(n)])
-        columns = np.concatenate([head, tail, np.arange(n)])
-        self.n = n
-        self.chart = cut_mesh.vertex_chart
-        self.count = np.maximum(group_count(self.chart, cut_mesh.n_charts), 1)
-        m = len(cut_mesh.faces)
-        # half-edge k of face f is entry k m + f of the blocks
-        self.inner = i % 3 * m + i // 3, j % 3 * m + j // 3
-        self.boundary = cut_mesh.boundary % 3 * m + cut_mesh.boundary // 3
-        self.tail, self.head = tail, head
-        order = stable_order(columns)
-        order = order[stable_order(rows[order])]
-        self.place = np.empty(len(order), np.int64)  # of each of those pairs in the matrix
-        self.place[order] = np.arange(len(order))
-        self.indices = columns[order].astype(np.int32)
-        self.indptr = np.r_[0, np.cumsum(group_count(rows, n))].astype(np.int32)
-        self.diagonal = np.flatnonzero(rows[order] == columns[order])
-
-    def assemble(self, blocks: FloatArray) -> sps.bsr_matrix:
-        """The matrix from half-edge blocks (2, 2, 3, m) as made by dirichlet.edge_blocks."""
-        flat = blocks.reshape(2, 2, -1)
-        (i, j), rim = self.inner, self.boundary
-        data = np.zeros((len(self.place), 2, 2))
-        count = len(i) + len(rim)
-        ahead, back = self.place[:count], self.place[count : 2 * count]
-        for a in range(2):
-            for b in range(2):
-                edge = np.concatenate([flat[a, b, i] + flat[b, a, j], flat[a, b, rim]])
-                data[ahead, a, b] = edge
-                data[back, b, a] = edge
-        diagonal = -np.add.reduceat(data, self.indptr[:-1], axis=0)
-        # a small ridge: the energy is invariant under rigid motions of a chart
-        trace = diagonal[:, 0, 0] + diagonal[:, 1, 1]
-        mean = group_sum(trace, self.chart, len(self.count)) / self.count
-        ridge = 1e-9 * trace + 1e-13 * mean[self.chart]
-        diagonal[:, 0, 0] += ridge
-        diagonal[:, 1, 1] += ridge
-        data[self.diagonal] = diagonal
-        return sps.bsr_matrix((data, self.indices, self.indptr), shape=(2 * self.n, 2 * self.n))
-
-
-def hold_blocks(matrix: sps.bsr_matrix, fixed: BoolArray) -> None:
-    """As ``pattern.hold``, of a matrix of blocks whose rows are the vertices in their own order."""
-    size = float(np.abs(matrix.diagonal()).mean())
-    row = np.repeat(np.arange(len(fixed)), np.diff(matrix.indptr))
-    matrix.data[fixed[row] | fixed[matrix.indices]] = 0.0
-    matrix.data[fixed[row] & (matrix.indices == row)] = size * np.eye(2)
-
-
-def solve_direct(matrix: SparseMatrix, b: FloatArray) -> FloatArray:
-    """matrix⁻¹ b by factorisation; b is (n, 2). The matrix is symmetric."""
-    rows = matrix.tocsr()
-    columns = sps.csc_matrix((rows.data, rows.indices, rows.indptr), shape=rows.shape)
-    return Factor(columns).solve(b.ravel()).reshape(-1, 2)
-
-
-def aggregates(cut_mesh: CutMesh, pattern: BlockPattern, uv: FloatArray) -> IntArray:
+def aggregates(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
     """(nv,) connected groups of about AGGREGATE_SIZE vertices of one chart that lie together in the layout."""
     n = cut_mesh.n_vertices
     chart = cut_mesh.vertex_chart
@@ -98,8 +26,9 @@ def aggregates(cut_mesh: CutMesh, pattern: BlockPattern, uv: FloatArray) -> IntA
     cell -= cell.min(0)
     span = cell.max(0) + 1
     key = (chart * span[0] + cell[:, 0]) * span[1] + cell[:, 1]
-    same = key[pattern.tail] == key[pattern.head]
-    return components(n, pattern.tail[same], pattern.head[same])[1]
+    tail, head = ends_of(cut_mesh.faces, np.r_[cut_mesh.edges[:, 0], cut_mesh.boundary])
+    same = key[tail] == key[head]
+    return components(n, tail[same], head[same])[1]
 
 
 def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:

@@ -1,20 +1,13 @@
 """Parts of a cut mesh whose faces move while the rest of the layout stays."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_sum,
-    mask_of,
-    numbered,
-    positions_in,
-)
+from circparam.core.arrays import group_sum, mask_of, numbered, positions_in
 from circparam.core.graph import components
-from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.intrinsic import signed_areas
 from circparam.mesh.cut_mesh import CutMesh, renumbered
 from circparam.mesh.halfedge import corner_classes
@@ -38,33 +31,16 @@ def grow(cut_mesh: CutMesh, seed: BoolArray, rings: int) -> BoolArray:
     return region
 
 
-@dataclass(frozen=True, eq=False)
-class Region:
+class Region(NamedTuple):
     """Faces that move together, as a cut mesh of their own: one chart for each group of moving vertices.
 
     source: vertex of the whole that each vertex is. fixed: it keeps its place (such a vertex may occur in
-    several groups). The rest triangles are scaled so that a face of mean size has the area it has in the
-    layout.
+    several groups).
     """
 
     cut_mesh: CutMesh
     source: IntArray
     fixed: BoolArray
-
-    @property
-    def faces(self) -> IntArray:
-        """Faces of the region."""
-        return self.cut_mesh.faces
-
-    @property
-    def chart(self) -> IntArray:
-        """Group of each face."""
-        return self.cut_mesh.chart
-
-    @property
-    def n_groups(self) -> int:
-        """Number of groups."""
-        return self.cut_mesh.n_charts
 
     def groups(self, keep: BoolArray) -> "tuple[Region, IntArray]":
         """Some groups only, and which vertex of this region each of theirs is."""
@@ -72,13 +48,10 @@ class Region:
         return Region(cut_mesh, self.source[vertices], self.fixed[vertices]), vertices
 
 
-def cut_out(
-    cut_mesh: CutMesh, region: BoolArray, hold: BoolArray
-) -> tuple[CutMesh, IntArray, BoolArray]:
-    """The faces of a region ((m,) bool) as a cut mesh, one chart for each group of vertices that move together.
+def cut_out(cut_mesh: CutMesh, region: BoolArray, hold: BoolArray) -> Region:
+    """The faces of a region ((m,) bool), one chart for each group of vertices that move together.
 
-    hold: (n_vertices,) vertices that keep their places; so do those of faces outside the region. Returns
-    (cut mesh, (k,) vertex of the whole that each vertex is, (k,) bool: it keeps its place).
+    hold: (n_vertices,) vertices that keep their places; so do those of faces outside the region.
     """
     fixed = hold.copy()
     fixed[cut_mesh.faces[~region]] = True
@@ -100,13 +73,17 @@ def cut_out(
     n, faces = corner_classes(len(fid), edges)
     source = np.empty(n, np.int64)
     source[faces.ravel()] = cut_mesh.faces[fid].ravel()
-    return CutMesh(faces, cut_mesh.rest_triangles[fid], chart, edges), source, fixed[source]
+    part = CutMesh(faces, cut_mesh.rest_triangles[fid], chart, edges)
+    return Region(part, source, fixed[source])
 
 
 def moving_region(cut_mesh: CutMesh, faces: BoolArray, hold: BoolArray, uv: FloatArray) -> Region:
-    """The region of some faces ((m,) bool) of a layout uv; held vertices and those of other faces are fixed."""
+    """The region of some faces ((m,) bool) of a layout uv; held vertices and those of other faces are fixed.
+
+    The rest triangles are scaled so that a face of mean size has the area it has in the layout.
+    """
     cut, source, fixed = cut_out(cut_mesh, faces, hold)
-    part = replace(cut, rest_triangles=_thickened(cut.rest_triangles))
+    part = replace(cut, rest_triangles=_thickened(cut))
     area = signed_areas(part.faces, uv[source])
     signed = group_sum(area, part.chart, part.n_charts)
     size = group_sum(np.abs(area), part.chart, part.n_charts)
@@ -117,22 +94,16 @@ def moving_region(cut_mesh: CutMesh, faces: BoolArray, hold: BoolArray, uv: Floa
     return Region(scaled, source, fixed)
 
 
-def _thickened(rest_triangles: FloatArray) -> FloatArray:
-    """Triangles with needles and caps raised to a least height: only their sign matters here, and their
+def _thickened(cut_mesh: CutMesh) -> FloatArray:
+    """Rest triangles with needles and caps raised to a least height: only their sign matters here, and their
     gradients would swamp all others."""
-    sides = rest_triangles[:, [1, 2, 0]] - rest_triangles
-    length = np.sqrt((sides**2).sum(2))
+    length = cut_mesh.edge_lengths
     longest = length.max(1)
-    d, e = rest_triangles[:, 1] - rest_triangles[:, 0], rest_triangles[:, 2] - rest_triangles[:, 0]
-    height = 2 * ((d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / 2) / longest
-    thin = height < THINNEST_SHARE * longest
-    out = rest_triangles.copy()
-    if thin.any():
-        # over its longest side, the opposite corner straight above the middle
-        k = length[thin].argmax(1)
-        rows = np.flatnonzero(thin)
-        zero = np.zeros(len(rows))
-        out[rows, k] = np.stack([zero, zero], 1)
-        out[rows, (k + 1) % 3] = np.stack([longest[thin], zero], 1)
-        out[rows, (k + 2) % 3] = np.stack([longest[thin] / 2, THINNEST_SHARE * longest[thin]], 1)
+    out = cut_mesh.rest_triangles.copy()
+    rows = np.flatnonzero(2 * cut_mesh.areas / longest < THINNEST_SHARE * longest)
+    # over its longest side, the opposite corner straight above the middle
+    k, base = length[rows].argmax(1), longest[rows]
+    out[rows, k] = 0.0
+    out[rows, (k + 1) % 3] = np.stack([base, 0 * base], 1)
+    out[rows, (k + 2) % 3] = np.stack([base / 2, THINNEST_SHARE * base], 1)
     return out

@@ -12,9 +12,6 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
     first_of_runs,
     group_count,
     group_sum,
@@ -28,6 +25,7 @@ from circparam.core.compiled import kd_tree
 from circparam.core.linalg import SparseMatrix
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments, boundary_in
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
 from circparam.geometry.nearby import centres, within
@@ -65,15 +63,14 @@ LEAST_PULL = 1e-3  # share of the root of a chart's area: the same where there i
 
 @dataclass(frozen=True, eq=False)
 class _Springs:
-    """(k,) springs: vertex against the point (1 − t) tail + t head, along the outward normal (k, 2) there.
+    """(k,) springs: a vertex against the point (1 − t) tail + t head, along the outward normal (k, 2) there.
 
-    A spring pulls while the signed distance s between the two along the normal is below ``distance``. Its
-    strain is then 1 − s / distance, its energy weight · strain². chart: of the vertex.
+    ends: (3, k) vertex, tail and head. A spring pulls while the signed distance s between the two along the
+    normal is below ``distance``. Its strain is then 1 − s / distance, its energy weight · strain². chart: of
+    the vertex.
     """
 
-    vertex: IntArray
-    tail: IntArray
-    head: IntArray
+    ends: IntArray
     t: FloatArray
     normal: FloatArray
     distance: FloatArray
@@ -83,15 +80,15 @@ class _Springs:
     def strain(self, uv: FloatArray) -> FloatArray:
         """(k,) 1 − s / distance, not below 0."""
         t = self.t[:, None]
-        foot = (1 - t) * uv[self.tail] + t * uv[self.head]
-        s = ((uv[self.vertex] - foot) * self.normal).sum(1)
+        vertex, tail, head = uv[self.ends]
+        s = ((vertex - ((1 - t) * tail + t * head)) * self.normal).sum(1)
         return np.maximum(1 - s / self.distance, 0.0)
 
     @cached_property
     def slopes(self) -> tuple[IntArray, FloatArray]:
         """((k, 6) coordinates, (k, 6) derivative by them) of the strains that pull."""
         c = np.stack([np.ones(len(self.t)), self.t - 1, -self.t], 1) / -self.distance[:, None]
-        column = 2 * np.stack([self.vertex, self.tail, self.head], 1)[:, :, None] + np.arange(2)
+        column = 2 * self.ends.T[:, :, None] + np.arange(2)
         data = c[:, :, None] * self.normal[:, None]
         return column.reshape(-1, 6), data.reshape(-1, 6)
 
@@ -207,13 +204,13 @@ def _moved(
     """
     chart = cut_mesh.chart
     region = within(
-        (centres(uv, cut_mesh.faces), chart), (uv[springs.vertex], springs.chart), reach
+        (centres(uv, cut_mesh.faces), chart), (uv[springs.ends[0]], springs.chart), reach
     )
     wide = group_count(chart[region], cut_mesh.n_charts) > WIDE_FACES
     region &= ~wide[chart]
     part, source, fixed = cut_out(cut_mesh, region, np.zeros(len(uv), bool))
     local = _in_part(springs, cut_mesh, part, source)
-    if len(local.vertex) == 0:
+    if len(local.chart) == 0:
         return uv, wide
     objective = _SpringObjective(part, fixed if fixed.any() else None, local)
     at = Iterate(uv[source], *objective.energies(uv[source]))
@@ -231,22 +228,13 @@ def _in_part(springs: _Springs, whole: CutMesh, part: CutMesh, source: IntArray)
     One whose other side lies outside is left to a later, wider part. Energies are means over charts, so that
     the weights grow by the share of the chart that the part is.
     """
-    place = positions_in(whole.n_vertices, source)
-    ends = np.stack([place[x] for x in (springs.vertex, springs.tail, springs.head)])
+    ends = positions_in(whole.n_vertices, source)[springs.ends]
     inside = (ends >= 0).all(0)
-    vertex, tail, head = ends[:, inside]
-    chart = part.vertex_chart[vertex]
-    larger = whole.chart_areas[springs.chart[inside]] / part.chart_areas[chart]
-    return _Springs(
-        vertex,
-        tail,
-        head,
-        springs.t[inside],
-        springs.normal[inside],
-        springs.distance[inside],
-        springs.weight[inside] * larger,
-        chart,
-    )
+    ends, old = ends[:, inside], springs.chart[inside]
+    chart = part.vertex_chart[ends[0]]
+    weight = springs.weight[inside] * (whole.chart_areas[old] / part.chart_areas[chart])
+    t, normal, distance = (x[inside] for x in (springs.t, springs.normal, springs.distance))
+    return _Springs(ends, t, normal, distance, weight, chart)
 
 
 def _find(
@@ -294,25 +282,15 @@ def _find(
     away = unit(normal[b[k]] - out[a[k]])
     tail = boundary.half_edge[b[k]]
     chart = boundary.chart[b[k]]
-    springs = _Springs(
-        flat[boundary.half_edge[a[k]]],
-        flat[tail],
-        flat[next_half_edge(tail)],
-        t[k],
-        away,
-        target[k],
-        weight[chart],
-        chart,
-    )
-    return springs, lost
+    ends = flat[np.stack([boundary.half_edge[a[k]], tail, next_half_edge(tail)])]
+    return _Springs(ends, t[k], away, target[k], weight[chart], chart), lost
 
 
 def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArray, IntArray]:
     """Pairs of a boundary vertex and a segment of the same chart with its middle about within reach of the
     vertex."""
-    none = np.zeros(0, np.int64)
     if len(vertex) == 0:
-        return none, none
+        return vertex, vertex
     charts = mask_of(len(boundary.size), boundary.chart[vertex])
     segment = np.flatnonzero(charts[boundary.chart])
     middle = (boundary.start[segment] + boundary.end[segment]) / 2

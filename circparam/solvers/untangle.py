@@ -11,8 +11,8 @@ upright.
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_max, group_min, group_sum
-from circparam.core.linalg import Factor
+from circparam.core.arrays import group_boxes, group_count, group_min, group_sum
+from circparam.core.linalg import HeldFactor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -56,6 +56,11 @@ def flipped(faces: IntArray, uv: FloatArray) -> BoolArray:
     return ~(left - right > 1e-15 * (np.abs(left) + np.abs(right)))
 
 
+def flips(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
+    """(n_charts,) how many faces of each chart are flipped."""
+    return group_count(cut_mesh.chart[flipped(cut_mesh.faces, uv)], cut_mesh.n_charts)
+
+
 def untangle(
     cut_mesh: CutMesh,
     uv: FloatArray,
@@ -71,9 +76,8 @@ def untangle(
     flips are wrong, so narrow regions come first. Returns (uv, report); the input is not changed.
     """
     hold = np.zeros(cut_mesh.n_vertices, bool) if hold is None else hold
-    n = cut_mesh.n_charts
-    first = bad = flipped(cut_mesh.faces, uv)
-    widest, tried, last = 0, 0, np.zeros_like(first)
+    before, bad = flips(cut_mesh, uv), flipped(cut_mesh.faces, uv)
+    widest, tried, last = 0, 0, np.zeros_like(bad)
     uv = uv.copy()
     touched = np.zeros(len(cut_mesh.faces), bool)
     for rings in CONFORMAL_RINGS if conformal else FEW_FLIPS_RINGS if near else USUAL_RINGS:
@@ -88,16 +92,13 @@ def untangle(
         part = moving_region(cut_mesh, region, hold, uv)
         x = lower(part, uv[part.source], monitor)
         # a region is kept only where it has fewer flips than before: the next one starts from the better map
-        now = np.bincount(part.chart[flipped(part.faces, x)], minlength=part.n_groups)
-        old = np.bincount(part.chart[flipped(part.faces, uv[part.source])], minlength=part.n_groups)
-        keep = (now < old)[part.cut_mesh.vertex_chart] & ~part.fixed
+        fewer = flips(part.cut_mesh, x) < flips(part.cut_mesh, uv[part.source])
+        keep = fewer[part.cut_mesh.vertex_chart] & ~part.fixed
         uv[part.source[keep]] = x[keep]
         bad = flipped(cut_mesh.faces, uv)
     if touched.any():
         uv = _polished(cut_mesh, uv, touched, hold, 1.0 if conformal else 0.0)
-        bad = flipped(cut_mesh.faces, uv)
-    count = [np.bincount(cut_mesh.chart[b], minlength=n) for b in (first, bad)]
-    return uv, UntangleReport(count[0], count[1], widest)
+    return uv, UntangleReport(before, flips(cut_mesh, uv), widest)
 
 
 def _polished(
@@ -111,10 +112,8 @@ def _polished(
     options = RelaxOptions(
         tolerance=1e-3, max_iterations=POLISH_STEPS, fixed=part.fixed, blend=blend
     )
-    x = relax(part.cut_mesh, uv[part.source], options).uv
-    out = uv.copy()
-    moved = ~part.fixed
-    out[part.source[moved]] = x[moved]
+    out, moved = uv.copy(), ~part.fixed
+    out[part.source[moved]] = relax(part.cut_mesh, uv[part.source], options).uv[moved]
     return out
 
 
@@ -126,19 +125,15 @@ class FoldoverEnergy:
     """
 
     def __init__(self, region: Region, epsilon: FloatArray) -> None:
-        p = region.cut_mesh
-        self.region, self.epsilon = region, epsilon[p.chart]
-        self.gradients = np.ascontiguousarray(p.gradients.transpose(1, 2, 0))  # (2, corner, m)
-        self.weight = p.areas / p.chart_areas[p.chart]
-        m = len(p.faces)
-        self.scatter = sps.csr_matrix(
-            (np.ones(3 * m), (p.faces.T.ravel(), np.arange(3 * m))), shape=(p.n_vertices, 3 * m)
-        )
+        part = self.cut_mesh = region.cut_mesh
+        self.fixed, self.epsilon = region.fixed, epsilon[part.chart]
+        self.corners = part.faces.T.copy()
+        self.gradients = np.ascontiguousarray(part.gradients.transpose(1, 2, 0))  # (2, corner, m)
+        self.weight = part.areas / part.chart_areas[part.chart]
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         """(2, 2, m), from differences."""
-        corners = self.region.faces.T
-        return dirichlet.jacobians(self.gradients, np.stack([x[:, 0][corners], x[:, 1][corners]]))
+        return dirichlet.jacobians(self.gradients, x.T[:, self.corners])
 
     def determinants(self, x: FloatArray) -> FloatArray:
         """(m,) determinant of the Jacobian of each face."""
@@ -159,7 +154,7 @@ class FoldoverEnergy:
         det = a * d - b * c
         chi, root = self.barrier(det)
         top = a * a + b * b + c * c + d * d + AREA_WEIGHT * (det**2 + 1)
-        value = group_sum(self.weight * top / chi, self.region.chart, self.region.n_groups)
+        value = group_sum(self.weight * top / chi, self.cut_mesh.chart, self.cut_mesh.n_charts)
         by_det = (2 * AREA_WEIGHT * det - top / root) * self.weight / chi  # χ' = χ/√
         scale = 2 * self.weight / chi
         stress = scale * j
@@ -169,24 +164,22 @@ class FoldoverEnergy:
         stress[1, 1] += by_det * a
         g = self.gradients
         corner = stress[:, 0, None] * g[0] + stress[:, 1, None] * g[1]  # (uv, corner, m)
-        out: FloatArray = self.scatter @ corner.reshape(2, -1).T
-        out[self.region.fixed] = 0.0
+        out = group_sum(corner.reshape(2, -1).T, self.corners.ravel(), len(x))
+        out[self.fixed] = 0.0
         return value, out
 
-    def start_matrix(self, x: FloatArray) -> tuple[Factor, IntArray]:
+    def start_matrix(self, x: FloatArray) -> HeldFactor:
         """Factor of Σ A/χ gᵀg on the moving vertices: the part of the Hessian that is always positive."""
         chi, _ = self.barrier(self.determinants(x))
         weight = self.weight / np.maximum(chi, 1e-3)
         g = self.gradients
         blocks = (g[0][:, None] * g[0][None] + g[1][:, None] * g[1][None]) * weight
-        f = self.region.faces.T
-        rows, columns = np.broadcast_arrays(f[:, None], f[None])
+        rows, columns = np.broadcast_arrays(self.corners[:, None], self.corners[None])
         n = len(x)
         matrix = sps.csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n))
-        move = np.flatnonzero(~self.region.fixed)
-        matrix = matrix[move][:, move]
-        ridge = 1e-8 * matrix.diagonal() + 1e-12 * float(matrix.diagonal().mean())
-        return Factor(sps.csc_matrix(matrix + sps.diags(ridge))), move
+        diagonal = matrix.diagonal()
+        ridge = 1e-8 * diagonal + 1e-12 * float(diagonal[~self.fixed].mean())
+        return HeldFactor(matrix + sps.diags(ridge), self.fixed)
 
 
 def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
@@ -197,21 +190,20 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     """
     out = x.copy()
     source = np.arange(len(x))  # vertices of the remaining groups
-    moving = np.ones(region.n_groups, bool)
+    moving = np.ones(region.cut_mesh.n_charts, bool)
     # flips, and how far the worst face is from upright
-    best = np.full((2, region.n_groups), np.inf)
-    barren = np.zeros(region.n_groups, np.int64)
+    best = np.full((2, len(moving)), np.inf)
+    barren = np.zeros(len(moving), np.int64)
     for _ in range(OUTER_ROUNDS):
-        determinant = FoldoverEnergy(region, np.ones(region.n_groups)).determinants(x)
-        worst = group_min(determinant, region.chart, region.n_groups)
-        flips = np.bincount(
-            region.chart[determinant <= POSITIVE_DETERMINANT], minlength=region.n_groups
-        )
-        now = np.stack([flips, -worst])
+        group, n = region.cut_mesh.chart, region.cut_mesh.n_charts
+        determinant = FoldoverEnergy(region, np.ones(n)).determinants(x)
+        worst = group_min(determinant, group, n)
+        wrong = group_count(group[determinant <= POSITIVE_DETERMINANT], n)
+        now = np.stack([wrong, -worst])
         barren = np.where((now < BETTER * best).any(0), 0, barren + 1)
         best = np.minimum(best, now)
         # a diverging group is given up before its numbers overflow
-        left = (worst <= POSITIVE_DETERMINANT) & ~_flown_apart(region, x)
+        left = (worst <= POSITIVE_DETERMINANT) & ~_flown_apart(region.cut_mesh, x)
         # without a lower step now, the next round has none either
         left &= moving & (barren < BARREN)
         if not left.any() or (monitor is not None and monitor.expired):
@@ -231,21 +223,12 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
 def _descended(region: Region, x: FloatArray, epsilon: FloatArray) -> tuple[FloatArray, IntArray]:
     """(layout, steps (n_groups,)) lowered with this ε (n_groups,)."""
     energy = FoldoverEnergy(region, epsilon)
-    factor, move = energy.start_matrix(x)
-
-    def precondition(g: FloatArray) -> FloatArray:
-        result = np.zeros_like(g)
-        result[move] = factor.solve(g[move])
-        return result
-
-    groups = Groups(region.cut_mesh.vertex_chart, region.n_groups)
-    found = descend(energy.energy, x, groups, precondition, DESCENT)
+    groups = Groups(region.cut_mesh.vertex_chart, region.cut_mesh.n_charts)
+    found = descend(energy.energy, x, groups, energy.start_matrix(x).solve, DESCENT)
     return found.x, found.steps
 
 
-def _flown_apart(region: Region, x: FloatArray) -> BoolArray:
-    """(n_groups,) bool: the group is far wider or higher than its area implies."""
-    group, n = region.cut_mesh.vertex_chart, region.n_groups
-    spread = [group_max(x[:, d], group, n) - group_min(x[:, d], group, n) for d in range(2)]
-    near = np.maximum(spread[0], spread[1]) <= FAR_ROOTS * np.sqrt(region.cut_mesh.chart_areas)
-    return ~near
+def _flown_apart(cut_mesh: CutMesh, x: FloatArray) -> BoolArray:
+    """(n_charts,) bool: the group is far wider or higher than its area implies."""
+    low, high = group_boxes(x, cut_mesh.vertex_chart, cut_mesh.n_charts)
+    return ~((high - low).max(1) <= FAR_ROOTS * np.sqrt(cut_mesh.chart_areas))

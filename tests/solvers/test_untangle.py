@@ -86,10 +86,10 @@ def test_a_group_that_has_flown_apart_keeps_its_place_and_others_are_mended():
     uv[chosen] += np.random.default_rng(0).normal(0, 0.15, (8, 2))
     part = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), rim(cut_mesh), uv)
     x = uv[part.source].copy()
-    ones = FoldoverEnergy(part, np.ones(part.n_groups))
+    ones = FoldoverEnergy(part, np.ones(part.cut_mesh.n_charts))
     far = chart[part.source] == 1
     x[far] *= 1e6
-    apart = far[part.faces].any(1)
+    apart = far[part.cut_mesh.faces].any(1)
     before = ones.determinants(x)
     assert before[apart].min() < 0
     assert before[~apart].min() < 0

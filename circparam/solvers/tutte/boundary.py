@@ -11,16 +11,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    cross2,
-    group_sum,
-    next_half_edge,
-    positions_in,
-)
+from circparam.core.arrays import cross2, ends_of, positions_in
 from circparam.core.registry import Row, Table
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.outer import FixedBoundary, OuterBoundary, TutteOptions, outer_boundary
@@ -80,10 +73,8 @@ def _with_virtual_faces(cut_mesh: CutMesh, outer: OuterBoundary) -> tuple[CutMes
     Each edge carries an isosceles trapezoid, as if the boundary were a circle with the flat ring around it.
     """
     b = len(outer.vertices)
-    index, follower, preceding = outer.index, outer.neighbour(1), outer.neighbour(-1)
-    base = cut_mesh.edge_lengths.ravel()[outer.half_edge]
-    radius = group_sum(base, index, len(outer.size)) / (2 * np.pi)
-    height = RING_WIDTH_RADII * radius[index]
+    base, follower = outer.length, outer.follower
+    height = RING_WIDTH_RADII * (outer.sums(base) / (2 * np.pi))[outer.index]
     top = base * (1 + RING_WIDTH_RADII)
     i, j = outer.vertices, outer.vertices[follower]
     outside = cut_mesh.n_vertices + np.arange(b)
@@ -104,7 +95,7 @@ def _with_virtual_faces(cut_mesh: CutMesh, outer: OuterBoundary) -> tuple[CutMes
             np.stack([outer.half_edge, lower], 1),
             np.stack([lower + 2, upper], 1),
             # the side i → outside of i of an edge meets the side outside of j → j of the edge before it
-            np.stack([lower + 1, upper[preceding] + 2], 1),
+            np.stack([lower + 1, upper[np.argsort(follower)] + 2], 1),
         ]
     )
     extended = CutMesh(
@@ -229,9 +220,7 @@ def _sides_with_chords(
     side[outer.vertices] = of
     corner = np.zeros(cut_mesh.n_vertices, bool)
     corner[outer.vertices] = t == 0
-    h = cut_mesh.edges[:, 0]
-    flat = cut_mesh.faces.ravel()
-    i, j = flat[h], flat[next_half_edge(h)]
+    i, j = ends_of(cut_mesh.faces, cut_mesh.edges[:, 0])
     on = (side[i] >= 0) & (side[j] >= 0)
     i, j = i[on], j[on]
     index = positions_in(cut_mesh.n_charts, outer.chart[outer.start])

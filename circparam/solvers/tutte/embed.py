@@ -7,9 +7,10 @@ Floater 1997); ``embed`` repairs flips from double precision.
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
-from circparam.core.linalg import Factor
+from circparam.core.arrays import group_count, group_sum, mask_of
+from circparam.core.linalg import HeldFactor
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh, close_holes, not_disks
 from circparam.solvers.tutte.boundary import BOUNDARIES
@@ -39,54 +40,38 @@ def tutte_embedding(
     require_boundary(cut_mesh)
     with monitor.stage("weights"):
         fixed = place(close_holes(cut_mesh), options)
-        w = half_edge_weights(fixed.cut_mesh, scheme)
+        work = fixed.cut_mesh
+        i, j = work.faces.ravel(), work.faces[:, [1, 2, 0]].ravel()
+        w = half_edge_weights(work, scheme)
         if grade is not None:
-            # w_ij · exp(grade_i − grade_j); vertices that close holes lie as deep as the deepest round
-            # them, and those outside the boundary at 0
-            i, j = fixed.cut_mesh.faces.ravel(), fixed.cut_mesh.faces[:, [1, 2, 0]].ravel()
-            full = np.zeros(fixed.cut_mesh.n_vertices)
-            full[: len(grade)] = grade
+            # vertices that close holes lie as deep as the deepest round them, those outside the boundary at 0
+            depth = np.zeros(work.n_vertices)
+            depth[: len(grade)] = grade
             new = i >= len(grade)
-            np.maximum.at(full, i[new], full[j[new]])
-            w = w * np.exp(full[i] - full[j])
-        free = np.ones(fixed.cut_mesh.n_vertices, bool)
-        free[fixed.vertices] = False
-        bad = (w < 0) & free[fixed.cut_mesh.faces.ravel()]
-        negative = np.bincount(
-            fixed.cut_mesh.chart[np.flatnonzero(bad) // 3], minlength=fixed.cut_mesh.n_charts
-        )
-        if options.clamp and negative.any():
-            w = clamp_negative(fixed.cut_mesh, w)
-        uv = np.zeros((fixed.cut_mesh.n_vertices, 2))
-        uv[fixed.vertices] = fixed.uv
-        matrix, to_fixed = assemble(fixed.cut_mesh, w, free)
+            np.maximum.at(depth, i[new], depth[j[new]])
+            w = w * np.exp(depth[i] - depth[j])
+        free = ~mask_of(work.n_vertices, fixed.vertices)
+        bad = np.flatnonzero((w < 0) & free[i])
+        negative = group_count(work.chart[bad // 3], work.n_charts)
+        if options.clamp and len(bad):
+            w = clamp_negative(work, w)
     with monitor.stage("solve"):
-        uv[free] = Factor(matrix).solve(to_fixed @ uv[~free])
+        system = HeldFactor(assemble(work, w, free), fixed.vertices)
+        uv = system.solve(np.zeros((len(free), 2)), fixed.uv)
     return uv[: cut_mesh.n_vertices], negative
 
 
-def assemble(
-    cut_mesh: CutMesh, w: FloatArray, free: BoolArray
-) -> tuple[sps.csr_matrix, sps.csr_matrix]:
-    """(I − W on the free vertices, W from free to fixed), the rows of W scaled to sum 1.
+def assemble(cut_mesh: CutMesh, w: FloatArray, free: BoolArray) -> sps.csr_matrix:
+    """I − W in the rows of the free vertices, the rows of W scaled to sum 1.
 
     All half-edges that leave a free vertex are inner ones, so each entry comes up once.
     """
-    i = cut_mesh.faces.ravel()
-    j = cut_mesh.faces[:, [1, 2, 0]].ravel()
+    n, own = cut_mesh.n_vertices, np.flatnonzero(free)
+    i, j = cut_mesh.faces.ravel(), cut_mesh.faces[:, [1, 2, 0]].ravel()
     use = free[i]
     i, j, w = i[use], j[use], w[use]
-    w = w / group_sum(w, i, cut_mesh.n_vertices)[i]
-    number = np.where(free, np.cumsum(free), np.cumsum(~free)) - 1
-    n = int(free.sum())
-    inside, own = free[j], np.arange(n)
-    rows, columns = np.r_[own, number[i[inside]]], np.r_[own, number[j[inside]]]
-    entries = np.r_[np.ones(n), -w[inside]]
-    ends = number[i[~inside]], number[j[~inside]]
-    return (
-        sps.csr_matrix((entries, (rows, columns)), shape=(n, n)),
-        sps.csr_matrix((w[~inside], ends), shape=(n, cut_mesh.n_vertices - n)),
-    )
+    entries = np.r_[np.ones(len(own)), -w / group_sum(w, i, n)[i]]
+    return sps.csr_matrix((entries, (np.r_[own, i], np.r_[own, j])), shape=(n, n))
 
 
 def require_boundary(cut_mesh: CutMesh) -> None:

@@ -7,19 +7,22 @@ the boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the b
 about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, mask_of
+from circparam.core.arrays import mask_of
 from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import at_best_scales, measure
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.outer import TutteOptions
-from circparam.solvers.untangle import flipped, untangle
+from circparam.solvers.untangle import flips, untangle
 
 GRADES = (0.5, 1.0, 2.0, 3.0)  # strengths b, tried in turn
-# Symmetric Dirichlet energy / 4 above which a convex map makes a poor start. Energy of a poor start. A full
+# Symmetric Dirichlet energy / 4 above which a convex map makes a poor start. A full
 # Newton step leaves 9/16 of the energy of a nearly collapsed face: about 20 steps from here, 60 from the 10¹⁵
 # of a long tube.
 POOR_START = 1e5
@@ -35,15 +38,21 @@ def embed(
     """
     uv, negative = tutte_embedding(cut_mesh, weights, options, monitor)
     notes = _negative_note(weights, options, negative)
-    bad = _bad_charts(cut_mesh, uv)
+    bad = flips(cut_mesh, uv) > 0
     if not bad.any() or not options.repair:
         return uv, notes
     if not negative[bad].any() or options.clamp:
-        uv, solved = _graded(cut_mesh, weights, options, monitor, uv, bad)
-        notes += solved
-    hold = None if options.boundary == "virtual" else _outer_vertices(cut_mesh)
-    left = int(_flips(cut_mesh, uv).sum())
+        uv, mended = _graded(cut_mesh, weights, options, monitor, uv, bad, flips)
+        done = np.flatnonzero(mended)
+        if len(done):
+            names = ", ".join(map(str, done[:5])) + (", ..." if len(done) > 5 else "")
+            notes.append(
+                f"{weights}: {len(done)} charts ({names}) have protrusions too long for double "
+                "precision; weights graded towards the boundary keep their faces apart"
+            )
+    left = int(flips(cut_mesh, uv).sum())
     if left:
+        hold = None if options.boundary == "virtual" else _outer_vertices(cut_mesh)
         with monitor.stage("unfold"):
             uv, untangled = untangle(cut_mesh, uv, hold, monitor, conformal=True)
         after = int(untangled.after.sum())
@@ -61,19 +70,9 @@ def embed_start(
     instead of 52. Returns (uv, notes), every chart at its own best scale.
     """
     uv, notes = embed(cut_mesh, weights, options, monitor)
-    energy = _energies(cut_mesh, uv)
-    poor = energy > POOR_START
+    poor = _energies(cut_mesh, uv) > POOR_START
     if poor.any():
-        part, vertices, _ = cut_mesh.subset(poor)
-        depth = boundary_depth(part)
-        best = energy[poor]
-        for strength in GRADES:
-            new, _ = tutte_embedding(part, weights, options, monitor, strength * depth)
-            trial = _energies(part, new)
-            trial[_bad_charts(part, new)] = np.inf
-            better = (trial < best)[part.vertex_chart]
-            uv[vertices[better]] = new[better]
-            best = np.minimum(best, trial)
+        uv, _ = _graded(cut_mesh, weights, options, monitor, uv, poor, _energies)
         notes.append(
             f"{weights}: {int(poor.sum())} charts start from weights graded towards the boundary"
         )
@@ -81,8 +80,9 @@ def embed_start(
 
 
 def _energies(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale."""
-    return measure(cut_mesh, at_best_scales(cut_mesh, uv)).charts["sd"]
+    """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale, infinite with flips."""
+    energy = measure(cut_mesh, at_best_scales(cut_mesh, uv)).charts["sd"]
+    return np.where(flips(cut_mesh, uv) > 0, np.inf, energy)
 
 
 def _graded(
@@ -91,51 +91,32 @@ def _graded(
     options: TutteOptions,
     monitor: Monitor,
     uv: FloatArray,
-    bad: BoolArray,
-) -> tuple[FloatArray, list[str]]:
-    """Solve these charts ((n_charts,) bool) again with increasing grades until no face is flipped."""
-    uv = uv.copy()
-    first = bad
+    charts: BoolArray,
+    cost: Callable[[CutMesh, FloatArray], FloatArray | IntArray],
+) -> tuple[FloatArray, BoolArray]:
+    """Charts ((n_charts,) bool) solved again with increasing grades; each keeps its map of least cost.
+
+    Returns (uv, the charts whose cost fell to 0).
+    """
+    uv, left = uv.copy(), charts.copy()
     for strength in GRADES:
-        part, vertices, _ = cut_mesh.subset(bad)
+        part, vertices, _ = cut_mesh.subset(left)
         new, _ = tutte_embedding(part, weights, options, monitor, strength * boundary_depth(part))
-        before = _flips(part, uv[vertices])
-        after = _flips(part, new)
-        better = (after < before)[part.vertex_chart]
+        after = cost(part, new)
+        better = (after < cost(part, uv[vertices]))[part.vertex_chart]
         uv[vertices[better]] = new[better]
-        bad = bad.copy()
-        bad[np.flatnonzero(bad)[after == 0]] = False
-        if not bad.any():
+        left[left] = after > 0
+        if not left.any():
             break
-    done = int((first & ~bad).sum())
-    if not done:
-        return uv, []
-    names = ", ".join(str(c) for c in np.flatnonzero(first & ~bad)[:5])
-    return uv, [
-        f"{weights}: {done} charts ({names}{', ...' if done > 5 else ''}) have protrusions too long for "
-        "double precision; weights graded towards the boundary keep their faces apart"
-    ]
+    return uv, charts & ~left
 
 
 def boundary_depth(cut_mesh: CutMesh) -> FloatArray:
     """(n_vertices,) number of edges between a vertex and the outer boundary of its chart."""
     source = np.flatnonzero(_outer_vertices(cut_mesh))
-    i = cut_mesh.faces.ravel()
-    j = cut_mesh.faces[:, [1, 2, 0]].ravel()
-    n = cut_mesh.n_vertices
-    depth = distances(undirected(n, i, j, np.ones(len(i))), source)
+    i, j = cut_mesh.faces.ravel(), cut_mesh.faces[:, [1, 2, 0]].ravel()
+    depth = distances(undirected(cut_mesh.n_vertices, i, j, np.ones(len(i))), source)
     return np.where(np.isfinite(depth), depth, 0.0)
-
-
-def _flips(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
-    """(n_charts,) flipped faces."""
-    bad = flipped(cut_mesh.faces, uv)
-    return np.bincount(cut_mesh.chart[bad], minlength=cut_mesh.n_charts)
-
-
-def _bad_charts(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
-    """(n_charts,) charts with a flipped face."""
-    return _flips(cut_mesh, uv) > 0
 
 
 def _outer_vertices(cut_mesh: CutMesh) -> BoolArray:

@@ -1,9 +1,12 @@
 """The options of an embedding, and the outer boundary of every chart in order."""
 
+from functools import cached_property
+
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum, mask_of
+from circparam.core.arrays import group_sum, mask_of
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import corner_angles
 from circparam.mesh.cut_mesh import CutMesh
@@ -35,7 +38,8 @@ class TutteOptions:
 @dataclass(frozen=True, eq=False)
 class OuterBoundary:
     """Outer boundaries of all charts, in order: vertices (b,), their chart (b,), the half-edge (b,) from each.
-    place (b,): its parameter along the boundary, from 0 at the start of the loop to below 1.
+    place (b,): its parameter along the boundary, from 0 at the start of the loop to below 1. length (b,): of
+    the half-edge on the surface.
 
     size: (n,) number of vertices of each boundary.
     """
@@ -44,22 +48,34 @@ class OuterBoundary:
     chart: IntArray
     half_edge: IntArray
     place: FloatArray
+    length: FloatArray
     size: IntArray
 
-    @property
+    @cached_property
     def start(self) -> IntArray:
         """(n,) first entry of each chart."""
         return np.cumsum(self.size) - self.size
 
-    @property
+    @cached_property
     def index(self) -> IntArray:
         """(b,) chart of each entry, counted among the charts that have one."""
         return np.repeat(np.arange(len(self.size)), self.size)
 
-    def neighbour(self, step: int) -> IntArray:
-        """(b,) the entry so many steps further along the same boundary, backwards for negative steps."""
-        start, index = self.start, self.index
-        return start[index] + (np.arange(len(index)) - start[index] + step) % self.size[index]
+    @cached_property
+    def follower(self) -> IntArray:
+        """(b,) the entry after each along the same boundary."""
+        after = np.arange(1, len(self.index) + 1)
+        after[self.start + self.size - 1] = self.start
+        return after
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        """(n,) sum of values (b,) over each boundary."""
+        return group_sum(values, self.index, len(self.size))
+
+    def running(self, values: FloatArray) -> FloatArray:
+        """(b,) running sum along each boundary, the entry's own value included."""
+        total = np.cumsum(values)
+        return total - (total[self.start] - values[self.start])[self.index]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,17 +109,16 @@ def outer_boundary(cut_mesh: CutMesh, spacing: str = "arc-length") -> OuterBound
     order = np.lexsort((local, np.round(sharp, 9), chart))
     begin = local[order[first]]
     h = h[first[chart] + (local + begin[chart]) % size[chart]]
-    length = np.ones(len(h))
+    length = cut_mesh.edge_lengths.ravel()[h]
+    apart = np.ones(len(h))
     if spacing == "arc-length":
-        length = cut_mesh.edge_lengths.ravel()[h]
         mean = group_sum(length, chart, len(size)) / size
-        length = np.maximum(length, SHORTEST_SHARE * mean[chart])
-    total = group_sum(length, chart, len(size))
-    share = length / total[chart]
+        apart = np.maximum(length, SHORTEST_SHARE * mean[chart])
+    share = apart / group_sum(apart, chart, len(size))[chart]
     run = np.cumsum(share) - share
     place = np.clip(run - run[first[chart]], 0, 1)
     labels = loops.chart[outer][chart]
-    return OuterBoundary(cut_mesh.faces.ravel()[h], labels, h, place, size)
+    return OuterBoundary(cut_mesh.faces.ravel()[h], labels, h, place, length, size)
 
 
 def _angles_at(cut_mesh: CutMesh, vertices: IntArray) -> FloatArray:

@@ -18,5 +18,5 @@ def test_a_very_short_edge_keeps_a_share_of_the_mean():
     length = cut_mesh.edge_lengths.ravel()[outer.half_edge]
     short = int(np.argmin(length))
     assert length[short] < 1e-8
-    step = np.mod(outer.place[outer.neighbour(1)] - outer.place, 1)
+    step = np.mod(outer.place[outer.follower] - outer.place, 1)
     assert step[short] == pytest.approx(SHORTEST_SHARE / n, rel=2e-3)
