@@ -12,6 +12,7 @@ from circparam.errors import NoResultError, OptionError
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import check_fixed_room, does_not_fit, finish, pack
+from circparam.packing.placement import PackTask
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
@@ -141,7 +142,8 @@ def _alone(charts: _Charts, strip: bool, options: PackOptions, monitor: Monitor)
     # the skyline fills a page from below, so on a whole one charts make a strip
     shapes, whole = shapes_of(charts.faces, charts.uv, charts.chart), replace(options, pages=1)
     check_fixed_room(shapes, whole)
-    for placement in (skyline_placement(shapes, whole, monitor), shelf_placement(shapes, whole)):
+    for packer in (skyline_placement, shelf_placement):
+        placement = packer(PackTask(shapes, whole, monitor))
         if placement is not None:
             packed, wrong = finish(shapes, placement, whole)
             if wrong is None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from typing import TypeAlias
 
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -35,18 +34,15 @@ class PackTask:
 
     shapes: Shapes
     options: PackOptions
-    monitor: Monitor
-    found: Mapping[str, Placement]
-    sound: Callable[[Placement], bool]
+    monitor: Monitor = field(default_factory=Monitor)
+    found: Mapping[str, Placement] = field(default_factory=dict)
+    sound: Callable[[Placement], bool] = lambda placement: True
     least: float = 0.0
 
-
-Place: TypeAlias = Callable[[PackTask], Placement | None]
-
-
-def always(shapes: Shapes, options: PackOptions) -> bool:
-    """Every packer applies to all charts unless its row says otherwise."""
-    return True
+    @property
+    def reached(self) -> float:
+        """The largest scale that another packer has reached, or that is asked for; 0 for none."""
+        return max(self.least, *(placement.scale for placement in self.found.values()), 0.0)
 
 
 @dataclass(frozen=True)
@@ -58,8 +54,8 @@ class Packer:
     runs after the deadline too, and its result is only a start.
     """
 
-    place: Place
-    applies: Callable[[Shapes, PackOptions], bool] = field(default=always)
+    place: Callable[[PackTask], Placement | None]
+    applies: Callable[[Shapes, PackOptions], bool] = lambda shapes, options: True
     instant: bool = False
 
     def __call__(self, task: PackTask) -> Placement | None:

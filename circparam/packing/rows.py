@@ -4,14 +4,15 @@ A row is an array operation. Its charts lie side by side, and each comes to rest
 below. The chart is upright or turned by half, whichever wastes less. Rows take seconds, a skyline minutes.
 """
 
+from functools import partial
+
 import numpy as np
 
 from circparam.core.arrays import ranges
-from circparam.core.monitor import Monitor
 from circparam.core.types import FloatArray, IntArray
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
-from circparam.packing.placement import Placement
+from circparam.packing.placement import PackTask, Placement
 from circparam.packing.shelf import box_rows
 from circparam.packing.skyline import CHART_COLUMNS, Bounds, Profiles, largest_placement, profiles
 
@@ -19,22 +20,17 @@ from circparam.packing.skyline import CHART_COLUMNS, Bounds, Profiles, largest_p
 HEIGHT_WEIGHT = 0.5
 
 
-def row_placement(
-    shapes: Shapes, options: PackOptions, monitor: Monitor, least: float = 0.0
-) -> Placement | None:
+def row_placement(task: PackTask) -> Placement | None:
     """Charts in dropped rows at the largest scale found, or at the fixed one; None if none fits.
 
-    least: scale of a known layout, which is tried first. Charts that do not fit there are given up: gaps
-    between boxes are narrower, and count for more than the shapes of very small charts.
+    Charts that do not fit at the scale of a known layout are given up: gaps between boxes are narrower, and
+    count for more than the shapes of very small charts.
     """
+    shapes, options = task.shapes, task.options
     turns = 1 if options.rotate == "none" else 2
     box = least_box_angles(shapes, options.rotate)
     angle = np.asarray(box[:, None] + np.arange(turns) * np.pi)
-
-    def place(scale: float) -> tuple[Placement | None, float]:
-        return _dropped(shapes, options, angle, scale)
-
-    return largest_placement(shapes, options, place, monitor, least)
+    return largest_placement(task, partial(_dropped, shapes, options, angle))
 
 
 def _dropped(

@@ -4,15 +4,16 @@ import numpy as np
 
 from circparam.core.types import FloatArray, IntArray
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
-from circparam.packing.placement import Placement
+from circparam.packing.outlines import least_box_angles, least_square_angles
+from circparam.packing.placement import PackTask, Placement
 
 
-def shelf_placement(shapes: Shapes, options: PackOptions) -> Placement | None:
+def shelf_placement(task: PackTask) -> Placement | None:
     """Rows of boxes by falling height at the largest scale at which they fit; None if they never do.
 
     A fixed scale is the only one tried. A chart with a box longer than a page is turned to its least square.
     """
+    shapes, options = task.shapes, task.options
     angle = least_box_angles(shapes, options.rotate)
     box, scale = shapes.boxes(angle), options.fixed_scale
     if scale is not None:

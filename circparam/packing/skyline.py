@@ -5,18 +5,18 @@ bound of each column stand for a chart, the skyline for the page. A chart comes 
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import ranges
-from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
-from circparam.packing.placement import Placement
+from circparam.packing.placement import PackTask, Placement
 
 Bounds: TypeAlias = npt.NDArray[np.float32]
 
@@ -141,78 +141,56 @@ def _widened(lower: Bounds, upper: Bounds, grow: float, cell: float) -> tuple[Bo
     return low, high
 
 
-def skyline_placement(
-    shapes: Shapes, options: PackOptions, monitor: Monitor, least: float = 0.0
-) -> Placement | None:
-    """Charts by falling size on the skyline, at the largest scale found or at the fixed one; None if none fits.
-
-    least: scale of a known layout, which is tried first.
-    """
+def skyline_placement(task: PackTask) -> Placement | None:
+    """Charts by falling size on the skyline, at the largest scale found or the fixed one; None if none fits."""
+    shapes, options = task.shapes, task.options
     turns = {"free": CHART_TURNS, "90": 4, "none": 1}[options.rotate]
     base = least_box_angles(shapes, options.rotate) * (options.rotate == "free")
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
     if shapes.upright is not None and options.rotate == "free":
         quarters = base[:, None] + np.arange(turns) % 4 * (np.pi / 2)
         angle = np.where(shapes.upright[:, None], quarters, angle)
-    return largest_placement(
-        shapes, options, lambda scale: _stacked(shapes, options, angle, scale), monitor, least
-    )
+    return largest_placement(task, partial(_stacked, shapes, options, angle))
 
 
 def largest_placement(
-    shapes: Shapes,
-    options: PackOptions,
-    place: Callable[[float], tuple[Placement | None, float]],
-    monitor: Monitor,
-    least: float = 0.0,
+    task: PackTask, place: Callable[[float], tuple[Placement | None, float]]
 ) -> Placement | None:
     """The placement at the largest scale that fits, or at the fixed scale; None if there is none.
 
-    place: a scale in texels per unit → (placement or None, the height used over the height there is). least:
-    scale that is tried first; charts that do not fit at this scale are given up. The area of the charts, grown
-    by half the gap, predicts the next scale, within the bounds so far.
+    place: a scale in texels per unit → (placement or None, the height used over the height there is). The
+    scale of a known layout is tried first; charts that do not fit at this scale are given up. The area of the
+    charts, grown by half the gap, predicts the next scale, within the bounds so far.
     """
+    shapes, options, least = task.shapes, task.options, task.reached
     if options.fixed_scale is not None:
         return place(options.fixed_scale)[0]
+    reach, page = options.gap / 2, options.pages * float(options.resolution) ** 2
+    # area of the charts, grown by half the gap, as a polynomial of the scale
+    area, boundary = float(shapes.area.sum()), float(shapes.perimeter * reach)
+    disc = float(shapes.n * np.pi * reach * reach)
+
+    def scale_for(share: float) -> float:
+        """Scale at which the grown charts have a share of the pages as their area."""
+        root = np.sqrt(max(boundary * boundary + 4 * area * (share * page - disc), 0.0))
+        smallest = 1e-3 / max(shapes.radius.max(), 1e-300)
+        return float(max((root - boundary) / (2 * max(area, 1e-300)), smallest))
+
     best: Placement | None = None
     low, high = 0.0, np.inf
-    scale = least or scale_for(shapes, options, 0.5)
+    scale = least or scale_for(0.5)
     while True:
         placement, fill = place(scale)
         if placement is None:
             high = scale
         else:
             best, low = placement, scale
-        if (best is None and least) or high < low * CLOSE_RATIO or monitor.expired:
+        if (best is None and least) or high < low * CLOSE_RATIO or task.monitor.expired:
             break
-        scale = scale_for(shapes, options, grown_share(shapes, options, scale) / fill)
+        scale = scale_for(float(np.polyval([area, boundary, disc], scale) / page) / fill)
         if low and not low * CLOSE_RATIO < scale < high:
             scale = np.sqrt(low * high) if np.isfinite(high) else low * CLOSE_RATIO
     return best
-
-
-def _grown(shapes: Shapes, options: PackOptions) -> FloatArray:
-    """Area of all charts, grown by half the gap, as a polynomial of the scale: highest power first."""
-    reach = options.gap / 2
-    return np.array([shapes.area.sum(), shapes.perimeter * reach, shapes.n * np.pi * reach * reach])
-
-
-def grown_share(shapes: Shapes, options: PackOptions, scale: float) -> float:
-    """Share of the pages that charts take at a scale, grown by half the gap."""
-    return float(np.polyval(_grown(shapes, options), scale) / _page_area(options))
-
-
-def scale_for(shapes: Shapes, options: PackOptions, share: float) -> float:
-    """Scale at which charts, grown by half the gap, have ``share`` of the pages as their area."""
-    area, boundary, disc = _grown(shapes, options).tolist()
-    root = np.sqrt(max(boundary * boundary + 4 * area * (share * _page_area(options) - disc), 0.0))
-    return float(
-        max((root - boundary) / (2 * max(area, 1e-300)), 1e-3 / max(shapes.radius.max(), 1e-300))
-    )
-
-
-def _page_area(options: PackOptions) -> float:
-    return options.pages * float(options.resolution) ** 2
 
 
 def _stacked(
@@ -248,15 +226,14 @@ def _stacked(
                 lowest = _rest(sky[tile], below, shape.lower[part], shape.upper[part])
                 if lowest is not None and lowest[0] < best[0]:
                     best = (lowest[0], j, lowest[1], lowest[2], tile)
-            last = tile == options.pages - 1
-            if np.isfinite(best[0]) and (last or _top(shape, c * k + best[1], best[3]) <= room):
+            _, j, x, y, at = best
+            part = slice(shape.start[c * k + j], shape.start[c * k + j + 1])
+            if np.isfinite(best[0]) and y + float(shape.upper[part].max()) <= room:
                 break
         if not np.isfinite(best[0]):
             return None, 2.0
-        _, j, x, y, tile = best
-        part = slice(shape.start[c * k + j], shape.start[c * k + j + 1])
-        pick[c], corner[c], rest[c], page[c] = j, x, y, tile
-        span = sky[tile, x : x + part.stop - part.start]
+        pick[c], corner[c], rest[c], page[c] = j, x, y, at
+        span = sky[at, x : x + part.stop - part.start]
         np.maximum(span, y + shape.upper[part], out=span)
     fill = float((sky.max(1).sum()) / (room * options.pages))
     if (sky.max(1) > room).any():
@@ -264,10 +241,6 @@ def _stacked(
     e = np.arange(n) * k + pick
     offset = np.stack([corner * cell - shape.left[e], rest], 1) + margin
     return Placement(scale, angle[np.arange(n), pick], offset, page), fill
-
-
-def _top(shape: Profiles, e: int, y: float) -> float:
-    return y + float(shape.upper[shape.start[e] : shape.start[e + 1]].max())
 
 
 def _rest(

@@ -29,23 +29,6 @@ def _few_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
     return shapes.n <= SKYLINE_CHARTS and not nested
 
 
-def _shelf(task: PackTask) -> Placement | None:
-    return shelf_placement(task.shapes, task.options)
-
-
-def _skyline(task: PackTask) -> Placement | None:
-    return skyline_placement(task.shapes, task.options, task.monitor, _best_scale(task))
-
-
-def _rows(task: PackTask) -> Placement | None:
-    return row_placement(task.shapes, task.options, task.monitor, _best_scale(task))
-
-
-def _best_scale(task: PackTask) -> float:
-    """The largest scale that another packer has reached, or that is asked for; 0 for none."""
-    return max(task.least, *(placement.scale for placement in task.found.values()), 0.0)
-
-
 def _nest(task: PackTask) -> Placement | None:
     # linear programs and FFT take 0.15 s to import
     from circparam.packing.nest.strategy import nested
@@ -57,17 +40,17 @@ PACKERS: Table[Packer] = Table(
     "packer",
     Row(
         "shelf",
-        Packer(_shelf, instant=True),
+        Packer(shelf_placement, instant=True),
         "rows of bounding boxes by falling height",
     ),
     Row(
         "rows",
-        Packer(_rows, lambda shapes, _: shapes.n > SKYLINE_CHARTS),
+        Packer(row_placement, lambda shapes, _: shapes.n > SKYLINE_CHARTS),
         "rows by falling height, each let down on the one below",
     ),
     Row(
         "skyline",
-        Packer(_skyline, _few_enough_for_skyline),
+        Packer(skyline_placement, _few_enough_for_skyline),
         "charts on the skyline of those below, each where it wastes least",
         "Lévy, Petitjean, Ray and Maillot 2002, section 4.3",
     ),

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.packing import pack
 from circparam.packing.nest.strategy import nested
 from circparam.packing.options import PackOptions
@@ -25,13 +24,13 @@ from tests.support.packing import QUICK, blobs, rectangles, triangles
 def nest(shapes: Shapes, options: PackOptions) -> Placement | None:
     options = replace(options, effort=QUICK)
     sound = lambda placed: finish(shapes, placed, options)[1] is None  # noqa: E731
-    return nested(PackTask(shapes, options, Monitor(), {}, sound))
+    return nested(PackTask(shapes, options, sound=sound))
 
 
 PACKERS: dict[str, Callable[[Shapes, PackOptions], Placement | None]] = {
-    "shelf": shelf_placement,
-    "rows": lambda shapes, options: row_placement(shapes, options, Monitor()),
-    "skyline": lambda shapes, options: skyline_placement(shapes, options, Monitor()),
+    "shelf": lambda *given: shelf_placement(PackTask(*given)),
+    "rows": lambda *given: row_placement(PackTask(*given)),
+    "skyline": lambda *given: skyline_placement(PackTask(*given)),
     "nest": nest,
 }
 # of the largest scale at which equal squares fit side by side with the gap of the packer
@@ -92,8 +91,9 @@ def test_ragged_charts_sink_into_each_other(packer: str, gain: float) -> None:
 
 def test_boxes_without_extent_have_places_of_their_own_or_none() -> None:
     points = rectangles(np.full((9, 2), 1e-200))
-    assert shelf_placement(points, PackOptions(resolution=9, padding=2)) is not None
-    assert shelf_placement(points, PackOptions(resolution=5, padding=2)) is None
+    for resolution, fits in ((9, True), (5, False)):
+        found = PACKERS["shelf"](points, PackOptions(resolution=resolution, padding=2))
+        assert (found is not None) == fits
 
 
 def test_at_a_fixed_scale_a_chart_is_turned_where_its_box_is_longer_than_the_page() -> None:
@@ -101,14 +101,14 @@ def test_at_a_fixed_scale_a_chart_is_turned_where_its_box_is_longer_than_the_pag
     shapes = rectangles(np.array([[11.0, 1.0], [4.0, 1.0]]))
     options = PackOptions(resolution=100, padding=1, texel_density=9.0, pages=2)
     assert placed("shelf", shapes, options).scale == 9.0
-    assert shelf_placement(shapes, replace(options, rotate="90")) is None
+    assert PACKERS["shelf"](shapes, replace(options, rotate="90")) is None
 
 
 def test_more_charts_than_a_skyline_takes_go_into_rows_where_these_are_fuller() -> None:
     """On a small page gaps between boxes are narrower, and count for more than shapes."""
     shapes = shapes_of(*triangles(3000, 3))
     for options, fuller in ((PackOptions(256, 3), False), (PackOptions(2048, 1), True)):
-        boxes = shelf_placement(shapes, options)
-        found = row_placement(shapes, options, Monitor(), boxes.scale)
+        boxes = PACKERS["shelf"](shapes, options)
+        found = row_placement(PackTask(shapes, options, least=boxes.scale))
         assert (found is not None) == fuller
     assert pack(*triangles(SKYLINE_CHARTS + 1, 5), PackOptions(1024, 1)).share[0] > 0.25

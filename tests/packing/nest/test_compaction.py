@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.packing.budget import Budget
 from circparam.packing.nest.compaction import Ascent, Growth
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
-from circparam.packing.placement import Placement
+from circparam.packing.placement import PackTask, Placement
 from circparam.packing.skyline import skyline_placement
 from tests.support.packing import rectangles
 
@@ -28,7 +27,7 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
     uv[2::3] = along / 2 + 0.02 * np.stack([-along[:, 1], along[:, 0]], 1)
     shapes = shapes_of(np.arange(3 * n).reshape(n, 3), uv, np.arange(n))
     options = PackOptions(resolution=1024, padding=4)
-    start = skyline_placement(shapes, options, Monitor())
+    start = skyline_placement(PackTask(shapes, options))
     after = Ascent(start, 256.0).climb(growth_of(shapes, options))
     assert finish(shapes, after, options)[1] is None
     assert after.scale > 1.02 * start.scale

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.packing import pack
 from circparam.packing.nest.strategy import nested
 from circparam.packing.options import PackOptions
@@ -35,7 +34,7 @@ def test_a_fixed_scale_takes_the_fewest_pages(density, pages):
     n = {1: 16, 2: 18, 4: 15}[pages]
     shapes = rectangles(np.ones((n, 2)))
     options = PackOptions(resolution=256, padding=2, rotate="none", texel_density=density, pages=6)
-    task = PackTask(shapes, options, Monitor(), {}, lambda p: True)
+    task = PackTask(shapes, options)
     placement = nested(task)
     assert placement.scale == pytest.approx(density)
     assert len(set(placement.page)) == pages
@@ -52,8 +51,8 @@ def test_what_the_check_refuses_is_not_taken():
         asked.append(placement.scale)
         return False
 
-    loose = nested(PackTask(shapes, options, Monitor(), {}, refuse))
-    tight = nested(PackTask(shapes, options, Monitor(), {}, lambda p: True))
+    loose = nested(PackTask(shapes, options, sound=refuse))
+    tight = nested(PackTask(shapes, options))
     assert loose.scale < min(asked)
     assert tight.scale == asked[0]
     assert finish(shapes, loose, options)[1] is None
