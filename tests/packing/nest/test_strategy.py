@@ -18,7 +18,7 @@ from tests.support.packing import blobs, boxes, rectangles
 def test_nesting_beats_rows_of_boxes():
     faces, uv, chart = blobs(9, 5)
     options = PackOptions(512, effort=0.2)
-    boxes = shelf_placement(shapes_of(faces, uv, chart), options)
+    boxes = shelf_placement(PackTask(shapes_of(faces, uv, chart), options))
     assert (512 * pack(faces, uv, chart, options).scale) ** 2 > 1.15 * boxes.scale**2
 
 
