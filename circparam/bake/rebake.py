@@ -259,7 +259,7 @@ def _at_size(result: Result, size: int, grows: bool) -> Result:
     if size == packed or (size < packed and not grows):
         return result
     new = replace(old, resolution=size, padding=old.padding_texels * size // packed)
-    verification = verify_layout(result.surface, result.layout, new, result.tiles)
+    verification = verify_layout(replace(result, options=new), result.layout)
     if len(reasons(verification, promise(new))) > len(result.reasons):
         return result
     return replace(result, options=new, verification=verification)

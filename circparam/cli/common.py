@@ -283,7 +283,7 @@ def check_gates(gates: Any, report: dict[str, Any], about: str) -> None:
 def complain(about: str, error: BaseException, several: bool = False) -> int:
     """Print the error of one mesh, alone or of several, for commands that go on; its exit code."""
     click.echo(f"circparam: error: {exits.line_about(about, error, several)}", err=True)
-    return exits.code_of(error)
+    return exits.exit_of(error)[0]
 
 
 # options of the command line alone ----------------------------------------------------------------------

@@ -50,54 +50,36 @@ def _out_of_memory(error: BaseException) -> bool:
     return unmapped or isinstance(error, MemoryError)
 
 
-def code_of(error: BaseException) -> int:
-    """The exit code of an exception: its class or the nearest base decides, 1 if none is listed."""
-    for cls in type(error).__mro__:
-        if cls in CODES:
-            return CODES[cls]
-    if isinstance(error, (KeyboardInterrupt, Interrupted)):
-        return INTERRUPTED
-    if isinstance(error, Terminated):
-        return TERMINATED
-    if _out_of_memory(error):
-        return CODES[errors.NoResultError]
-    if isinstance(error, OSError):
-        return CODES[errors.OutputError]
-    return INTERNAL
+def exit_of(error: BaseException) -> tuple[int, str]:
+    """The exit code of an exception, and one line: cause, place and cure; an internal error names ``--debug``.
 
-
-def line_of(error: BaseException) -> str:
-    """One line for an exception: cause, place and cure; an internal error names ``--debug``."""
+    Of an error of the library its class or the nearest base decides.
+    """
     if isinstance(error, errors.CircparamError):
+        code = next((CODES[cls] for cls in type(error).__mro__ if cls in CODES), INTERNAL)
         text = str(error)
     elif isinstance(error, (KeyboardInterrupt, Interrupted)):
-        text = "interrupted: no partial file is left behind"
+        code, text = INTERRUPTED, "interrupted: no partial file is left behind"
     elif isinstance(error, Terminated):
-        text = "terminated: no partial file is left behind"
+        code, text = TERMINATED, "terminated: no partial file is left behind"
     elif _out_of_memory(error):
+        code = CODES[errors.NoResultError]
         text = "out of memory with no result: give a larger --max-memory, or a smaller mesh"
-    elif isinstance(error, BrokenPipeError):
-        text = "standard output was closed before everything was written"
     elif isinstance(error, OSError):
-        full = error.errno == errno.ENOSPC
+        code, full = CODES[errors.OutputError], error.errno == errno.ENOSPC
         cause = "no space is left on the device" if full else (error.strerror or str(error))
         text = f"{error.filename or 'the output'}: {cause}"
+        if isinstance(error, BrokenPipeError):
+            text = "standard output was closed before everything was written"
     else:
-        text = (
-            f"internal error: {type(error).__name__}: {error} (run again with --debug to see where, "
-            "and report it)"
-        )
-    return " ".join(text.split())
+        code, cure = INTERNAL, "run again with --debug to see where, and report it"
+        text = f"internal error: {type(error).__name__}: {error} ({cure})"
+    return code, " ".join(text.split())
 
 
 def line_about(mesh: str, error: BaseException, several: bool = False) -> str:
-    """The same, with the mesh that the error is about; of one mesh alone an error of an option needs none."""
-    line = line_of(error)
+    """The line of an error with the mesh that it is about; of one mesh alone, an option needs no mesh."""
+    line = exit_of(error)[1]
     name = "standard input" if mesh == "-" else " ".join(mesh.split())
     known = name in line or (isinstance(error, errors.OptionError) and not several)
     return line if known else f"{name}: {line}"
-
-
-def exit_of(error: BaseException) -> tuple[int, str]:
-    """Exit code and line of an exception, for those who keep them instead of ending."""
-    return code_of(error), line_of(error)

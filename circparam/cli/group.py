@@ -132,8 +132,7 @@ class LazyGroup(click.Group):
             _complain(line)
             return exits.USAGE if isinstance(error, click.UsageError) else exits.INTERNAL
         except (click.Abort, KeyboardInterrupt):
-            _complain(exits.line_of(KeyboardInterrupt()))
-            return exits.INTERRUPTED
+            return _report(KeyboardInterrupt())
         except SystemExit as error:
             if sys.stdout is not stdout:  # click replaces it where the reader of a pipe has gone
                 sys.stdout, sys.stderr = stdout, stderr
@@ -151,8 +150,9 @@ def _report(error: BaseException) -> int:
     if isinstance(error, OSError):  # the interpreter writes to that pipe or full disk at its end
         with contextlib.suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    _complain(exits.line_of(error))
-    return exits.code_of(error)
+    code, line = exits.exit_of(error)
+    _complain(line)
+    return code
 
 
 def _complain(line: str) -> None:

@@ -241,7 +241,7 @@ class Surface:
     def part_cut_mesh(
         self, cut: BoolArray, faces: BoolArray, chart: IntArray
     ) -> tuple[CutMesh, IntArray]:
-        """The cut mesh of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
+        """The cut mesh of some faces only. chart: (m,) labels; those of these faces are numbered anew.
 
         Returns (cut mesh, (k,) face of the surface that each of its faces is).
         """
@@ -252,7 +252,8 @@ class Surface:
         e = renumbered(e, local)
         _, corners = corner_classes(len(fid), e)
         rough = None if self.roughness is None else self.roughness.part(fid)
-        return CutMesh(corners, self.rest_triangles[fid], chart[fid], e, rough), fid
+        label = np.unique(chart[fid], return_inverse=True)[1]
+        return CutMesh(corners, self.rest_triangles[fid], label, e, rough), fid
 
     def without_edges(self, cut: BoolArray) -> "Surface":
         """The surface opened along some edges ((e,) bool), which become boundaries; of none: itself."""

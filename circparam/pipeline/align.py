@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from circparam.core.arrays import (
-    first_of_runs,
+    first_of_groups,
     group_max,
     group_min,
     group_sum,
@@ -20,7 +20,6 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
-from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.coverage import chart_boxes, pages_of
 from circparam.geometry.distortion import best_chart_scales, face_stretch
@@ -39,37 +38,6 @@ from circparam.solvers.objective import chart_energies
 from circparam.solvers.poisson import laplacian
 
 BOX_SLACK = 1e-6  # texels, and share of the area, that a rectangle may lack in its box: rounding
-
-
-@dataclass(frozen=True, eq=False)
-class _Lines:
-    """Lines of charts along one axis.
-
-    vertex: (k,) vertices of the cut mesh, line: (k,) their lines. For each of l lines, chart: its chart; at:
-    its place in texels; length: in texels; to: its new place; side: whether it is the lowest or highest of its
-    chart.
-    """
-
-    vertex: IntArray
-    line: IntArray
-    chart: IntArray
-    at: FloatArray
-    length: FloatArray
-    to: FloatArray
-    side: BoolArray
-
-    def part(self, which: BoolArray) -> "_Lines":
-        """The lines that ``which`` (l,) bool selects."""
-        number, kept = np.cumsum(which) - 1, which[self.line]
-        return _Lines(
-            self.vertex[kept],
-            number[self.line[kept]],
-            self.chart[which],
-            self.at[which],
-            self.length[which],
-            self.to[which],
-            self.side[which],
-        )
 
 
 def align(
@@ -109,27 +77,21 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
 
     limit = options.max_stretch or STRETCH
     stretched = share_over(cut_mesh, face_stretch(cut_mesh, in_units(texels)), limit)
-    # the least move of each chart that takes its longest lines to whole blocks
-    shift = np.zeros((cut_mesh.n_charts, 2))
-    for axis, some in enumerate(lines):
-        order = np.lexsort((-some.length, some.chart))
-        longest = order[first_of_runs(some.chart[order])]
-        at = some.at[longest]
-        shift[some.chart[longest], axis] = block * np.rint(at / block) - at
-    out, matrix = texels + shift[cut_mesh.vertex_chart], laplacian(cut_mesh)
-    for tried in ([one.part(one.side) for one in lines], lines):
+    out = texels + np.stack([least for *_, least in lines], 1)[cut_mesh.vertex_chart]
+    matrix = laplacian(cut_mesh)
+    for all_lines in (False, True):
         # lines go to their targets, all other vertices of their charts follow harmonically
         layout = texels.copy()
-        for axis, some in enumerate(tried):
-            move, fixed = np.zeros(len(texels)), np.zeros(len(texels), bool)
-            move[some.vertex] = some.to[some.line] - texels[some.vertex, axis]
-            fixed[some.vertex] = True
-            has = mask_of(cut_mesh.n_charts, some.chart)
+        for axis, (vertex, to, side, _) in enumerate(lines):
+            line, target = vertex[side | all_lines], to[side | all_lines]
+            move, fixed = np.zeros(len(texels)), mask_of(len(texels), line)
+            move[line] = target - texels[line, axis]
+            has = mask_of(cut_mesh.n_charts, cut_mesh.vertex_chart[line])
             free = np.flatnonzero(~fixed & has[cut_mesh.vertex_chart])
             rows = matrix[free]
             move[free] = Factor(rows[:, free].tocsc()).solve(-(rows @ move))
             layout[:, axis] += move
-            layout[some.vertex, axis] = some.to[some.line]
+            layout[line, axis] = target
         good = chart_energies(cut_mesh, in_units(layout)) <= bound
         good &= share_over(cut_mesh, face_stretch(cut_mesh, in_units(layout)), limit) <= stretched
         # parts of a chart may be near each other
@@ -138,10 +100,14 @@ def _moved(cut_mesh: CutMesh, texels: FloatArray, options: Options) -> FloatArra
     return out
 
 
-def _lines(cut_mesh: CutMesh, texels: FloatArray, axis: int, block: float) -> _Lines:
-    """The lines of all charts across one axis, each with its target, a multiple of ``block``.
+def _lines(
+    cut_mesh: CutMesh, texels: FloatArray, axis: int, block: float
+) -> tuple[IntArray, FloatArray, BoolArray, FloatArray]:
+    """The vertices (k,) on lines across one axis, with their targets (k,), multiples of ``block``.
 
-    A chart thinner than a block keeps only the lines at its low side.
+    Then (k,) bool, whether the line lies at a side of its chart; and (n_charts,) the least move of each chart
+    that takes its longest line to whole blocks. A chart thinner than a block keeps only the lines at its low
+    side.
     """
     n, flat, h = cut_mesh.n_charts, cut_mesh.faces.ravel(), cut_mesh.boundary
     a, b, chart = flat[h], flat[next_half_edge(h)], cut_mesh.chart[h // 3]
@@ -169,7 +135,11 @@ def _lines(cut_mesh: CutMesh, texels: FloatArray, axis: int, block: float) -> _L
     fits = (least < most)[own]
     near = block * np.rint(at / block)
     to = np.where(fits, np.clip(near, least[own], most[own]), near)
-    return _Lines(vertex, line, own, at, whole, to, first | last).part(fits | first)
+    kept, move = np.flatnonzero(fits | first), np.zeros(n)
+    longest = kept[first_of_groups(own[kept], -whole[kept])]
+    move[own[longest]] = (near - at)[longest]
+    mine = (fits | first)[line]
+    return vertex[mine], to[line[mine]], (first | last)[line[mine]], move
 
 
 def _signed_areas(cut_mesh: CutMesh, texels: FloatArray) -> FloatArray:

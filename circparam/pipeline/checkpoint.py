@@ -69,7 +69,7 @@ def checkpoint_path(job: Job) -> Path | None:
         return None
     # the name is a hash of all that the seams depend on
     document, mesh = job.document, job.document.mesh
-    parts: list[object] = [f"circparam {__version__} {job.target}"]
+    parts: list[object] = [f"circparam {__version__} {job.format}"]
     for name in specs(Options):
         if name not in _NO_MATTER:
             parts += [name, getattr(job.options, name)]

@@ -34,7 +34,7 @@ def unrolled(atlas: Atlas) -> Atlas:
     part, _, _ = cut_mesh.subset(near)
     flat = unroll(part)
     exact = _isometric(part, flat)
-    exact &= fallback.faults(part, flat)[0] <= 0
+    exact &= fallback.faults(part, flat) <= 0
     return _with_layout(atlas, near, flat, exact)
 
 
@@ -71,7 +71,7 @@ def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool
     part, vertices, _ = part.subset(grid)
     flat, given = at_best_scales(part, flat[vertices]), given[vertices]
     most = bound if always else np.minimum(bound, chart_energies(part, given) + NEARLY_FLAT_ENERGY)
-    good = (chart_energies(part, flat) <= most) & (fallback.faults(part, flat)[0] <= 0)
+    good = (chart_energies(part, flat) <= most) & (fallback.faults(part, flat) <= 0)
     old, new = (
         share_over(part, face_stretch(part, layout), most_stretch or STRETCH)
         for layout in (given, flat)

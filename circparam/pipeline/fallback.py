@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
+    first_of_groups,
     group_count,
     group_max,
     group_sum,
@@ -53,18 +54,17 @@ VOTE_ROUNDS = 12  # rounds in which faces follow most of their neighbours
 OWN_VOTE_WEIGHT = 0.5  # weight of the own axis in a vote, in boundary lengths
 
 
-def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
-    """The fault of each chart, (n_charts,) SOUND, FLIPPED or OVERLAPPING; and the flipped faces (m,)."""
+def faults(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
+    """(n_charts,) the fault of each chart: SOUND, FLIPPED or OVERLAPPING."""
     finite = np.isfinite(uv[cut_mesh.faces]).all(axis=(1, 2))
     flipped = ~finite | (signs(np.where(np.isfinite(uv), uv, 0.0), cut_mesh.faces) <= 0)
-    n = cut_mesh.n_charts
-    fault = np.where(group_count(cut_mesh.chart[flipped], n) > 0, FLIPPED, SOUND)
-    sound = fault == SOUND
-    if sound.any():
-        part, vertices, _ = cut_mesh.subset(sound)
-        found = overlaps(part, uv[vertices])
-        fault[np.flatnonzero(sound)[found.self_overlapping]] = OVERLAPPING
-    return fault, flipped
+    fault = np.full(cut_mesh.n_charts, SOUND)
+    fault[cut_mesh.chart[flipped]] = FLIPPED
+    sound = np.flatnonzero(fault == SOUND)
+    if len(sound):
+        part, vertices, _ = cut_mesh.subset(fault == SOUND)
+        fault[sound[overlaps(part, uv[vertices]).self_overlapping]] = OVERLAPPING
+    return fault
 
 
 def settle(cascade: Cascade, monitor: Monitor) -> Cascade:
@@ -75,7 +75,7 @@ def settle(cascade: Cascade, monitor: Monitor) -> Cascade:
     """
     with monitor.stage("check"):
         cut_mesh, uv = cascade.open()
-        fault, _ = faults(cut_mesh, uv)
+        fault = faults(cut_mesh, uv)
         if cascade.rules.may_split:
             bound, last = cascade.rules.bound, cascade.singles > 0
             if monitor.hurried:
@@ -161,10 +161,7 @@ def _map_again(cascade: Cascade, faces: BoolArray, method: str, monitor: Monitor
     if not faces.any():
         return cascade
     atlas = Atlas(cascade.atlas.surface, cascade.atlas.cut, cascade.atlas.corners)
-    _, chart = atlas.charts()
-    label = np.zeros(len(chart), np.int64)
-    label[faces] = np.unique(chart[faces], return_inverse=True)[1]
-    cut_mesh, fid = atlas.surface.part_cut_mesh(atlas.cut, faces, label)
+    cut_mesh, fid = atlas.surface.part_cut_mesh(atlas.cut, faces, atlas.charts()[1])
     options = MethodOptions(tolerance=cascade.rules.method.tolerance, max_iterations=PIECE_STEPS)
     try:
         layout = METHODS[method].function(cut_mesh, options, monitor)
@@ -193,7 +190,7 @@ def halve_charts(atlas: Atlas, charts: BoolArray) -> BoolArray:
     k = len(faces)
     graph = sps.coo_matrix((weight, (ends[:, 0], ends[:, 1])), shape=(k, k)).tocsr()
     label = chart[faces]
-    _, first = np.unique(label, return_index=True)
+    first = first_of_groups(label)
     far = _farthest(graph, first, label)
     other = _farthest(graph, far, label)
     _, _, source = nearest(graph, np.r_[far, other], symmetric=False)
@@ -210,10 +207,7 @@ def halve_charts(atlas: Atlas, charts: BoolArray) -> BoolArray:
 def _farthest(graph: sps.csr_matrix, sources: IntArray, label: IntArray) -> IntArray:
     """The face of each chart that is farthest from the chart's source (the first of equals)."""
     distance = distances(graph, sources, symmetric=False)
-    distance = np.where(np.isfinite(distance), distance, -1.0)
-    order = np.lexsort((np.arange(len(label)), -distance, label))
-    _, first = np.unique(label[order], return_index=True)
-    return order[first]
+    return first_of_groups(label, -np.where(np.isfinite(distance), distance, -1.0))
 
 
 def _causes(codes: IntArray) -> str:
@@ -260,13 +254,8 @@ def take_to_pieces(cascade: Cascade, faces: BoolArray) -> Cascade:
 def _stand_in(cascade: Cascade, faces: BoolArray) -> Cascade:
     """Regular polygons for polygons so thin or small that stored numbers cannot hold their shape."""
     atlas = Atlas(cascade.atlas.surface, cascade.atlas.cut, cascade.atlas.corners)
-    surface, singles = atlas.surface, cascade.singles.copy()
-    _, chart = atlas.charts()
-    _, label = np.unique(chart[faces], return_inverse=True)
-    local = np.zeros(len(chart), np.int64)
-    local[faces] = label
-    cut_mesh, fid = surface.part_cut_mesh(atlas.cut, faces, local)
-    n = cut_mesh.n_charts
+    cut_mesh, fid = atlas.surface.part_cut_mesh(atlas.cut, faces, atlas.charts()[1])
+    n, singles = cut_mesh.n_charts, cascade.singles.copy()
     longest = group_max(cut_mesh.edge_lengths.max(1), cut_mesh.chart, n)
     side = np.maximum(longest, STAND_IN * cascade.extent)
     old = np.linalg.norm(atlas.corners[fid, 1] - atlas.corners[fid, 0], axis=1)

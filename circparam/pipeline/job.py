@@ -33,32 +33,37 @@ from circparam.pipeline.kept import Kept, find_lock, find_only
 from circparam.pipeline.options import Options
 from circparam.pipeline.selection import NamedGroups, find_groups
 from circparam.pipeline.stacks import Stacks, find_stacks
-from circparam.pipeline.verify import Declared, corners_of, uv_seams
+from circparam.pipeline.verify import corners_of, uv_seams
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
-    """One mesh between the stages: document, surface and options.
+class Prepared:
+    """A repaired mesh with what its options ask for: the part that a ``Job`` and its ``Result`` share.
 
-    target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
-    the file, None for one atlas; group_by: owner of an atlas, as ``Document.group_by``. floaters: components
-    left out of the layout and of the surface. stacks: copies that share texels with other parts; the surface is
-    without them. kept: faces that stay in place; the surface is without them. density: how dense texels are
-    asked to be, None if all are alike. groups: parts with pages of their own or with a common box.
+    document: the input. format: the one that will be written, which decides how uv are rounded. tiles: (m,)
+    atlas of each face of the file, None for one atlas; group_by: owner of an atlas, as ``Document.group_by``.
+    floaters: components left out of the layout and of the surface. stacks: copies that share texels with other
+    parts. kept: faces that stay in place. density: how dense texels are asked to be, None if all are alike.
+    groups: parts with pages of their own or with a common box.
     """
 
     document: Document
     options: Options
-    target: str
     surface: Surface
     repair_report: RepairReport
-    tiles: IntArray | None
-    floaters: Floaters | None = None
+    format: str
+    tiles: IntArray | None = None
     group_by: str | None = None
+    floaters: Floaters | None = None
     stacks: Stacks | None = None
     kept: Kept | None = None
     density: Density | None = None
     groups: NamedGroups | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Job(Prepared):
+    """One mesh between the stages. surface: the faces that are laid out, without copies and faces that stay."""
 
     @property
     def whole(self) -> Surface:
@@ -67,15 +72,10 @@ class Job:
             return self.kept.whole
         return self.surface if self.stacks is None else self.stacks.whole
 
-    @property
-    def declared(self) -> Declared | None:
-        """Declared overlaps."""
-        return None if self.stacks is None else self.stacks.declared
-
     def rounding(self, double: bool = False) -> Callable[[FloatArray], FloatArray]:
         """The function (k, 2) → (k, 2) that rounds uv to numbers which the format holds, also those of copies
         beside an offset."""
-        number = rounding(self.target, self.document, double)
+        number = rounding(self.format, self.document, double)
         offset = 0.0 if self.stacks is None else self.stacks.declared.offset
         if not offset:
             return number
@@ -109,12 +109,12 @@ class Job:
             return self.kept.merged(uvmap)
         if self.floaters is None or not self.floaters.components:
             return uvmap
-        number = rounding(self.target, self.document, double)
+        number = rounding(self.format, self.document, double)
         return with_patch(self.document, uvmap, self.floaters, pack_options(self.options), number)
 
     def stored(self, cut_mesh: CutMesh, uv: FloatArray) -> UVMap:
         """The same as the numbers that the format will hold."""
-        return stored(self.completed(cut_mesh, uv), self.target, self.document)
+        return stored(self.completed(cut_mesh, uv), self.format, self.document)
 
 
 def prepare(
@@ -164,7 +164,7 @@ def prepare(
             surface, kept = find_lock(document, surface, uvmap, options)
     check_texel_density(surface, options, document.source.name)
     return Job(
-        document, options, target, surface, report, tiles, floaters, group_by, stacks, kept,
+        document, options, surface, report, target, tiles, group_by, floaters, stacks, kept,
         density, groups,
     )  # fmt: skip
 

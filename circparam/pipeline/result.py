@@ -12,18 +12,11 @@ from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OutOfTimeError
-from circparam.formats.document import Document
 from circparam.formats.memory import to_trimesh
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.mesh.repair import RepairReport
-from circparam.mesh.surface import Surface
-from circparam.pipeline.density import Density
-from circparam.pipeline.floaters import Floaters
-from circparam.pipeline.kept import Kept
+from circparam.pipeline.job import Prepared
 from circparam.pipeline.options import Options
 from circparam.pipeline.orient import OrientCost
-from circparam.pipeline.selection import NamedGroups
-from circparam.pipeline.stacks import Stacks
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 if TYPE_CHECKING:
@@ -47,29 +40,23 @@ class Effort:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result:
-    """A layout, its figures, and notes on its making.
+class Result(Prepared):
+    """A layout, its figures, and notes on its making, beside the fields of ``Prepared``.
 
-    document: the input. uv (k, 2) float64 and uv_faces (m, 3) int64 for the m faces of the mesh, origin
-    bottom-left, as stored in the file; charts (m,) chart of each face, −1 for faces set aside, numbered by
-    their first faces, as in messages and ``check``. status: ok | repaired | degraded, with reasons. warnings:
-    necessary for a user; notes: of interest. repairs: of the mesh and of the layout, one line each.
-    iterations, stopped: of each chart as the method made it. seconds: of each stage. path: the file written,
-    None in memory; vertex_map and face_map: input vertex and face of every one in that file. work: unwrap, or
-    pack where the charts were there before. uv_double: uv need doubles where the format has them. tiles: (m,)
-    atlas of each face, or None; group_by: owner of an atlas, or None. effort: how many searches the layout is
-    the best of. floaters, stacks, density, groups: results of --drop-floaters, --stack, --density, and of
-    --pages-by or --group-by; None without the option. advice: gain of other options for the page, if they
-    were tried. orient: room that --orient up costs, None without it.
+    uv (k, 2) float64 and uv_faces (m, 3) int64 for the m faces of the mesh, origin bottom-left, as stored in
+    the file; charts (m,) chart of each face, −1 for faces set aside, numbered by their first faces, as in
+    messages and ``check``. status: ok | repaired | degraded, with reasons. warnings: necessary for a user;
+    notes: of interest. repairs: of the mesh and of the layout, one line each. iterations, stopped: of each
+    chart as the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and
+    face_map: input vertex and face of every one in that file. work: unwrap, or pack where the charts were there
+    before. uv_double: uv need doubles where the format has them. effort: how many searches the layout is the
+    best of. advice: gain of other options for the page, if they were tried. orient: room that --orient up
+    costs, None without it.
     """
 
-    options: Options
-    document: Document
-    surface: Surface
-    repair_report: RepairReport
-    uv: FloatArray
-    uv_faces: IntArray
-    verification: Verification
+    uv: FloatArray = field(kw_only=True)
+    uv_faces: IntArray = field(kw_only=True)
+    verification: Verification = field(kw_only=True)
     charts: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     status: str = ""
     reasons: list[str] = field(default_factory=list)
@@ -79,18 +66,10 @@ class Result:
     seconds: dict[str, float] = field(default_factory=dict)
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
-    tiles: IntArray | None = None
-    group_by: str | None = None
     work: str = "unwrap"
     uv_double: bool = False
-    floaters: Floaters | None = None
-    stacks: Stacks | None = None
-    kept: Kept | None = None
-    density: Density | None = None
-    groups: NamedGroups | None = None
     orient: OrientCost | None = None
     path: str | None = None
-    format: str = ""
     files: list[str] = field(default_factory=list)
     vertex_map: IntArray | None = None
     face_map: IntArray | None = None
@@ -169,23 +148,16 @@ def promise(options: Options) -> Promise:
     return Promise(options.bound, padding, options.max_stretch)
 
 
-def verify_layout(
-    surface: Surface,
-    uvmap: UVMap,
-    options: Options,
-    tiles: IntArray | None = None,
-    stacks: Stacks | None = None,
-    kept: Kept | None = None,
-) -> Verification:
-    """Verify a layout of the whole mesh as the options ask for it."""
-    declared = None if stacks is None else stacks.declared
+def verify_layout(of: Prepared, uvmap: UVMap) -> Verification:
+    """Verify a layout of the whole mesh as the options ask for it. of: with the surface of all faces."""
+    options, declared = of.options, None if of.stacks is None else of.stacks.declared
     found = verify(
-        surface,
+        of.surface,
         uvmap,
         resolution=options.resolution_texels if options.packed else None,
         padding=options.padding_texels,
-        tiles=tiles,
-        declared=declared if kept is None else ~kept.fresh,
+        tiles=of.tiles,
+        declared=declared if of.kept is None else ~of.kept.fresh,
     )
     return replace(found, block=options.align_texels or 1)
 
@@ -233,9 +205,7 @@ def as_stored(result: Result, uvmap: UVMap, expired: bool) -> Result:
     """A result with the layout that was read back, verified again if a number differs; see ``with_status``."""
     found = result.verification
     if not same_corners(uvmap, result.layout):
-        found = verify_layout(
-            result.surface, uvmap, result.options, result.tiles, result.stacks, result.kept
-        )
+        found = verify_layout(result, uvmap)
     after = replace(result, uv=uvmap.uv, uv_faces=uvmap.uv_faces, verification=found)
     return with_status(after, expired)
 

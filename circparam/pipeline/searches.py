@@ -305,7 +305,7 @@ def cost_of(cascade: Cascade, options: Options) -> float:
         return float(np.inf)
     if cascade.packing is None and _one_atlas(options):
         return float(np.inf)
-    if (fallback.faults(cut_mesh, uv)[0] > 0).any():
+    if (fallback.faults(cut_mesh, uv) > 0).any():
         return float(np.inf)
     return finished_cost(cascade)
 

@@ -187,7 +187,7 @@ def stored_layout(
     zero. Next, uv become doubles where the format has them. The result has the fewest faulty charts.
     """
     tried: list[Stored] = []
-    for double in (False, True) if has_doubles(job.target) else (False,):
+    for double in (False, True) if has_doubles(job.format) else (False,):
         number = job.rounding(double)
         for exact in _placements(cut_mesh, uv, number, mirrored, turn and not double):
             tried.append(store(cut_mesh, exact, mirrored, number, double))

@@ -44,19 +44,17 @@ def verify_set(
     has uv that are numbers.
     """
 
-    def verified(label: IntArray | None) -> VerifiedSet:
+    def verified(label: IntArray | None, note: str = "") -> VerifiedSet:
         tiles = None if label is None else tiles_of_groups(uvmap, label)
-        return VerifiedSet(verify(surface, uvmap, tiles=tiles, **asked_of), tiles)
+        return VerifiedSet(verify(surface, uvmap, tiles=tiles, **asked_of), tiles, note)
 
     asked = group_by or document.group_by(uv_set)
     if asked is not None:
         label = document.labels(asked)
-        several = asked != "scene" and len(sorted_distinct(label)) > 1
-        found = verified(label if several else None)
-        note = f"uv set {uv_set}: each {asked} has an atlas of its own" if several else ""
-        return VerifiedSet(found.verification, found.tiles, note)
-    found = verified(None)
-    image = image_labels(document, uv_set)
+        if asked == "scene" or len(sorted_distinct(label)) < 2:
+            return verified(None)
+        return verified(label, f"uv set {uv_set}: each {asked} has an atlas of its own")
+    found, image = verified(None), image_labels(document, uv_set)
     if image is None:
         return found
     cut_mesh = found.verification.cut_mesh
@@ -65,9 +63,8 @@ def verify_set(
     pairs = of_chart[found.verification.overlapping_pairs]
     if (pairs[:, 0] == pairs[:, 1]).all():
         return found
-    found = verified(image)
-    note = f"uv set {uv_set}: each texture has an atlas of its own, since charts of different ones overlap"
-    return VerifiedSet(found.verification, found.tiles, note)
+    why = "each texture has an atlas of its own, since charts of different ones overlap"
+    return verified(image, f"uv set {uv_set}: {why}")
 
 
 def tiles_of_groups(uvmap: UVMap, label: IntArray) -> IntArray:

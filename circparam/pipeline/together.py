@@ -224,8 +224,10 @@ def save_together(
         path=listed([str(path) for path in outputs]),
         files=list(dict.fromkeys(os.fspath(f) for one in written for f in one.files)),
         seconds=dict(monitor.seconds),
-        vertex_map=_maps([one.vertex_map for one in written], joined.first_point),
-        face_map=_maps([one.face_map for one in written], joined.first_face),
+        vertex_map=np.concatenate(
+            [w.vertex_map + joined.first_point[k] for k, w in enumerate(written)]
+        ),
+        face_map=np.concatenate([w.face_map + joined.first_face[k] for k, w in enumerate(written)]),
     )
     shares = tuple(_part(joined, k, out, one) for k, one in enumerate(written))
     small = [
@@ -234,11 +236,6 @@ def save_together(
         if part.packed is not None and part.packed < SMALL_PAGE_SHARE
     ]
     return SharedAtlas(replace(out, warnings=[*out.warnings, *small]), shares)
-
-
-def _maps(maps: Sequence[IntArray], first: IntArray) -> IntArray:
-    """Index maps of files as one of all; first: number of the first vertex or face of each."""
-    return np.concatenate([own + k for own, k in zip(maps, first, strict=False)])
 
 
 def _part(joined: JoinedDocument, k: int, result: Result, written: Written) -> AtlasPart:

@@ -95,7 +95,7 @@ def _unwrapped(
 ) -> Result:
     job = prepare(document, output, options, monitor)
     if options.pins is not None:
-        check_storable(options.pins, document, job.target)
+        check_storable(options.pins, document, job.format)
     fitted, effort = _searched(job, monitor)
     result = replace(verify_and_save(job, fitted, output, monitor), effort=effort)
     checkpoint.forget(job)
@@ -214,7 +214,7 @@ def repack_document(
     n, sign = cut_mesh.n_charts, signs(uv, cut_mesh.faces)
     mirrored = group_sum(sign.astype(np.float64), cut_mesh.chart, n) < 0
     flip = np.where(mirrored[cut_mesh.vertex_chart], -1.0, 1.0)
-    fault, _ = faults(cut_mesh, np.stack([uv[:, 0] * flip, uv[:, 1]], 1))
+    fault = faults(cut_mesh, np.stack([uv[:, 0] * flip, uv[:, 1]], 1))
     if (fault > 0).any():  # flips and overlaps that the charts had before stay as they are
         fitted = Fitted(cascade, job.stored(cut_mesh, uv))
     else:
@@ -225,12 +225,12 @@ def repack_document(
     return verify_and_save(job, fitted, output, monitor, "pack")
 
 
-def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
+def _verified(job: Job, fitted: Fitted, monitor: Monitor, work: str) -> Result:
     """The final result with its verification."""
     cascade, uvmap, options, document = fitted.cascade, fitted.uvmap, job.options, job.document
+    whole = replace(job, surface=job.whole.at_density())
     with monitor.stage("verify"):
-        whole = job.whole.at_density()
-        verification = verify_layout(whole, uvmap, options, job.tiles, job.stacks, job.kept)
+        verification = verify_layout(whole, uvmap)
     if options.pins is not None:
         check_pins(document.mesh, uvmap, options.pins, [*cascade.notes, *cascade.repairs])
     orient = None
@@ -246,30 +246,11 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     notes += [] if job.kept is None else job.kept.notes(uvmap)
     notes += [] if orient is None else [orient.note]
     result = Result(
-        options=options,
-        document=document,
-        surface=whole,
-        repair_report=job.repair_report,
-        uv=uvmap.uv,
-        uv_faces=uvmap.uv_faces,
-        verification=verification,
-        notes=[*notes, *cascade.notes],
-        repairs=[*job.repair_report.messages, *cascade.repairs],
-        seconds=dict(monitor.seconds),
-        iterations=cascade.iterations,
-        stopped=cascade.stopped,
-        format=job.target,
-        tiles=job.tiles,
-        group_by=job.group_by,
-        uv_double=fitted.double,
-        floaters=job.floaters,
-        stacks=job.stacks,
-        kept=job.kept,
-        density=job.density,
-        groups=job.groups,
-        orient=orient,
-        advice=cascade.advice,
-    )
+        **vars(whole), uv=uvmap.uv, uv_faces=uvmap.uv_faces, verification=verification,
+        notes=[*notes, *cascade.notes], repairs=[*job.repair_report.messages, *cascade.repairs],
+        seconds=dict(monitor.seconds), iterations=cascade.iterations, stopped=cascade.stopped,
+        work=work, uv_double=fitted.double, orient=orient, advice=cascade.advice,
+    )  # fmt: skip
     result = with_status(result, monitor.hurried)
     return replace(result, warnings=[*document.warnings, *result.warnings])
 
@@ -285,7 +266,7 @@ def verify_and_save(
     visibility = SeamVisibility(
         job.surface if job.kept is None else job.whole, fitted.uvmap, monitor
     )
-    verified = replace(_verified(job, fitted, monitor), work=work)
+    verified = _verified(job, fitted, monitor, work)
     result = verified if output is None else save(verified, output, monitor)
     found = result.verification
     if found is verified.verification:  # otherwise the file has another layout

@@ -11,7 +11,7 @@ from circparam.cli import exits
 def test_every_error_has_its_own_code() -> None:
     classes = [c for c in vars(errors).values() if isinstance(c, type) and issubclass(c, Exception)]
     leaves = [c for c in classes if c is not errors.CircparamError]
-    assert sorted(exits.code_of(c("x")) for c in leaves) == [2, 3, 4, 5, 6, 7, 8]
+    assert sorted(exits.exit_of(c("x"))[0] for c in leaves) == [2, 3, 4, 5, 6, 7, 8]
 
 
 @pytest.mark.parametrize(
@@ -31,10 +31,10 @@ def test_every_error_has_its_own_code() -> None:
     ],
 )
 def test_codes_and_lines(error: BaseException, code: int, word: str) -> None:
-    assert exits.code_of(error) == code
+    assert exits.exit_of(error)[0] == code
     assert code in exits.DOCUMENTED
-    assert word in exits.line_of(error)
-    assert "\n" not in exits.line_of(error)
+    assert word in exits.exit_of(error)[1]
+    assert "\n" not in exits.exit_of(error)[1]
 
 
 def test_every_code_stands_in_the_text() -> None:

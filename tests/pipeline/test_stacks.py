@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,9 +64,9 @@ def test_a_copy_that_lies_elsewhere_counts_as_an_overlap() -> None:
     if not moved.any():
         moved = a.part == 2
     uv[own[moved].ravel()] += 1e-4
-    found = verify_layout(result.surface, UVMap(uv, own), result.options, None, result.stacks)
+    found = verify_layout(result, UVMap(uv, own))
     assert found.overlap > 0
-    nothing = verify_layout(result.surface, UVMap(result.uv, result.uv_faces), result.options)
+    nothing = verify_layout(replace(result, stacks=None), result.layout)
     assert nothing.overlap > 0
 
 

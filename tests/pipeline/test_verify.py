@@ -169,7 +169,7 @@ def judgement(
     points, faces = shapes.grid(4, 4)
     made = unwrapped((points, faces), **QUICK)
     uvmap, asked = UVMap(0.1 + 0.8 * points[:, :2] * scale, faces), Options(**options)
-    found = verify_layout(made.surface, uvmap, asked)
+    found = verify_layout(replace(made, options=asked), uvmap)
     return with_status(replace(made, options=asked, repairs=repairs, verification=found), expired)
 
 
