@@ -29,8 +29,8 @@ from circparam.maps.carried_charts import (
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
-from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, open_sources
+from circparam.pipeline.fallback import Cascade
 from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.options import from_keywords
 from circparam.pipeline.result import Result

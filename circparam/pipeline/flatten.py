@@ -12,9 +12,9 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.frame import frame_of
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
-from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade, CascadeRules
-from circparam.pipeline.configure import method_options, seam_options
+from circparam.pipeline.configure import method_options
 from circparam.pipeline.density import check_whole
+from circparam.pipeline.fallback import FAULTY_DISTORTION, Cascade, CascadeRules
 from circparam.pipeline.job import Job
 from circparam.pipeline.options import DEFAULT_BOUND, Options
 from circparam.pipeline.pinned import pins_of
@@ -30,7 +30,7 @@ NUMERICAL = (NoResultError, np.linalg.LinAlgError, ArithmeticError)
 
 def find_seams(job: Job, monitor: Monitor) -> Seams:
     """The seams; where finding charts fails on numbers or time, those demanded: the cascade splits further."""
-    asked = seam_options(job.document, job.surface, job.repair_report, job.options)
+    asked = job.seams_asked
     free = job.options.cut == "charts"
     try:
         with clock.bounded(monitor.last if free else None):
@@ -73,9 +73,7 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
 
     Raises OptionError for pins that do not fit.
     """
-    options = job.options
-    asked = seam_options(job.document, job.surface, job.repair_report, options)
-    surface = surface_of_layout(job.surface, asked)
+    options, surface = job.options, surface_of_layout(job.surface, job.seams_asked)
     blank = Cascade(Atlas(surface, seams.cut), rules(options), notes=tuple(seams.notes))
     plain = options.method == "isometric" and not (options.blend or options.pins is not None)
     if options.cut == "none":

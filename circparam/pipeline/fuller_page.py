@@ -20,9 +20,9 @@ from circparam.mesh.atlas import Atlas
 from circparam.packing import pack
 from circparam.packing.budget import Budget
 from circparam.pipeline import fallback
-from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits, Opened
+from circparam.pipeline.fallback import Cascade, KnownPacking
 from circparam.pipeline.options import Options
 from circparam.pipeline.page_cuts import Cutter, Part, joined
 from circparam.pipeline.page_search import Plan, Search

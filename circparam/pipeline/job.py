@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from circparam.pipeline.configure import (
     check_scene,
     check_texel_density,
     pack_options,
+    seam_options,
     target_format,
     tiles_of,
     write_options,
@@ -34,6 +36,7 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.selection import NamedGroups, find_groups
 from circparam.pipeline.stacks import Stacks, find_stacks
 from circparam.pipeline.verify import corners_of, uv_seams
+from circparam.seams.options import SeamOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,11 @@ class Prepared:
 @dataclass(frozen=True, eq=False)
 class Job(Prepared):
     """One mesh between the stages. surface: the faces that are laid out, without copies and faces that stay."""
+
+    @cached_property
+    def seams_asked(self) -> SeamOptions:
+        """The options of the seams. Raises OptionError where they do not fit the mesh."""
+        return seam_options(self.document, self.surface, self.repair_report, self.options)
 
     @property
     def whole(self) -> Surface:

@@ -15,8 +15,8 @@ from circparam.mesh.surface import Surface
 from circparam.packing import pack
 from circparam.packing.clusters import CLOSE_RATIO, pack_clusters
 from circparam.packing.options import PackOptions
-from circparam.pipeline.cascade import KnownPacking
 from circparam.pipeline.configure import pack_options
+from circparam.pipeline.fallback import KnownPacking
 from circparam.pipeline.options import Options
 from circparam.pipeline.verify import reversed_charts
 

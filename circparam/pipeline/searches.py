@@ -9,12 +9,15 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.imports import OnDemand
 from circparam.core.monitor import Monitor
+from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.workers import DeferredTask, Worker
 from circparam.errors import CircparamError
@@ -22,8 +25,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.pipeline import applies, fallback
-from circparam.pipeline.cascade import Cascade, KnownPacking
-from circparam.pipeline.configure import seam_options
+from circparam.pipeline.fallback import Cascade, KnownPacking
 from circparam.pipeline.flatten import rules, seams_in_frame, surface_of_layout, with_straight
 from circparam.pipeline.job import Job
 from circparam.pipeline.options import Options
@@ -36,6 +38,13 @@ from circparam.solvers.objective import chart_energies
 
 # share of the seconds of the last search that must be left for another one to be begun
 LIKELY_TIME_SHARE = 0.5
+fuller_page: Any = OnDemand("circparam.pipeline.fuller_page")  # the FFT takes 0.1 s to import
+# covered share of a page below which cuts are tried that only the user can allow
+HALF_EMPTY_SHARE = 0.5
+GAIN_PAGE_SHARE = 0.05  # share of the page that they must cover more
+CUT_TRIALS = 10  # that are tried
+# faces: a smaller surface is unwrapped in less time than cuts take to try
+LEAST_ADVISED_FACES = 500
 OUT_OF_TIME = "out of time for a full search: its charts are those of a draft"
 FAILURES = (CircparamError, np.linalg.LinAlgError, ArithmeticError)
 
@@ -62,12 +71,8 @@ def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if not options.fills_page or weighted:
         return cascade
     if options.texel_density is not None:
-        from circparam.pipeline.fuller_page import fit_pages
-
-        return fit_pages(cascade, options, monitor)
-    from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
-
-    return fill_page(cascade, options, monitor)
+        return fuller_page.fit_pages(cascade, options, monitor)
+    return fuller_page.fill_page(cascade, options, monitor)
 
 
 def begun_beside(job: Job, monitor: Monitor) -> list[DeferredTask]:
@@ -75,9 +80,8 @@ def begun_beside(job: Job, monitor: Monitor) -> list[DeferredTask]:
     options = job.options
     if options.searches < 2 or monitor.jobs < 2 or monitor.deadline is not None:
         return []
-    asked = seam_options(job.document, job.surface, job.repair_report, options)
     numbers = range(1, min(options.searches, monitor.jobs))
-    tasks = [(job.surface, asked, options, number) for number in numbers]
+    tasks = [(job.surface, job.seams_asked, options, number) for number in numbers]
     begun = [DeferredTask(monitor.jobs, searched, task, monitor) for task in tasks]
     for search in begun:
         search.begin()
@@ -102,7 +106,6 @@ def best_layout(
     with monitor.stage("search"):
         first = _packed(first, options, monitor)
         costs = [cost_of(first, options)]
-        asked = seam_options(job.document, job.surface, job.repair_report, options)
         best, kept = first, 0
         wave = len(numbers) if monitor.deadline is None else max(monitor.jobs, 1)
         took = 0.0
@@ -111,7 +114,7 @@ def best_layout(
                 break
             since = time.monotonic()
             some = numbers[len(costs) - 1 : len(costs) - 1 + wave]
-            tasks = [(job.surface, asked, options, number) for number in some[len(begun) :]]
+            tasks = [(job.surface, job.seams_asked, options, k) for k in some[len(begun) :]]
             later = Worker(monitor.jobs).map(searched, tasks, monitor)
             for found in [*(search.result() for search in begun), *later]:
                 costs.append(np.inf if found is None else found.cost)
@@ -139,7 +142,6 @@ class Drafted:
     """
 
     job: Job
-    asked: SeamOptions
     seams: DeferredTask
     competes: bool
     _layout: Cascade | None = None
@@ -157,12 +159,12 @@ class Drafted:
             return None
         from circparam.seams.charts import contains_draft
 
-        asked = seam_options(job.document, surface, job.repair_report, options)
+        asked = job.seams_asked
         competes, urgent = not contains_draft(surface, asked), monitor.short(full_search)
         if not (competes or urgent):
             return None
         task = (surface, asked, options.cut, Search(draft=True))
-        draft = cls(job, asked, DeferredTask(monitor.jobs, _seams, task, monitor), competes)
+        draft = cls(job, DeferredTask(monitor.jobs, _seams, task, monitor), competes)
         if urgent:
             with monitor.stage("draft"), clock.bounded(monitor.last), suppress(*FAILURES):
                 layout = draft.layout(monitor)
@@ -177,7 +179,7 @@ class Drafted:
         if self._layout is None and not monitor.expired:
             seams = self.seams.result()
             if seams is not None:
-                surface = surface_of_layout(self.job.surface, self.asked)
+                surface = surface_of_layout(self.job.surface, self.job.seams_asked)
                 self._layout = _laid_out(surface, seams, self.job.options)
         return self._layout
 
@@ -213,6 +215,32 @@ def on_page(
         if cost_of(drafted, options) < cost_of(filled, options):
             return drafted, other
     return filled, cascade
+
+
+def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """The layout ``filled`` that ``fill_page`` made of ``start``, with advice where its page is half empty.
+
+    The advice names the share that further cuts cover. The cuts were made and packed. There is no advice if the
+    user has set the number.
+    """
+    small = len(start.atlas.surface.faces) < LEAST_ADVISED_FACES
+    if options.cuts_asked is not None or options.max_charts is not None or small or monitor.expired:
+        return filled
+    share = fuller_page.covered_share
+    found = filled.packing or fuller_page.packing(filled, options, monitor)
+    filled = replace(filled, packing=found)
+    if found is None or share(found) >= HALF_EMPTY_SHARE:
+        return filled
+    start = fallback.settle(start, monitor)
+    more = fuller_page.fill_page(start, replace(options, pack_splits=CUT_TRIALS), monitor)
+    if more.packing is None or share(more.packing) < share(found) + GAIN_PAGE_SHARE:
+        return filled
+    cuts = more.atlas.charts()[0] - start.atlas.charts()[0]
+    return replace(
+        filled,
+        advice=f"{counted(cuts, 'cut')} across charts would cover "
+        f"{100 * share(more.packing):.0f} % (--pack-splits {CUT_TRIALS})",
+    )
 
 
 def searched(
@@ -273,10 +301,8 @@ def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     cost."""
     if cascade.packing is not None or not _one_atlas(options):
         return cascade
-    from circparam.pipeline.fuller_page import packing
-
     cascade = fallback.settle(cascade, monitor)
-    return replace(cascade, packing=packing(cascade, options, monitor))
+    return replace(cascade, packing=fuller_page.packing(cascade, options, monitor))
 
 
 def _repacked(cascade: Cascade, work: int, options: Options, monitor: Monitor) -> Cascade:
@@ -284,10 +310,9 @@ def _repacked(cascade: Cascade, work: int, options: Options, monitor: Monitor) -
     known = cascade.packing
     if known is None or not _one_atlas(options):
         return cascade
-    from circparam.pipeline.fuller_page import covered_share, packing
-
-    found = packing(cascade, options, monitor, known.packed.scale, work)
-    fuller = found is not None and covered_share(found) > covered_share(known)
+    found = fuller_page.packing(cascade, options, monitor, known.packed.scale, work)
+    share = fuller_page.covered_share
+    fuller = found is not None and share(found) > share(known)
     return replace(cascade, packing=found) if fuller else cascade
 
 

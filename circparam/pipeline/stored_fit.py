@@ -32,9 +32,8 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import fallback
 from circparam.pipeline.align import align
-from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.density import of_charts
-from circparam.pipeline.fallback import FLIPPED, OVERLAPPING, SOUND
+from circparam.pipeline.fallback import FLIPPED, OVERLAPPING, SOUND, Cascade, KnownPacking
 from circparam.pipeline.job import Job
 from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.options import Options

@@ -5,6 +5,7 @@ again. Nothing is printed; notes and warnings are in the ``Result``.
 """
 
 import os
+import time
 from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any, Unpack
@@ -15,15 +16,18 @@ from circparam.core import workers
 from circparam.core.arrays import group_sum
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
+from circparam.core.types import BoolArray
+from circparam.core.workers import DeferredTask
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
+from circparam.geometry.visibility import visible_share
 from circparam.mesh.mesh import UVMap
+from circparam.mesh.surface import Surface
 from circparam.pipeline import applies, checkpoint
-from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.density import at_densities, check_whole
-from circparam.pipeline.fallback import faults
+from circparam.pipeline.fallback import Cascade, faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.jobs import fit_memory, memory_limit, monitor_of, start_for
@@ -33,10 +37,17 @@ from circparam.pipeline.orient import orient_cost
 from circparam.pipeline.pinned import check_pins, check_storable
 from circparam.pipeline.result import Effort, Result, verify_layout, with_status
 from circparam.pipeline.save import save
-from circparam.pipeline.seam_visibility import SeamVisibility
-from circparam.pipeline.searches import OUT_OF_TIME, Drafted, begun_beside, best_layout, on_page
+from circparam.pipeline.searches import (
+    OUT_OF_TIME,
+    Drafted,
+    advised,
+    begun_beside,
+    best_layout,
+    on_page,
+)
 from circparam.pipeline.stacks import copies_hold
 from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, stored_layout
+from circparam.pipeline.verify import uv_seams
 
 # Time after a stage as a multiple of the seconds of the repair, which visits the same mesh on the same
 # machine: for projected charts with all later stages; for packing in rows, writing and verifying; for all but
@@ -44,6 +55,8 @@ from circparam.pipeline.stored_fit import Fitted, arrange, fit_stored, stored_la
 LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
 SEARCH_COST = 600.0  # a long full search, as the same multiple
 RESERVE_SECONDS = 0.05  # seconds added to the reserve
+# seconds of a look at the seams over those of the repair: 2 to 6 on twelve meshes of 30,000 faces and more
+VISIBILITY_COST = 6.0
 KEEPING_FACES = 100_000  # faces from which on freed memory is kept for the next arrays
 
 
@@ -153,8 +166,6 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
             filled, cascade = on_page(cascade, draft, options, monitor)
         best, effort = best_layout(filled, begun, job, monitor)
         if best is filled and options.fills_one_page and not options.draft:
-            from circparam.pipeline.advice import advised  # the FFT takes 0.1 s to import
-
             with monitor.stage("pack"):
                 best = advised(filled, cascade, options, monitor)
         fitted = fit_stored(job, best, monitor)
@@ -225,6 +236,17 @@ def repack_document(
     return verify_and_save(job, fitted, output, monitor, "pack")
 
 
+def seen_share(surface: Surface, cut: BoolArray, monitor: Monitor) -> float | None:
+    """As ``visible_share``. monitor: not asked, the caller knows whether there is time."""
+    return visible_share(surface, cut)
+
+
+def _too_late_to_look(monitor: Monitor) -> bool:
+    """Whether the visibility of seams would be found after the moment at which all work has to end."""
+    cost = VISIBILITY_COST * monitor.seconds.get("repair", 0.0)
+    return monitor.last is not None and time.monotonic() + cost > monitor.last
+
+
 def _verified(job: Job, fitted: Fitted, monitor: Monitor, work: str) -> Result:
     """The final result with its verification."""
     cascade, uvmap, options, document = fitted.cascade, fitted.uvmap, job.options, job.document
@@ -262,15 +284,25 @@ def verify_and_save(
     monitor: Monitor,
     work: str = "unwrap",
 ) -> Result:
-    """The result, verified, and written where an output is named."""
-    visibility = SeamVisibility(
-        job.surface if job.kept is None else job.whole, fitted.uvmap, monitor
-    )
+    """The result, verified, and written where an output is named.
+
+    An idle process looks at the seams meanwhile. Else they are looked at when a caller asks for the figure,
+    which a caller of the library may never do, or not at all where time is up.
+    """
+    surface = job.surface if job.kept is None else job.whole
+    cut = uv_seams(surface, fitted.uvmap)
+    # caches of a surface need not be sent
+    look = DeferredTask(monitor.jobs, seen_share, (replace(surface), cut), monitor)
+    if cut.any() and not _too_late_to_look(monitor):
+        look.begin()
     verified = _verified(job, fitted, monitor, work)
     result = verified if output is None else save(verified, output, monitor)
     found = result.verification
     if found is verified.verification:  # otherwise the file has another layout
-        found = visibility.completed(found)
+        if not look.begun and _too_late_to_look(monitor):
+            found = replace(found, seen=lambda: None)
+        elif look.begun or surface is not found.surface:
+            found = replace(found, seen=look.result)
     return replace(result, verification=found, seconds=dict(monitor.seconds))
 
 

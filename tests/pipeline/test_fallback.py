@@ -14,8 +14,14 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
-from circparam.pipeline.cascade import FAULTY_DISTORTION, Cascade, CascadeRules
-from circparam.pipeline.fallback import MOST_SINGLES, project_charts, take_to_pieces
+from circparam.pipeline.fallback import (
+    FAULTY_DISTORTION,
+    MOST_SINGLES,
+    Cascade,
+    CascadeRules,
+    project_charts,
+    take_to_pieces,
+)
 from tests.support import shapes, strategies
 from tests.support.atlases import surface_of as surface_of
 

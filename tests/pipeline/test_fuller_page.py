@@ -12,7 +12,7 @@ from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.pipeline import fallback, fuller_page
-from circparam.pipeline.cascade import Cascade, CascadeRules
+from circparam.pipeline.fallback import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import fill_page
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options

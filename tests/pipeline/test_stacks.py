@@ -1,8 +1,7 @@
 """Stacks: copies lie on the texels of one part, told and verified; nothing else may lie on anything."""
 
-from pathlib import Path
-
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
