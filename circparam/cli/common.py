@@ -103,20 +103,34 @@ def today(word: str) -> str:
     return OLDER_FLAGS.get(flag, flag) + sign + value
 
 
-class Name(click.ParamType[str]):
-    """A name out of a table of the library, read when it is needed: did-you-mean, and shell completion.
+class Listed(click.ParamType[Any]):
+    """A value for which some words are known, read when they are needed; the shell completes them."""
+
+    name = "name"
+
+    def __init__(self, names: Callable[[], Sequence[str]]) -> None:
+        self.names = names
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Words that begin so."""
+        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
+
+
+class Name(Listed):
+    """A name out of a table of the library, with did-you-mean.
 
     Text after a colon is the argument of the name and is not checked. ``listed``: the help shows all names.
     """
 
-    name = "name"
-
     def __init__(self, kind: str, names: Callable[[], list[str]], listed: bool = False) -> None:
-        self.kind, self.names, self.listed = kind, names, listed
+        super().__init__(names)
+        self.kind, self.listed = kind, listed
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The value, where the table has it."""
-        names = self.names()
+        names = list(self.names())
         if str(value).partition(":")[0] not in names:
             self.fail(unknown_name(self.kind, str(value), names), param, ctx)
         return value
@@ -124,12 +138,6 @@ class Name(click.ParamType[str]):
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
         """The word for the help text."""
         return f"[{'|'.join(self.names())}]" if self.listed else self.kind.upper()
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Names that begin so."""
-        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
 class FiniteRange(click.FloatRange):
@@ -145,12 +153,13 @@ class FiniteRange(click.FloatRange):
         return number
 
 
-class NumberOr(click.ParamType[Any]):
+class NumberOr(Listed):
     """A number, or a word in place of one. Unknown words go to the library where numbers need not be whole."""
 
     name = "number"
 
     def __init__(self, words: Sequence[str], whole: bool) -> None:
+        super().__init__(lambda: words)
         self.words, self.whole = words, whole
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -164,12 +173,6 @@ class NumberOr(click.ParamType[Any]):
                 word = self.words[0]
                 self.fail(f"{value!r} is neither a whole number nor {word!r}.", param, ctx)
             return value
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """The words that begin so."""
-        return [CompletionItem(word) for word in self.words if word.startswith(incomplete)]
 
 
 def _formats() -> list[str]:

@@ -3,7 +3,6 @@
 import csv
 import io
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,8 +68,9 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     the row "input". Without MESH the bundled samples are compared, and circle and floater are timed on the
     sizes of Table 1 of Kim (2019).
     """
+    from circparam import samples
     from circparam.compare import kim2019
-    from circparam.compare.compare import method_names
+    from circparam.compare.compare import compare, method_names
 
     names = method_names(given["methods"])
     table1 = not meshes and {kim2019.TIMED_METHOD, kim2019.TIMED_PEER} <= set(names)
@@ -85,52 +85,31 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
         if given[option] is not None:
             check_output(given[option], given["overwrite"], *ending)
     silent = given["as_json"] or given["quiet"]
-    found, codes = [], [exits.OK]
-    for shown, result in _compared(meshes, names, given):
-        if isinstance(result, int):
-            codes.append(result)
+    keywords = {k: given[k] for k in _LIBRARY if given[k] is not None}
+    compared, found, codes = meshes or tuple(samples.names(pairs=False)), [], []
+    for k, mesh in enumerate(compared, 1):
+        source, place = mesh if meshes else samples.path(mesh), (k, len(compared))
+        try:
+            with progress.listener(os.path.basename(mesh), given["quiet"], place) as listener:
+                result = compare(source, names, cut=given["cut"], listener=listener, **keywords)
+        except OptionError:
+            raise
+        except CircparamError as error:
+            if len(meshes) == 1:
+                raise type(error)(exits.line_about(str(source), error)) from None
+            codes.append(common.complain(str(source), error))
             continue
         found.append(result)
         if not silent:
-            from circparam.cli.compare_tables import print_comparison
-
-            print_comparison(result, shown)
+            common.tables.print_comparison(result, None if meshes else mesh)
     sizes = kim2019.timed_sizes(repeats=repeats) if table1 else None
     if sizes is not None and not silent:
-        from circparam.cli.compare_tables import print_table1
-
-        print_table1(sizes, repeats)
+        common.tables.print_table1(sizes, repeats)
     _write(found, sizes, {**given, "repeats": repeats})
     rows = [row for c in found for row in c.rows if row.method != "input"]
     if rows and all(row.status == "failed" for row in rows):
         raise NoResultError(f"no method produced a result; {rows[0].method}: {rows[0].error}")
-    return next((code for code in codes if code), exits.OK)
-
-
-def _compared(
-    meshes: tuple[str, ...], names: list[str], given: dict[str, Any]
-) -> "Iterator[tuple[str | None, Comparison | int]]":
-    """The comparison of each mesh, with a name if it differs from the file's; the exit code of a mesh that
-    cannot be compared, if there are others."""
-    from circparam import samples
-    from circparam.compare.compare import compare
-
-    keywords = {k: given[k] for k in _LIBRARY if given[k] is not None}
-    all_meshes = meshes or tuple(samples.names(pairs=False))
-    for k, mesh in enumerate(all_meshes, 1):
-        source = mesh if meshes else samples.path(mesh)
-        try:
-            place = (k, len(all_meshes))
-            with progress.listener(os.path.basename(mesh), given["quiet"], place) as listener:
-                result = compare(source, names, cut=given["cut"], listener=listener, **keywords)
-        except CircparamError as error:
-            if isinstance(error, OptionError):
-                raise
-            if len(meshes) == 1:
-                raise type(error)(exits.line_about(str(source), error)) from None
-            yield None, common.complain(str(source), error)
-            continue
-        yield None if meshes else mesh, result
+    return next(iter(codes), exits.OK)
 
 
 def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[str, Any]) -> None:

@@ -20,15 +20,14 @@ Examples:
 """
 
 
-def _completed(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
-    """Names of samples that begin so."""
+def _names() -> list[str]:
     from circparam import samples
 
-    return [name for name in samples.names() if name.startswith(incomplete)]
+    return samples.names()
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("name", required=False, shell_complete=_completed)
+@click.argument("name", required=False, type=common.Listed(_names))
 @common.output
 @common.overwrite
 @common.json_option

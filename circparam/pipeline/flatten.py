@@ -6,7 +6,6 @@ import numpy as np
 
 from circparam.core import clock
 from circparam.core.monitor import Monitor
-from circparam.core.types import FloatArray
 from circparam.errors import NoResultError, OutOfTimeError, TopologyError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.frame import frame_of
@@ -47,7 +46,8 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
         _, forced, notes = constrain(job.surface, asked)
         how = "projecting" if isinstance(error, OutOfTimeError) else "halving"
         why = f"charts were made by {how} ({str(error).partition(':')[0]})"
-        return Seams(forced, _no_layout(job.surface), [*notes, why])
+        # corners without a place: every chart is faulty
+        return Seams(forced, np.full((len(job.surface.faces), 3, 2), np.nan), [*notes, why])
 
 
 def seams_in_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Monitor) -> Seams:
@@ -94,7 +94,7 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
         if options.cut != "charts":
             raise
         monitor.late |= isinstance(error, OutOfTimeError)
-        atlas = Atlas(surface, seams.cut, _no_layout(surface))
+        atlas = Atlas(surface, seams.cut, np.full((len(surface.faces), 3, 2), np.nan))
         return replace(blank, atlas=atlas).repaired(
             f"--method {options.method} failed at first ({error})"
         )
@@ -125,8 +125,3 @@ def rules(options: Options) -> CascadeRules:
         bound=FAULTY_DISTORTION if options.reachable_bound is None else options.reachable_bound,
         method=method_options(options),
     )
-
-
-def _no_layout(surface: Surface) -> FloatArray:
-    """(m, 3, 2) corners without a place: every chart is faulty."""
-    return np.full((len(surface.faces), 3, 2), np.nan)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import group_count
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -99,33 +98,24 @@ def find_stacks(
         flats = options.cut != "none"  # charts that are there may be cut inside a flat
         return find_congruent(surface.points, surface.faces, component, label, mirror, flats)
 
+    def parts_of(faces: BoolArray) -> int:
+        return len(np.unique(component[faces]))
+
     by = found(kind)
-    apart = 0
-    if several:
-        apart = _parts_of(component, found(shape).copy, count) - _parts_of(
-            component, by.copy, count
-        )
+    copies = parts_of(by.copy)
+    apart = parts_of(found(shape).copy) - copies if several else 0
     pages = len(groups.names) if groups is not None and groups.pages else options.pages or 1
-    offset = float(pages) if options.stack_offset else 0.0
-    copies = _parts_of(component, by.copy, count)
-    stacks = Stacks(
-        surface,
-        Declared(by.corner, by.copy, by.turned, offset),
-        count,
-        count - copies,
-        _parts_of(component, by.turned, count),
-        max(apart, 0),
+    declared = Declared(
+        by.corner, by.copy, by.turned, float(pages) if options.stack_offset else 0.0
     )
+    parts = count, count - copies, parts_of(by.turned), max(apart, 0)
+    stacks = Stacks(surface, declared, *parts)
     if not copies:
         return surface, stacks
     # flats ((m,) label, −1 for none) that copies have other triangles in are kept whole
     f, g = by.whole[surface.edges.T // 3]
     locked = surface.locked | ((f >= 0) & (f == g))
     return replace(surface, locked=locked).part(~by.copy), stacks
-
-
-def _parts_of(component: IntArray, faces: BoolArray, count: int) -> int:
-    return int((group_count(component[faces], count) > 0).sum())
 
 
 def _named(

@@ -13,6 +13,8 @@ import numpy as np
 
 from circparam.core.arrays import (
     cross2,
+    cross_areas,
+    dot2,
     group_count,
     group_sum,
     mask_of,
@@ -123,8 +125,8 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
             uv[:, 0] *= sign[cut_mesh.vertex_chart]
             placed = arrange(job, cut_mesh, uv, options, monitor, keep, cascade.packing)
         with monitor.stage("check"):
-            turn = options.packed and options.turns != "none" and job.kept is None
-            stored = stored_layout(job, cut_mesh, placed.uv, sign < 0, turn)
+            turned = options.packed and options.turns != "none" and job.kept is None
+            stored = stored_layout(job, cut_mesh, placed.uv, sign < 0, turned)
         uvmap = job.completed(cut_mesh, stored.uv, stored.double)
         cascade = cascade.noted(*placed.notes, *stored.notes)
         fitted = Fitted(cascade, uvmap, stored.double)
@@ -261,9 +263,15 @@ def store(
     looked = fault == SOUND
     for push in range(1, PUSH_ROUNDS + 2):
         part, vertices, _ = cut_mesh.subset(looked)
-        overlapping, meeting = _meeting(part, uv[vertices])
-        fault[looked] = np.where(overlapping, OVERLAPPING, SOUND)
-        if len(meeting) == 0 or push > PUSH_ROUNDS:
+        if not len(vertices):
+            break
+        found = overlaps(part, uv[vertices])
+        fault[looked] = np.where(found.self_overlapping, OVERLAPPING, SOUND)
+        meeting = sorted_distinct(found.crossings)
+        if found.self_overlapping.any():  # holes narrower than a unit may have turned over
+            b = boundary_in(part, uv[vertices])
+            meeting = sorted_distinct(np.concatenate([meeting, b.half_edge[turned_loops(b)]]))
+        if not len(meeting) or push > PUSH_ROUNDS:
             break
         alone = _patch(part, exact[vertices], mirrored[looked], rounding)
         uv[vertices] = _inwards(part, alone, uv[vertices], meeting, min(push, BOUNDARY_NUMBERS))
@@ -277,19 +285,6 @@ def _patch(cut_mesh: CutMesh, exact: FloatArray, mirrored: BoolArray, rounding: 
     turned = mirrored[cut_mesh.chart][:, None]
     upright = np.where(turned, cut_mesh.faces[:, [0, 2, 1]], cut_mesh.faces)
     return Patch(upright, exact, cut_mesh.on_boundary, rounding)
-
-
-def _meeting(cut_mesh: CutMesh, uv: FloatArray) -> tuple[BoolArray, IntArray]:
-    """(n_charts,) which charts overlap; boundary half-edges that meet others of their chart, none if it is
-    wound round twice."""
-    if not len(uv):
-        return np.zeros(0, bool), np.zeros(0, np.int64)
-    found = overlaps(cut_mesh, uv)
-    meeting = sorted_distinct(found.crossings)
-    if found.self_overlapping.any():  # holes narrower than a unit may have turned over
-        b = boundary_in(cut_mesh, uv)
-        meeting = sorted_distinct(np.concatenate([meeting, b.half_edge[turned_loops(b)]]))
-    return found.self_overlapping, meeting
 
 
 def _inwards(cut_mesh: CutMesh, patch: Patch, uv: FloatArray, h: IntArray, by: int) -> FloatArray:
@@ -331,7 +326,7 @@ def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
     """
     faces, exact = patch.faces, patch.exact
     load = _loads(exact[faces], stored[faces])
-    area = np.abs(cross2(*_sides(exact[faces])))
+    area = np.abs(cross_areas(exact[faces]))
     most = ENERGY_SHARE * group_sum(area, chart, int(chart.max()) + 1)[chart]
     sliver = (load > most) & np.isfinite(load)
     if not sliver.any():
@@ -368,21 +363,15 @@ def relieve(patch: Patch, stored: FloatArray, chart: IntArray) -> FloatArray:
     return out
 
 
-def _sides(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two sides of triangles (..., 3, 2)."""
-    return triangles[..., 1, :] - triangles[..., 0, :], triangles[..., 2, :] - triangles[..., 0, :]
-
-
 def _loads(before: FloatArray, after: FloatArray) -> FloatArray:
     """(...) twice the area of triangles (..., 3, 2) times their energy above an isometry.
 
     Infinite if one of them is not counter-clockwise.
     """
-    a, b = _sides(before)
-    c, d = _sides(after)
+    a, b, c, d = (t[..., k, :] - t[..., 0, :] for t in (before, after) for k in (1, 2))
     was, now = cross2(a, b), cross2(c, d)
     with np.errstate(all="ignore"):
-        square = (b * b).sum(-1) * (c * c).sum(-1) + (a * a).sum(-1) * (d * d).sum(-1)
-        square = (square - 2 * (a * b).sum(-1) * (c * d).sum(-1)) / (was * was)
+        square = dot2(b, b) * dot2(c, c) + dot2(a, a) * dot2(d, d)
+        square = (square - 2 * dot2(a, b) * dot2(c, d)) / (was * was)
         load = was * (square * (1 + (was / now) ** 2) / 4 - 1)
     return np.where((was > 0) & (now > 0) & np.isfinite(load), load, np.inf)

@@ -95,19 +95,14 @@ def _room(result: "Result") -> list[str]:
     Where no cure is known, the figure in the report is all there is to say.
     """
     o, share = result.options, result.measures.get("pack")
-    if (
-        not o.packed
-        or o.scale is False
-        or o.texel_density is not None
-        or share is None
-        or share >= ROOM_SHARE
-    ):
+    sized = not o.packed or o.scale is False or o.texel_density is not None
+    if sized or share is None or share >= ROOM_SHARE:
         return []
     if result.measures["charts"] == len(result.mesh.faces):  # single faces lie no better
         return []
     found = result.verification
-    side = result.options.resolution_texels
-    half = PackOptions(resolution=side, padding=result.options.padding_texels).gap / 2 / side
+    side = o.resolution_texels
+    half = PackOptions(resolution=side, padding=o.padding_texels).gap / 2 / side
     outline = boundary_in(found.cut_mesh, found.uv)
     # half a gap lies along every boundary and round every chart
     strip = float(norms2(outline.end - outline.start).sum()) * half
@@ -125,13 +120,8 @@ def _room(result: "Result") -> list[str]:
 def _stray(result: "Result") -> list[str]:
     """A warning where most charts are single faces that only their material cuts off."""
     groups, o, found = result.document.mesh.groups, result.options, result.verification
-    if (
-        result.work != "unwrap"
-        or groups is None
-        or o.cut_materials is not None
-        or o.lightmap
-        or o.cut != "charts"
-    ):
+    by_material = o.cut_materials is None and not o.lightmap and o.cut == "charts"
+    if result.work != "unwrap" or groups is None or not by_material:
         return []
     mesh, source = result.document.mesh, found.surface.source
     chart, n, label = found.cut_mesh.chart, found.cut_mesh.n_charts, groups[source]
