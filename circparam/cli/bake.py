@@ -69,10 +69,7 @@ Examples:
 @common.required_output(
     "Image to write (.png), or mesh with images (.glb; with --all any mesh format)."
 )
-@common.library_option("reader")
-@common.overwrite
-@common.json_option
-@common.quiet
+@common.apply(*common.reporting)
 def command(mesh: str, **given: Any) -> None:
     """Bake colours, textures, normals or heights into the uv of a mesh.
 

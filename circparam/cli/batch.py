@@ -118,7 +118,7 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
         screen.show, screen.line, lambda text: progress.warn(text, given["quiet"]), screen.started
     )
     try:
-        with signals.clearing_away(CLEARING_SECONDS):
+        with signals.within(signals.GRACES, CLEARING_SECONDS):
             summary = run_batch(plan, hooks)
     finally:
         screen.close()

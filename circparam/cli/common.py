@@ -261,12 +261,6 @@ def show(
             tables.console().print(*found)
 
 
-def show_unwrap(given: dict[str, Any], report: dict[str, Any], out: str) -> None:
-    """The report of one unwrapped or packed mesh; no table where the mesh itself went to stdout."""
-    lines = lambda: [tables.unwrap_table(report, given["verbose"])]  # noqa: E731
-    show(given, report, None if out == "-" else lines)
-
-
 def print_messages(
     given: dict[str, Any], place: str, warnings: Iterable[str], notes: Iterable[str] = ()
 ) -> None:
@@ -281,6 +275,19 @@ def check_gates(gates: Any, report: dict[str, Any], about: str) -> None:
     """Raise GateError where a report misses a gate of --fail-if."""
     if missed := gates.missed(report):
         raise GateError(f"{about}: --fail-if {'; '.join(missed)}")
+
+
+def finish_unwrap(
+    given: dict[str, Any], gates: Any, report: dict[str, Any], mesh: str, out: str
+) -> None:
+    """Show the report of one unwrapped or packed mesh, with no table where the mesh itself went to stdout.
+
+    Raises GateError where the report misses a gate.
+    """
+    print_messages(given, f"{mesh}: ", report["warnings"])
+    table = None if out == "-" else lambda: [tables.unwrap_table(report, given["verbose"])]
+    show(given, report, table)
+    check_gates(gates, report, mesh)
 
 
 def complain(about: str, error: BaseException, several: bool = False) -> int:
@@ -331,6 +338,10 @@ gates = value(
     section=CHECKS,
     metavar="GATES",
 )
+
+
+# of commands that read meshes, write a file and report on it
+reporting = (library_option("reader"), overwrite, json_option, quiet)
 
 
 def apply(*options: Decorator | Sequence[Decorator]) -> Decorator:

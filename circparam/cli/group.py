@@ -5,7 +5,6 @@ neither NumPy nor trimesh. An error becomes one line and a documented code here 
 """
 
 import contextlib
-import difflib
 import importlib
 import io
 import os
@@ -18,6 +17,7 @@ import click
 from circparam._version import __version__
 from circparam.cli import exits, signals
 from circparam.core.memory import room_for_libraries
+from circparam.core.registry import did_you_mean
 from circparam.core.workers import cores
 
 ALONE = {"-h", "--help", "-V", "--version"}  # options without a command need no library
@@ -77,8 +77,7 @@ class LazyGroup(click.Group):
         """As click does, with a did-you-mean for an unknown command."""
         if args and args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
             names = self.list_commands(ctx)
-            near = difflib.get_close_matches(args[0], names, n=2, cutoff=0.5)
-            cure = f"did you mean {' or '.join(near)}?" if near else f"choose {', '.join(names)}"
+            cure = did_you_mean(args[0], names, f"choose {', '.join(names)}")
             if os.path.exists(args[0]):
                 cure = f"to unwrap that file: circparam unwrap {args[0]}"
             raise click.UsageError(f"no command {args[0]!r}: {cure}", ctx)

@@ -45,10 +45,7 @@ def _methods() -> list[str]:
     common.switch(
         "--overlay", "Add the common refinement of both meshes, for circparam morph --overlay."
     ),
-    common.library_option("reader"),
-    common.overwrite,
-    common.json_option,
-    common.quiet,
+    *common.reporting,
 )
 def command(a: str, b: str, **given: Any) -> None:
     """Map surface A onto surface B, one to one, landmark to landmark.

@@ -59,7 +59,6 @@ def _table(rows: list[dict[str, Any]]) -> list[Any]:
 
 
 def _page(rows: list[dict[str, Any]]) -> list[Any]:
-    """All that is known of one method."""
     from circparam.core.registry import TAGS
 
     (row,) = rows

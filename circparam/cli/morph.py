@@ -36,10 +36,7 @@ Examples:
     metavar="N",
 )
 @common.switch("--overlay", "Morph the common refinement of both meshes; needs map --overlay.")
-@common.library_option("reader")
-@common.overwrite
-@common.json_option
-@common.quiet
+@common.apply(*common.reporting)
 def command(first: str, second: str, **given: Any) -> None:
     """Write A as a GLB with B as a morph target, and an animation from A to B and back.
 

@@ -61,6 +61,4 @@ def command(mesh: str, **given: Any) -> None:
         raise click.UsageError("'-' (stdin) needs its format: give --format obj, ply, glb ...")
     with progress.listener(mesh, given["quiet"]) as listener:
         report = summarise(repack(mesh, out, listener=listener, **keywords))
-    common.print_messages(given, f"{mesh}: ", report["warnings"])
-    common.show_unwrap(given, report, out)
-    common.check_gates(gates, report, mesh)
+    common.finish_unwrap(given, gates, report, mesh, out)

@@ -81,7 +81,7 @@ def listener(
     if sys.stderr.isatty() and not quiet:
         kind = Bar
     status = kind(label, searches)
-    with signals.answering(status.line):
+    with signals.within(signals.STATUS, status.line):  # the answer to SIGUSR1
         try:
             yield status
         finally:

@@ -58,7 +58,6 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
 
 
 def _table(rows: "tuple[Sample, ...]") -> list[Any]:
-    """Every sample with its size, then a description of each."""
     heads = ("format", "vertices", "faces", "genus", "boundaries")
     sizes = {
         s.name: [

@@ -20,14 +20,14 @@ from circparam.cli.exits import INTERRUPTED, TERMINATED, Interrupted, Terminated
 
 T = TypeVar("T")
 GRACE_SECONDS = 0.7  # seconds that the main thread has to clean up by itself
-# the same for a command that has processes and folders to clear away
-_LONGER: list[float] = []
+# the same, within a block of a command that has processes and folders to clear away
+GRACES: list[float] = []
 
 # replacement for the first Ctrl-C, once: one list for the main thread, one for the watcher
 _ASKED: list[Callable[[], None]] = []
 _SPARED: list[int] = []
-# the progress of the work, in one line
-_STATUS: list[Callable[[], str]] = []
+# the progress of the work in one line, as SIGUSR1 prints it
+STATUS: list[Callable[[], str]] = []
 ASK: signal.Signals | None = getattr(signal, "SIGUSR1", None)
 HANGUP: signal.Signals | None = getattr(signal, "SIGHUP", None)  # the terminal has closed
 
@@ -40,7 +40,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 @contextlib.contextmanager
-def _within(known: list[T], value: T) -> Iterator[None]:
+def within(known: list[T], value: T) -> Iterator[None]:
     """Within the block a list has one more value, unless the value is taken out."""
     known.append(value)
     try:
@@ -53,18 +53,8 @@ def _within(known: list[T], value: T) -> Iterator[None]:
 @contextlib.contextmanager
 def asked_first(ask: Callable[[], None]) -> Iterator[None]:
     """Within the block the first Ctrl-C only calls ``ask``; the second one ends the work as usual."""
-    with _within(_SPARED, int(signal.SIGINT)), _within(_ASKED, ask):
+    with within(_SPARED, int(signal.SIGINT)), within(_ASKED, ask):
         yield
-
-
-def clearing_away(seconds: float) -> contextlib.AbstractContextManager[None]:
-    """Within the block the main thread has so many seconds to clean up by itself."""
-    return _within(_LONGER, seconds)
-
-
-def answering(status: Callable[[], str]) -> contextlib.AbstractContextManager[None]:
-    """Within the block, SIGUSR1 prints ``status``."""
-    return _within(_STATUS, status)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
@@ -117,14 +107,14 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
         if not data:
             return
         if data[0] == ASK:  # one line past all buffers
-            line = _STATUS[-1]() if _STATUS else "no stage has begun yet"
+            line = STATUS[-1]() if STATUS else "no stage has begun yet"
             with contextlib.suppress(OSError):
                 os.write(2, f"circparam: status: {line}\n".encode())
         elif data[0] in _SPARED:
             _SPARED.remove(data[0])
         elif data[0] in (signal.SIGINT, signal.SIGTERM, HANGUP):
             break
-    if done.wait(max([GRACE_SECONDS, *_LONGER])):
+    if done.wait(max([GRACE_SECONDS, *GRACES])):
         return
     # files of an interrupted write, if any was begun
     for path in tuple(getattr(sys.modules.get("circparam.core.files"), "TEMPORARIES", ())):

@@ -252,7 +252,6 @@ def _percent(share: float | None) -> str:
 
 
 def _seams(report: dict[str, Any]) -> str:
-    """Length of the seams, and its visible share."""
     length = f"{_number(report['seam_length'])} x sqrt(area)"
     seen, added = report.get("seam_visible"), report.get("seam_vertices")
     if seen is not None:
@@ -261,7 +260,6 @@ def _seams(report: dict[str, Any]) -> str:
 
 
 def _thin(report: dict[str, Any]) -> str:
-    """How many charts are thin, where some are."""
     thin = report.get("thin")
     return f", {thin} thinner than 8 texels" if thin else ""
 

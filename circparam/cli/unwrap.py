@@ -220,10 +220,7 @@ class _Run:
                     write_further(kind, result, self.given[name], title, self.given["overwrite"])
         report = summarise(result) | figures
         self.reports.append(report)
-
-        common.print_messages(self.given, f"{mesh}: ", report["warnings"])
-        common.show_unwrap(self.given, report, out)
-        common.check_gates(self.gates, report, mesh)
+        common.finish_unwrap(self.given, self.gates, report, mesh, out)
 
     def together(self, meshes: list[str], outs: list[str]) -> None:
         """Unwrap several meshes into one atlas."""

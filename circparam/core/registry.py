@@ -77,7 +77,11 @@ class Table(Generic[F]):
 
 def unknown_name(kind: str, name: str, names: list[str]) -> str:
     """The message for an unknown name: did-you-mean, or the list of names."""
+    cure = did_you_mean(name, names, f"choose one of {', '.join(names)}")
+    return f"unknown {kind} {name!r}: {cure}"
+
+
+def did_you_mean(name: str, names: list[str], otherwise: str) -> str:
+    """The nearest names as a question, or the other cure where none is near."""
     near = difflib.get_close_matches(name, names, n=2, cutoff=0.5)
-    if near:
-        return f"unknown {kind} {name!r}: did you mean {' or '.join(near)}?"
-    return f"unknown {kind} {name!r}: choose one of {', '.join(names)}"
+    return f"did you mean {' or '.join(near)}?" if near else otherwise

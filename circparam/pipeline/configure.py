@@ -231,6 +231,5 @@ def check_texel_density(surface: Surface, o: Options, name: str) -> None:
 
 
 def _given(o: Options, names: Iterable[str]) -> dict[str, Any]:
-    """The options of those names that were given."""
     values = {name: getattr(o, name) for name in names}
     return {name: value for name, value in values.items() if value is not None}

@@ -10,7 +10,6 @@ An option is one field here: its metadata hold its flag, its help text, its rang
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import hashlib
 from collections.abc import Mapping
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 from circparam.core import limits
 from circparam.core.fields import Range, check, option, specs
 from circparam.core.records import dataclass
+from circparam.core.registry import did_you_mean
 from circparam.core.workers import cores
 from circparam.errors import OptionError
 from circparam.pipeline import applies
@@ -466,7 +466,6 @@ def from_keywords(keywords: Mapping[str, Any], options: Options | None = None) -
     keywords = {ALIASES.get(name, name): value for name, value in keywords.items()}
     for name in keywords:
         if name not in names:
-            near = difflib.get_close_matches(name, names, n=2, cutoff=0.5)
-            cure = f"did you mean {' or '.join(near)}?" if near else "see circparam.Options"
+            cure = did_you_mean(name, names, "see circparam.Options")
             raise OptionError(f"unknown option {name!r}: {cure}")
     return dataclasses.replace(options or Options(), **keywords)

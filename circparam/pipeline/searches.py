@@ -280,7 +280,6 @@ def _seams(
 
 
 def _laid_out(surface: Surface, seams: Seams, options: Options) -> Cascade:
-    """The layout of the seams of a search."""
     atlas = with_straight(Atlas(surface, seams.cut, seams.uv), options)
     return Cascade(atlas, rules(options), notes=tuple(seams.notes))
 

@@ -15,6 +15,7 @@ from circparam.core.arrays import mask_of, relabel
 from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
+from circparam.core.registry import did_you_mean
 from circparam.core.types import BoolArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Named
@@ -36,12 +37,7 @@ def by_name(given: Any) -> bool:
 def nearest_names(name: str, known: Iterable[str]) -> str:
     """Names to suggest for a name that no part has: near names, else some of the existing ones."""
     known = list(dict.fromkeys(known))
-    near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
-    return (
-        f"did you mean {' or '.join(near)}?"
-        if near
-        else f"the file has {', '.join(known[:NAMES_SHOWN])}"
-    )
+    return did_you_mean(name, known, f"the file has {', '.join(known[:NAMES_SHOWN])}")
 
 
 def names_in(found: Named) -> list[str]:

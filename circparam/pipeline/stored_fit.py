@@ -237,7 +237,6 @@ def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) ->
 
 
 def _length(cut_mesh: CutMesh, uv: FloatArray) -> float:
-    """Length of all edges of all faces."""
     p = uv[cut_mesh.faces]
     return max(float(np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).sum()), 1e-300)
 

@@ -239,7 +239,6 @@ def save_together(
 
 
 def _part(joined: JoinedDocument, k: int, result: Result, written: Written) -> AtlasPart:
-    """The figures of one file."""
     part, mine = joined.parts[k], joined.faces_of(k)
     faces = result.uv_faces[mine]
     laid = (faces >= 0).all(1)

@@ -248,7 +248,6 @@ def _too_late_to_look(monitor: Monitor) -> bool:
 
 
 def _verified(job: Job, fitted: Fitted, monitor: Monitor, work: str) -> Result:
-    """The final result with its verification."""
     cascade, uvmap, options, document = fitted.cascade, fitted.uvmap, job.options, job.document
     whole = replace(job, surface=job.whole.at_density())
     with monitor.stage("verify"):
