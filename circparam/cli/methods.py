@@ -5,6 +5,7 @@ from typing import Any
 import click
 
 from circparam.cli import common
+from circparam.core.registry import TAGS
 
 _EPILOG = """\b
 Examples:
@@ -22,7 +23,6 @@ def command(name: str | None, as_json: bool) -> None:
 
     With NAME show one method in detail.
     """
-    from circparam.core.registry import TAGS
     from circparam.methods import METHODS
 
     rows = [
@@ -47,8 +47,6 @@ _SHORT = {"reproduces-plane": "plane", "free-boundary": "free", "convex-boundary
 
 def _table(rows: list[dict[str, Any]]) -> list[Any]:
     """Every method with its guarantees and its use, and the meaning of the guarantees."""
-    from circparam.core.registry import TAGS
-
     short = {tag: _SHORT.get(tag, tag) for tag in TAGS}
     marks = {
         row["name"]: ["yes" if tag in row["guarantees"] else "-" for tag in TAGS] for row in rows
@@ -59,8 +57,6 @@ def _table(rows: list[dict[str, Any]]) -> list[Any]:
 
 
 def _page(rows: list[dict[str, Any]]) -> list[Any]:
-    from circparam.core.registry import TAGS
-
     (row,) = rows
     lines = [("method", row["name"])]
     lines += [(key, row[key]) for key in ("summary", "source", "condition") if row[key]]

@@ -17,7 +17,6 @@ from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.imports import OnDemand
 from circparam.core.monitor import Monitor
-from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.workers import DeferredTask, Worker
 from circparam.errors import CircparamError
@@ -39,12 +38,6 @@ from circparam.solvers.objective import chart_energies
 # share of the seconds of the last search that must be left for another one to be begun
 LIKELY_TIME_SHARE = 0.5
 fuller_page: Any = OnDemand("circparam.pipeline.fuller_page")  # the FFT takes 0.1 s to import
-# covered share of a page below which cuts are tried that only the user can allow
-HALF_EMPTY_SHARE = 0.5
-GAIN_PAGE_SHARE = 0.05  # share of the page that they must cover more
-CUT_TRIALS = 10  # that are tried
-# faces: a smaller surface is unwrapped in less time than cuts take to try
-LEAST_ADVISED_FACES = 500
 OUT_OF_TIME = "out of time for a full search: its charts are those of a draft"
 FAILURES = (CircparamError, np.linalg.LinAlgError, ArithmeticError)
 
@@ -215,32 +208,6 @@ def on_page(
         if cost_of(drafted, options) < cost_of(filled, options):
             return drafted, other
     return filled, cascade
-
-
-def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:
-    """The layout ``filled`` that ``fill_page`` made of ``start``, with advice where its page is half empty.
-
-    The advice names the share that further cuts cover. The cuts were made and packed. There is no advice if the
-    user has set the number.
-    """
-    small = len(start.atlas.surface.faces) < LEAST_ADVISED_FACES
-    if options.cuts_asked is not None or options.max_charts is not None or small or monitor.expired:
-        return filled
-    share = fuller_page.covered_share
-    found = filled.packing or fuller_page.packing(filled, options, monitor)
-    filled = replace(filled, packing=found)
-    if found is None or share(found) >= HALF_EMPTY_SHARE:
-        return filled
-    start = fallback.settle(start, monitor)
-    more = fuller_page.fill_page(start, replace(options, pack_splits=CUT_TRIALS), monitor)
-    if more.packing is None or share(more.packing) < share(found) + GAIN_PAGE_SHARE:
-        return filled
-    cuts = more.atlas.charts()[0] - start.atlas.charts()[0]
-    return replace(
-        filled,
-        advice=f"{counted(cuts, 'cut')} across charts would cover "
-        f"{100 * share(more.packing):.0f} % (--pack-splits {CUT_TRIALS})",
-    )
 
 
 def searched(

@@ -16,6 +16,7 @@ from circparam.core import workers
 from circparam.core.arrays import group_sum
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
+from circparam.core.plural import counted
 from circparam.core.types import BoolArray
 from circparam.core.workers import DeferredTask
 from circparam.errors import OptionError
@@ -27,7 +28,7 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline import applies, checkpoint
 from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.density import at_densities, check_whole
-from circparam.pipeline.fallback import Cascade, faults
+from circparam.pipeline.fallback import Cascade, faults, settle
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.jobs import fit_memory, memory_limit, monitor_of, start_for
@@ -40,9 +41,9 @@ from circparam.pipeline.save import save
 from circparam.pipeline.searches import (
     OUT_OF_TIME,
     Drafted,
-    advised,
     begun_beside,
     best_layout,
+    fuller_page,
     on_page,
 )
 from circparam.pipeline.stacks import copies_hold
@@ -57,6 +58,12 @@ SEARCH_COST = 600.0  # a long full search, as the same multiple
 RESERVE_SECONDS = 0.05  # seconds added to the reserve
 # seconds of a look at the seams over those of the repair: 2 to 6 on twelve meshes of 30,000 faces and more
 VISIBILITY_COST = 6.0
+# covered share of a page below which cuts are tried that only the user can allow
+HALF_EMPTY_SHARE = 0.5
+GAIN_PAGE_SHARE = 0.05  # share of the page that they must cover more
+CUT_TRIALS = 10  # that are tried
+# faces: a smaller surface is unwrapped in less time than cuts take to try
+LEAST_ADVISED_FACES = 500
 KEEPING_FACES = 100_000  # faces from which on freed memory is kept for the next arrays
 
 
@@ -173,6 +180,32 @@ def _search(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
         return fitted, replace(effort, made=0.0)
     several = applies.searches(options) and not options.draft
     return fitted, replace(effort, made=float(effort.searches) if several else options.work)
+
+
+def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """The layout ``filled`` that ``fill_page`` made of ``start``, with advice where its page is half empty.
+
+    The advice names the share that further cuts cover. The cuts were made and packed. There is no advice if the
+    user has set the number.
+    """
+    small = len(start.atlas.surface.faces) < LEAST_ADVISED_FACES
+    if options.cuts_asked is not None or options.max_charts is not None or small or monitor.expired:
+        return filled
+    share = fuller_page.covered_share
+    found = filled.packing or fuller_page.packing(filled, options, monitor)
+    filled = replace(filled, packing=found)
+    if found is None or share(found) >= HALF_EMPTY_SHARE:
+        return filled
+    start = settle(start, monitor)
+    more = fuller_page.fill_page(start, replace(options, pack_splits=CUT_TRIALS), monitor)
+    if more.packing is None or share(more.packing) < share(found) + GAIN_PAGE_SHARE:
+        return filled
+    cuts = more.atlas.charts()[0] - start.atlas.charts()[0]
+    return replace(
+        filled,
+        advice=f"{counted(cuts, 'cut')} across charts would cover "
+        f"{100 * share(more.packing):.0f} % (--pack-splits {CUT_TRIALS})",
+    )
 
 
 def repack(
