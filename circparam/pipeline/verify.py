@@ -210,10 +210,7 @@ def verify(
     tile[cut_mesh.chart] = own
     uv[:, 0] += tile[cut_mesh.vertex_chart]
     overlapping, pairs = _overlapping(cut_mesh, uv, laid, sign)
-    page = pages_of(cut_mesh, uv)
-    pages, (low, high) = len(np.unique(page[laid])), chart_boxes(cut_mesh, uv)
-    corner = page[:, None] * [1, 0]
-    beyond = ((low < corner - EDGE_SLACK) | (high > corner + 1 + EDGE_SLACK)).any(1)
+    pages = len(np.unique(pages_of(cut_mesh, uv)[laid]))
     side = resolution if most_pages is None or pages <= most_pages else None
     part, vertices, _ = cut_mesh.subset(used)
     points = uv[vertices]
@@ -229,7 +226,7 @@ def verify(
         mirrored=mirrored,
         overlapping=overlapping,
         overlapping_pairs=pairs,
-        outside=np.flatnonzero(laid & beyond & bool(resolution)),
+        outside=np.flatnonzero(laid & _beyond(cut_mesh, uv) & bool(resolution)),
         used=used,
         measures=measure(part, alike),
         seam_length=_seam_length(atlas),
@@ -312,6 +309,13 @@ def _orientation(
     mirror = negative > positive
     wrong = (mirror != (reversed_charts(surface, cut_mesh) ^ turned)) & (negative + positive > 0)
     return ok & (np.where(mirror[chart], -sign, sign) <= 0), np.flatnonzero(wrong)
+
+
+def _beyond(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
+    """(n_charts,) charts that leave the page they lie on."""
+    low, high = chart_boxes(cut_mesh, uv)
+    corner = pages_of(cut_mesh, uv)[:, None] * [1, 0]
+    return np.asarray(((low < corner - EDGE_SLACK) | (high > corner + 1 + EDGE_SLACK)).any(1))
 
 
 def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
