@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from circparam.core import limits
@@ -59,6 +60,13 @@ def _boundaries() -> list[str]:
     return BOUNDARIES.names()
 
 
+# options of one stage with one condition
+_of_methods = partial(option, "flattening", applies=applies.accepted)
+_of_charts = partial(option, "seams", applies=applies.with_charts)
+_of_seams = partial(option, "seams", applies=applies.with_seams)
+_of_pages = partial(option, "packing", applies=applies.with_packing)
+
+
 @dataclass(frozen=True, eq=False)
 class Options:
     """Options of an unwrap; the help text of each field explains the field.
@@ -79,99 +87,78 @@ class Options:
         "method", "How charts are flattened: see circparam methods.",
         default=DEFAULT_METHOD, short="-m", shown=DEFAULT_METHOD, names=_methods,
     )
-    start: str | None = option(
-        "flattening", "Layout that isometric starts from.", shown="circle", names=_starts,
-        applies=applies.accepted,
-    )
-    boundary: str | None = option(
-        "flattening", "Boundary of convex methods: circle, square, virtual, polygon FILE.",
-        metavar="NAME", shown="circle", names=_boundaries, applies=applies.accepted,
+    start: str | None = _of_methods("Layout that isometric starts from.", shown="circle", names=_starts)
+    boundary: str | None = _of_methods(
+        "Boundary of convex methods: circle, square, virtual, polygon FILE.", metavar="NAME", shown="circle",
+        names=_boundaries,
     )
     polygon: Any = option(
         "corners", "Corners of --boundary polygon.", flag="--boundary polygon", applies=applies.with_polygon
     )
-    spacing: str | None = option(
-        "flattening", "Spacing along the boundary: arc-length or uniform.", metavar="TEXT",
-        shown="arc-length", choices=("arc-length", "uniform"), applies=applies.accepted,
+    spacing: str | None = _of_methods(
+        "Spacing along the boundary: arc-length or uniform.", metavar="TEXT", shown="arc-length",
+        choices=("arc-length", "uniform"),
     )
-    clamp: bool | None = option(
-        "flattening", "Raise negative weights, so that no face can flip.", applies=applies.accepted
+    clamp: bool | None = _of_methods("Raise negative weights, so that no face can flip.")
+    pins: Any = _of_methods(
+        "Fixed points, one a line: vertex (from 0) u v. Nothing is packed.", flag="--pin", metavar="FILE"
     )
-    pins: Any = option(
-        "flattening", "Fixed points, one a line: vertex (from 0) u v. Nothing is packed.",
-        flag="--pin", metavar="FILE", applies=applies.accepted,
+    tolerance: float | None = _of_methods(
+        "Stop when the energy falls by less than this share.", metavar="T",
+        bounds=Range(0.0, 1.0, "a relative decrease between 0 and 1"),
     )
-    tolerance: float | None = option(
-        "flattening", "Stop when the energy falls by less than this share.", metavar="T",
-        bounds=Range(0.0, 1.0, "a relative decrease between 0 and 1"), applies=applies.accepted,
+    blend: float | None = _of_methods(
+        "Blend of energies, from 0 (isometric) to 1 (conformal).", metavar="B",
+        bounds=Range(0.0, 1.0, "a share between 0 (isometric) and 1 (conformal)"),
     )
-    blend: float | None = option(
-        "flattening", "Blend of energies, from 0 (isometric) to 1 (conformal).", metavar="B",
-        bounds=Range(0.0, 1.0, "a share between 0 (isometric) and 1 (conformal)"), applies=applies.accepted,
-    )
-    lscm: str | None = option(
-        "flattening", "Variant of lscm.", shown="spectral", choices=("spectral", "pinned"),
-        applies=applies.accepted,
-    )
-    linear: bool | None = option("flattening", "Solve abf in one linear step.", applies=applies.accepted)
-    bff_boundary: Any = option(
-        "flattening", "Target boundary of bff: a disk, or a file of edge lengths.", metavar="disk|FILE",
-        applies=applies.accepted,
+    lscm: str | None = _of_methods("Variant of lscm.", shown="spectral", choices=("spectral", "pinned"))
+    linear: bool | None = _of_methods("Solve abf in one linear step.")
+    bff_boundary: Any = _of_methods(
+        "Target boundary of bff: a disk, or a file of edge lengths.", metavar="disk|FILE"
     )
 
     cut: str = option(
         "seams", "How to cut: few charts, one disk per component, or not at all.",
         default=DEFAULT_CUT, shown=DEFAULT_CUT, choices=CUTS,
     )
-    max_distortion: float | None = option(
-        "seams", "Upper bound on the distortion of every chart; 1 is perfect.", metavar="D",
-        shown=str(DEFAULT_BOUND),
+    max_distortion: float | None = _of_charts(
+        "Upper bound on the distortion of every chart; 1 is perfect.", metavar="D", shown=str(DEFAULT_BOUND),
         bounds=Range(1.0, 1e6, "a symmetric Dirichlet energy / 4 of at least 1; 1.05 is the default"),
-        applies=applies.with_charts,
     )
     max_stretch: float | None = option(
         "seams", "Upper bound on stretch and shrink, on all but 0.1 % of the surface.", metavar="S", shown="2",
         bounds=Range(1 + 1e-9, 1e6, "a factor of stretch and shrink above 1; 2 is the default"),
         applies=applies.with_isometric_charts,
     )
-    max_charts: int | None = option(
-        "seams", "Make at most this many charts.", metavar="N",
-        bounds=Range(1, 2**31, "a number of charts, at least 1"), applies=applies.with_charts,
+    max_charts: int | None = _of_charts(
+        "Make at most this many charts.", metavar="N",
+        bounds=Range(1, 2**31, "a number of charts, at least 1"),
     )
-    min_chart_faces: int | None = option(
-        "seams", "Join charts with fewer faces to a neighbour where possible.", metavar="K",
-        bounds=Range(1, 2**31, "a number of faces, at least 1"), applies=applies.with_charts,
+    min_chart_faces: int | None = _of_charts(
+        "Join charts with fewer faces to a neighbour where possible.", metavar="K",
+        bounds=Range(1, 2**31, "a number of faces, at least 1"),
     )
-    sharp: float | None = option(
-        "seams", "Cut all edges at least this sharp.", metavar="DEGREES",
-        bounds=Range(0.0, 180.0, "an angle between 0 and 180 degrees"), applies=applies.with_seams,
+    sharp: float | None = _of_seams(
+        "Cut all edges at least this sharp.", metavar="DEGREES",
+        bounds=Range(0.0, 180.0, "an angle between 0 and 180 degrees"),
     )
-    keep_uv_seams: bool | None = option(
-        "seams", "Start from the charts of the file's own uv.", applies=applies.with_charts
+    keep_uv_seams: bool | None = _of_charts("Start from the charts of the file's own uv.")
+    seams: Any = _of_seams("Edges to cut: vertex pairs (from 0), or OBJ l lines (from 1).", metavar="FILE")
+    no_seams: Any = _of_seams("Edges that must not be cut, in the same format.", metavar="FILE")
+    seam_weights: Any = _of_charts(
+        "Cost of a seam on an edge (a b w) or near a vertex (a w): 0 free, 1 normal, inf never; "
+        "colour: vertex colours, red never, green free.", metavar="FILE|colour",
     )
-    seams: Any = option(
-        "seams", "Edges to cut: vertex pairs (from 0), or OBJ l lines (from 1).", metavar="FILE",
-        applies=applies.with_seams,
+    cut_materials: bool | None = _of_seams(
+        "Cut between materials.", flag="--cut-materials/--no-cut-materials",
+        shown="if there are several and no --lightmap",
     )
-    no_seams: Any = option(
-        "seams", "Edges that must not be cut, in the same format.", metavar="FILE", applies=applies.with_seams
-    )
-    seam_weights: Any = option(
-        "seams", "Cost of a seam on an edge (a b w) or near a vertex (a w): 0 free, 1 normal, inf never; "
-        "colour: vertex colours, red never, green free.", metavar="FILE|colour", applies=applies.with_charts,
-    )
-    cut_materials: bool | None = option(
-        "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
-        shown="if there are several and no --lightmap", applies=applies.with_seams,
-    )
-    hide_seams: float | None = option(
-        "seams", "Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length.", metavar="H",
+    hide_seams: float | None = _of_charts(
+        "Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length.", metavar="H",
         shown="0.5", bounds=Range(0.0, 1.0, "a weight from 0 (all places equal) to 1 (hidden places only)"),
-        applies=applies.with_charts,
     )
-    symmetry: str | None = option(
-        "seams", "Mirror the seams across this axis; auto: the first that fits.",
-        choices=("x", "y", "z", "auto"), applies=applies.with_charts,
+    symmetry: str | None = _of_charts(
+        "Mirror the seams across this axis; auto: the first that fits.", choices=("x", "y", "z", "auto")
     )
     drop_floaters: float | None = option(
         "seams", "Leave out components below this share of the area.", metavar="SHARE",
@@ -188,18 +175,16 @@ class Options:
         applies=applies.with_room,
     )
 
-    resolution: int | None = option(
-        "packing", "Side of a page in texels.", metavar="TEXELS", shown=str(DEFAULT_RESOLUTION),
-        bounds=limits.RESOLUTION, applies=applies.with_packing,
+    resolution: int | None = _of_pages(
+        "Side of a page in texels.", metavar="TEXELS", shown=str(DEFAULT_RESOLUTION),
+        bounds=limits.RESOLUTION,
     )
-    padding: int | str | None = option(
-        "packing", "Empty texels between charts and at the border; auto: 4 at 2048, 8 at 4096.",
-        metavar="TEXELS|auto", word=AUTO,
-        shown=str(DEFAULT_PADDING), bounds=limits.PADDING, applies=applies.with_packing,
+    padding: int | str | None = _of_pages(
+        "Empty texels between charts and at the border; auto: 4 at 2048, 8 at 4096.", metavar="TEXELS|auto",
+        word=AUTO, shown=str(DEFAULT_PADDING), bounds=limits.PADDING,
     )
-    pages: int | None = option(
-        "packing", "Number of pages (UDIM tiles) to fill; charts are cut to fit.", metavar="N",
-        bounds=limits.PAGES, applies=applies.with_packing,
+    pages: int | None = _of_pages(
+        "Number of pages (UDIM tiles) to fill; charts are cut to fit.", metavar="N", bounds=limits.PAGES
     )
     texel_density: float | None = option(
         "packing", "Texels per unit of the mesh, instead of filling the page.", metavar="D",
@@ -210,9 +195,8 @@ class Options:
         "or colour (#rrggbb), or a file with one number per face.",
         metavar="even|source|NAME=X,...|FILE", shown=EVEN, applies=applies.with_free_scale,
     )
-    rotate: str | None = option(
-        "packing", "Angles by which charts may be rotated.", shown="free", choices=limits.ROTATIONS,
-        applies=applies.with_packing,
+    rotate: str | None = _of_pages(
+        "Angles by which charts may be rotated.", shown="free", choices=limits.ROTATIONS
     )
     effort: float | str | None = option(
         "packing", "Amount of search: a draft, one search, or X searches.",
@@ -253,10 +237,7 @@ class Options:
         "packing", "Turn charts so that up of the mesh becomes v; --rotate 90 adds quarter turns.",
         shown="none", choices=("up", "none"), applies=applies.with_orient,
     )
-    scale: bool | None = option(
-        "packing", "Keep the chart sizes: 1 unit is 1 page.", flag="--no-scale",
-        applies=applies.with_packing,
-    )
+    scale: bool | None = _of_pages("Keep the chart sizes: 1 unit is 1 page.", flag="--no-scale")
 
     normalize: bool | None = option(
         "writing", "Keep the coordinates of the solver, unpacked.", flag="--no-normalize"
