@@ -162,7 +162,7 @@ def test_a_turn_of_the_pages_takes_charts_to_finer_numbers() -> None:
     uv[~first] = 0.3 * (uv[~first] - uv[~first].min(0)) + [1.2, 0.1]
 
     class Target:
-        target = "glb"
+        format = "glb"
 
         def rounding(self, double: bool = False):
             return rounding("glb", None, double)
