@@ -171,22 +171,6 @@ def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> Non
     assert "bake --all" in result.stderr
 
 
-@pytest.mark.parametrize("wrong", ["factor", "scale"])
-def test_numbers_that_no_texel_holds_are_refused_before_the_work(wrong, tmp_path):
-    """Without a warning of NumPy beside the line."""
-    g = Painted()
-    info: dict[str, object] = {"index": g.texture(waves(1, 8))}
-    pbr: dict[str, object] = {"baseColorTexture": info}
-    if wrong == "factor":
-        pbr["baseColorFactor"] = [1, 1e300, 1, 1]
-    else:
-        info["extensions"] = {"KHR_texture_transform": {"scale": [1e300, 1e300]}}
-    (tmp_path / "m.glb").write_bytes(model([{"pbrMetallicRoughness": pbr}], g).glb())
-    result = run("unwrap", tmp_path / "m.glb", "--rebake")
-    assert (result.exit_code, result.stderr.count("\n")) == (3, 1), result.stderr
-    assert [p.name for p in tmp_path.iterdir()] == ["m.glb"]
-
-
 def test_faces_without_an_image_take_a_few_texels(tmp_path: Path) -> None:
     """The page goes to those with one; distortion is that of charts at the sizes meant for them."""
     g = Painted()
@@ -205,32 +189,6 @@ def test_faces_without_an_image_take_a_few_texels(tmp_path: Path) -> None:
     assert (texels[1:] > 3**2).all()
     looks = looks_alike(tmp_path / "m.glb", tmp_path / "new.glb")
     assert looks["base"] >= 40
-
-
-REFUSED = {
-    "density of a layout that is there": (
-        ("bake", "model.glb", "--all", "--density", "source", "-o", "x.glb"), 2, "--density"
-    ),
-    "pages": (("unwrap", "model.glb", "--rebake", "--pages", "2"), 2, "--pages"),
-    "unpacked": (("unwrap", "model.glb", "--rebake", "--no-normalize"), 2, "--no-normalize"),
-    "another format": (("unwrap", "model.glb", "--rebake", "-o", "x.ply"), 2, "PLY"),
-    "no texture": (("unwrap", "bare.glb", "--rebake"), 3, "nothing to carry"),
-    "two sizes": (("unwrap", "model.glb", "--rebake", "--size", "64", "--resolution", "128"), 2, "--size"),
-    "another mesh": (("bake", "bare.glb", "--all", "--source", "model.glb", "-o", "x.glb"), 3, "triangles"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("words", "code", "says"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_is_refused(words, code, says, painted, monkeypatch):
-    g = Painted()
-    bare = model([{}], g)
-    (painted / "bare.glb").write_bytes(bare.glb())
-    monkeypatch.chdir(painted)
-    there = sorted(painted.iterdir())
-    result = run(*words)
-    assert (result.exit_code, says in result.stderr) == (code, True), result.stderr
-    assert result.stderr.count("\n") == 1 or code == 2
-    assert sorted(painted.iterdir()) == there
 
 
 def test_patterns_that_repeat_can_stay_as_they_are(tmp_path: Path) -> None:

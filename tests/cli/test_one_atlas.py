@@ -163,39 +163,6 @@ def test_one_atlas_in_python(folder: Path, tmp_path: Path) -> None:
         circparam.rebake_together([folder / "four.ply"], tmp_path)
 
 
-REFUSED = {
-    "out": (("-o", "{out}/x.glb"), "--out-dir"),
-    "nowhere": ((), "needs a folder"),
-    "twice": (("{in}/./one.glb", "--out-dir", "{out}"), "named twice"),
-    "names": (("{in}/sub/one.glb", "--out-dir", "{out}"), "rename one of them"),
-    "stdin": (("-", "--out-dir", "{out}"), "stdin"),
-    "atlases": (("--out-dir", "{out}", "--group-by", "mesh"), "--group-by"),
-    "unpacked": (("--out-dir", "{out}", "--no-normalize"), "--no-normalize"),
-    "axis": (("--out-dir", "{out}", "--symmetry", "x"), "--symmetry"),
-    "pages of materials": (("--out-dir", "{out}", "--pages-by", "material"), "--pages-by"),
-    "parts": (("--out-dir", "{out}", "--density", "one=2"), "--density"),
-    "source": (("--out-dir", "{out}", "--density", "source"), "--rebake"),
-    "map": (("--out-dir", "{out}", "--map", "{out}/m.npz"), "--map"),
-    "pages": (("--out-dir", "{out}", "--rebake", "--pages", "2"), "--pages"),
-    "images": (("--out-dir", "{in}/there", "--rebake"), "atlas_base_color.png"),
-    "one": (("--out-dir", "{out}"), "no effect on one mesh"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_makes_no_sense_for_one_atlas_is_refused(case, folder, tmp_path):
-    for place in ("sub", "there"):
-        (folder / place).mkdir(exist_ok=True)
-    (folder / "sub" / "one.glb").write_bytes((folder / "one.glb").read_bytes())
-    (folder / "there" / "atlas_base_color.png").write_bytes(b"mine")
-    given, word = REFUSED[case]
-    names = TEXTURED[:1] if case == "one" else TEXTURED
-    words = [w.format(**{"in": folder, "out": tmp_path / "out"}) for w in given]
-    one_line_error(run("unwrap", *files(folder, names), "--one-atlas", *words), 2, word)
-    assert not (tmp_path / "out").exists()
-    assert [p.name for p in (folder / "there").iterdir()] == ["atlas_base_color.png"]
-
-
 @pytest.mark.parametrize("spoilt", ["two.glb", "three.png"])
 def test_one_bad_file_leaves_no_output(spoilt: str, folder: Path, tmp_path: Path) -> None:
     """A mesh that is cut short, an image that is not there."""

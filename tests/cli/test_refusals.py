@@ -16,6 +16,7 @@ from circparam.mesh.mesh import UVMap
 from tests.support import pairs, shapes, tori
 from tests.support.baking import charts, old_and_new, smooth, write_obj
 from tests.support.command_line import obj, one_line_error, run
+from tests.support.looks import Painted, model, waves
 from tests.support.maps import same_map, written_belts
 
 TEXTS = {
@@ -40,6 +41,17 @@ TEXTS = {
     "mine.npz": "mine",
     "badpairs.txt": "1 2\n3 x\n",
 }
+
+
+def painted(factor: float | None, scale: float, sheets: int) -> bytes:
+    """A GLB of sheets with an image, tinted and repeated so often, or without any."""
+    g, material = Painted(), {}
+    if factor is not None:
+        moved = {"KHR_texture_transform": {"scale": [scale, scale]}}
+        info = {"index": g.texture(waves(1, 8)), "extensions": moved}
+        tint = [1, factor, 1, 1]
+        material = {"pbrMetallicRoughness": {"baseColorTexture": info, "baseColorFactor": tint}}
+    return model([material] * sheets, g).glb()
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +85,16 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plate = tori.plate(2)
     obj(at / "plate.obj", (plate.points, plate.faces))
     obj(at / "line.obj", (np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]), np.array([[0, 1, 2]])))
-    for name in ("src/m.obj", "twins/m.stl", "twins/m.off"):
+    for name in ("src/m.obj", "twins/m.stl", "twins/m.off", "src/quad.obj"):
         (at / name).parent.mkdir(exist_ok=True)
         shutil.copy(at / "bare.obj", at / name)
+    (at / "there").mkdir()
+    (at / "there" / "atlas_base_color.png").write_text("mine")
+    for name, factor, scale, sheets in (
+        ("plain.glb", None, 1, 1), ("model.glb", 1, 1, 2), ("tinted.glb", 1e300, 1, 1),
+        ("far.glb", 1, 1e300, 1),
+    ):  # fmt: skip
+        (at / name).write_bytes(painted(factor, scale, sheets))
     (at / "none").mkdir()
     (at / "loop.obj").symlink_to("loop.obj")
     return at
@@ -152,6 +171,32 @@ ROWS = """
 3 | view .                                             | this is a directory
 3 | check .                                            | this is a directory
 3 | compare .                                          | this is a directory
+
+2 | unwrap quad.obj disk.obj --one-atlas -o out/x.glb  | --out-dir
+2 | unwrap quad.obj disk.obj --one-atlas               | needs a folder
+2 | unwrap quad.obj disk.obj ./quad.obj --one-atlas --out-dir out | named twice
+2 | unwrap quad.obj disk.obj src/quad.obj --one-atlas --out-dir out | rename one of them
+2 | unwrap quad.obj - --one-atlas --out-dir out        | stdin
+2 | unwrap quad.obj --one-atlas --out-dir out          | no effect on one mesh
+2 | unwrap quad.obj disk.obj --one-atlas --out-dir out --group-by mesh | --group-by
+2 | unwrap quad.obj disk.obj --one-atlas --out-dir out --no-normalize | --no-normalize
+2 | unwrap quad.obj disk.obj --one-atlas --out-dir out --symmetry x | --symmetry
+2 | unwrap quad.obj disk.obj --one-atlas --out-dir out --pages-by material | --pages-by
+2 | unwrap quad.obj disk.obj --one-atlas --out-dir out --density one=2 | --density
+2 | unwrap quad.obj disk.obj --one-atlas --out-dir out --density source | --rebake
+2 | unwrap quad.obj disk.obj --one-atlas --out-dir out --map out/m.npz | --map
+2 | unwrap model.glb far.glb --one-atlas --out-dir out --rebake --pages 2 | --pages
+2 | unwrap model.glb old.obj --one-atlas --out-dir there --rebake | atlas_base_color.png
+
+2 | unwrap model.glb --rebake --pages 2                | --pages
+2 | unwrap model.glb --rebake --no-normalize           | --no-normalize
+2 | unwrap model.glb --rebake -o x.ply                 | PLY
+2 | unwrap model.glb --rebake --size 64 --resolution 128 | --size
+3 | unwrap plain.glb --rebake                          | nothing to carry
+3 | unwrap tinted.glb --rebake                         | tinted.glb
+3 | unwrap far.glb --rebake                            | far.glb
+2 | bake model.glb --all --density source -o x.glb     | --density
+3 | bake plain.glb --all --source model.glb -o x.glb   | triangles
 
 3 | pack disk.obj                                      | disk.obj; no uv set 0 (there is none)
 3 | pack quad.obj --uv-set 2                           | quad.obj; no uv set 2 (there is 0)
@@ -270,8 +315,11 @@ def listing(stage: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.chdir(stage)
 
     def files() -> dict[str, int]:
-        found = [os.path.join(top, name) for top, _, names in os.walk(".") for name in names]
-        return {name: os.lstat(name).st_mtime_ns for name in found}
+        found = {}
+        for top, folders, names in os.walk("."):
+            found |= dict.fromkeys((os.path.join(top, name) for name in folders), 0)
+            found |= {at: os.lstat(at).st_mtime_ns for at in (os.path.join(top, n) for n in names)}
+        return found
 
     before = files()
     yield

@@ -66,12 +66,3 @@ STARTS = (b"", b"x", b"{}", b"ply\nx\n", b"glTF" + b"\xff" * 20, b"OFF\n1 1\n", 
 def test_garbage_is_refused_in_one_line(name: str | None, start: bytes, rest: bytes) -> None:
     """tests/formats/test_foreign.py has that of other formats: it takes a process each."""
     refused(start + rest, "", name)
-
-
-@pytest.mark.parametrize("name", WRITABLE)
-def test_a_bare_mesh_has_no_colours_and_no_textures(name: str) -> None:
-    doc = contract.document()
-    again = read_data(encode(doc, smooth_layout(doc), name).data)
-    for each in (doc, again):
-        assert each.colours() is None
-        assert each.textures() is None

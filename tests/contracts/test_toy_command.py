@@ -35,38 +35,24 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(COMMANDS, "toy", "Say a word.")
 
 
-def test_it_stands_in_the_help_and_in_the_reference() -> None:
-    lines = run("--help").stdout.splitlines()
-    assert [line.split() for line in lines if line.strip().startswith("toy")] == [
-        ["toy", "Say", "a", "word."]
-    ]
+def test_it_stands_in_the_help_in_the_reference_and_among_suggestions() -> None:
+    (line,) = (x for x in run("--help").stdout.splitlines() if x.strip().startswith("toy"))
+    assert line.split() == ["toy", "Say", "a", "word."]
     page = reference.page()
     assert "## circparam toy" in page
     assert "How often." in page
-
-
-def test_it_runs_with_the_options_that_all_share() -> None:
-    assert run("toy", "--times", "2").stdout == "toy toy\n"
-    assert run("toy", "--padding", "3").exit_code == 6  # what it returns is the exit code
     text = run("toy", "--help").stdout
     assert "--debug" in text
     assert "Empty texels between charts" in text
+    assert "did you mean toy" in run("tyo").stderr
 
 
-def test_its_errors_are_lines_and_codes() -> None:
+def test_what_it_returns_and_raises_are_lines_and_codes() -> None:
+    assert run("toy", "--times", "2").stdout == "toy toy\n"
+    assert run("toy", "--padding", "3").exit_code == 6
     result = run("toy", "--times", "-1")
     assert (result.exit_code, result.stderr) == (4, "circparam: error: a word can't be unsaid\n")
     result = run("toy", "--times", "10")
     assert (result.exit_code, result.stderr.count("\n")) == (1, 1)
     assert isinstance(run("toy", "--times", "10", "--debug").exception, RuntimeError)
     assert run("toy", "--tims", "1").exit_code == 2
-
-
-def test_it_is_suggested() -> None:
-    assert "did you mean toy" in run("tyo").stderr
-
-
-def test_without_its_row_there_is_no_such_command(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(COMMANDS, "toy")
-    assert run("toy").exit_code == 2
-    assert "toy" not in run("--help").stdout

@@ -72,9 +72,11 @@ def test_it_keeps_the_contract_of_every_format(promise: str, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("output", ["out.toy", "out.glb"])
 def test_it_is_unwrapped_and_written(toy: Path, output: str) -> None:
+    with pytest.raises(OptionError, match="TOY files share no meshes"):
+        circparam.unwrap(toy, unshare=True)
     result = circparam.unwrap(toy, toy.with_name(output), effort=0.01)
     assert result.status == "ok"
-    assert result.document.format == "toy"
+    assert result.document.format == circparam.unwrap(toy, effort=0.01).format == "toy"
     back = read(toy.with_name(output))
     assert back.format == output.split(".")[1]
     uvmap = back.uv()
@@ -83,12 +85,3 @@ def test_it_is_unwrapped_and_written(toy: Path, output: str) -> None:
     if output == "out.toy":
         steps = uvmap.uv * STEPS
         np.testing.assert_array_equal(steps, np.round(steps))  # judged as the file holds them
-
-
-def test_nothing_said_it_is_written_as_itself(toy: Path) -> None:
-    assert circparam.unwrap(toy, effort=0.01).format == "toy"
-
-
-def test_options_that_do_not_apply_name_it(toy: Path) -> None:
-    with pytest.raises(OptionError, match="TOY files share no meshes"):
-        circparam.unwrap(toy, unshare=True)

@@ -11,11 +11,9 @@ from click.testing import CliRunner
 from circparam.cli import cli
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
-from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 from circparam.methods.base import Layout, MethodOptions
-from circparam.pipeline.options import Options
 from tests.contracts import test_methods as contract
 from tests.support import shapes
 from tests.support.command_line import CONVEX, obj, report, run
@@ -56,12 +54,6 @@ def disk(tmp_path: Path) -> Path:
     return obj(tmp_path / "disk.obj", shapes.bumped_disk(80))
 
 
-def test_it_is_unknown_without_its_row(disk: Path) -> None:
-    assert run("unwrap", disk, *TOYISH).exit_code == 2
-    with pytest.raises(OptionError, match="unknown method 'toyish'"):
-        Options(method="toyish")
-
-
 def test_it_unwraps_and_is_listed_with_its_guarantees(disk: Path, toyish: Row[Any]) -> None:
     told = report("unwrap", disk, *TOYISH)
     assert (told["method"], told["status"], told["flips"]) == ("toyish", "ok", 0)
@@ -79,12 +71,6 @@ def test_it_is_suggested_and_completed_in_the_shell(disk: Path, toyish: Row[Any]
     typed = {"COMP_WORDS": "circparam unwrap --method toy", "COMP_CWORD": "3"}
     env = {"_CIRCPARAM_COMPLETE": "bash_complete", **typed}
     assert "toyish" in CliRunner().invoke(cli, [], env=env, prog_name="circparam").output
-
-
-def test_it_accepts_what_its_row_names(toyish: Row[Any]) -> None:
-    assert Options(method="toyish", boundary="square").boundary == "square"
-    with pytest.raises(OptionError, match="--spacing has no effect here"):
-        Options(method="toyish", spacing="uniform")
 
 
 @pytest.mark.parametrize("promise", contract.PROMISES)

@@ -15,7 +15,6 @@ import pytest
 from circparam.core import files
 from circparam.errors import InputError, OptionError, OutputError
 from circparam.formats.io import format_of, read, stored, write
-from circparam.formats.table import output_suffix
 from tests.support.format_contract import document
 from tests.support.formats_tools import corners, layout_with_seams, smooth_layout
 
@@ -85,11 +84,6 @@ def test_a_mesh_under_a_foreign_name_is_read_by_its_content(tmp_path: Path) -> N
     assert len(read(tmp_path / "a.fbx").mesh.faces) == 1
     with pytest.raises(OptionError, match=r"end it in \.obj"):
         format_of("out.fbx")
-
-
-def test_the_suffix_of_an_output_is_that_of_the_input_where_it_has_uv() -> None:
-    named = {".STL": ".glb", ".off": ".glb", ".obj": ".obj", ".PLY": ".PLY", ".none": ".none"}
-    assert {suffix: output_suffix(suffix) for suffix in named} == named
 
 
 def expression(folder: Path) -> str:

@@ -137,15 +137,15 @@ def everything_stays():
     }
 
 
-def refused():
-    select(cube())
-    return attempt(padding=4000, resolution=128)
-
-
-def selected_faces():
-    ob = cube(cuts=3)
-    attempt()
-    return played(ob, range(16), replace=True)
+def mistakes():
+    """What cannot be, and what lays out a whole page and not a part of one."""
+    box = cube(cuts=1)
+    box.data.materials.append(bpy.data.materials.new("metal"))
+    select(box)
+    whole = [attempt(padding=4000, resolution=128), attempt(densities="metall=2")]
+    pick([[0]], box)
+    part = [attempt(upright=True), attempt(densities="metal=2"), attempt(group_by="MATERIAL")]
+    return {"whole": whole, "part": part}
 
 
 def part_of_an_island(**options):
@@ -208,11 +208,6 @@ def no_room():
 
 def nothing_selected():
     return played(cube(), [])
-
-
-def islands():
-    """One face of an island stands for the whole of it."""
-    return played(cube(cuts=1), [0], action="ISLANDS", replace=True)
 
 
 def marked(seams):
@@ -293,38 +288,6 @@ def pack():
 
 def density():
     return played(cube(scale=(2, 2, 2)), density=50.0, resolution=1024)
-
-
-def by_name():
-    """A box with two materials: one gets twice the density and each a page; then the mistakes."""
-    box = cube(cuts=1)
-    for name in ("pa int", "metal"):
-        box.data.materials.append(bpy.data.materials.new(name))
-    box.data.polygons.foreach_set("material_index", [int(k >= 12) for k in range(24)])
-    dense = played(box, densities="metal=2")
-    pages = played(box, group_by="MATERIAL", group_pages=True)
-    unknown = attempt(densities="metall=2")
-    pick([[0]], box)
-    part = [attempt(upright=True), attempt(densities="metal=2"), attempt(group_by="MATERIAL")]
-    return {"dense": dense, "pages": pages, "unknown": unknown, "part": part}
-
-
-def stacked():
-    """Three equal cubes on one page: the copies on the first, or a page aside."""
-    objects = [cube(4 * k) for k in range(3)]
-    select(*objects)
-    on = attempt(together=True, stack="IDENTICAL"), [state(ob) for ob in objects]
-    aside = (
-        attempt(together=True, stack="IDENTICAL", stack_offset=True),
-        [state(o) for o in objects],
-    )
-    return {"on": on, "aside": aside}
-
-
-def upright_tube():
-    """A tube that lies along z, upright."""
-    bpy.ops.mesh.primitive_cylinder_add(vertices=16, end_fill_type="NOTHING")
-    return played(bpy.context.object, upright=True, straighten="OFF")
 
 
 def bad_objects():
@@ -450,9 +413,9 @@ def main(zip_file, program, *names):
     scenarios = {
         f.__name__: f
         for f in (
-            everything_stays, refused, selected_faces, beside, shrunk, not_shrunk, without_uv, no_room,
-            nothing_selected, islands, painted, pinned, points, points_beside, together, pack, density,
-            by_name, stacked, upright_tube, bad_objects, deleted, edited, page, cancelled, seconds,
+            everything_stays, mistakes, beside, shrunk, not_shrunk, without_uv, no_room, nothing_selected,
+            painted, pinned, points, points_beside, together, pack, density, bad_objects, deleted, edited,
+            page, cancelled, seconds,
         )
     } | {seams: lambda seams=seams: marked(seams) for seams in ("MUST", "HINT", "IGNORE")}  # fmt: skip
     if not names:

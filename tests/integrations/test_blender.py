@@ -5,6 +5,7 @@ has none, the tests inside Blender are skipped.
 """
 
 import ast
+import importlib
 import importlib.util
 import io
 import json
@@ -14,13 +15,16 @@ import sys
 import tomllib
 import zipfile
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from circparam._version import __version__
+from circparam.cli import common
 from circparam.integrations.blender import ADDON_FOLDER, addon_zip
+from tests.cli.test_group import command_of
 from tests.support.command_line import one_line_error, run
 
 ROOT = Path(__file__).parents[2]
@@ -53,6 +57,48 @@ def test_the_command_saves_it(tmp_path: Path) -> None:
     assert run("blender", "-o", path).exit_code == 0
     assert path.read_bytes() == addon_zip()
     one_line_error(run("blender", "-o", path), 2, "--overwrite")
+
+
+# what the dialog asks for where nobody changes it, and what each change of it becomes
+PLAIN: dict[str, Any] = {
+    "resolution": 512, "padding": 3, "effort": "DRAFT", "keep_page": False, "group_by": "NONE",
+    "group_pages": False, "stack": "OFF", "stack_offset": False, "upright": False, "straighten": "AUTO",
+    "densities": "", "max_distortion": 1.3, "hide_seams": 0.5, "max_charts": 0, "sharp": 0.0,
+    "symmetry": "NONE",
+}  # fmt: skip
+USUAL = {
+    "resolution": 512, "padding": 3, "effort": 0, "max_distortion": 1.3, "hide_seams": 0.5, "repair": True,
+}  # fmt: skip
+ASKED: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    ({}, {}),
+    ({"effort": "HIGH"}, {"effort": 4}),
+    ({"keep_page": True}, {"keep_page": True}),
+    ({"group_by": "OBJECT"}, {"group_by": "node"}),
+    ({"group_by": "MATERIAL", "group_pages": True}, {"pages_by": "material"}),
+    ({"stack": "MIRRORED", "stack_offset": True}, {"stack": "mirrored", "stack_offset": True}),
+    ({"stack_offset": True}, {}),
+    ({"upright": True}, {"orient": "up", "up": "z"}),
+    ({"straighten": "OFF"}, {"straighten": "off"}),
+    ({"densities": "metal=2"}, {"density": "metal=2"}),
+    ({"max_charts": 3}, {"max_charts": 3}),
+    ({"sharp": np.pi / 3}, {"sharp": 60}),
+    ({"symmetry": "Z"}, {"symmetry": "z"}),
+]
+
+
+@pytest.mark.parametrize(
+    ("changed", "given"), ASKED, ids=lambda value: ", ".join(value) or "nothing"
+)
+def test_what_the_dialog_asks_for_is_what_unwrap_gets(changed, given, monkeypatch):
+    """The add-on's words, without Blender, as the command line of ``unwrap`` reads them."""
+    package = ModuleType("addon_without_bpy")
+    package.__path__ = [str(ROOT / "circparam" / "integrations" / "blender_addon")]
+    monkeypatch.setitem(sys.modules, package.__name__, package)
+    job = importlib.import_module(f"{package.__name__}.job")
+    kinds = ("packing", "room", "sorting", "straight", "density", "charts")
+    words = job.words_of(SimpleNamespace(**PLAIN | changed), *kinds)
+    read = command_of("unwrap").make_context("unwrap", ["m.obj", *words]).params
+    assert common.library_keywords(read) == {**USUAL, **given}
 
 
 def blender() -> str | None:
@@ -190,16 +236,14 @@ def test_everything_but_the_uv_stays_and_the_layout_is_one_to_one(answer, name):
 
 def test_what_is_wrong_is_said_in_one_line(answer: dict[str, Any]) -> None:
     assert "no such program" in answer["missing"][0]
-    assert "--padding 4000" in answer["refused"][0]
+    for said, word in zip(answer["mistakes"]["whole"], ("--padding 4000", "metal?"), strict=True):
+        assert word in said[0]
+    for said, option in zip(
+        answer["mistakes"]["part"], ("--orient", "--density", "--group-by"), strict=True
+    ):
+        assert f"{option} lays out a whole page" in said[0]
     assert "no face is selected" in answer["nothing_selected"]["answer"][0]
     assert answer["nothing_selected"]["after"]["mode"] == "EDIT"
-
-
-def test_only_selected_faces_get_new_uv_beside_the_others(answer: dict[str, Any]) -> None:
-    case = answer["selected_faces"]
-    assert case["after"]["mode"] == "EDIT"
-    assert case["after"]["selected"] == [k < 16 for k in range(len(case["after"]["polygons"]))]
-    kept_to_the_bit(case, set(range(16, len(case["after"]["polygons"]))))
 
 
 @pytest.mark.parametrize("how", ["plain", "hint", "straight", "island", "pack"])
@@ -255,13 +299,6 @@ def test_a_full_page_is_said_and_left_alone(answer: dict[str, Any]) -> None:
     assert "no room" in case["answer"][0]
     assert case["before"]["maps"] == case["after"]["maps"]
     assert case["after"]["mode"] == "EDIT"
-
-
-def test_one_face_stands_for_its_whole_island(answer: dict[str, Any]) -> None:
-    """Blender's cube has its faces in one cross; subdivided, all of its polygons are one island."""
-    case = answer["islands"]
-    before, after = layout(case["before"]), layout(case["after"])
-    assert all((old != new).any() for old, new in zip(before, after, strict=True))
 
 
 def test_marked_seams_are_cut_or_a_hint_or_nothing(answer: dict[str, Any]) -> None:
@@ -339,44 +376,6 @@ def test_packing_moves_charts_and_keeps_their_shape(answer: dict[str, Any]) -> N
 def test_a_density_is_what_was_asked(answer: dict[str, Any]) -> None:
     area = signed_areas(layout(answer["density"]["after"])).sum()
     assert 1024 * np.sqrt(area / (6 * 4 * 4)) == pytest.approx(50, rel=0.02)
-
-
-def test_densities_and_pages_by_name_of_material(answer: dict[str, Any]) -> None:
-    case = answer["by_name"]
-    dense, material = case["dense"]["after"], np.array(case["dense"]["after"]["materials"])
-    area = signed_areas(layout(dense))
-    assert area[material == 1] / area[material == 0].mean() == pytest.approx(4.0, rel=0.04)
-    u = np.array([ring[:, 0].mean() for ring in layout(case["pages"]["after"])])
-    assert len(np.unique(np.floor(u[material == 0]))) == 1
-    assert len(np.unique(np.floor(u[material == 1]))) == 1
-    assert set(np.floor(u)) == {0.0, 1.0}
-    assert "metall" in case["unknown"][0]
-    assert "metal" in case["unknown"][0].replace("metall", "")  # what was meant
-    for said, option in zip(case["part"], ("--orient", "--density", "--group-by"), strict=True):
-        assert f"{option} lays out a whole page" in said[0]
-
-
-def test_copies_are_stacked_or_lie_a_page_aside(answer: dict[str, Any]) -> None:
-    for case, aside in (("on", 0), ("aside", 1)):
-        said, states = answer["stacked"][case]
-        assert said == ["FINISHED"]
-        boxes = [np.concatenate(layout(one)) for one in states]
-        corner = np.array([b.min(0) for b in boxes])
-        spans = np.array([np.ptp(b, axis=0) for b in boxes])
-        assert np.abs(spans - spans[0]).max() < 1e-6
-        # any of the three may be the original
-        assert sorted(np.round(corner[:, 0] - corner[:, 0].min()).tolist()) == [0, aside, aside]
-        assert np.abs((corner - corner[0]) % 1.0 % (1 - 1e-6)).max() < 1e-5
-
-
-def test_up_is_v_of_upright_charts(answer: dict[str, Any]) -> None:
-    case = answer["upright_tube"]
-    assert case["answer"] == ["FINISHED"]
-    z = np.array(case["after"]["points"])[:, 2]
-    for polygon, ring in zip(case["after"]["polygons"], layout(case["after"]), strict=True):
-        top = z[polygon] > 0
-        assert ring[top, 1].min() > ring[~top, 1].max()
-        assert np.ptp(ring[top, 1]) < 1e-4
 
 
 def test_bad_objects_have_a_line_each_and_the_good_one_its_uv(answer: dict[str, Any]) -> None:

@@ -8,7 +8,6 @@ import pytest
 import circparam
 from circparam.errors import InputError, OptionError
 from circparam.formats.memory import from_arrays
-from circparam.formats.sidecars import read_weights
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.pipeline.save import seam_pairs
@@ -95,30 +94,6 @@ def test_red_vertices_keep_their_faces_whole(tmp_path: Path):
     pairs = seam_pairs(result)
     assert len(pairs)
     assert not np.isin(pairs, np.flatnonzero(face)).any()
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("0 1 -2\n", "the weight -2 is not a number from 0"),
-        ("0 nan\n", "the weight nan is not a number from 0"),
-        ("0 1 2 3\n", "not one or two vertex numbers"),
-        ("0 x\n", "not one or two vertex numbers"),
-        ("# nothing\n", "no line"),
-    ],
-)
-def test_what_is_no_weight_is_an_error_of_the_input(tmp_path: Path, text: str, message: str):
-    path = tmp_path / "w.txt"
-    path.write_text("1 2 1\n" + text if "nothing" not in text else text)
-    with pytest.raises(InputError, match=message):
-        read_weights(path)
-
-
-def test_words_and_numbers_of_a_file(tmp_path: Path):
-    path = tmp_path / "w.txt"
-    path.write_text("3 4 0.5 # an edge\n7, never\n8 inf\n")
-    inf = float("inf")
-    assert read_weights(path).tolist() == [[3, 4, 0.5], [7, -1, inf], [8, -1, inf]]
 
 
 def test_what_the_mesh_does_not_have(tmp_path: Path):

@@ -31,6 +31,8 @@ def check_round_trip(name: str, _: Path) -> None:
         given = (doc.mesh.points, doc.mesh.faces, uvmap.uv, uvmap.uv_faces)
         before = [array.copy() for array in given]
         again = assert_round_trip(doc, uvmap, name)
+        for bare in (doc, again):
+            assert bare.colours() is bare.textures() is None
         np.testing.assert_array_equal(
             again.mesh.points[again.mesh.faces],
             doc.mesh.points[doc.mesh.faces][encode(doc, uvmap, name).face_map],

@@ -1,5 +1,6 @@
 """An OBJ file with a bit of everything, a naive reader, and what a file is without its uv."""
 
+import codecs
 import re
 
 import numpy as np
@@ -37,7 +38,7 @@ def naive(
 ) -> tuple[np.ndarray, list[list[int]], list[list[tuple[float, float] | None]]]:
     """Points, polygons, and the uv of their corners, one line after the other as a text."""
     v, vt, polygons, uv = [], [], [], []
-    text = re.sub(rb"\\\r?\n", b" ", data).decode("latin-1")
+    text = re.sub(rb"\\(\r\n|\n|\r)", b" ", data.removeprefix(codecs.BOM_UTF8)).decode("latin-1")
     lines = [line.split("#")[0].split() for line in re.split(r"\r\n|\n|\r", text)]
     total = sum(1 for w in lines if w[:1] == ["vt"])
     for words in lines:
@@ -54,6 +55,11 @@ def naive(
     return np.array(v), polygons, [[None if k is None else vt[k] for k in row] for row in uv]
 
 
+def line_ends(data: bytes) -> set[bytes]:
+    """What ends the lines of a text."""
+    return set(re.findall(rb"\r\n|\n|\r", data))
+
+
 def without_uv(data: bytes) -> bytes:
     """A text without vt lines and the vt field of f and l, all other bytes kept."""
     lines = re.findall(rb"(?:\\\r\n|\\\n|\\\r(?!\n)|[^\r\n])*(?:\r\n|\n|\r|$)", data)
@@ -63,7 +69,7 @@ def without_uv(data: bytes) -> bytes:
             continue
         if re.match(rb"[ \t]*[fl][ \t]", line):
             body, mark, comment = line.partition(b"#")
-            body = re.sub(rb"([-+]?\d+)/[-+]?\d*/([-+]?\d+)", rb"\1//\2", body)
+            body = re.sub(rb"([-+]?\d+)/[-+]?\d*/([-+]?\d*)", rb"\1//\2", body)
             body = re.sub(rb"([-+]?\d+)/[-+]?\d*(?![\d/])", rb"\1", body)
             line = body + mark + comment
         out.append(line)

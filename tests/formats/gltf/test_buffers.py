@@ -28,7 +28,8 @@ def test_data_that_an_extension_may_use_is_left_alone() -> None:
 def test_external_buffers_and_images(tmp_path: Path) -> None:
     g = full_mesh()
     (tmp_path / "a b.bin").write_bytes(g.bin)
-    (tmp_path / "t.png").write_bytes(b"png")
+    image = b"\x89PNG and more"
+    (tmp_path / "t.png").write_bytes(image)
     g.tree["images"] = [{"uri": "t.png"}]
     (tmp_path / "in.gltf").write_bytes(g.gltf("a%20b.bin"))
     document = read(tmp_path / "in.gltf")
@@ -43,12 +44,16 @@ def test_external_buffers_and_images(tmp_path: Path) -> None:
     copied = write(out / "y.gltf", document, uvmap)
     assert sorted(p.name for p in copied.files) == ["t.png", "y.bin", "y.gltf"]
     assert not any("t.png" in w for w in copied.warnings)
-    assert (out / "t.png").read_bytes() == b"png"
+    assert (out / "t.png").read_bytes() == image
     again = read(out / "y.gltf")
     np.testing.assert_array_equal(corners(again.uv()), corners(stored(uvmap, "gltf")))
     packed = write(out / "z.glb", document, uvmap)
     assert [p.name for p in packed.files] == ["z.glb"]
-    np.testing.assert_array_equal(read(out / "z.glb").mesh.points[:16], document.mesh.points)
+    alone = read(out / "z.glb")
+    np.testing.assert_array_equal(alone.mesh.points[:16], document.mesh.points)
+    (entry,) = alone.tree.json["images"]
+    assert entry == {"bufferView": entry["bufferView"], "mimeType": "image/png", "name": "t"}
+    assert alone.tree.view(entry["bufferView"], "")[0].tobytes() == image
     third = write(out / "y.gltf", again, uvmap, overwrite=True)
     # y.bin held nothing but uv, which are new: it is replaced, not kept beside a second one
     assert sorted(p.name for p in third.files) == ["y.bin", "y.gltf"]

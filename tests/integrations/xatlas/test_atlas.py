@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import circparam
+from circparam import samples
 from circparam import xatlas as ours
 from circparam.errors import CircparamError, InputError, OptionError
 from circparam.geometry.raster import rasterise
@@ -144,6 +145,8 @@ def test_several_meshes_share_one_atlas(package: Any) -> None:
     density, charts = [], 0
     for i, (points, faces) in enumerate([(P, F), ball, (P, F)]):
         vmapping, indices, uvs = atlas[i]
+        for named, numbered in zip(atlas.get_mesh(i), atlas[i], strict=True):
+            np.testing.assert_array_equal(named, numbered)
         np.testing.assert_array_equal(vmapping[indices], faces)
         page, chart = atlas.get_mesh_vertex_assignment(i)
         assert len(page) == len(chart) == len(vmapping)
@@ -165,6 +168,19 @@ def test_several_meshes_share_one_atlas(package: Any) -> None:
     assert drawn(atlas, 0, 600).max() == 1
     with pytest.raises(IndexError, match="out of bounds"):
         atlas[3]
+
+
+def test_layouts_have_no_flip_and_fewer_charts_than_those_of_xatlas() -> None:
+    """Not only the calls: the layouts are those of circparam."""
+    mesh, found = samples.load("lantern").mesh, []
+    for package in (theirs, ours):
+        atlas = package.Atlas()
+        atlas.add_mesh(mesh.points, mesh.faces)
+        atlas.generate(**({} if package is theirs else QUICK))
+        _, indices, uvs = atlas[0]
+        found.append((atlas.chart_count, int((areas(uvs[indices].astype(float)) < 0).sum())))
+    assert found[1][0] < found[0][0] / 2
+    assert found[0][1] > found[1][1] == 0
 
 
 def test_an_atlas_is_generated_again_with_what_was_added() -> None:
