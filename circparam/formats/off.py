@@ -21,13 +21,12 @@ def read_off(data: bytes, source: Source) -> PlainDocument:
     found = re.match(rb"\s*((?:ST)?C?N?4?n?OFF)\b", text)
     if found is None or b"4" in found.group(1) or b"n" in found.group(1) or b"\0" in text:
         raise source.error("this is not a text OFF file of three-dimensional points")
-    t = tokenize(text[found.end() :])
+    t = tokenize(text[found.end() :], source)
     try:
         n, m = t.ints(np.arange(len(t.start))[:2]).tolist()
     except ValueError:
         raise source.error("the counts of vertices and faces are malformed") from None
-    line = t.line[:-1][np.diff(t.line) > 0]
-    line = line[line > 1]  # the counts stand on one line, with or without a count of edges
+    line = t.filled[t.filled > 1]  # the counts stand on one line, with or without a count of edges
     if n < 0 or m <= 0 or n + m > len(line):
         raise source.error(
             f"the header promises {n} vertices and {m} faces, the file has {len(line)} rows"

@@ -7,7 +7,7 @@ from circparam.core.plural import counted
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
-from circparam.formats.tokens import BYTE_ORDER_MARK, Tokens, bad_token, line_number, tokenize
+from circparam.formats.tokens import BYTE_ORDER_MARK, Tokens, tokenize
 from circparam.mesh.mesh import Mesh
 
 HEADER_BYTES = 84  # bytes before the first facet: a title, and the number of facets
@@ -78,7 +78,7 @@ def _read_text(data: bytes, source: Source) -> PlainDocument:
 
     White space may be of any kind. Raises InputError for a facet that has not three points.
     """
-    t = tokenize(data)
+    t = tokenize(data, source)
     n = len(t.start) + 1
     loops, ended = _places(t, b"loop"), _places(t, b"endloop")
     begun = loops[mask_of(n, _places(t, b"outer"))[loops - 1]]
@@ -93,17 +93,8 @@ def _read_text(data: bytes, source: Source) -> PlainDocument:
     sound = (begun == ended - 13) & mask_of(n, _places(t, b"vertex"))[points.clip(0)].all(axis=1)
     if not sound.all():
         word = int(begun[np.flatnonzero(~sound)[0]])
-        raise _at(
-            t, word, data, source, "a facet is not three times 'vertex x y z': export it again"
-        )
-    numbers: IntArray = (points[:, :, None] + np.arange(1, 4)).ravel()
-    try:
-        corners = t.floats(numbers).reshape(-1, 3)
-    except ValueError:
-        word = bad_token(t, numbers, float)
-        text = t.clean[t.start[word] : t.end[word]].tobytes().decode("ascii", "backslashreplace")
-        comma = ": write decimal points" if "," in text else ""
-        raise _at(t, word, data, source, f"{text[:24]!r} is not a number{comma}") from None
+        raise t.error(word, "a facet is not three times 'vertex x y z': export it again")
+    corners = t.numbers((points[:, :, None] + np.arange(1, 4)).ravel()).reshape(-1, 3)
     closed = _places(t, b"endsolid")
     count, groups = relabel(np.searchsorted(closed, ended))
     mesh = _welded(corners, groups if count > 1 else None)
@@ -118,8 +109,3 @@ def _places(t: Tokens, word: bytes) -> IntArray:
     for k, letter in enumerate(word):
         found = found[t.clean[t.start[found] + k] | LOWER_CASE == letter]
     return found
-
-
-def _at(t: Tokens, word: int, data: bytes, source: Source, cause: str) -> Exception:
-    """An InputError that names the line of a token."""
-    return source.error(f"line {line_number(data, int(t.start[word]))}: {cause}")

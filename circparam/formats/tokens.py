@@ -8,10 +8,13 @@ import numpy.typing as npt
 from circparam.core.arrays import ranges
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
+from circparam.errors import InputError
+from circparam.formats.source import Source
 
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
 SPACE, NEWLINE, RETURN, BACKSLASH, SLASH, HASH = (ord(c) for c in " \n\r\\/#")
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # that some programs write before UTF-8
+SHOWN_BYTES = 24  # bytes of a word that a message quotes
 _TO_SPACE = bytes.maketrans(b"\t\n\v\f\r", b"     ")
 
 
@@ -24,20 +27,38 @@ def as_bytes(data: bytes) -> ByteArray:
 class Tokens:
     """Words of a text between white space.
 
-    clean: the text with all white space turned into blanks and one blank behind the last word.
-    start, end: (t,) int64 byte range of each word. line: (n + 1,) int64, first word of every logical
-    line; line_start: (n,) int64, byte at which each begins.
+    source, data: the file, whose text begins at byte ``begin``. clean: the text with all white space turned
+    into blanks and one blank behind the last word. start, end: (t,) int64 byte range of each word. line:
+    (n + 1,) int64, first word of every logical line; line_start: (n,) int64, byte at which each begins.
     """
 
+    source: Source
+    data: bytes
+    begin: int
     clean: ByteArray
     start: IntArray
     end: IntArray
     line: IntArray
     line_start: IntArray
 
-    def count(self) -> IntArray:
-        """(n,) number of words of each line."""
-        return np.diff(self.line)
+    @property
+    def filled(self) -> IntArray:
+        """The first word of every line that has one."""
+        return self.line[:-1][np.diff(self.line) > 0]
+
+    def word(self, k: int) -> bytes:
+        """One word."""
+        return self.clean[self.start[k] : self.end[k]].tobytes()
+
+    def shown(self, k: int) -> str:
+        """The beginning of a word, for messages."""
+        return self.word(k)[:SHOWN_BYTES].decode("ascii", "backslashreplace")
+
+    def error(self, k: int, cause: str) -> InputError:
+        """An InputError that names the line of a word, counted from 1."""
+        head = self.data[: self.begin + int(self.start[k])]
+        line = 1 + (head.count(b"\n") or head.count(b"\r"))
+        return self.source.error(f"line {line}: {cause}")
 
     def text(self, words: IntArray) -> ByteArray:
         """The given words, ascending, each with the blank behind it."""
@@ -52,22 +73,41 @@ class Tokens:
         """The given words as decimal numbers, correctly rounded. Raises ValueError if they are others."""
         return parsed(self.text(words), words.size, np.float64)
 
+    def numbers(self, words: IntArray) -> FloatArray:
+        """The given words as decimal numbers. Raises InputError with the place if one is something else."""
+        try:
+            return self.floats(words)
+        except ValueError:
+            k = next((k for k in words.tolist() if not _is_number(self.word(k))), int(words[0]))
+            comma = ": write decimal points" if "," in self.shown(k) else ""
+            raise self.error(k, f"{self.shown(k)!r} is not a number{comma}") from None
+
     def ints(self, words: IntArray) -> IntArray:
         """The given words as whole numbers. Raises ValueError if they are others."""
         return parsed(self.text(words), words.size, np.int64)
 
 
-def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word.replace(b"_", b"?"))  # Python alone takes 1_000
+    except ValueError:
+        return False
+    return True
+
+
+def tokenize(data: bytes, source: Source, begin: int = 0, *, continuation: bool = False) -> Tokens:
     """Split a text into words and lines. ``continuation``: a backslash before a line's end joins lines.
 
+    begin: byte of the file at which the text begins; places of words count from there.
     Line ends are ``\\n``, ``\\r\\n``, or ``\\r`` alone where the text has no ``\\n``.
     """
-    raw = as_bytes(data)
-    clean = np.frombuffer(bytearray(data.translate(_TO_SPACE)) + b" ", np.uint8)
-    if data.startswith(BYTE_ORDER_MARK):
+    text = data[begin:]
+    raw = as_bytes(text)
+    clean = np.frombuffer(bytearray(text.translate(_TO_SPACE)) + b" ", np.uint8)
+    if text.startswith(BYTE_ORDER_MARK):
         clean[: len(BYTE_ORDER_MARK)] = SPACE
-    ends = np.flatnonzero(raw == (NEWLINE if b"\n" in data else RETURN))
-    if continuation and b"\\" in data and len(ends):
+    ends = np.flatnonzero(raw == (NEWLINE if b"\n" in text else RETURN))
+    if continuation and b"\\" in text and len(ends):
         before = ends - 1
         before = before - ((before > 0) & (raw[before] == RETURN) & (raw[ends] == NEWLINE))
         joined = (before >= 0) & (raw[before] == BACKSLASH)
@@ -82,13 +122,7 @@ def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
         edge = np.concatenate([[0], edge])
     start, end = edge[0::2], edge[1::2]
     line = np.concatenate([np.searchsorted(start, line_start), [len(start)]])
-    return Tokens(clean, start, end, line.astype(np.int64), line_start)
-
-
-def line_number(data: bytes, position: int) -> int:
-    """The line of the file, counted from 1, in which a byte lies."""
-    head = data[: int(position)]
-    return 1 + (head.count(b"\n") or head.count(b"\r"))
+    return Tokens(source, data, begin, clean, start, end, line.astype(np.int64), line_start)
 
 
 def parsed(text: ByteArray, count: int, kind: type) -> npt.NDArray[Any]:
@@ -97,17 +131,6 @@ def parsed(text: ByteArray, count: int, kind: type) -> npt.NDArray[Any]:
     if len(out) != count:
         raise ValueError(f"{count} numbers expected, {len(out)} found")
     return out
-
-
-def bad_token(tokens: Tokens, index: IntArray, kind: type[int] | type[float]) -> int:
-    """The first of the given words that is not a number of that kind: only used to say where it is."""
-    for i in index.ravel().tolist():
-        word = tokens.clean[tokens.start[i] : tokens.end[i]].tobytes()
-        try:
-            kind(word.replace(b"_", b"?"))  # Python alone takes 1_000
-        except ValueError:
-            return int(i)
-    return int(index.ravel()[0])
 
 
 def digits(numbers: IntArray, prefix: bytes = b"") -> tuple[ByteArray, IntArray]:

@@ -8,16 +8,7 @@ from circparam.core.arrays import ranges
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.polygons import list_start
 from circparam.formats.source import Source
-from circparam.formats.tokens import (
-    HASH,
-    SLASH,
-    SPACE,
-    as_bytes,
-    bad_token,
-    line_number,
-    parsed,
-    tokenize,
-)
+from circparam.formats.tokens import HASH, SLASH, SPACE, as_bytes, parsed, tokenize
 
 
 class Scan:
@@ -26,7 +17,7 @@ class Scan:
     def __init__(self, data: bytes, source: Source) -> None:
         self.data, self.source = data, source
         self.raw = as_bytes(data)
-        self.tokens = t = tokenize(data, continuation=True)
+        self.tokens = t = tokenize(data, source, continuation=True)
         self.first = t.line[:-1]
         self.last = t.line[1:].copy()
         hashes = np.flatnonzero(t.clean[t.start] == HASH)
@@ -54,16 +45,11 @@ class Scan:
         t, found, rest = self.tokens, [], []
         for line in self.of(word).tolist():
             k = self.first[line]
-            if t.clean[t.start[k] : t.end[k]].tobytes() == word:
+            if t.word(k) == word:
                 stop = t.end[t.line[line + 1] - 1]
                 found.append(line)
                 rest.append(t.clean[t.end[k] : stop].tobytes().strip())
         return np.array(found, np.int64), rest
-
-    def error(self, token: int, cause: str) -> Exception:
-        """An InputError that names the line of a word."""
-        where = int(self.tokens.start[token])
-        return self.source.error(f"line {line_number(self.data, where)}: {cause}")
 
     def numbers(self, lines: IntArray, width: int, *, optional: int = 0) -> FloatArray:
         """(k, width) numbers behind the keyword; the last ``optional`` of them may be missing (then 0)."""
@@ -72,20 +58,12 @@ class Scan:
         short = np.flatnonzero(given < width - optional)
         if len(short):
             k = int(self.first[lines[short[0]]])
-            raise self.error(
-                k, f"{width - optional} numbers are needed, {given[short[0]]} are there"
-            )
+            raise t.error(k, f"{width - optional} numbers are needed, {given[short[0]]} are there")
         column = np.arange(width)
         index = self.first[lines][:, None] + 1 + column
         there = column < given[:, None]
-        words = index[there]
         out = np.zeros(index.shape)
-        try:
-            out[there] = t.floats(words)
-        except ValueError:
-            token = bad_token(t, words, float)
-            comma = ": write decimal points" if "," in (word := self.word(token)) else ""
-            raise self.error(token, f"{word!r} is not a number{comma}") from None
+        out[there] = t.numbers(index[there])
         return out
 
     @cached_property
@@ -124,7 +102,7 @@ class Scan:
             raise self._bad_corner(tokens) from None
         many = last_field - first_field + 1
         if (many > 3).any():
-            raise self.error(int(tokens[many > 3][0]), "a corner has more than v/vt/vn")
+            raise t.error(int(tokens[many > 3][0]), "a corner has more than v/vt/vn")
         out = np.zeros((len(tokens), count), np.int64)
         for k in range(count):
             has = many > k
@@ -135,20 +113,13 @@ class Scan:
         cut_end[three] = cut_start[three] + 1 + size[first_field[three] + 1]
         return out, cut_start, cut_end
 
-    def word(self, token: int) -> str:
-        """The beginning of a word, for messages."""
-        t = self.tokens
-        text = t.clean[t.start[token] : min(t.end[token], t.start[token] + 24)].tobytes()
-        return text.decode("ascii", "backslashreplace")
-
     def _bad_corner(self, tokens: IntArray) -> Exception:
         t = self.tokens
-        for i in tokens.tolist():
-            word = t.clean[t.start[i] : t.end[i]].tobytes()
-            if not all(p == b"" or p.lstrip(b"+-").isdigit() for p in word.split(b"/")):
-                shown = self.word(i)
-                return self.error(i, f"{shown!r} is not a face corner (v, v/vt, v//vn or v/vt/vn)")
-        return self.error(int(tokens[0]), "a face corner is malformed")
+        for k in tokens.tolist():
+            if not all(p == b"" or p.lstrip(b"+-").isdigit() for p in t.word(k).split(b"/")):
+                wanted = "v, v/vt, v//vn or v/vt/vn"
+                return t.error(k, f"{t.shown(k)!r} is not a face corner ({wanted})")
+        return t.error(int(tokens[0]), "a face corner is malformed")
 
     @cached_property
     def cuts(self) -> tuple[IntArray, IntArray, IntArray]:
@@ -176,7 +147,7 @@ class Scan:
             bad |= (number == 0) & (self.cuts[2] - self.cuts[1] > 1)
         if bad.any():
             k = int(np.flatnonzero(bad)[0])
-            raise self.error(
+            raise self.tokens.error(
                 int(self.corner_tokens[k]),
                 f"index {int(number[k])} is outside the {count} {word.decode()} lines",
             )

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -108,7 +108,9 @@ class Layout:
         self.data, self.source = data, source
         self.raw = as_bytes(data)
         self.body = self.begin()
-        self.tokens: Tokens | None = tokenize(data[self.body :]) if self.ascii else None
+        self.tokens: Tokens | None = None
+        if self.ascii:
+            self.tokens = tokenize(data, source, self.body)
         at = 0 if self.ascii else self.body
         self._size = len(self.tokens.start) if self.tokens else len(data)
         for element in self.elements:
@@ -218,7 +220,7 @@ class Layout:
     def _list_rows(self, e: Element, at: int) -> IntArray:
         """Row starts of an element with lists: where rows are alike by stride, else one after the other."""
         if self.tokens is not None:
-            line = self.tokens.line[:-1][np.diff(self.tokens.line) > 0]
+            line = self.tokens.filled
             k = int(np.searchsorted(line, at))
             rows = np.append(line[k:], self._size)[: e.count + 1]
             if len(rows) == e.count + 1 and rows[0] == at:
@@ -289,49 +291,34 @@ class Layout:
         """Row after row: the place of a row depends on the counts of all before it."""
         out = np.empty(n + 1, np.int64)
         steps = [
-            (self._width(p.count_type), f"{self.order}{p.count_type}", self._width(p.type))
+            (self._width(p.count_type), p.count_type[0], self._width(p.type))
             if p.count_type
             else (self._width(p.type), "", 0)
             for p in e.properties
         ]
-        read = self._reader()
+        order: Literal["big", "little"] = "big" if self.order == ">" else "little"
+        data, tokens = self.data, self.tokens
         for i in range(n):
             out[i] = at
-            for width, code, item in steps:
-                if code:
+            for width, sign, item in steps:
+                if sign:
                     if at + width > self._size:
                         raise self._short(e)
-                    at += item * read(at, code, width)
+                    if tokens is not None:
+                        word = tokens.word(at)
+                        if not word.isdigit():
+                            raise self.source.error(f"{word[:24]!r} is not a list length")
+                        count = int(word)
+                    else:
+                        count = int.from_bytes(data[at : at + width], order, signed=sign == "i")
+                        if count < 0:
+                            raise self.source.error(f"a list has the length {count}")
+                    at += item * count
                 at += width
             if at > self._size:
                 raise self._short(e)
         out[n] = at
         return out
-
-    def _reader(self) -> Any:
-        """A function (place, type, width) → count, for one value at a time."""
-        if self.tokens is not None:
-            t = self.tokens
-
-            def word(at: int, code: str, width: int) -> int:
-                text = t.clean[t.start[at] : t.end[at]].tobytes()
-                if not text.isdigit():
-                    raise self.source.error(f"{text[:24]!r} is not a list length")
-                return int(text)
-
-            return word
-        data = self.data
-        order: Any = "big" if self.order == ">" else "little"
-
-        def binary(at: int, code: str, width: int) -> int:
-            if width == 1 and code[1] == "u":
-                return data[at]
-            value = int.from_bytes(data[at : at + width], order, signed=code[1] == "i")
-            if value < 0:
-                raise self.source.error(f"a list has the length {value}")
-            return value
-
-        return binary
 
     def _short(self, e: Element) -> Exception:
         return self.source.error(
