@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import field, replace
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -327,6 +327,13 @@ class Document:
         before = old.corners
         after = uvmap.corners
         return bool(((old.uv_faces >= 0) & (before != after).any(2)).any())
+
+    def encoded(
+        self, data: bytes, format: str, vertices: IntArray | None = None, **rest: Any
+    ) -> Encoded:
+        """Bytes with the faces of the document in their order, and its vertices unless others are given."""
+        same = np.arange(len(self.mesh.points)) if vertices is None else vertices
+        return Encoded(data, format, same, np.arange(len(self.mesh.faces)), **rest)
 
     def check_edit(self, options: WriteOptions, format: str) -> None:
         """Raise OptionError for options that this file has no place for."""

@@ -6,10 +6,9 @@ import numpy as np
 
 from circparam.core.arrays import ranges
 from circparam.formats.memory import PlainDocument
-from circparam.formats.polygons import list_start, triangulate
+from circparam.formats.polygons import check_corners, list_start, triangulate
 from circparam.formats.source import Source
 from circparam.formats.tokens import BYTE_ORDER_MARK, tokenize
-from circparam.mesh.mesh import Mesh
 
 
 def read_off(data: bytes, source: Source) -> PlainDocument:
@@ -46,16 +45,11 @@ def read_off(data: bytes, source: Source) -> PlainDocument:
     except ValueError as error:
         raise source.error(f"a row is malformed ({error})") from None
     points = points.reshape(-1, 3)
-    bad = (corners < 0) | (corners >= n)
-    if bad.any():
-        raise source.error(
-            f"a face names vertex {int(corners[bad][0])}: there are {n} (counted from 0)"
-        )
+    check_corners(corners, n, source)
     polys = triangulate(points, corners, list_start(size))
     if len(polys.triangles) == 0:
         raise source.error("it has no faces: there is nothing to unwrap")
-    mesh = Mesh(points, corners[polys.triangles], polygons=polys.labels)
     features: tuple[str, ...] = ("polygons",) if polys.labels is not None else ()
     if found.group(1) != b"OFF" or (end[n : n + m] > rows + 1 + size).any():
         features += ("colours or normals",)
-    return PlainDocument(source, "off", mesh, features=features, polys=polys)
+    return PlainDocument(source, "off", polys.mesh(points), features=features, polys=polys)

@@ -1,6 +1,5 @@
 """Names of pages in comments of text formats: ``circparam page 1001 steel``, a line for each page."""
 
-import re
 from collections.abc import Sequence
 
 FIRST_UDIM = 1001  # UDIM number of the first page
@@ -14,20 +13,9 @@ def page_lines(names: Sequence[str]) -> list[str]:
     ]
 
 
-def in_ply_header(data: bytes, names: Sequence[str]) -> bytes:
-    """A PLY file whose header names its pages, and no pages of an earlier layout."""
-    end = re.search(rb"(?:^|[\r\n])end_header", data)
-    if end is None:
-        return data
-    head = data[: end.start() + 1]
-    first = re.search(rb"format [^\r\n]*(\r\n|\n|\r)", head)
-    if first is None or not (names or b"comment " + NOTE_START.encode() in head):
-        return data
-    newline = first.group(1)
-    rest = newline.join(
-        line
-        for line in head[first.end() :].split(newline)
-        if not line.startswith(b"comment " + NOTE_START.encode())
-    )
-    said = b"".join(b"comment " + line.encode() + newline for line in page_lines(names))
-    return head[: first.end()] + said + rest + data[end.start() + 1 :]
+def with_pages(header: Sequence[str], names: Sequence[str]) -> list[str]:
+    """The lines of a PLY header (latin-1) that name these pages, and no pages of an earlier layout."""
+    lines = [line for line in header if not line.startswith(f"comment {NOTE_START}")]
+    at = 1 + next(k for k, line in enumerate(lines) if line.split()[:1] == ["format"])
+    lines[at:at] = [f"comment {line}".encode().decode("latin-1") for line in page_lines(names)]
+    return lines

@@ -14,7 +14,8 @@ from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
-from circparam.mesh.mesh import UVMap
+from circparam.formats.source import Source
+from circparam.mesh.mesh import Mesh, UVMap
 
 # Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes 0.1 ms for each corner.
 MAX_CONCAVE_CORNERS = 100_000
@@ -50,6 +51,12 @@ class Polygons:
     def labels(self) -> IntArray | None:
         """Polygon label of each triangle for ``Mesh.polygons``; None if all are triangles."""
         return None if (np.diff(self.start) <= 3).all() else self.owner
+
+    def mesh(
+        self, points: FloatArray, groups: IntArray | None = None, counted_from: int = 0
+    ) -> Mesh:
+        """The triangles as a mesh, with labels (m,) of groups."""
+        return Mesh(points, self.corners[self.triangles], self.labels, groups, counted_from)
 
     def corner_uv(self, uvmap: UVMap, name: str) -> IntArray:
         """(L,) int64: the uv of every polygon corner, from the first triangle that lists it; −1 for none.
@@ -247,6 +254,14 @@ def clip_ears(p: FloatArray) -> IntArray:
     axis = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
     q = p @ np.stack([axis, np.cross(normal, axis)], 1)
     return np.array(Ears(q).clip(), np.int64)
+
+
+def check_corners(corners: IntArray, points: int, source: Source, least: int = 0) -> None:
+    """Raise InputError for a corner that names no vertex: below ``least``, or from ``points`` on."""
+    bad = (corners < least) | (corners >= points)
+    if bad.any():
+        wrong = int(corners[bad][0])
+        raise source.error(f"a face names vertex {wrong}: there are {points} (counted from 0)")
 
 
 def strips(corners: IntArray, start: IntArray) -> IntArray:

@@ -12,13 +12,13 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
-from circparam.formats.page_names import in_ply_header
+from circparam.formats.page_names import with_pages
 from circparam.formats.ply import materials, writing
 from circparam.formats.ply.reading import INDICES, UV_NAMES, FaceLists, Layout, vertex_uv
-from circparam.formats.polygons import Polygons, list_start, strips, triangulate
+from circparam.formats.polygons import Polygons, check_corners, list_start, strips, triangulate
 from circparam.formats.source import Source
 from circparam.formats.vertex_split import duplicated, split_vertices
-from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.mesh import UVMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,23 +96,22 @@ class PlyDocument(Document):
         polys, layout = self.lists.polys, self.layout
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
-        vertices = np.arange(len(self.mesh.points))
-        notes, extra = list[str](), dict[str, bytes]()
-        if writing.uv_at_faces(options.ply_uv):
-            own = corner_uv[: self.lists.n_corners]
-            data = writing.with_face_uv(layout, self.lists, uv, own, kind)
-        else:
-            split = split_vertices(len(vertices), polys.corners, uv, corner_uv)
-            data, vertices = writing.with_vertex_uv(layout, self.lists, split, kind), split.source
-            notes = [duplicated(split.added)] if split.added else []
-        data = in_ply_header(data, options.pages)
-        images = filter(None, map(materials.texture_file, self.layout.lines))
-        assets = list(dict.fromkeys(images))
+        lines = with_pages(layout.lines, options.pages)
+        assets, extra = list(dict.fromkeys(materials.texture_files(lines))), dict[str, bytes]()
         if self.carried is not None:
             assets = []
-            data, extra = materials.redressed(data, self.carried, stem)
-        faces = np.arange(len(self.mesh.faces))
-        return Encoded(data, "ply", vertices, faces, extra, assets, notes)
+            lines, extra = materials.redressed(lines, self.carried, stem)
+        vertices, notes = None, list[str]()
+        if writing.uv_at_faces(options.ply_uv):
+            own = corner_uv[: self.lists.n_corners]
+            changes = writing.face_changes(layout, self.lists, uv, own, kind)
+        else:
+            split = split_vertices(len(self.mesh.points), polys.corners, uv, corner_uv)
+            changes = writing.vertex_changes(layout, self.lists, split, kind)
+            vertices = split.source
+            notes = [duplicated(split.added)] if split.added else []
+        data = writing.written(layout, lines, changes)
+        return self.encoded(data, "ply", vertices, extra=extra, assets=assets, notes=notes)
 
 
 def read_ply(data: bytes, source: Source) -> PlyDocument:
@@ -137,7 +136,6 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
             np.concatenate([polys.triangles, len(corners) + np.arange(3 * k).reshape(-1, 3)]),
             np.concatenate([polys.owner, len(size) + np.arange(k)]),
         )
-    mesh = Mesh(points, polys.corners[polys.triangles], polygons=polys.labels)
     has_uv = vertex_uv(vertex) is not None or layout.element("face").find("texcoord")
     names = {p.name for e in layout.elements for p in e.properties}
     known = {"x", "y", "z", *INDICES, "texcoord", *(n for pair in UV_NAMES for n in pair)}
@@ -150,7 +148,7 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
         "tristrips": "tristrips" in {e.name for e in layout.elements},
     }
     return PlyDocument(
-        source, "ply", mesh, (0,) if has_uv else (), [],
+        source, "ply", polys.mesh(points), (0,) if has_uv else (), [],
         tuple(feature for feature, there in features.items() if there),
         layout=layout, lists=FaceLists(polys, len(size), len(corners), tri, strip_counts),
     )  # fmt: skip
@@ -191,10 +189,5 @@ def _lists(layout: Layout, name: str, points: int, least: int) -> tuple[IntArray
         raise layout.source.error(f"element {name!r} has no list vertex_indices")
     values, counts = layout.list(element, p.name)
     index = values.astype(np.int64)
-    bad = (index < least) | (index >= points)
-    if bad.any():
-        wrong = int(index[bad][0])
-        raise layout.source.error(
-            f"a face names vertex {wrong}: there are {points} (counted from 0)"
-        )
+    check_corners(index, points, layout.source, least)
     return index, counts

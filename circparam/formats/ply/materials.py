@@ -37,19 +37,17 @@ def colours(layout: Layout, faces: IntArray, owner: IntArray) -> FloatArray | No
 def textures(layout: Layout, m: int) -> Textures | None:
     """The first TextureFile comment, as MeshLab writes it, for all m faces; None if there is none."""
     files = ImageFiles(layout.source)
-    for line in layout.lines:
-        if name := texture_file(line):
-            face = np.full(m, files.read(name), np.int64)
-            return files.textures(face, np.ones((m, 3)))
+    for name in texture_files(layout.lines)[:1]:
+        return files.textures(np.full(m, files.read(name), np.int64), np.ones((m, 3)))
     return None
 
 
-def texture_file(line: str) -> str:
-    """The image that a line of the header names, as MeshLab writes it; '' for any other line."""
-    found = re.match(r"comment\s+TextureFile\s+(.+)", line.strip(), re.IGNORECASE)
-    return found.group(1).strip() if found else ""
+def texture_files(header: list[str]) -> list[str]:
+    """The images that the lines of a header name, as MeshLab writes them."""
+    return [found[2].strip() for found in map(_TEXTURE_LINE.match, header) if found]
 
 
+_TEXTURE_LINE = re.compile(r"(\s*comment\s+TextureFile\s+)(\S.*)", re.IGNORECASE)
 IMAGE = Slot("texture", (0, 1, 2, 3), "texture", True)
 
 
@@ -58,7 +56,7 @@ def looks(layout: Layout, m: int) -> Looks | None:
 
     Raises InputError if it is missing, or where faces take theirs from several.
     """
-    names = [name for name in map(texture_file, layout.lines) if name]
+    names = texture_files(layout.lines)
     if not names:
         return None
     if len(names) > 1:
@@ -71,10 +69,10 @@ def looks(layout: Layout, m: int) -> Looks | None:
     return Looks(tuple(files.images), (names[0],), (material,), np.zeros(m, np.int64))
 
 
-def redressed(data: bytes, carried: Carried, stem: str) -> tuple[bytes, dict[str, bytes]]:
-    """A PLY file that names its carried image: (the file, the image by its name)."""
+def redressed(header: list[str], carried: Carried, stem: str) -> tuple[list[str], dict[str, bytes]]:
+    """The lines of a header that name a carried image: (the lines, the image by its name)."""
     name = carried.file_of(IMAGE.page, stem or "mesh")
-    head, end, body = data.partition(b"end_header")
-    line = re.compile(rb"^(comment\s+TextureFile\s+)[^\r\n]+", re.IGNORECASE | re.MULTILINE)
-    head = line.sub(lambda found: found[1] + name.encode("latin-1", "replace"), head, count=1)
-    return head + end + body, {name: carried.pages[IMAGE.page]}
+    known = name.encode("latin-1", "replace").decode("latin-1")
+    first = next(k for k, line in enumerate(header) if texture_files([line]))
+    line = _TEXTURE_LINE.sub(lambda found: found[1] + known, header[first])
+    return [*header[:first], line, *header[first + 1 :]], {name: carried.pages[IMAGE.page]}

@@ -1,10 +1,12 @@
 """Rows of a PLY file written again, with uv at vertices or faces, and a new file without uv."""
 
+from dataclasses import field
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.ply.reading import INDICES, Element, FaceLists, Layout, vertex_uv
@@ -40,77 +42,87 @@ def list_piece(head: Piece, counts: IntArray, items: Piece) -> Piece:
     return interleave([head, (items[0], end[first[1:]] - end[first[:-1]])])
 
 
-def rebuild(
-    layout: Layout, e: Element, drop: set[str], add: Piece | None = None,
-    *, rows: IntArray | None = None, replace: dict[str, Piece] | None = None,
-) -> bytes:  # fmt: skip
-    """The rows of an element again: some properties left out or replaced, others put at the end.
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What changes in an element: its properties, with the lines of the header that declare them.
 
-    rows: the rows to write, in order (they may repeat); pieces have one share for each of them.
+    drop: properties that go. replace: line and values of properties that stand in their places. lines, add: of
+    properties behind the last one. rows: the rows to write, in order (they may repeat), None for all; values
+    have one share for each of them.
     """
-    rows = np.arange(e.count) if rows is None else rows
+
+    drop: set[str]
+    replace: dict[str, tuple[str, Piece]] = field(default_factory=dict)
+    lines: tuple[str, ...] = ()
+    add: Piece | None = None
+    rows: IntArray | None = None
+
+
+def written(layout: Layout, lines: list[str], changes: dict[str, Change]) -> bytes:
+    """The file with changed elements; lines: of its header, perhaps with other comments."""
+    parts = [_header(layout, lines, changes)]
+    done = layout.body
+    for e in layout.elements:
+        end = int(layout.byte(e.row[-1:])[0])
+        changed = e.name in changes and e.count
+        parts.append(_rows(layout, e, changes[e.name]) if changed else layout.data[done:end])
+        done = end
+    parts.append(layout.data[done:])
+    return b"".join(parts)
+
+
+def _header(layout: Layout, lines: list[str], changes: dict[str, Change]) -> bytes:
+    """The header with the properties and numbers of rows of changed elements."""
+    out: list[str] = []
+    last: dict[str, int] = {}
+    change, element = None, ""
+    for line in lines:
+        words = line.split()
+        if words[:1] == ["element"]:
+            element = words[1]
+            change = changes.get(element)
+            if change is not None and change.rows is not None:
+                line = line.replace(words[2], str(len(change.rows)), 1)
+            last[element] = len(out)
+        elif words[:1] == ["property"]:
+            if change is not None:
+                if words[-1] in change.drop:
+                    continue
+                line = change.replace.get(words[-1], (line,))[0]
+            last[element] = len(out)
+        out.append(line)
+    for name in sorted(changes.keys() & last.keys(), key=lambda name: -last[name]):
+        out[last[name] + 1 : last[name] + 1] = changes[name].lines
+    newline = layout.newline.decode()
+    return (newline.join(out) + newline).encode("latin-1")
+
+
+def _rows(layout: Layout, e: Element, change: Change) -> bytes:
+    """The rows of a changed element."""
+    rows = np.arange(e.count) if change.rows is None else change.rows
     parts: list[Piece] = []
     place = [*(layout.place(e, p.name) for p in e.properties), e.row[1:]]
+    touched = change.drop | change.replace.keys()
     k = 0
     while k < len(e.properties):
         name = e.properties[k].name
-        if replace and name in replace:
-            parts.append(replace[name])
-        elif name not in drop:
+        if name in change.replace:
+            parts.append(change.replace[name][1])
+        elif name not in change.drop:
             first = k
-            while k + 1 < len(e.properties) and e.properties[k + 1].name not in drop | set(
-                replace or ()
-            ):
+            while k + 1 < len(e.properties) and e.properties[k + 1].name not in touched:
                 k += 1
             # in ascii, every part but the first brings the blank before it along
             start = layout.byte(place[first]) if not parts else layout.byte_end(place[first])
             length = (layout.byte_end(place[k + 1]) - start)[rows]
             parts.append((take_ranges(layout.raw, start[rows], length), length))
         k += 1
-    if add is not None:
-        parts.append(add)
+    if change.add is not None:
+        parts.append(change.add)
     if layout.ascii:
         newline = as_bytes(layout.newline)
         parts.append((np.tile(newline, len(rows)), np.full(len(rows), len(newline))))
     return interleave(parts)[0].tobytes()
-
-
-def header(
-    layout: Layout, drop: dict[str, set[str]], add: dict[str, list[str]], counts: dict[str, int],
-    retype: dict[tuple[str, str], str],
-) -> bytes:  # fmt: skip
-    """The header with property lines taken out, put behind the last of their element, and new counts."""
-    out: list[str] = []
-    element, last = "", {}
-    for line in layout.lines:
-        words = line.split()
-        if words[:1] == ["element"]:
-            element = words[1]
-            if element in counts:
-                line = line.replace(words[2], str(counts[element]), 1)
-            last[element] = len(out)
-        elif words[:1] == ["property"]:
-            if words[-1] in drop.get(element, set()):
-                continue
-            line = retype.get((element, words[-1]), line)
-            last[element] = len(out)
-        out.append(line)
-    for name, lines in sorted(add.items(), key=lambda item: -last[item[0]]):
-        out[last[name] + 1 : last[name] + 1] = lines
-    newline = layout.newline.decode()
-    return (newline.join(out) + newline).encode("latin-1")
-
-
-def assemble(layout: Layout, head: bytes, blocks: dict[str, bytes]) -> bytes:
-    """Header and elements, changed or as they were, and whatever lies behind them."""
-    parts = [head]
-    done = layout.body
-    for e in layout.elements:
-        end = int(layout.byte(e.row[-1:])[0])
-        parts.append(blocks[e.name] if e.name in blocks else layout.data[done:end])
-        done = end
-    parts.append(layout.data[done:])
-    return b"".join(parts)
 
 
 def uv_at_faces(place: str | None) -> bool:
@@ -120,18 +132,10 @@ def uv_at_faces(place: str | None) -> bool:
     return place == "face"
 
 
-def uv_properties(layout: Layout) -> dict[str, set[str]]:
-    """The properties of vertices and faces that hold uv now."""
-    face = {"texcoord"} if layout.element("face").find("texcoord") else set()
-    return {"vertex": set(vertex_uv(layout.element("vertex")) or ()), "face": face}
-
-
-def with_face_uv(
+def face_changes(
     layout: Layout, lists: FaceLists, uv: FloatArray, corner_uv: IntArray, code: str
-) -> bytes:
-    """The file with a texcoord list for every face. corner_uv: (L,) of all face corners, −1 for 0, 0."""
-    face, vertex = layout.element("face"), layout.element("vertex")
-    drop = uv_properties(layout)
+) -> dict[str, Change]:
+    """The changes that give every face a texcoord list. corner_uv: (L,) of all face corners, −1 for 0, 0."""
     size = np.diff(lists.polys.start)[: lists.n_faces]
     count_code = "u1" if int(size.max(initial=0)) * 2 < 256 else "i4"
     text, length = scalars(layout, np.concatenate([uv, np.zeros((1, 2))]), code)
@@ -139,31 +143,24 @@ def with_face_uv(
     length = length[corner_uv]
     pairs = take_ranges(text, at[corner_uv], length)
     piece = list_piece(scalars(layout, 2 * size[:, None], count_code), size, (pairs, length))
-    blocks = {}
-    if face.count:
-        blocks["face"] = rebuild(layout, face, drop["face"], piece)
-    if drop["vertex"]:
-        blocks["vertex"] = rebuild(layout, vertex, drop["vertex"])
     line = f"property list {_NAMES[count_code]} {_NAMES[code]} texcoord"
-    return assemble(layout, header(layout, drop, {"face": [line]}, {}, {}), blocks)
+    changes = {"face": Change({"texcoord"}, lines=(line,), add=piece)}
+    if old := vertex_uv(layout.element("vertex")):
+        changes["vertex"] = Change(set(old))
+    return changes
 
 
-def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) -> bytes:
-    """The file with uv at every vertex, vertices duplicated where a seam runs."""
-    vertex = layout.element("vertex")
-    drop = uv_properties(layout)
-    names = vertex_uv(vertex) or ("s", "t")
+def vertex_changes(layout: Layout, lists: FaceLists, split: Split, code: str) -> dict[str, Change]:
+    """The changes that give every vertex uv, vertices duplicated where a seam runs."""
+    old = vertex_uv(layout.element("vertex"))
+    lines = tuple(f"property {_NAMES[code]} {name}" for name in old or ("s", "t"))
     uv = scalars(layout, split.uv, code)
-    blocks = {"vertex": rebuild(layout, vertex, drop["vertex"], uv, rows=split.source)}
-    counts = {"vertex": len(split.source)}
-    retype: dict[tuple[str, str], str] = {}
+    changes = {"vertex": Change(set(old or ()), lines=lines, add=uv, rows=split.source)}
     for name in ("face", "tristrips"):
         e = layout.element(name)
-        if e.count == 0:
-            continue
-        replace = {}
+        change = Change({"texcoord"} if name == "face" and e.find("texcoord") else set())
         indices = e.find(*INDICES)
-        if split.added and indices is not None:
+        if e.count and split.added and indices is not None:
             corner, sizes = split.corner, np.diff(lists.polys.start)[: lists.n_faces]
             values = corner[: lists.n_corners]
             if name == "tristrips":
@@ -176,15 +173,13 @@ def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) ->
                 count_code = "i4"
             if kind[0] != "f" and len(split.source) - 1 > np.iinfo(kind).max:
                 kind = "i4"
-            retype[name, indices.name] = (
-                f"property list {_NAMES[count_code]} {_NAMES[kind]} {indices.name}"
-            )
+            line = f"property list {_NAMES[count_code]} {_NAMES[kind]} {indices.name}"
             heads = scalars(layout, sizes[:, None], count_code)
-            replace[indices.name] = list_piece(heads, sizes, scalars(layout, values[:, None], kind))
-        if replace or drop.get(name):
-            blocks[name] = rebuild(layout, e, drop.get(name, set()), replace=replace)
-    add = {"vertex": [f"property {_NAMES[code]} {name}" for name in names]}
-    return assemble(layout, header(layout, drop, add, counts, retype), blocks)
+            items = scalars(layout, values[:, None], kind)
+            change.replace[indices.name] = line, list_piece(heads, sizes, items)
+        if change.drop or change.replace:
+            changes[name] = change
+    return changes
 
 
 def break_strips(corner: IntArray, place: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
