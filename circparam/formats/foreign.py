@@ -50,12 +50,15 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> PlainDocumen
         raise source.error(f"{kind.upper()} is read with {' and '.join(missing)}: {FORMATS_EXTRA}")
     lost = dict.fromkeys(LOST)
     if kind in ("gltf", "glb"):
-        features = features_of(data, source)
-        if DRACO.encode() in data and importlib.util.find_spec("DracoPy") is None:
-            raise source.error(f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}")
         kept = ("extensions", "nodes", "normals")  # said in other words, or made anew
-        lost |= dict.fromkeys(f for f in features if f not in kept)
-        data = _with_materials(data, source)
+        with sound_tree(source):
+            tree = Tree(data, source)
+            lost |= dict.fromkeys(f for f in features_of(tree) if f not in kept)
+            if DRACO.encode() in data and importlib.util.find_spec("DracoPy") is None:
+                raise source.error(
+                    f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}"
+                )
+            data = _with_materials(tree, data)
     if kind in ENTRY:
         check_archive(data, source, kind)
     arrays, names = read_apart(data, source, kind)
@@ -87,20 +90,18 @@ def _axis(data: bytes, kind: str) -> str:
     return said[1].decode().lower() if said is not None and said[1] != b"X" else ""
 
 
-def _with_materials(data: bytes, source: Source) -> bytes:
+def _with_materials(tree: Tree, data: bytes) -> bytes:
     """A glTF file whose primitives with uv all have a material: trimesh reads no uv of the others."""
-    tree = Tree(data, source)
-    with sound_tree(source):
-        primitives = [p for mesh in tree.entries("meshes") for p in mesh["primitives"]]
-        bare = [p for p in primitives if "material" not in p and "TEXCOORD_0" in p["attributes"]]
-        if not bare:
-            return data
-        tree.json["materials"] = [*tree.entries("materials"), {}]
-        for p in bare:
-            p["material"] = len(tree.json["materials"]) - 1
-        if tree.is_glb:
-            return glb_bytes(tree.json, tree.bin, tree.rest)
-        return json.dumps(tree.json).encode()
+    primitives = [p for mesh in tree.entries("meshes") for p in mesh["primitives"]]
+    bare = [p for p in primitives if "material" not in p and "TEXCOORD_0" in p["attributes"]]
+    if not bare:
+        return data
+    tree.json["materials"] = [*tree.entries("materials"), {}]
+    for p in bare:
+        p["material"] = len(tree.json["materials"]) - 1
+    if tree.is_glb:
+        return glb_bytes(tree.json, tree.bin, tree.rest)
+    return json.dumps(tree.json).encode()
 
 
 def check_archive(data: bytes, source: Source, kind: str) -> None:

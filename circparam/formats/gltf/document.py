@@ -17,10 +17,15 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import GROUPINGS, Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
-from circparam.formats.gltf.compressed import drop_compressed_copies
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
-from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
+from circparam.formats.gltf.reading import (
+    COMPRESSED,
+    DECODE,
+    Tree,
+    drop_compressed_copies,
+    sound_tree,
+)
 from circparam.formats.gltf.unused import short_views
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
@@ -216,49 +221,35 @@ def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocumen
     Raises InputError if the tree is malformed, lies about its data, or is compressed.
     """
     with sound_tree(source):
-        return _read(Tree(data, source), source, unshare)
-
-
-def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
-    required = [k for k in tree.json.get("extensionsRequired", []) if k in COMPRESSED]
-    if required:
-        raise source.error(f"it is compressed with {required[0]}: {DECODE}")
-    notes = drop_compressed_copies(tree)
-    shown = scene.walk(tree)
-    warnings: list[str] = []
-    if unshare:
-        if not scene.unshare_meshes(tree, shown):
+        tree = Tree(data, source)
+        required = [k for k in tree.json.get("extensionsRequired", []) if k in COMPRESSED]
+        if required:
+            raise source.error(f"it is compressed with {required[0]}: {DECODE}")
+        notes, warnings = drop_compressed_copies(tree), list[str]()
+        if unshare and not scene.unshare_meshes(tree, scene.walk(tree)):
             warnings.append("--unshare has no effect: no two nodes share a mesh")
         shown = scene.walk(tree)
-    parts = scene.read_meshes(tree, shown)
-    faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
-    points, groups, names = np.concatenate(parts.points), None, []
-    used = [scene.material_of(tree, p) for p in parts.primitives]
-    order = list(dict.fromkeys(used))
-    if len(order) > 1:
-        label = [order.index(k) for k in used]
-        groups = np.repeat(label, [len(p.triangles) for p in parts.primitives])
-        given = [
-            tree.item("materials", k).get("name", f"material_{k}") if k >= 0 else "" for k in order
-        ]
-        names = [str(name) for name in given]
-    sets = sorted({int(k[9:]) for p in parts.pools for k in p.attributes if k[:9] == "TEXCOORD_"})
-    return GltfDocument(
-        source, "glb" if tree.is_glb else "gltf", Mesh(points, faces, groups=groups),
-        tuple(sets), notes + parts.notes, _features(tree), tuple(names),
-        tree=tree, primitives=parts.primitives, pools=parts.pools, again=scene.shown_again(shown),
-        warnings=tuple(warnings),
-    )  # fmt: skip
+        points, primitives, pools, left = scene.read_meshes(tree, shown)
+        faces = np.concatenate([p.triangles + pools[p.pool].first for p in primitives])
+        used = [scene.material_of(tree, p) for p in primitives]
+        order = list(dict.fromkeys(used))
+        groups, names = None, list[str]()
+        if len(order) > 1:
+            label = [order.index(k) for k in used]
+            groups = np.repeat(label, [len(p.triangles) for p in primitives])
+            known = [tree.item("materials", k) if k >= 0 else {"name": ""} for k in order]
+            names = [str(m.get("name", f"material_{k}")) for k, m in zip(order, known, strict=True)]
+        sets = {int(k[9:]) for p in pools for k in p.attributes if k[:9] == "TEXCOORD_"}
+        return GltfDocument(
+            source, "glb" if tree.is_glb else "gltf", Mesh(points, faces, groups=groups),
+            tuple(sorted(sets)), notes + left, features_of(tree), tuple(names),
+            tree=tree, primitives=primitives, pools=pools, again=scene.shown_again(shown),
+            warnings=tuple(warnings),
+        )  # fmt: skip
 
 
-def features_of(data: bytes, source: Source) -> tuple[str, ...]:
-    """Data of a glTF file beyond triangles and one uv set, compressed or not."""
-    with sound_tree(source):
-        return _features(Tree(data, source))
-
-
-def _features(tree: Tree) -> tuple[str, ...]:
-    """Data of the tree beyond triangles and one uv set."""
+def features_of(tree: Tree) -> tuple[str, ...]:
+    """Data of a tree, compressed or not, beyond triangles and one uv set."""
     names = {
         name
         for mesh in tree.json.get("meshes", [])
@@ -266,8 +257,7 @@ def _features(tree: Tree) -> tuple[str, ...]:
         for name in [*p["attributes"], *(["targets"] if p.get("targets") else [])]
     }
     has: Json = {
-        "materials": tree.json.get("materials"),
-        "textures": tree.json.get("textures"),
+        **{kind: tree.json.get(kind) for kind in ("materials", "textures")},
         "normals": "NORMAL" in names,
         "tangents": "TANGENT" in names,
         "vertex colours": any(n.startswith("COLOR_") for n in names),
@@ -275,9 +265,7 @@ def _features(tree: Tree) -> tuple[str, ...]:
         "further uv sets": "TEXCOORD_1" in names,
         "morph targets": "targets" in names,
         "nodes": len(tree.json.get("nodes", [])) > 1,
-        "skins": tree.json.get("skins"),
-        "animations": tree.json.get("animations"),
-        "cameras": tree.json.get("cameras"),
+        **{kind: tree.json.get(kind) for kind in ("skins", "animations", "cameras")},
         "extensions": tree.json.get("extensionsUsed"),
     }
     return tuple(k for k, there in has.items() if there)

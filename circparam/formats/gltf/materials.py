@@ -11,7 +11,7 @@ import numpy as np
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.gltf.slots import GLOSS, factors_of, places_of, texture_info, unlike
+from circparam.formats.gltf.slots import GLOSS, factors_of, places_of, unlike
 from circparam.formats.looks import Looks, Material, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint, upwards
 
@@ -162,7 +162,7 @@ def _material(tree: Tree, entry: Json, files: "_Images") -> Material:
     name = str(entry.get("name", ""))
     uses, factors, infos = {}, {}, []
     for place, holder in places_of(entry):
-        info = texture_info(holder, place)
+        info = holder.get(place.texture)
         if info is not None:
             texture = tree.item("textures", info["index"])
             sampler = tree.item("samplers", texture["sampler"]) if "sampler" in texture else {}

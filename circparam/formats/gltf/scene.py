@@ -7,23 +7,12 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.gltf.model import FAN, STRIP, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree
 
 # a node (−1 for a mesh that no node shows), its mesh, and its (4, 4) world transform
 Shown: TypeAlias = tuple[int, int, FloatArray]
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """Content of meshes: (n, 3) points of each pool in the world, primitives with triangles, pools, notes."""
-
-    points: list[FloatArray]
-    primitives: list[Primitive]
-    pools: list[Pool]
-    notes: list[str]
 
 
 def node_matrix(node: Json) -> FloatArray:
@@ -142,56 +131,59 @@ def morph_targets(
     return list(zip(names, moved, strict=True))
 
 
-def read_meshes(tree: Tree, shown: list[Shown]) -> Parts:
+def read_meshes(
+    tree: Tree, shown: list[Shown]
+) -> tuple[FloatArray, list[Primitive], list[Pool], list[str]]:
     """Every mesh that the nodes (from ``walk``) show, once each, where the first of its nodes puts it.
 
-    Raises InputError if a mesh is compressed, names vertices that are not there, or none has triangles.
+    Returns (n, 3) points in the world, primitives with triangles, pools, notes. Raises InputError if a mesh is
+    compressed, names vertices that are not there, or none has triangles.
     """
-    out = Parts([], [], [], [])
-    read: set[int] = set()
-    for _, mesh, matrix in shown:
-        if mesh not in read:
-            read.add(mesh)
-            _read_mesh(tree, mesh, matrix, out)
-    if not out.primitives:
-        raise tree.error("it has no triangles: there is nothing to unwrap")
-    return out
-
-
-def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, out: Parts) -> None:
-    """Put one mesh behind those that are there."""
+    points, primitives, pools, notes = (
+        list[FloatArray](),
+        list[Primitive](),
+        list[Pool](),
+        list[str](),
+    )
     known: dict[object, int] = {}
-    turned = mirrors(matrix)
-    for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
-        packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
-        if packed:
-            raise tree.error(f"mesh {mesh} is compressed with {packed[0]}: {DECODE}")
-        mode, attributes = p.get("mode", TRIANGLES), p["attributes"]
-        what = f"mesh {mesh}, primitive {number}"
-        if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
-            out.notes.append(f"{what} has no triangles and was left as it is")
-            continue
-        targets = p.get("targets", [])
-        key = (*sorted(attributes.items()), *(tuple(sorted(t.items())) for t in targets))
-        if key not in known:
-            known[key] = len(out.pools)
-            position = tree.values(attributes["POSITION"])
-            if position.shape[1] != 3:
-                raise tree.error(f"mesh {mesh}: POSITION is not a VEC3")
-            first = out.pools[-1].part.stop if out.pools else 0
-            if first + len(position) > tree.limit:
-                raise tree.error("its meshes expand to more vertices than its data can describe")
-            out.pools.append(Pool(attributes, targets, first, len(position)))
-            out.points.append(transform(position, matrix))
-        n = out.pools[known[key]].count
-        index = tree.integers(p["indices"]) if "indices" in p else np.arange(n)
-        if len(index) and index.max() >= n:
-            raise tree.error(f"{what} names vertex {int(index.max())} of {n}")
-        triangles = triangles_of(index, mode)
-        if turned:
-            triangles = triangles[:, ::-1]
-        if len(triangles):
-            out.primitives.append(Primitive(mesh, number, known[key], mode, triangles, turned))
+    matrices = {mesh: matrix for _, mesh, matrix in reversed(shown)}
+    for mesh in dict.fromkeys(mesh for _, mesh, _ in shown):
+        turned = mirrors(matrices[mesh])
+        for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
+            packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
+            if packed:
+                raise tree.error(f"mesh {mesh} is compressed with {packed[0]}: {DECODE}")
+            mode, attributes = p.get("mode", TRIANGLES), p["attributes"]
+            what = f"mesh {mesh}, primitive {number}"
+            if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
+                notes.append(f"{what} has no triangles and was left as it is")
+                continue
+            targets = p.get("targets", [])
+            key = (mesh, *sorted(attributes.items()), *(tuple(sorted(t.items())) for t in targets))
+            if key not in known:
+                known[key] = len(pools)
+                position = tree.values(attributes["POSITION"])
+                if position.shape[1] != 3:
+                    raise tree.error(f"mesh {mesh}: POSITION is not a VEC3")
+                first = pools[-1].part.stop if pools else 0
+                if first + len(position) > tree.limit:
+                    raise tree.error(
+                        "its meshes expand to more vertices than its data can describe"
+                    )
+                pools.append(Pool(attributes, targets, first, len(position)))
+                points.append(transform(position, matrices[mesh]))
+            n = pools[known[key]].count
+            index = tree.integers(p["indices"]) if "indices" in p else np.arange(n)
+            if len(index) and index.max() >= n:
+                raise tree.error(f"{what} names vertex {int(index.max())} of {n}")
+            triangles = triangles_of(index, mode)
+            if turned:
+                triangles = triangles[:, ::-1]
+            if len(triangles):
+                primitives.append(Primitive(mesh, number, known[key], mode, triangles, turned))
+    if not primitives:
+        raise tree.error("it has no triangles: there is nothing to unwrap")
+    return np.concatenate(points), primitives, pools, notes
 
 
 def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:

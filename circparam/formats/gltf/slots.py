@@ -86,17 +86,12 @@ PLACES = (
 )  # fmt: skip
 
 
-def texture_info(holder: Json, place: Place) -> Json | None:
-    """The texture info of a slot, None if it has no texture."""
-    return holder.get(place.texture)
-
-
 def factors_of(holder: Json, place: Place) -> FloatArray:
     """The numbers of a slot, defaults where they are not given.
 
     Raises ValueError for too many or too few, and for one that is beyond float32, as JSON parsers read it.
     """
-    origin = texture_info(holder, place) or {} if place.inside else holder
+    origin = holder.get(place.texture) or {} if place.inside else holder
     out = []
     for key, default in place.factors:
         value = np.atleast_1d(np.asarray(origin.get(key, default), np.float64))
