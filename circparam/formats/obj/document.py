@@ -30,7 +30,7 @@ from circparam.formats.page_names import NOTE_START, page_lines
 from circparam.formats.polygons import Polygons, triangulate
 from circparam.formats.source import Source
 from circparam.formats.tokens import SLASH, as_bytes, digits, interleave, splice
-from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.mesh import UVMap
 
 # comments on lines of their own: the owner of an atlas, and a page of a layout
 GROUPING = rb"# circparam group_by (primitive|mesh)[ \t]*"
@@ -127,8 +127,7 @@ class ObjDocument(Document):
             data, extra = materials.redressed(
                 data, self.scan, self.source, found, self.carried, stem
             )
-        n, m = len(self.mesh.points), len(self.mesh.faces)
-        return Encoded(data, "obj", np.arange(n), np.arange(m), extra, assets, notes)
+        return self.encoded(data, "obj", extra=extra, assets=assets, notes=notes)
 
 
 def read_obj(data: bytes, source: Source) -> ObjDocument:
@@ -149,13 +148,7 @@ def read_obj(data: bytes, source: Source) -> ObjDocument:
     vt = scan.resolve(1, b"vt", len(scan.of(b"vt")))
     polys = triangulate(points, corners, scan.corner_start)
     groups, names = _groups(scan)
-    mesh = Mesh(
-        points,
-        corners[polys.triangles],
-        polygons=polys.labels,
-        groups=None if groups is None else groups[polys.owner],
-        counted_from=1,
-    )
+    mesh = polys.mesh(points, None if groups is None else groups[polys.owner], counted_from=1)
     features = {
         "polygons": polys.labels is not None,
         "normals": len(scan.of(b"vn")) > 0,
@@ -321,6 +314,5 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     lines = body[np.repeat(some, lengths)].tobytes() if not some.all() else body.tobytes()
     said = new_comments(exported_grouping(document, options.group_by), options.pages, "\n")
     data = points.encode() + said + vt_lines(uvmap.uv[used], "\n") + lines
-    n, m = len(document.mesh.points), len(document.mesh.faces)
     notes, warnings = not_carried(document, "obj", "polygons", "groups")
-    return Encoded(data, "obj", np.arange(n), np.arange(m), notes=notes, warnings=warnings)
+    return document.encoded(data, "obj", notes=notes, warnings=warnings)

@@ -6,12 +6,15 @@ from typing import Any
 import numpy as np
 
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.formats.polygons import Polygons, list_start, triangulate
+from circparam.core.types import FloatArray, IntArray
 from circparam.formats.source import Source
 
-FIRST_PRIMVAR = "st"  # the primvar that is uv set 0
-OTHER_PRIMVARS = ("uv", "UVMap", "map1")  # float2 arrays of these names are uv, whatever their role
+UV_PRIMVARS = (
+    "st",
+    "uv",
+    "UVMap",
+    "map1",
+)  # float2 arrays of these names are uv, whatever their role
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,89 +38,51 @@ class MeshPrim:
 
 
 @dataclass(frozen=True, eq=False)
-class Arrays:
-    """All meshes of a stage.
+class Composed:
+    """What a stage shows.
 
-    points: (n, 3) in the world. polys: their polygons, wound as visible. mesh, group: (m,) of each triangle.
-    names: of the groups. sets: names of uv primvars, set 0 first. uv: name → (L, 2) of every corner, NaN for
-    none. variants: selections in effect. moving: whether points are animated. up: the axis that points up.
-    others: type → number of the shapes that are no meshes.
+    prims: its meshes. variants: selections in effect. up: the axis that points up. others: type → number of the
+    shapes that are no meshes. materials: whether it has any.
     """
 
     prims: list[MeshPrim]
-    points: FloatArray
-    polys: Polygons
-    mesh: IntArray
-    group: IntArray
-    names: list[str]
-    sets: list[str]
-    uv: dict[str, FloatArray]
-    variants: list[str]
-    materials: bool
-    moving: bool
+    variants: tuple[str, ...]
     up: str
     others: dict[str, int]
+    materials: bool
 
 
-def read_stage(stage: Any, source: Source) -> Arrays:
+def read_stage(stage: Any, source: Source) -> Composed:
     """The meshes of a stage at their earliest time, each instance for itself. Raises InputError."""
     from pxr import Usd, UsdGeom
 
     cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
-    parts: list[MeshPrim] = []
+    prims: list[MeshPrim] = []
     variants: list[str] = []
     materials, others = False, Counter[str]()
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
         variants += _selections(prim)
         materials |= prim.GetTypeName() == "Material"
         if prim.IsA(UsdGeom.Mesh):
-            parts += _part(prim, cache, source)
+            if (mesh := _mesh(prim, cache, source)) is not None:
+                prims.append(mesh)
         elif prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer):
             others[str(prim.GetTypeName())] += 1
-    if not parts:
+    if not prims:
         raise source.error("it has no meshes: there is nothing to unwrap")
-    points = np.concatenate([p.points for p in parts])
-    first_point = np.cumsum([0, *(len(p.points) for p in parts)])
-    first_name = np.cumsum([0, *(len(p.names) for p in parts)])
-    corners = np.concatenate([p.corners + k for p, k in zip(parts, first_point, strict=False)])
-    polys = triangulate(points, corners, list_start(np.concatenate([p.size for p in parts])))
-    if not len(polys.triangles):
-        raise source.error("its meshes have no faces: there is nothing to unwrap")
-    mesh = np.repeat(np.arange(len(parts)), [len(p.size) for p in parts])[polys.owner]
-    flip: BoolArray = np.array([p.turned for p in parts])[mesh]
-    triangles = np.where(flip[:, None], polys.triangles[:, [0, 2, 1]], polys.triangles)
-    label = np.concatenate([p.label + k for p, k in zip(parts, first_name, strict=False)])
-    sets = [FIRST_PRIMVAR, *sorted({name for p in parts for name in p.uv} - {FIRST_PRIMVAR})]
-    uv = {
-        name: np.concatenate([p.uv.get(name, np.full((len(p.corners), 2), np.nan)) for p in parts])
-        for name in sets
-    }
-    return Arrays(
-        parts,
-        points,
-        Polygons(polys.corners, polys.start, triangles, polys.owner),
-        mesh,
-        label[polys.owner],
-        [name for p in parts for name in p.names],
-        sets,
-        {name: rows for name, rows in uv.items() if not np.isnan(rows).all()},
-        list(dict.fromkeys(variants)),
-        materials,
-        any(p.moving for p in parts),
-        str(UsdGeom.GetStageUpAxis(stage)).lower(),
-        dict(others),
-    )
+    up = str(UsdGeom.GetStageUpAxis(stage)).lower()
+    return Composed(prims, tuple(dict.fromkeys(variants)), up, dict(others), materials)
 
 
-def _part(prim: Any, cache: Any, source: Source) -> list[MeshPrim]:
-    """A mesh, wound as it is seen; none if it has no faces. Raises InputError if its numbers do not fit."""
+def _mesh(prim: Any, cache: Any, source: Source) -> MeshPrim | None:
+    """A mesh, wound as it is seen; None if it has no faces. Raises InputError if its numbers do not fit."""
     from pxr import Usd, UsdGeom
 
     mesh, time = UsdGeom.Mesh(prim), Usd.TimeCode.EarliestTime()
     counts, indices = mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()
     values = [a.Get(time) for a in (mesh.GetPointsAttr(), counts, indices)]
     if any(v is None or not len(v) for v in values):
-        return []
+        return None
     points = np.array(values[0], np.float64).reshape(-1, 3)
     size, corners = (np.array(v, np.int64) for v in values[1:])
     if (size < 0).any() or size.sum() != len(corners):
@@ -150,20 +115,10 @@ def _part(prim: Any, cache: Any, source: Source) -> list[MeshPrim]:
             if above.IsInstance():
                 out.insert(0, str(above.GetPath()))
             above = above.GetParent()
-    return [
-        MeshPrim(
-            path=str(prim.GetPath()),
-            points=points,
-            size=size,
-            corners=corners,
-            label=label,
-            names=names,
-            uv=_uv(prim, corners),
-            turned=bool(left) != bool(np.linalg.det(matrix[:3, :3]) < 0),
-            instances=out,
-            moving=bool(mesh.GetPointsAttr().ValueMightBeTimeVarying()),
-        )
-    ]
+    turned = bool(left) != bool(np.linalg.det(matrix[:3, :3]) < 0)
+    moving = bool(mesh.GetPointsAttr().ValueMightBeTimeVarying())
+    uv, path = _uv(prim, corners), str(prim.GetPath())
+    return MeshPrim(path, points, size, corners, label, names, uv, turned, out, moving)
 
 
 def _selections(prim: Any) -> list[str]:
@@ -185,7 +140,7 @@ def _uv(prim: Any, corners: IntArray) -> dict[str, FloatArray]:
     out: dict[str, FloatArray] = {}
     for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         kind, name = primvar.GetTypeName(), primvar.GetPrimvarName()
-        plain = str(kind) == "float2[]" and name in (FIRST_PRIMVAR, *OTHER_PRIMVARS)
+        plain = str(kind) == "float2[]" and name in UV_PRIMVARS
         if not plain and not (
             kind.role == "TextureCoordinate" and str(kind).startswith("texCoord2")
         ):

@@ -165,13 +165,8 @@ def to_usd(
         label[polys.owner] = groups
         for k in np.unique(groups).tolist():
             faces = Vt.IntArray.FromNumpy(np.flatnonzero(label == k).astype(np.int32))
-            UsdGeom.Subset.CreateUniqueGeomSubset(
-                mesh,
-                _identifier(document.group_name(k)),
-                UsdGeom.Tokens.face,
-                faces,
-                "materialBind",
-            )
+            name, of_faces = _identifier(document.group_name(k)), UsdGeom.Tokens.face
+            UsdGeom.Subset.CreateUniqueGeomSubset(mesh, name, of_faces, faces, "materialBind")
     layer = stage.GetRootLayer()
     name_pages(layer, options.pages)
     with Sdf.ChangeBlock():
@@ -180,11 +175,10 @@ def to_usd(
     data = layer_bytes(layer, TEXT if kind == TEXT else CRATE)
     if kind == PACKAGE:
         data = package_bytes({f"{stem or 'mesh'}.{CRATE}": data})
-    n, m = len(document.mesh.points), len(document.mesh.faces)
     notes, warnings = not_carried(document, kind, "polygons", "groups")
     if not np.array_equal(points.astype(np.float64), document.mesh.points):
         notes.append("points are rounded to single precision: USD has no other")
-    return Encoded(data, kind, np.arange(n), np.arange(m), notes=notes, warnings=warnings)
+    return document.encoded(data, kind, notes=notes, warnings=warnings)
 
 
 def _identifier(name: str) -> str:
