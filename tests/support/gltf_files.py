@@ -8,9 +8,9 @@ import struct
 
 import numpy as np
 
+from circparam.formats.gltf.buffers import accessor_slots, view_slots
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.gltf.unused import accessor_slots, view_slots
 from tests.support.formats_tools import GltfMaker, grid
 
 

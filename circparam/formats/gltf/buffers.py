@@ -1,17 +1,24 @@
-"""New data in a glTF tree: accessors and views added, those without a user given up, buffers written."""
+"""New data in a glTF tree: accessors and views added, those without a user given up, buffers written.
+
+Accessors, views and buffers that lost their last user are removed. New entries take the places of removed
+ones, so few numbers change. The remaining gaps are closed and all references renumbered. The bytes go too,
+those of accessors that share a view with others too.
+"""
 
 import base64
 import copy
 import json
 import struct
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from urllib.parse import quote, unquote
 
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.types import IntArray
+from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, IntArray
 from circparam.formats.gltf.model import (
     ARRAY_BUFFER,
     COMPONENT_OF,
@@ -21,24 +28,21 @@ from circparam.formats.gltf.model import (
     index_type,
 )
 from circparam.formats.gltf.reading import Tree, element_size
-from circparam.formats.gltf.unused import (
-    Span,
-    Unused,
-    accessor_slots,
-    close_gaps,
-    cut,
-    drop_buffers,
-    drop_unused,
-    extensions_hold_data,
-    short_views,
-    used_accessors,
-    view_slots,
-    view_span,
-    views_of,
-)
 from circparam.formats.materials import media_type
 from circparam.formats.source import bytes_beside
 from circparam.formats.tokens import ByteArray
+
+_DATA_KEYS = {"accessor", "accessors", "bufferView", "buffer", "attributes", "indices", "POSITION"}
+Slots: TypeAlias = Iterable[tuple[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Span:
+    """Bytes ``start`` to ``end`` of a buffer."""
+
+    buffer: int
+    start: int
+    end: int
 
 
 class Packing:
@@ -47,6 +51,9 @@ class Packing:
     def __init__(self, tree: Tree) -> None:
         self.tree, self.json = tree, copy.deepcopy(tree.json)
         self.data: list[tuple[Json, bytes]] = []  # (bufferView, bytes)
+        # bytes without a user, and the views in which other accessors still live
+        self.gone: list[Span] = []
+        self.shared: list[Json] = []
         self.images: dict[int, bytes] = {}  # new images, by their number
         # files of images that other outputs use too, by name
         self.image_files: dict[str, str] = {}
@@ -109,7 +116,9 @@ class Packing:
 
     def finish(self, format: str, stem: str) -> tuple[bytes, dict[str, bytes], list[str]]:
         """(file, further files, relative names it refers to)."""
-        unused = self._fill_rows(self._drop())
+        if not self.careful:
+            self._drop()
+        self._fill_rows()
         extra: dict[str, bytes] = {}
         body = self.tree.bin
         self.json.setdefault("buffers", [])
@@ -123,10 +132,12 @@ class Packing:
                 image["uri"] = quote(name)
                 extra[name] = data
         if format == "glb" and not self.tree.is_glb:
-            body, unused = self._pack(unused)
+            body = self._pack()
             self._embed_images()
         if body is not None or (format == "glb" and not self.json["buffers"]):
-            body = self._append(cut(self.json, body or b"", unused, self._fresh()), 0)
+            body = self._append(
+                cut(self.json, body or b"", self.gone, self.shared, self._fresh()), 0
+            )
             buffers = self.json["buffers"]
             if not buffers:
                 buffers.append({})
@@ -135,9 +146,12 @@ class Packing:
                 return glb_bytes(self.json, body, self.tree.rest), extra, self._assets()
             buffers[0] = {"uri": self._name(stem, body, extra), **buffers[0]}
         elif self.data:
+            buffers, fresh = self.json["buffers"], {id(v) for v in self._fresh()}
             if not self.careful:
-                drop_buffers(self.json, self.tree.json, self._fresh())
-            buffers = self.json["buffers"]
+                kept = [v for v in self.json["bufferViews"] if id(v) not in fresh]
+                used = {v["buffer"] for v in self.tree.json.get("bufferViews", [])}
+                lost = used - {v["buffer"] for v in kept}
+                close_gaps(buffers, lost, ((view, "buffer") for view in kept))
             body = self._append(b"", len(buffers))
             buffers.append({"uri": self._name(stem, body, extra), "byteLength": len(body)})
         if format == "glb":
@@ -170,36 +184,40 @@ class Packing:
                 image |= known[uri]
                 image.setdefault("name", Path(unquote(uri)).stem)
 
-    def _drop(self) -> Unused:
-        """Remove accessors, views and images that lost their last user, and new accessors that have none."""
-        old, new = self.tree.json, self.json
-        if self.careful:
-            return Unused([], [])
-        accessors, views = new.get("accessors", []), new.get("bufferViews", [])
-        counts = [len(old.get(kind, [])) for kind in ("accessors", "bufferViews")]
-        before, now = used_accessors(old), used_accessors(new)
-        spare = set(range(counts[0], len(accessors))) - now
-        spare_views = views_of(accessors, spare)
-        without = {id(views[k]) for k in spare_views}
-        self.data = [(view, body) for view, body in self.data if id(view) not in without]
-        close_gaps(accessors, spare, accessor_slots(new))
-        close_gaps(views, spare_views, view_slots(new))
-        gone = (_image_views(old) - _image_views(new)) | self.tree.stale_views
-        return drop_unused(new, before - now, counts[0], counts[1], gone)
+    def _drop(self) -> None:
+        """Remove accessors, views and images that lost their last user, and new accessors that have none.
 
-    def _fill_rows(self, unused: Unused) -> Unused:
+        Entries that nothing used at first stay, because they belong to the file.
+        """
+        old, new = self.tree.json, self.json
+        accessors, views = new.get("accessors", []), new.get("bufferViews", [])
+        of_file, views_of_file = (len(old.get(kind, [])) for kind in ("accessors", "bufferViews"))
+        before, now = ({c[key] for c, key in accessor_slots(tree)} for tree in (old, new))
+        lost = sorted((before | set(range(of_file, len(accessors)))) - now)
+        mine = _views_of(accessors, lost) | (_image_views(old) - _image_views(new))
+        mine |= self.tree.stale_views
+        kept = set(range(len(accessors))) - set(lost)
+        alive = _views_of(accessors, kept) | _image_views(new)
+        dead = sorted(mine - alive)
+        self.gone = [view_span(views[k]) for k in dead if k < views_of_file]
+        self.gone += [s for k in lost if k < of_file for s in accessor_spans(new, accessors[k])]
+        self.shared = [views[k] for k in sorted(mine & alive)]
+        without = {id(views[k]) for k in dead}
+        self.data = [(view, body) for view, body in self.data if id(view) not in without]
+        close_gaps(accessors, lost, accessor_slots(new), of_file)
+        close_gaps(views, dead, view_slots(new), views_of_file)
+
+    def _fill_rows(self) -> None:
         """Store views anew with their whole last row, if they end inside it; loaders refuse such views."""
-        spans, moved = list(unused.spans), set()
         for k, size in short_views(self.json).items():
             view = self.json["bufferViews"][k]
             span = view_span(view)
             body = self.tree.buffer(span.buffer)[span.start : span.end]
             view["byteLength"] = size
             self.data.append((view, body.ljust(size, b"\0")))
-            moved.add(id(view))
+            self.shared = [v for v in self.shared if v is not view]
             if not self.careful:
-                spans.append(span)
-        return Unused(spans, [v for v in unused.shared if id(v) not in moved])
+                self.gone.append(span)
 
     def _fresh(self) -> list[Json]:
         """The views that have no bytes yet."""
@@ -214,8 +232,8 @@ class Packing:
             size += gap + len(data)
         return b"".join(parts)
 
-    def _pack(self, unused: Unused) -> tuple[bytes, Unused]:
-        """All buffers as one, for a GLB, and the unused bytes in it."""
+    def _pack(self) -> bytes:
+        """All buffers as one, for a GLB."""
         parts, size, at = [], 0, []
         for number in range(len(self.json["buffers"])):
             gap = -size % 4
@@ -228,9 +246,9 @@ class Packing:
             if id(view) not in fresh:
                 view["byteOffset"] = view.get("byteOffset", 0) + at[view["buffer"]]
                 view["buffer"] = 0
-        spans = [Span(0, s.start + at[s.buffer], s.end + at[s.buffer]) for s in unused.spans]
+        self.gone = [Span(0, s.start + at[s.buffer], s.end + at[s.buffer]) for s in self.gone]
         self.json["buffers"] = [{"byteLength": size}]
-        return b"".join(parts), Unused(spans, unused.shared)
+        return b"".join(parts)
 
     def _name(self, stem: str, body: bytes, extra: dict[str, bytes]) -> str:
         """The URI of a new buffer: a file beside the output, or the data itself where there is none."""
@@ -275,3 +293,176 @@ def glb_bytes(tree: Json, body: bytes | None, rest: bytes = b"") -> bytes:
         chunks += struct.pack("<II", len(padded), 0x004E4942) + padded
     chunks += rest
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def accessor_slots(tree: Json) -> Slots:
+    """(container, key) of every reference to an accessor."""
+    for mesh in tree.get("meshes", []):
+        for p in mesh["primitives"]:
+            yield from ((p["attributes"], k) for k in p["attributes"])
+            yield from ((t, k) for t in p.get("targets", []) for k in t)
+            if "indices" in p:
+                yield p, "indices"
+    for animation in tree.get("animations", []):
+        yield from ((s, k) for s in animation["samplers"] for k in ("input", "output"))
+    for skin in tree.get("skins", []):
+        if "inverseBindMatrices" in skin:
+            yield skin, "inverseBindMatrices"
+
+
+def view_slots(tree: Json) -> Slots:
+    """(container, key) of every reference to a buffer view."""
+    for accessor in tree.get("accessors", []):
+        yield from ((x, "bufferView") for x in _parts(accessor))
+    yield from ((i, "bufferView") for i in tree.get("images", []) if "bufferView" in i)
+
+
+def row_span(view: Json, accessor: Json) -> tuple[int, int]:
+    """(start, end) of the bytes of an accessor in its view, by whole rows where the view interleaves."""
+    size = element_size(accessor)
+    stride, start = view.get("byteStride", 0) or size, accessor.get("byteOffset", 0)
+    count = int(accessor["count"])
+    if stride == size:
+        return start, start + count * size
+    first = start - start % stride
+    return first, max(first + count * stride, start + max(count - 1, 0) * stride + size)
+
+
+def short_views(tree: Json) -> dict[int, int]:
+    """View → its length in whole rows, for every view that ends inside the last row of an accessor.
+
+    glTF allows such views. Loaders take count × stride bytes, three.js and assimp among them, and refuse them.
+    """
+    views = tree.get("bufferViews", [])
+    need: dict[int, int] = {}
+    for a in tree.get("accessors", []):
+        k = a.get("bufferView", -1)
+        if 0 <= k < len(views) and (stride := views[k].get("byteStride", 0)):
+            end = row_span(views[k], a)[1]
+            if 0 < end - views[k]["byteLength"] < stride:
+                need[k] = max(need.get(k, 0), end)
+    return need
+
+
+def accessor_spans(tree: Json, accessor: Json) -> list[Span]:
+    """The bytes of an accessor by whole rows, its sparse parts by whole views; padding to a word counts in."""
+    views = tree.get("bufferViews", [])
+    out = [view_span(views[x["bufferView"]]) for x in _parts(accessor) if x is not accessor]
+    if "bufferView" in accessor:
+        view = view_span(views[accessor["bufferView"]])
+        start, end = (view.start + x for x in row_span(views[accessor["bufferView"]], accessor))
+        out.append(Span(view.buffer, start, min(end + -end % 4, view.end)))
+    return out
+
+
+def cut(tree: Json, body: bytes, gone: list[Span], shared: list[Json], fresh: list[Json]) -> bytes:
+    """Buffer 0 without the bytes that went, unless others lie over them; offsets follow, in place.
+
+    shared: views of which a part went. fresh: views that have no bytes yet. Whole words go, so that everything
+    behind them stays aligned.
+    """
+    partly, new = {id(v) for v in shared}, {id(v) for v in fresh}
+    views = tree.get("bufferViews", [])
+    old = [v for v in views if id(v) not in new and v["buffer"] == 0]
+    images = _image_views(tree)
+    live = [
+        view_span(v)
+        for k, v in enumerate(views)
+        if id(v) not in new and (k in images or id(v) not in partly)
+    ]
+    inside = [
+        a for a in tree.get("accessors", [])
+        if any(id(views[x["bufferView"]]) in partly for x in _parts(a))
+    ]  # fmt: skip
+    live += [span for a in inside for span in accessor_spans(tree, a)]
+    drop = _words(gone, len(body), whole=True) & ~_words(live, len(body), whole=False)
+    dropped = np.concatenate([[0], 4 * np.cumsum(drop)])
+
+    def before(place: int) -> int:
+        """How many bytes go that lie before a place."""
+        word, rest = divmod(place, 4)
+        return int(dropped[word]) + (rest if rest and drop[word] else 0)
+
+    for a in inside:
+        view = views[a["bufferView"]] if "bufferView" in a else None
+        if view is not None and a.get("byteOffset", 0):
+            start = view.get("byteOffset", 0)
+            a["byteOffset"] -= before(start + a["byteOffset"]) - before(start)
+    for v in old:
+        start, size = v.get("byteOffset", 0), v["byteLength"]
+        if before(start):
+            v["byteOffset"] = start - before(start)
+        v["byteLength"] = size - (before(start + size) - before(start))
+    spare = -len(body) % 4
+    kept = np.frombuffer(body + bytes(spare), np.uint32)[~drop].tobytes()
+    return kept[: len(kept) - spare] if spare and not drop[-1] else kept
+
+
+def extensions_hold_data(tree: Any) -> bool:
+    """Whether an extension refers to accessors, views or buffers by itself (then nothing may be renumbered)."""
+    stack = [(tree, False)]
+    while stack:
+        value, inside = stack.pop()
+        if isinstance(value, dict):
+            if inside and _DATA_KEYS & set(value):
+                return True
+            stack += [(v, inside or k == "extensions") for k, v in value.items()]
+        elif isinstance(value, list):
+            stack += [(v, inside) for v in value]
+    return False
+
+
+def _parts(accessor: Json) -> list[Json]:
+    """The objects of an accessor that name a view: itself, and its sparse parts."""
+    sparse = accessor.get("sparse", {})
+    parts = (accessor, sparse.get("indices", {}), sparse.get("values", {}))
+    return [x for x in parts if "bufferView" in x]
+
+
+def _views_of(accessors: list[Json], numbers: Iterable[int]) -> set[int]:
+    """The views that some accessors name."""
+    return {x["bufferView"] for k in numbers for x in _parts(accessors[k])}
+
+
+def view_span(view: Json) -> Span:
+    """The bytes of a view."""
+    start = int(view.get("byteOffset", 0))
+    return Span(int(view["buffer"]), start, start + int(view["byteLength"]))
+
+
+def _words(spans: Iterable[Span], size: int, whole: bool) -> BoolArray:
+    """(⌈size / 4⌉,) which words of buffer 0, of so many bytes, the spans touch, or (whole) cover."""
+    words = -(-size // 4)
+    change = np.zeros(words + 1, np.int64)
+    mine = sorted((s.start, s.end) for s in spans if s.buffer == 0 and s.end > s.start)
+    start, end = np.array(mine, np.int64).reshape(-1, 2).T
+    end = np.maximum.accumulate(end)
+    first = np.flatnonzero(start > np.concatenate([[-1], end[:-1]]))  # spans that overlap are one
+    start, end = start[first], end[np.append(first[1:], len(end))[: len(first)] - 1]
+    if whole:
+        low, high = -(-start // 4), np.where(end < size, end // 4, words)
+    else:
+        low, high = start // 4, -(-end // 4)
+    some = low < high
+    np.add.at(change, np.minimum(low[some], words), 1)
+    np.add.at(change, np.minimum(high[some], words), -1)
+    return np.cumsum(change)[:-1] > 0
+
+
+def close_gaps(
+    entries: list[Json], gone: Iterable[int], slots: Slots, old: int | None = None
+) -> dict[int, int]:
+    """Take entries out of a list, in place; references follow. Returns the new numbers of the others.
+
+    old: number of entries that the file has; those behind them fill gaps among them first.
+    """
+    dead, references = set(gone), list(slots)
+    old = len(entries) if old is None else old
+    late = iter([k for k in range(old, len(entries)) if k not in dead])
+    kept = [next(late, -1) if k in dead else k for k in range(old)]
+    kept = [k for k in [*kept, *late] if k >= 0]
+    number = {k: i for i, k in enumerate(kept)}
+    for container, key in references:
+        container[key] = number.get(container[key], container[key])
+    entries[:] = [entries[k] for k in kept]
+    return number

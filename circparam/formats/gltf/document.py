@@ -17,6 +17,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import GROUPINGS, Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
+from circparam.formats.gltf.buffers import short_views
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import (
@@ -26,7 +27,6 @@ from circparam.formats.gltf.reading import (
     drop_compressed_copies,
     sound_tree,
 )
-from circparam.formats.gltf.unused import short_views
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
 from circparam.formats.page_names import FIRST_UDIM

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from circparam.core.plural import counted
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import Encoded
-from circparam.formats.gltf.buffers import Packing
+from circparam.formats.gltf.buffers import Packing, close_gaps
 from circparam.formats.gltf.materials import (
     TRANSFORM,
     VARIANTS,
@@ -29,7 +29,6 @@ from circparam.formats.gltf.materials import (
 from circparam.formats.gltf.model import COMPONENTS, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
 from circparam.formats.gltf.slots import places_of, set_factors
-from circparam.formats.gltf.unused import close_gaps
 from circparam.formats.looks import Carried, Group
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import UVMap

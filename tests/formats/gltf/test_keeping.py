@@ -20,11 +20,10 @@ from PIL import Image
 
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
-from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.buffers import glb_bytes, short_views
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.editing import file_uv
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.gltf.unused import short_views
 from circparam.formats.io import encode, read, read_data, stored
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
