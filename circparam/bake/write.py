@@ -14,14 +14,13 @@ from circparam.bake.projection import own_frames
 from circparam.core.files import check_free, write_files
 from circparam.core.plural import counted
 from circparam.errors import CircparamError, InputError, OptionError
-from circparam.formats.document import Document, WriteOptions, turned, y_up
+from circparam.formats.document import FIRST_UDIM, Document, WriteOptions, turned, y_up
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode
-from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.formats.table import axis_up, up_of
 from circparam.maps.surface_map import SurfaceMap

@@ -27,7 +27,7 @@ from circparam.batch.process import GoneError, warm_server
 from circparam.batch.settings import Settings, unpickled
 from circparam.batch.store import Folder, again, archive_of, digest, is_remote, open_store
 from circparam.errors import CircparamError, InputError, OutputError
-from circparam.formats.obj.mtl import image_names
+from circparam.formats.obj.materials import image_names
 from circparam.formats.source import safe_path
 
 WORK_FOLDER = ".circparam-batch"  # folder under --out that exists while a batch runs

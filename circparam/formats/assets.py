@@ -6,7 +6,7 @@ from pathlib import Path
 
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded
-from circparam.formats.obj.mtl import image_names
+from circparam.formats.obj.materials import image_names
 from circparam.formats.source import Source, names_in, regular_bytes, safe_path
 
 

@@ -5,7 +5,7 @@ kept. Each format has its own subclass; ``circparam.formats`` is the only door t
 """
 
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -24,6 +24,9 @@ from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
 GROUPINGS = ("primitive", "mesh")  # owners of an atlas, other than the whole file
+FIRST_UDIM = 1001  # UDIM number of the first page
+# of a line in comments of text formats that names a page: ``circparam page 1001 steel``
+NOTE_START = "circparam page "
 
 
 @dataclass(frozen=True)
@@ -377,6 +380,13 @@ def check_new_set(options: WriteOptions, format: str) -> None:
             f"uv set {options.uv_set}: a new {format.upper()} file gets one uv set; leave {options.set_flag} "
             "out"
         )
+
+
+def page_lines(names: Sequence[str]) -> list[str]:
+    """A line for each page, without the sign of a comment; white space in a name becomes single blanks."""
+    return [
+        f"{NOTE_START}{FIRST_UDIM + k} {' '.join(name.split())}" for k, name in enumerate(names)
+    ]
 
 
 def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str], list[str]]:

@@ -72,7 +72,7 @@ class Polygons:
             a, b = given[f], kept[f]
             same = (a < 0) == (b < 0)
             if len(uvmap.uv):
-                same &= (values(uvmap.uv, a) == values(uvmap.uv, b)).all(2)
+                same &= (uvmap.uv[a] == uvmap.uv[b]).all(2)
             wrong = f[~same.all(1)]
             if len(wrong):
                 raise NoResultError(
@@ -80,11 +80,6 @@ class Polygons:
                     "a seam may not run inside a polygon"
                 )
         return out
-
-
-def values(uv: FloatArray, index: IntArray) -> FloatArray:
-    """Rows of uv; zeros where the index is −1."""
-    return np.where((index >= 0)[..., None], uv[np.maximum(index, 0)], 0.0)
 
 
 def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polygons:

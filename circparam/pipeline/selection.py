@@ -18,8 +18,7 @@ from circparam.core.records import dataclass
 from circparam.core.registry import did_you_mean
 from circparam.core.types import BoolArray, IntArray
 from circparam.errors import OptionError
-from circparam.formats.document import Document, Named
-from circparam.formats.page_names import FIRST_UDIM
+from circparam.formats.document import FIRST_UDIM, Document, Named
 from circparam.geometry.coverage import pages_of
 from circparam.pipeline.verify import Verification
 

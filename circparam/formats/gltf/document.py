@@ -15,7 +15,7 @@ from circparam.core.arrays import relabel, unit
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import GROUPINGS, Document, Encoded, Named, WriteOptions
+from circparam.formats.document import FIRST_UDIM, GROUPINGS, Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
 from circparam.formats.gltf.buffers import short_views
 from circparam.formats.gltf.editing import TreeEdit, write_uv
@@ -29,7 +29,6 @@ from circparam.formats.gltf.reading import (
 )
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
-from circparam.formats.page_names import FIRST_UDIM
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 

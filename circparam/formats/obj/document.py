@@ -15,18 +15,19 @@ from circparam.core.arrays import mask_of, ranges, relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import (
+    NOTE_START,
     Document,
     Encoded,
     Named,
     WriteOptions,
     exported_grouping,
     not_carried,
+    page_lines,
 )
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
 from circparam.formats.obj import materials
 from circparam.formats.obj.reading import Scan
-from circparam.formats.page_names import NOTE_START, page_lines
 from circparam.formats.polygons import Polygons, triangulate
 from circparam.formats.source import Source
 from circparam.formats.tokens import SLASH, as_bytes, digits, interleave, splice

@@ -12,7 +12,6 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
-from circparam.formats.page_names import with_pages
 from circparam.formats.ply import materials, writing
 from circparam.formats.ply.reading import INDICES, UV_NAMES, FaceLists, Layout, vertex_uv
 from circparam.formats.polygons import Polygons, check_corners, list_start, strips, triangulate
@@ -96,7 +95,7 @@ class PlyDocument(Document):
         polys, layout = self.lists.polys, self.layout
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
-        lines = with_pages(layout.lines, options.pages)
+        lines = writing.with_pages(layout.lines, options.pages)
         assets, extra = list(dict.fromkeys(materials.texture_files(lines))), dict[str, bytes]()
         if self.carried is not None:
             assets = []

@@ -202,19 +202,14 @@ class Layout:
     def _rows(self, e: Element, at: int) -> int:
         """Find the rows of an element that begins at ``at``; returns where the next one begins."""
         self.promised(e, self._size - at)
-        least = self._least(e)
-        lists = [p for p in e.properties if p.count_type]
         if not e.properties or e.count == 0:
-            e.row = np.full(2, at, np.int64)
-            e.count = 0
-            return at
-        if not lists:
-            e.row = at + least * np.arange(e.count + 1, dtype=np.int64)
-            return int(e.row[-1])
-        e.row = self._list_rows(e, at)
-        end = self.place(e)
-        if (end != e.row[1:]).any():
-            raise self.source.error(f"a row of {e.name!r} is malformed")
+            e.row, e.count = np.full(2, at, np.int64), 0
+        elif any(p.count_type for p in e.properties):
+            e.row = self._list_rows(e, at)
+            if (self.place(e) != e.row[1:]).any():
+                raise self.source.error(f"a row of {e.name!r} is malformed")
+        else:
+            e.row = at + self._least(e) * np.arange(e.count + 1, dtype=np.int64)
         return int(e.row[-1])
 
     def _list_rows(self, e: Element, at: int) -> IntArray:

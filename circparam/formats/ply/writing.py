@@ -1,5 +1,6 @@
 """Rows of a PLY file written again, with uv at vertices or faces, and a new file without uv."""
 
+from collections.abc import Sequence
 from dataclasses import field
 from typing import Any, TypeAlias
 
@@ -9,6 +10,7 @@ import numpy.typing as npt
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
+from circparam.formats.document import NOTE_START, page_lines
 from circparam.formats.ply.reading import INDICES, Element, FaceLists, Layout, vertex_uv
 from circparam.formats.polygons import Polygons, list_start
 from circparam.formats.tokens import ByteArray, as_bytes, interleave, take_ranges
@@ -69,6 +71,14 @@ def written(layout: Layout, lines: list[str], changes: dict[str, Change]) -> byt
         done = end
     parts.append(layout.data[done:])
     return b"".join(parts)
+
+
+def with_pages(header: Sequence[str], names: Sequence[str]) -> list[str]:
+    """The lines of a PLY header (latin-1) that name these pages, and no pages of an earlier layout."""
+    lines = [line for line in header if not line.startswith(f"comment {NOTE_START}")]
+    at = 1 + next(k for k, line in enumerate(lines) if line.split()[:1] == ["format"])
+    lines[at:at] = [f"comment {line}".encode().decode("latin-1") for line in page_lines(names)]
+    return lines
 
 
 def _header(layout: Layout, lines: list[str], changes: dict[str, Change]) -> bytes:

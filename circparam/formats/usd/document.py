@@ -3,6 +3,7 @@
 import os
 from dataclasses import field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -125,18 +126,7 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
     kind = kind_of(data)
     with opened(data, source) as stage:
         if kind != PACKAGE and source.path is None:
-            with silent():
-                found = referred(Path(stage.GetRootLayer().realPath), source)
-            layers = [
-                Path(name).name
-                for name in found.missing
-                if Path(name).suffix.lower() in (".usd", ".usda", ".usdc", ".usdz")
-            ]
-            if layers:
-                raise source.error(
-                    f"it refers to other layers ({', '.join(layers[:3])}), which are not found from here: "
-                    "give its path"
-                )
+            _check_alone(stage, source)
         composed = read_stage(stage, source)
         del stage
     layers, assets, outside, missing = _files(source) if kind != PACKAGE else ([], [], [], [])
@@ -179,6 +169,18 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
         data=data, stage=composed, polys=polys, prim=prim, sets=sets, corner_uv=uv,
         layers=tuple(layers), assets=tuple(assets), outside=tuple(outside),
     )  # fmt: skip
+
+
+def _check_alone(stage: Any, source: Source) -> None:
+    """Raise InputError if a stage without a folder refers to other layers."""
+    with silent():
+        missing = referred(Path(stage.GetRootLayer().realPath), source).missing
+    suffixes = (".usd", ".usda", ".usdc", ".usdz")
+    if layers := [Path(m).name for m in missing if Path(m).suffix.lower() in suffixes]:
+        raise source.error(
+            f"it refers to other layers ({', '.join(layers[:3])}), which are not found from here: "
+            "give its path"
+        )
 
 
 def _files(source: Source) -> tuple[list[str], list[str], list[str], list[str]]:

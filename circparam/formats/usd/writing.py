@@ -9,8 +9,7 @@ import numpy as np
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
-from circparam.formats.page_names import FIRST_UDIM
+from circparam.formats.document import FIRST_UDIM, Document, Encoded, WriteOptions, not_carried
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import MeshPrim
 from circparam.formats.usd.stage import (

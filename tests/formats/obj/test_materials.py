@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from circparam.formats.io import read, read_data
-from circparam.formats.obj.mtl import Statements, colour_of, image_names, read_mtl, split_options
+from circparam.formats.obj.materials import (
+    Statements,
+    colour_of,
+    image_names,
+    read_mtl,
+    split_options,
+)
 from tests.support.formats_tools import corners
 
 FACES = b"f 1 2 3\nf 3 2 1\n"
