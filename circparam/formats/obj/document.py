@@ -71,17 +71,16 @@ class ObjDocument(Document):
     def labels(self, kind: str) -> IntArray:
         """(m,) label of each face by material, by ``o`` name for 'mesh', or one for 'scene'."""
         if kind == "mesh":
-            lines, _ = self.scan.lines(b"o")
-            return relabel(np.searchsorted(lines, self.scan.face_lines)[self.polys.owner])[1]
+            return relabel(self.scan.sections(b"o")[1][self.polys.owner])[1]
         return super().labels(kind)
 
     def named(self, kind: str) -> Named | None:
         """Names of ``usemtl`` for materials, of ``g`` for groups, of ``o`` for nodes."""
         words = {"material": b"usemtl", "group": b"g", "node": b"o"}
-        lines, names = self.scan.lines(words[kind])
-        if len(lines) == 0:
+        names, at = self.scan.sections(words[kind])
+        if len(names) == 1:
             return None
-        number, of_face = _numbered(self.scan, lines, names)
+        number, of_face = _numbered(names, at)
         pairs = tuple((name.decode("utf-8", "replace"), k) for name, k in number.items() if name)
         return Named(of_face[self.polys.owner], pairs)
 
@@ -166,27 +165,18 @@ def read_obj(data: bytes, source: Source) -> ObjDocument:
     )  # fmt: skip
 
 
-def _numbered(scan: Scan, lines: IntArray, names: list[bytes]) -> tuple[dict[bytes, int], IntArray]:
-    """(a number for each distinct name, (p,) that of each face); faces before the first line have 0."""
-    number = {name: k for k, name in enumerate(dict.fromkeys([b"", *names]))}
-    label = np.array([0, *(number[name] for name in names)], np.int64)
-    return number, label[np.searchsorted(lines, scan.face_lines)]
+def _numbered(names: list[bytes], at: IntArray) -> tuple[dict[bytes, int], IntArray]:
+    """(a number for each distinct name of sections, (p,) that of each face)."""
+    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    return number, np.array([number[name] for name in names], np.int64)[at]
 
 
 def _groups(scan: Scan) -> tuple[IntArray | None, list[str]]:
     """(p,) label of each face by material, or by object and group where no material is named."""
-    lines, names = scan.lines(b"usemtl")
-    if len(lines) == 0:
-        tagged = sorted(
-            (int(line), name)
-            for word in (b"o", b"g")
-            for line, name in zip(*scan.lines(word), strict=True)
-        )
-        lines = np.array([line for line, _ in tagged], np.int64)
-        names = [name for _, name in tagged]
-    if len(lines) == 0:
-        return None, []
-    number, of_face = _numbered(scan, lines, names)
+    names, at = scan.sections(b"usemtl")
+    if len(names) == 1:
+        names, at = scan.sections(b"o", b"g")
+    number, of_face = _numbered(names, at)
     count, groups = relabel(of_face)
     if count == 1:
         return None, []

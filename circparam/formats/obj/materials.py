@@ -174,11 +174,11 @@ def _materials_of_faces(
 
     A file that forgets usemtl, but has one material only, shows that one.
     """
-    lines, used = scan.lines(b"usemtl")
-    names = ["", *(name.decode("utf-8", "surrogateescape") for name in used)]
-    if not used and len(known) == 1:
-        names[0] = known[0]
-    return names, np.searchsorted(lines, scan.face_lines)[owner]
+    used, at = scan.sections(b"usemtl")
+    names = [name.decode("utf-8", "surrogateescape") for name in used]
+    if len(names) == 1 and len(known) == 1:
+        names = known
+    return names, at[owner]
 
 
 def read_looks(scan: Scan, owner: IntArray, source: Source) -> Looks | None:

@@ -51,6 +51,19 @@ class Scan:
                 rest.append(t.clean[t.end[k] : stop].tobytes().strip())
         return np.array(found, np.int64), rest
 
+    def sections(self, *words: bytes) -> tuple[list[bytes], IntArray]:
+        """The names of lines that begin with a keyword, (p,) the one that each face lies below.
+
+        The first name is b"", of faces before any such line.
+        """
+        tagged = sorted(
+            (int(line), name)
+            for word in words
+            for line, name in zip(*self.lines(word), strict=True)
+        )
+        lines = np.array([line for line, _ in tagged], np.int64)
+        return [b"", *(name for _, name in tagged)], np.searchsorted(lines, self.face_lines)
+
     def numbers(self, lines: IntArray, width: int, *, optional: int = 0) -> FloatArray:
         """(k, width) numbers behind the keyword; the last ``optional`` of them may be missing (then 0)."""
         t = self.tokens
