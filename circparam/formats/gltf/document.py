@@ -5,7 +5,7 @@ keys are the numbers of uv sets; a set that is not named is one atlas.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any
 from urllib.parse import unquote
 
@@ -18,7 +18,7 @@ from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import FIRST_UDIM, GROUPINGS, Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
 from circparam.formats.gltf.buffers import short_views
-from circparam.formats.gltf.editing import TreeEdit, write_uv
+from circparam.formats.gltf.editing import TreeEdit, file_uv, join_primitives, stored_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import (
     COMPRESSED,
@@ -30,6 +30,7 @@ from circparam.formats.gltf.reading import (
 from circparam.formats.looks import Looks
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source
+from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import Mesh, UVMap
 
 INSTANCING = "EXT_mesh_gpu_instancing"
@@ -186,10 +187,54 @@ class GltfDocument(Document):
                 edit.dress(self.primitives, self.carried)
             store_grouping(edit.json, number, options.group_by)
             store_pages(edit.json, number, options.pages)
-            out = write_uv(
-                edit, self.primitives, self.pools, uvmap, number, format=format, stem=stem
-            )
-        return replace(out, needed=self.needs(format))
+            vertices, notes = self._put_uv(edit, uvmap, number)
+            blocks = join_primitives(edit, self.primitives, edit.merged)
+            joined = sum(len(block) for block in blocks if len(block) > 1)
+            if joined:
+                left = joined - len(self.primitives) + len(blocks)
+                notes.append(
+                    f"{counted(joined, 'primitive')} joined into {left}: their materials are one now"
+                )
+            data, extra, assets = edit.finish(format, stem)
+        order = [self.primitives[i] for block in blocks for i in block]
+        every = np.arange(len(self.mesh.faces))
+        faces = np.concatenate([every[p.faces] for p in order])
+        # pools of joined primitives are read one after the other
+        place = np.arange(len(self.pools))
+        for block in blocks:
+            own = sorted({self.primitives[i].pool for i in block})
+            place[own] = place[own[0]]
+        source = np.concatenate([vertices[k] for k in np.argsort(place, kind="stable").tolist()])
+        return Encoded(data, format, source, faces, extra, assets, notes, self.needs(format))
+
+    def _put_uv(
+        self, edit: TreeEdit, uvmap: UVMap, number: int
+    ) -> tuple[list[IntArray], list[str]]:
+        """Write uv of all triangles into an edit: (the vertex of each new vertex of each pool, notes)."""
+        stored = stored_uv(uvmap.uv)
+        sources = [pool.first + np.arange(pool.count) for pool in self.pools]
+        added = listed = dropped = 0
+        for users in self.users():
+            pool = self.pools[users[0].pool]
+            corners = np.concatenate([p.triangles.ravel() for p in users])
+            uv_of = np.concatenate([uvmap.uv_faces[p.faces].ravel() for p in users])
+            split = split_vertices(pool.count, corners, stored, uv_of)
+            sources[users[0].pool] = pool.first + split.source
+            dropped += edit.pool(users, pool, split, file_uv(split.uv), number)
+            if edit.new_tangents is not None:
+                own = np.concatenate([edit.new_tangents[p.faces].reshape(-1, 4) for p in users])
+                edit.tangents(users, split, own)
+            if split.added:
+                added += split.added
+                listed += edit.relist(users, split)
+        notes = [duplicated(added)] if added else []
+        if listed:
+            strips = counted(listed, "strip or fan primitive")
+            notes.append(f"{strips} made triangle lists: a seam runs through")
+        if dropped:
+            of = counted(dropped, "primitive")
+            notes.append(f"tangents of {of} were dropped: they belonged to the old uv")
+        return sources, notes
 
     def textured_sets(self) -> set[int]:
         """The uv sets that textures refer to: those of materials, and of extensions of materials and faces."""

@@ -14,9 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.plural import counted
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing, close_gaps
 from circparam.formats.gltf.materials import (
     TRANSFORM,
@@ -30,65 +28,7 @@ from circparam.formats.gltf.model import COMPONENTS, TRIANGLES, Json, Pool, Prim
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
 from circparam.formats.gltf.slots import places_of, set_factors
 from circparam.formats.looks import Carried, Group
-from circparam.formats.vertex_split import Split, duplicated, split_vertices
-from circparam.mesh.mesh import UVMap
-
-
-def write_uv(
-    edit: "TreeEdit", primitives: list[Primitive], pools: list[Pool], uvmap: UVMap, number: int, *,
-    format: str, stem: str,
-) -> Encoded:  # fmt: skip
-    """The tree of an edit with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
-    stored = stored_uv(uvmap.uv)
-    start = np.cumsum([0, *(len(p.triangles) for p in primitives)])
-    sources, added, listed, dropped = [], 0, 0, 0
-    users_of = defaultdict(list)
-    for i, p in enumerate(primitives):
-        users_of[p.pool].append(i)
-    for k, pool in enumerate(pools):
-        mine = users_of[k]
-        if not mine:  # all its primitives are empty
-            sources.append(pool.first + np.arange(pool.count))
-            continue
-        corners = np.concatenate([primitives[i].triangles.ravel() for i in mine])
-        uv_of = np.concatenate([uvmap.uv_faces[start[i] : start[i + 1]].ravel() for i in mine])
-        split = split_vertices(pool.count, corners, stored, uv_of)
-        sources.append(pool.first + split.source)
-        users = [primitives[i] for i in mine]
-        dropped += edit.pool(users, pool, split, file_uv(split.uv), number)
-        if edit.new_tangents is not None:
-            own_tangents = [edit.new_tangents[start[i] : start[i + 1]].reshape(-1, 4) for i in mine]
-            edit.tangents(users, split, np.concatenate(own_tangents))
-        if split.added:
-            added += split.added
-            listed += edit.relist(users, split)
-    notes = []
-    if added:
-        notes.append(duplicated(added))
-    if listed:
-        notes.append(
-            f"{counted(listed, 'strip or fan primitive')} made triangle lists: a seam runs through"
-        )
-    if dropped:
-        of = counted(dropped, "primitive")
-        notes.append(f"tangents of {of} were dropped: they belonged to the old uv")
-    blocks = join_primitives(edit, primitives, edit.merged)
-    joined = sum(len(block) for block in blocks if len(block) > 1)
-    if joined:
-        left = joined - len(primitives) + len(blocks)
-        notes.append(
-            f"{counted(joined, 'primitive')} joined into {left}: their materials are one now"
-        )
-    data, extra, assets = edit.finish(format, stem)
-    order = [i for block in blocks for i in block]
-    faces = np.concatenate([np.arange(start[i], start[i + 1]) for i in order])
-    # pools of joined primitives are read one after the other
-    place = np.arange(len(pools))
-    for block in blocks:
-        own = sorted({primitives[i].pool for i in block})
-        place[own] = place[own[0]]
-    vertices = np.concatenate([sources[k] for k in np.argsort(place, kind="stable").tolist()])
-    return Encoded(data, format, vertices, faces, extra, assets, notes)
+from circparam.formats.vertex_split import Split
 
 
 def stored_uv(uv: FloatArray) -> FloatArray:

@@ -20,8 +20,8 @@ ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963  # bufferView.target
 class Primitive:
     """Triangles of one primitive.
 
-    triangles: (k, 3) int64 into the vertices of its pool, as they are seen. turned: whether the file winds them
-    the other way, because the node of the mesh mirrors it (glTF 2.0, 3.7.4).
+    triangles: (k, 3) int64 into the vertices of its pool, as they are seen. first: its first face. turned:
+    whether the file winds them the other way, because the node of the mesh mirrors it (glTF 2.0, 3.7.4).
     """
 
     mesh: int
@@ -29,7 +29,13 @@ class Primitive:
     pool: int
     mode: int
     triangles: IntArray
+    first: int
     turned: bool = False
+
+    @property
+    def faces(self) -> slice:
+        """Its faces among all."""
+        return slice(self.first, self.first + len(self.triangles))
 
     def entry(self, tree: Json) -> Json:
         """Its entry in a tree, or in a copy of it."""

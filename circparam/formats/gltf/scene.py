@@ -180,7 +180,10 @@ def read_meshes(
             if turned:
                 triangles = triangles[:, ::-1]
             if len(triangles):
-                primitives.append(Primitive(mesh, number, known[key], mode, triangles, turned))
+                first = primitives[-1].faces.stop if primitives else 0
+                primitives.append(
+                    Primitive(mesh, number, known[key], mode, triangles, first, turned)
+                )
     if not primitives:
         raise tree.error("it has no triangles: there is nothing to unwrap")
     return np.concatenate(points), primitives, pools, notes
