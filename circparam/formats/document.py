@@ -19,7 +19,7 @@ from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures, moved_layout
-from circparam.formats.polygons import Polygons
+from circparam.formats.polygons import Polygons, of_triangles
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
@@ -191,13 +191,7 @@ class Document:
 
     def polygons(self) -> Polygons:
         """The polygons of the file with their triangles, for writing into another format."""
-        m = len(self.mesh.faces)
-        return Polygons(
-            self.mesh.faces.ravel(),
-            3 * np.arange(m + 1),
-            np.arange(3 * m).reshape(-1, 3),
-            np.arange(m),
-        )
+        return of_triangles(self.mesh.faces.ravel())
 
     def colours(self) -> FloatArray | None:
         """(m, 3, 3) sRGB colour of every corner, of vertices or faces, 0..1; None if there are none.

@@ -96,9 +96,7 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
             "read: triangulate it first"
         )
     if len(size) and (size == 3).all():
-        return Polygons(
-            corners, start, np.arange(len(corners)).reshape(-1, 3), np.arange(len(size))
-        )
+        return of_triangles(corners)
     finite = np.isfinite(points)
     if not finite.all():  # the mesh is refused later, with the place; here any number will do
         points = np.where(finite, points, 0.0)
@@ -131,6 +129,12 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
     owner = np.repeat(np.arange(len(size)), count)
     made = triangles[:, 0] >= 0
     return Polygons(corners, start, triangles[made], owner[made])
+
+
+def of_triangles(corners: IntArray) -> Polygons:
+    """Polygons (3 m,) that are triangles."""
+    each = np.arange(len(corners)).reshape(-1, 3)
+    return Polygons(corners, 3 * np.arange(len(each) + 1), each, np.arange(len(each)))
 
 
 def _fans(apex: IntArray, n: int) -> IntArray:

@@ -9,6 +9,7 @@ import logging
 import os
 import tempfile
 import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
         scene = trimesh.load_scene(
             io.BytesIO(data),
             file_type=kind,
-            resolver=_resolver(folder),
+            resolver=Beside(folder),
             process=False,
             maintain_order=True,
         )
@@ -125,24 +126,17 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
     return arrays, names
 
 
-def _resolver(folder: Path | None) -> Any:
-    """Resolver for trimesh: regular files inside the folder of the file, nothing else."""
-    from trimesh.resolvers import Resolver
+class Beside(Mapping[Any, bytes]):
+    """Where trimesh looks for further files: regular ones inside a folder. OSError for any others."""
 
-    class Beside(Resolver):
-        def __init__(self) -> None:
-            pass
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
 
-        def get(self, key: Any) -> bytes:
-            return bytes_beside(folder, key if isinstance(key, str) else os.fsdecode(key))
+    def __getitem__(self, key: Any) -> bytes:
+        return bytes_beside(self.folder, key if isinstance(key, str) else os.fsdecode(key))
 
-        def write(self, name: str, data: Any) -> None:
-            raise OSError("nothing is written")
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
 
-        def namespaced(self, namespace: str) -> Any:
-            return self
-
-        def keys(self) -> list[str]:
-            return []
-
-    return Beside()
+    def __len__(self) -> int:
+        return 0

@@ -244,7 +244,7 @@ def test_an_archive_is_judged_by_what_it_declares(entry: str) -> None:
 def test_trimesh_opens_regular_files_of_the_folder_alone(name: str, tmp_path: Path) -> None:
     """Whatever version of it: the files that it asks for come from here."""
     folder = hostile.lay_out(tmp_path)
-    resolver = second_reader._resolver(folder)
+    resolver = second_reader.Beside(folder)
     assert resolver.get("good.bin") == (folder / "good.bin").read_bytes()
     with pytest.raises(OSError, match=r"outside|not a regular file"):
         resolver.get(hostile.OUTSIDE[name])

@@ -19,15 +19,16 @@ import numpy.typing as npt
 
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, IntArray
-from circparam.formats.gltf.model import (
+from circparam.formats.gltf.reading import (
     ARRAY_BUFFER,
     COMPONENT_OF,
     COMPONENTS,
     ELEMENT_BUFFER,
     Json,
+    Tree,
+    element_size,
     index_type,
 )
-from circparam.formats.gltf.reading import Tree, element_size
 from circparam.formats.materials import media_type
 from circparam.formats.source import bytes_beside
 from circparam.formats.tokens import ByteArray
@@ -432,21 +433,13 @@ def view_span(view: Json) -> Span:
 
 def _words(spans: Iterable[Span], size: int, whole: bool) -> BoolArray:
     """(⌈size / 4⌉,) which words of buffer 0, of so many bytes, the spans touch, or (whole) cover."""
-    words = -(-size // 4)
-    change = np.zeros(words + 1, np.int64)
-    mine = sorted((s.start, s.end) for s in spans if s.buffer == 0 and s.end > s.start)
-    start, end = np.array(mine, np.int64).reshape(-1, 2).T
-    end = np.maximum.accumulate(end)
-    first = np.flatnonzero(start > np.concatenate([[-1], end[:-1]]))  # spans that overlap are one
-    start, end = start[first], end[np.append(first[1:], len(end))[: len(first)] - 1]
-    if whole:
-        low, high = -(-start // 4), np.where(end < size, end // 4, words)
-    else:
-        low, high = start // 4, -(-end // 4)
-    some = low < high
-    np.add.at(change, np.minimum(low[some], words), 1)
-    np.add.at(change, np.minimum(high[some], words), -1)
-    return np.cumsum(change)[:-1] > 0
+    covered = np.zeros(-(-size // 4) * 4, np.uint8)
+    for s in spans:
+        if s.buffer == 0:
+            covered[s.start : s.end] = 1
+    covered[size:] = covered[size - 1 : size].any()  # padding goes with the last byte
+    words = covered.view(np.uint32)
+    return words == 0x01010101 if whole else words > 0
 
 
 def close_gaps(

@@ -19,10 +19,12 @@ from circparam.formats.document import FIRST_UDIM, GROUPINGS, Document, Encoded,
 from circparam.formats.gltf import materials, scene
 from circparam.formats.gltf.buffers import short_views
 from circparam.formats.gltf.editing import TreeEdit, file_uv, join_primitives, stored_uv
-from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import (
     COMPRESSED,
     DECODE,
+    Json,
+    Pool,
+    Primitive,
     Tree,
     drop_compressed_copies,
     sound_tree,

@@ -24,7 +24,7 @@ from circparam.formats.gltf.materials import (
     texture_infos,
     uv_set_of,
 )
-from circparam.formats.gltf.model import COMPONENTS, TRIANGLES, Json, Pool, Primitive
+from circparam.formats.gltf.reading import COMPONENTS, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
 from circparam.formats.gltf.slots import places_of, set_factors
 from circparam.formats.looks import Carried, Group

@@ -23,8 +23,7 @@ from circparam.formats.document import (
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import store_grouping, store_pages
 from circparam.formats.gltf.editing import file_uv, stored_uv
-from circparam.formats.gltf.model import Json
-from circparam.formats.gltf.reading import Tree
+from circparam.formats.gltf.reading import Json, Tree
 from circparam.formats.gltf.scene import unit_rows
 from circparam.formats.materials import Textures, decode, linear, media_type
 from circparam.formats.source import Source

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.gltf.model import Json, Pool, Primitive
-from circparam.formats.gltf.reading import Tree
+from circparam.formats.gltf.reading import Json, Pool, Primitive, Tree
 from circparam.formats.gltf.slots import GLOSS, factors_of, places_of, unlike
 from circparam.formats.looks import Looks, Material, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint, upwards

@@ -6,8 +6,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument, read_gltf
-from circparam.formats.gltf.model import Primitive
-from circparam.formats.gltf.reading import sound_tree
+from circparam.formats.gltf.reading import Primitive, sound_tree
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
 from circparam.formats.source import Source
 

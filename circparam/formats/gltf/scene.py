@@ -8,8 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.gltf.model import FAN, STRIP, TRIANGLES, Json, Pool, Primitive
-from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree
+from circparam.formats.gltf.reading import (
+    COMPRESSED,
+    DECODE,
+    FAN,
+    STRIP,
+    TRIANGLES,
+    Json,
+    Pool,
+    Primitive,
+    Tree,
+)
 
 # a node (−1 for a mesh that no node shows), its mesh, and its (4, 4) world transform
 Shown: TypeAlias = tuple[int, int, FloatArray]

@@ -11,7 +11,7 @@ import numpy as np
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
-from circparam.formats.gltf.model import Json
+from circparam.formats.gltf.reading import Json
 from circparam.formats.looks import Slot
 
 RGB, RGBA, R, G, B, A = (0, 1, 2), (0, 1, 2, 3), (0,), (1,), (2,), (3,)

@@ -7,9 +7,11 @@ one by one, and a layer outside the folder of the file is refused before it is o
 import contextlib
 import glob
 import importlib.util
+import io
 import os
 import tempfile
 import time
+import zipfile
 from collections.abc import Iterator
 from dataclasses import field
 from pathlib import Path
@@ -273,18 +275,14 @@ def layer_bytes(layer: Any, kind: str) -> bytes:
         return path.read_bytes()
 
 
-def _zip_module() -> Any:
-    """The module that has the classes of packages: Usd up to usd-core 25.5, then Sdf."""
-    from pxr import Sdf, Usd
-
-    return Sdf if hasattr(Sdf, "ZipFile") else Usd
-
-
 def package_bytes(files: dict[str, bytes]) -> bytes:
     """A usdz of files by name; the first one is the layer that readers open."""
+    from pxr import Sdf, Usd
+
+    module = Sdf if hasattr(Sdf, "ZipFileWriter") else Usd  # Usd up to usd-core 25.5
     with tempfile.TemporaryDirectory(prefix="circparam-usd-") as folder:
         path = Path(folder) / "package.usdz"
-        writer = _zip_module().ZipFileWriter.CreateNew(str(path))
+        writer = module.ZipFileWriter.CreateNew(str(path))
         for number, (name, data) in enumerate(files.items()):
             part = Path(folder) / f"{number}{Path(name).suffix}"
             part.write_bytes(data)
@@ -296,8 +294,5 @@ def package_bytes(files: dict[str, bytes]) -> bytes:
 
 def package_files(data: bytes) -> dict[str, bytes]:
     """The files of a usdz by name, in their order."""
-    with tempfile.TemporaryDirectory(prefix="circparam-usd-") as folder:
-        path = Path(folder) / "package.usdz"
-        path.write_bytes(data)
-        archive = _zip_module().ZipFile.Open(str(path))
-        return {name: bytes(archive.GetFile(name)) for name in archive.GetFileNames()}
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
