@@ -82,13 +82,6 @@ class Atlas:
             return [f"failed: {self.why}".replace("|", "/"), *[""] * (len(texts) - 1)]
         return [text.format(**self.figures, seconds=self.seconds) for text in texts]
 
-    def __str__(self) -> str:
-        line = (
-            "charts {charts}, seam {seam_length:.2f}, SD/4 {sd:.5g}, worst {sd_chart_max:.5g}, flips {flips}, "
-            "mirrored {mirrored_charts}, overlap {overlap:.1e}, pack {pack:.3f}, {seconds:.2f} s"
-        )
-        return f"{self.who}: {self.cells(line)[0]} {self.status}"
-
 
 @dataclass(frozen=True)
 class Bench:
@@ -98,15 +91,9 @@ class Bench:
     judge: Path | None = None
     limit: float = 600.0
 
-    def unwrap(
-        self,
-        path: Path,
-        bound: float | None = None,
-        effort: float | None = None,
-        suffix: str = "obj",
-    ) -> Atlas:
+    def unwrap(self, path: Path, bound: float | None = None, effort: float | None = None) -> Atlas:
         """circparam with its defaults, or with a bound or an effort."""
-        out = self.folder / f"{path.stem}-{bound}-{effort}.{suffix}"
+        out = self.folder / f"{path.stem}-{bound}-{effort}.obj"
         given = {"max_distortion": bound, "effort": effort}
         settings = {"path": str(path), "out": str(out), "options": given}
         try:

@@ -5,7 +5,7 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.solvers.objective import chart_energies
-from circparam.solvers.region import moving_region
+from circparam.solvers.region import cut_out, moving_region
 from circparam.solvers.untangle import (
     POSITIVE_DETERMINANT,
     FoldoverEnergy,
@@ -96,3 +96,16 @@ def test_a_group_that_has_flown_apart_keeps_its_place_and_others_are_mended():
     found = lower(part, x, None)
     assert (ones.determinants(found)[~apart] > POSITIVE_DETERMINANT).all()
     np.testing.assert_array_equal(found[far], x[far])
+
+
+def test_groups_that_share_fixed_vertices_only_move_apart_from_each_other():
+    cut_mesh, points = patches_of(shapes.grid(21, 9))
+    x = points[:, 0]
+    hold = np.abs(x - 0.5) < 1e-9
+    part, source, fixed = cut_out(cut_mesh, np.ones(len(cut_mesh.faces), bool), hold)
+    assert part.n_charts == 2
+    side = x[source][~fixed] > 0.5
+    np.testing.assert_array_equal(
+        part.vertex_chart[~fixed] == part.vertex_chart[~fixed][0], side == side[0]
+    )
+    assert (np.bincount(source)[hold] == 2).all(), "each group has its own copy of them"

@@ -22,18 +22,13 @@ class Assembly:
     mirrored: npt.NDArray[np.bool_]
 
 
-def bolt(sides: int = 6, length: float = 1.0, head: float = 0.5) -> tuple[Floats, Ints]:
+def bolt(sides: int = 6, length: float = 1.0) -> tuple[Floats, Ints]:
     """A prism as head on a round shaft, of one lathe: 60 faces with 6 sides."""
     profile = [
-        [0, 0], [head, 0], [head, 0.3], [0.25, 0.3], [0.25, length - 0.1], [0.2, length], [0, length],
+        [0, 0], [0.5, 0], [0.5, 0.3], [0.25, 0.3], [0.25, length - 0.1], [0.2, length], [0, length],
     ]  # fmt: skip
-    return _turned(np.array(profile, np.float64), sides)
-
-
-def _turned(profile: Floats, sides: int) -> tuple[Floats, Ints]:
-    """A turned part without the faces of no area that a profile makes on its axis."""
-    part = lathe(profile, sides)
-    a, b, c = part.faces.T
+    part = lathe(np.array(profile, np.float64), sides)
+    a, b, c = part.faces.T  # a profile makes faces of no area on its axis
     return part.points, part.faces[(a != b) & (b != c) & (c != a)]
 
 
@@ -68,9 +63,8 @@ def assemble(
     mirror: share of the parts that are mirror images. gap: of the places that the parts take.
     """
     rng = np.random.default_rng(seed)
-    kind = np.r_[np.arange(len(shapes)), rng.integers(0, len(shapes), max(parts - len(shapes), 0))][
-        :parts
-    ]
+    more = rng.integers(0, len(shapes), max(parts - len(shapes), 0))
+    kind = np.r_[np.arange(len(shapes)), more][:parts]
     side = int(np.ceil(parts ** (1 / 3)))
     image = rng.random(parts) < mirror
     points, faces, owner, start = [], [], [], 0
@@ -89,9 +83,7 @@ def assemble(
         faces.append((new[:, ::-1] if flip else new) + start)
         owner.append(np.full(len(f), number))
         start += len(p)
-    return Assembly(
-        np.concatenate(points), np.concatenate(faces), np.concatenate(owner), kind, image
-    )
+    return Assembly(*map(np.concatenate, (points, faces, owner)), kind, image)
 
 
 def other_triangles(points: Floats, faces: Ints, seed: int = 0) -> Ints:

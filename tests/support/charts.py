@@ -71,12 +71,12 @@ def rim(cut_mesh) -> np.ndarray:
     return out
 
 
-def tangled(n: int = 400, seed: int = 0, share: float = 0.05) -> tuple[CutMesh, np.ndarray]:
+def tangled(n: int = 400, seed: int = 0) -> tuple[CutMesh, np.ndarray]:
     """A flat disk with some inner vertices thrown about."""
     cut_mesh, uv = flat_of(delaunay_disk(n, seed))
     generator = np.random.default_rng(seed)
     inner = np.flatnonzero(~rim(cut_mesh))
-    chosen = generator.choice(inner, max(1, int(share * len(inner))), replace=False)
+    chosen = generator.choice(inner, max(1, len(inner) // 20), replace=False)
     uv[chosen] += generator.normal(0, 0.15, (len(chosen), 2))
     return cut_mesh, uv
 

@@ -6,8 +6,6 @@ from typing import NoReturn
 
 import pytest
 
-STEPS = ("fsync", "replace")  # the calls of a write that may fail, each on a disk that is full
-
 
 def fill_up(monkeypatch: pytest.MonkeyPatch, step: str) -> None:
     """From now on a step of every write raises what the system raises on a full disk."""

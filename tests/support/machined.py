@@ -9,16 +9,16 @@ from tests.support import parts
 from tests.support.parts import Builder, Floats, Part, add_walls, circle, extrude, fill, lift
 
 
-def perforated(columns: int = 7) -> Part:
+def perforated() -> Part:
     """A plate with two rows of holes and a pocket: the ears of its flats are slivers from hole to hole."""
-    holes = [circle(12, 0.09, x, y) for y in (-0.8, 0.8) for x in np.linspace(-1.5, 1.5, columns)]
+    holes = [circle(12, 0.09, x, y) for y in (-0.8, 0.8) for x in np.linspace(-1.5, 1.5, 7)]
     outer = parts.rectangle(4.0, 2.4)
     return extrude(outer, holes, 0.3, [(parts.rectangle(3.0, 0.7), 0.15)])
 
 
-def rounded(width: float, height: float, radius: float, n: int = 8) -> Floats:
+def rounded(width: float, height: float, radius: float) -> Floats:
     """A rectangle whose corners are rounded, counter-clockwise."""
-    t = np.pi / 2 * np.arange(n + 1) / n
+    t = np.pi / 2 * np.arange(9) / 8
     out = []
     for k, (sx, sy) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
         a = t + k * np.pi / 2

@@ -47,13 +47,9 @@ class Builder:
         corners = np.concatenate(self.corners)
         keys = np.round(corners.reshape(-1, 3), 9) + 0.0
         points, faces = np.unique(keys, axis=0, return_inverse=True)
-        return Part(
-            points,
-            faces.reshape(-1, 3).astype(np.int64),
-            np.concatenate(self.labels),
-            np.array(self.flat),
-            np.array(self.tube),
-        )
+        faces = faces.reshape(-1, 3).astype(np.int64)
+        flags = np.array(self.flat), np.array(self.tube)
+        return Part(points, faces, np.concatenate(self.labels), *flags)
 
 
 def circle(n: int, radius: float, x: float = 0.0, y: float = 0.0) -> Floats:
@@ -268,8 +264,8 @@ PARTS: dict[str, Callable[[], Part]] = {
 }  # fmt: skip
 
 
-def shaken(part: Part, size: float, seed: int = 0) -> Part:
+def shaken(part: Part, size: float) -> Part:
     """The part with every point moved by up to size times its extent, as exporters of few digits do."""
-    noise = np.random.default_rng(seed).uniform(-1, 1, part.points.shape)
+    noise = np.random.default_rng(0).uniform(-1, 1, part.points.shape)
     points = part.points + size * np.ptp(part.points, axis=0).max() * noise
     return Part(points, part.faces, part.surface, part.flat, part.tube)

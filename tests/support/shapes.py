@@ -5,9 +5,10 @@ arrays. Topology is in the name or the docstring, so a test can say what it expe
 """
 
 import numpy as np
-import scipy.sparse as sps
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
+
+from circparam.core.graph import components
+from circparam.mesh.halfedge import shared_edges
 
 Shape = tuple[np.ndarray, np.ndarray]
 
@@ -18,11 +19,10 @@ def compact(points: np.ndarray, faces: np.ndarray) -> Shape:
     return points[used], inverse.reshape(-1, 3).astype(np.int64)
 
 
-def weld(points: np.ndarray, faces: np.ndarray, digits: int = 9) -> Shape:
-    """Join vertices that agree after rounding, keep the first position, drop collapsed faces."""
-    _, first, inverse = np.unique(
-        np.round(points, digits) + 0.0, axis=0, return_index=True, return_inverse=True
-    )
+def weld(points: np.ndarray, faces: np.ndarray) -> Shape:
+    """Join vertices that agree in 9 digits, keep the first position, drop collapsed faces."""
+    keys = np.round(points, 9) + 0.0
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     faces = inverse.reshape(-1)[faces]
     ok = (faces != np.roll(faces, 1, 1)).all(1)
     return compact(points[first], faces[ok])
@@ -83,16 +83,12 @@ def delaunay_disk(n: int = 300, seed: int = 0) -> Shape:
     k = max(6, round(2 * np.sqrt(np.pi * n)))
     a = 2 * np.pi * np.arange(k) / k
     r, b = np.sqrt(rng.random(n)) * (1 - 3 / k), 2 * np.pi * rng.random(n)
-    p = np.concatenate(
-        [np.stack([np.cos(a), np.sin(a)], 1), np.stack([r * np.cos(b), r * np.sin(b)], 1)]
-    )
-    return _planar(p)
+    return _planar(np.stack([np.r_[np.cos(a), r * np.cos(b)], np.r_[np.sin(a), r * np.sin(b)]], 1))
 
 
 def _planar(p: np.ndarray) -> Shape:
     faces = Delaunay(p).simplices.astype(np.int64)
-    e1, e2 = p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]
-    area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
+    area = 2 * areas(p[faces])
     faces = np.where((area < 0)[:, None], faces[:, [0, 2, 1]], faces)[np.abs(area) > 1e-12]
     return compact(np.c_[p, np.zeros(len(p))], faces)
 
@@ -147,31 +143,29 @@ def tube(ratio: float = 5.0, around: int = 24, closed: bool = True, flare: float
     return p, f
 
 
-def cone(around: int = 32, along: int = 12, height: float = 1.5, slit: bool = False) -> Shape:
+def cone(around: int = 32, along: int = 12, slit: bool = False) -> Shape:
     """A cone without its base: a disk with an apex (slit=False), or cut along a generator: developable."""
     n = around + 1 if slit else around
     t, a = _mesh_grid(np.arange(1, along + 1) / along, 2 * np.pi * np.arange(n) / around)
-    p = np.stack([t * np.cos(a), t * np.sin(a), height * (1 - t)], 1)
-    p = np.r_[p, [[0, 0, height]]]
+    p = np.stack([t * np.cos(a), t * np.sin(a), 1.5 * (1 - t)], 1)
+    p = np.r_[p, [[0, 0, 1.5]]]
     f = _grid_faces(along, n, closed_v=not slit)
     first = np.arange(n)
     fan = np.stack([np.full(n, len(p) - 1), first, np.roll(first, -1)], 1)
     return p, np.r_[f, fan[:-1] if slit else fan]
 
 
-def half_cylinder(around: int = 24, along: int = 12, angle: float = np.pi) -> Shape:
+def half_cylinder(around: int = 24, along: int = 12) -> Shape:
     """A bent rectangle: a developable disk."""
-    a, z = _mesh_grid(np.linspace(0, angle, around + 1), np.linspace(0, 1, along + 1))
+    a, z = _mesh_grid(np.linspace(0, np.pi, around + 1), np.linspace(0, 1, along + 1))
     return np.stack([np.cos(a), np.sin(a), z], 1), _grid_faces(around + 1, along + 1)
 
 
-def spiked_disk(n: int = 400, ratio: float = 20.0, seed: int = 0) -> Shape:
+def spiked_disk(n: int = 400, ratio: float = 20.0) -> Shape:
     """A flat disk with one long thin closed protrusion: no convex map of it survives double precision."""
-    p, f = delaunay_disk(n, seed)
-    r = np.hypot(p[:, 0], p[:, 1])
-    radius = max(0.15, 4.0 / np.sqrt(n))
-    inside = r < radius
-    z = np.where(inside, ratio * radius * (1 - r / radius), 0.0)
+    p, f = delaunay_disk(n)
+    r, radius = np.hypot(p[:, 0], p[:, 1]), max(0.15, 4.0 / np.sqrt(n))
+    z = np.where(r < radius, ratio * radius * (1 - r / radius), 0.0)
     return np.stack([p[:, 0], p[:, 1], z], 1), f
 
 
@@ -179,9 +173,8 @@ def wound(turn: float, around: int = 60, along: int = 4, inner: float = 0.7) -> 
     """A flat ring of radii ``inner`` to 1 that runs through an angle: beyond a full turn it lies over itself,
     each turn a little higher."""
     t, r = _mesh_grid(np.linspace(0, turn, around), np.linspace(inner, 1, along))
-    return np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1), _grid_faces(around, along)[
-        :, ::-1
-    ]
+    faces = _grid_faces(around, along)[:, ::-1]
+    return np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1), faces
 
 
 # several borders -----------------------------------------------------------------------------------
@@ -199,9 +192,8 @@ def flat_ring(inner: float, outer: float, n: int = 12) -> tuple[np.ndarray, np.n
 def annulus(around: int = 32, along: int = 6, inner: float = 0.4) -> Shape:
     """A flat ring: one hole."""
     r, a = _mesh_grid(np.linspace(inner, 1, along + 1), 2 * np.pi * np.arange(around) / around)
-    return np.stack([r * np.cos(a), r * np.sin(a), 0 * r], 1), _grid_faces(
-        along + 1, around, closed_v=True
-    )
+    faces = _grid_faces(along + 1, around, closed_v=True)
+    return np.stack([r * np.cos(a), r * np.sin(a), 0 * r], 1), faces
 
 
 def cylinder(around: int = 24, along: int = 12, caps: bool = False, height: float = 2.0) -> Shape:
@@ -221,15 +213,15 @@ def cylinder(around: int = 24, along: int = 12, caps: bool = False, height: floa
     return p, f
 
 
-def rod(cells: float = 6.4, along: int = 80, caps: int = 8, length: float = 6.0) -> Shape:
+def rod() -> Shape:
     """A closed tube with round ends, its points in rows along the axis: each facet is a flat of many faces.
 
-    The rows are where the lines of a lattice meet the circle, of whose radius ``cells`` is the length in cells.
+    The rows are where the lines of a lattice meet the circle, whose radius has a length of 6.4 cells.
     """
+    cells, along, caps, length = 6.4, 80, 8, 6.0
     k = np.arange(-int(cells), int(cells) + 1) / cells
-    u = np.unique(
-        np.r_[np.arccos(k), -np.arccos(k), np.arcsin(k), np.pi - np.arcsin(k)] % (2 * np.pi)
-    )
+    u = np.r_[np.arccos(k), -np.arccos(k), np.arcsin(k), np.pi - np.arcsin(k)]
+    u = np.unique(u % (2 * np.pi))
     u = u[np.diff(u, append=u[0] + 2 * np.pi) > 1e-6]
     around = len(u)
     v = np.linspace(0, np.pi / 2, caps + 1)[1:]
@@ -291,13 +283,7 @@ def cut_out(shape: Shape, holes: int, seed: int = 0, outline: bool = True) -> Sh
         keep &= ~_inside(_star(rng, centre, rng.uniform(0.11, 0.17), 0.4), c)
     f = f[keep]
     # the largest part, faces joined across edges
-    edges = np.sort(np.stack([f, np.roll(f, -1, 1)], 2).reshape(-1, 2), 1)
-    _, edge = np.unique(edges, axis=0, return_inverse=True)
-    m = len(f)
-    graph = sps.coo_matrix((np.ones(3 * m), (np.repeat(np.arange(m), 3), m + edge.reshape(-1))))
-    n = int(max(graph.shape))
-    graph.resize(n, n)
-    part = connected_components(graph, directed=False)[1][:m]
+    part = components(len(f), *(shared_edges(f) // 3).T)[1]
     return compact(p, f[part == np.bincount(part).argmax()])
 
 
@@ -348,10 +334,10 @@ def bumpy(level: int = 2) -> Shape:
     return p * (1 + 0.35 * np.sin(3 * p[:, :1]) * np.cos(4 * p[:, 1:2])), f
 
 
-def stone(level: int = 3, rough: float = 0.1, seed: int = 0) -> Shape:
+def stone(level: int = 3, rough: float = 0.1) -> Shape:
     """A round shape of few faces whose edges turn as sharply as those of a machined part."""
     points, faces = icosphere(level)
-    far = 1 + rough * np.random.default_rng(seed).uniform(-1, 1, (len(points), 1))
+    far = 1 + rough * np.random.default_rng(0).uniform(-1, 1, (len(points), 1))
     return points * far, faces
 
 
@@ -406,12 +392,12 @@ def handles(genus: int = 2, refine: int = 2) -> Shape:
     return voxels(mask, refine)
 
 
-def double_torus(refine: int = 3, rounds: int = 10) -> Shape:
+def double_torus(refine: int = 3) -> Shape:
     """A smooth closed surface of genus 2: a plate with two holes, rounded by averaging neighbours."""
     p, f = handles(2, refine)
     h = np.r_[f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]
     count = np.bincount(h[:, 0], minlength=len(p))[:, None]
-    for _ in range(rounds):
+    for _ in range(10):
         mean = np.stack([np.bincount(h[:, 0], p[h[:, 1], k], len(p)) for k in range(3)], 1) / count
         p = 0.5 * p + 0.5 * mean
     return p, f

@@ -1,7 +1,7 @@
 """Hypothesis strategies for meshes: well-behaved ones for mathematics, hostile ones for robustness.
 
 Every strategy yields (points (n, 3) float64, faces (m, 3) int64). Sizes stay small so that thousands of
-cases fit in a minute; deterministic shapes with known answers are in ``tests.shapes``.
+cases fit in a minute; deterministic shapes with known answers are in ``tests.support.shapes``.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ seeds = st.integers(0, 2**20)
 
 
 @st.composite
-def planar_disks(draw: st.DrawFn, largest: int = 120) -> Shape:
+def planar_disks(draw: st.DrawFn, largest: int) -> Shape:
     """Flat random Delaunay disks with a convex border."""
     make = draw(st.sampled_from([shapes.delaunay_disk, shapes.delaunay_square]))
     return make(draw(st.integers(4, largest)), draw(seeds))
@@ -38,9 +38,9 @@ def disks(draw: st.DrawFn, largest: int = 120) -> Shape:
 
 
 @st.composite
-def folding_disks(draw: st.DrawFn, largest: int = 120) -> Shape:
+def folding_disks(draw: st.DrawFn) -> Shape:
     """Disks so rough and so stretched that methods without a guarantee flip faces of nearly all of them."""
-    p, f = shapes.delaunay_disk(draw(st.integers(40, largest)), draw(seeds))
+    p, f = shapes.delaunay_disk(draw(st.integers(40, 120)), draw(seeds))
     waves = np.random.default_rng(draw(seeds)).normal(0, 6, (2, 3))
     p = p.copy()
     p[:, 2] = draw(st.sampled_from([1.5, 3.0])) * np.sin(p[:, :2] @ waves).sum(1)
@@ -68,10 +68,10 @@ def surfaces(draw: st.DrawFn) -> Shape:
 
 
 @st.composite
-def soups(draw: st.DrawFn, largest: int = 40) -> Shape:
+def soups(draw: st.DrawFn) -> Shape:
     """Random triangles over few points: degenerate, duplicate, non-manifold, unreferenced."""
     rng = np.random.default_rng(draw(seeds))
-    n, m = draw(st.integers(1, largest)), draw(st.integers(1, 2 * largest))
+    n, m = draw(st.integers(1, 40)), draw(st.integers(1, 80))
     p = rng.normal(size=(n, 3))
     if draw(st.booleans()):
         p = np.round(p, 1)  # coincident and collinear points
@@ -79,12 +79,12 @@ def soups(draw: st.DrawFn, largest: int = 40) -> Shape:
 
 
 @st.composite
-def glued_triangles(draw: st.DrawFn, largest: int = 30) -> Shape:
+def glued_triangles(draw: st.DrawFn) -> Shape:
     """Triangles glued one after another to a random earlier edge, with random winding: any 2-complex."""
     rng = np.random.default_rng(draw(seeds))
     faces = [(0, 1, 2)]
     n = 3
-    for _ in range(draw(st.integers(0, largest))):
+    for _ in range(draw(st.integers(0, 30))):
         a, b, c = faces[rng.integers(len(faces))]
         if rng.random() < 0.25:
             apex = int(rng.integers(n))

@@ -33,8 +33,8 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
     assert after.scale > 1.02 * start.scale
 
 
-def growth_of(shapes, options, budget=None):
-    return Growth(shapes, options, budget or Budget(1e9, lambda: False))
+def growth_of(shapes, options):
+    return Growth(shapes, options, Budget(1e9, lambda: False))
 
 
 @pytest.mark.parametrize("corner", [[0, 0], [0, 1], [1, 0], [1, 1]])
@@ -74,9 +74,8 @@ def test_three_faces_at_an_edge_are_no_overlap() -> None:
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [5, 6, 7]])
     options = PackOptions(resolution=256, padding=2)
     shapes = shapes_of(faces, uv, np.array([0, 0, 0, 1]))
-    apart = Placement(
-        60.0, np.zeros(2), np.array([[70.0, 120.0], [180.0, 120.0]]), np.zeros(2, int)
-    )
+    offset = np.array([[70.0, 120.0], [180.0, 120.0]])
+    apart = Placement(60.0, np.zeros(2), offset, np.zeros(2, int))
     growth = growth_of(shapes, options)
     assert finish(shapes, apart, options)[1] is None
     assert Ascent(apart).climb(growth).scale > 1.2 * apart.scale

@@ -1,14 +1,16 @@
-"""Developable charts laid out exactly, and the slits that they need."""
+"""Developable charts laid out exactly, the slits that they need, and boxes that become nets."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from circparam.geometry.distortion import chart_distortion
 from circparam.seams.hard.unroll import slits, unroll
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
-from tests.support.atlases import energies, surface_of, whole
+from tests.support.atlases import assert_promises, charts_of, energies, surface_of, whole
+from tests.support.parts import cube
 
 
 def slit_length(shape: shapes.Shape) -> float:
@@ -35,3 +37,15 @@ def slit_length(shape: shapes.Shape) -> float:
 )
 def test_slits_join_tips_and_boundaries_and_what_is_flat_needs_none(shape, length: float) -> None:
     assert slit_length(shape) == pytest.approx(length)
+
+
+@pytest.mark.parametrize("refine", [0, 1, 2, 3, 4])
+@pytest.mark.parametrize("turn", [False, True])
+def test_a_cube_is_unfolded_to_a_net_of_six_squares(turn: bool, refine: int) -> None:
+    """Seven of its twelve edges are cut, and every face is a unit square in the plane."""
+    points, faces = shapes.cube(refine) if refine else (cube().points, cube().faces)
+    atlas = charts_of(surface_of(points @ shapes.rotation(3).T if turn else points, faces))
+    assert_promises(atlas, 1.05)
+    assert atlas.charts()[0] == 1
+    assert chart_distortion(*atlas.open()) == pytest.approx(np.ones(1), abs=1e-9)
+    assert atlas.surface.edge_lengths[atlas.cut].sum() == pytest.approx(7.0)

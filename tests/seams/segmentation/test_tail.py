@@ -10,11 +10,21 @@ from circparam.geometry.distortion import Tail, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.glue import MergeOptions, merge
+from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import limit_stretch
-from circparam.seams.segmentation.weigh import Limits
+from circparam.seams.segmentation.weigh import Limits, share_over
+from circparam.seams.stretch import STRETCH, stretch_held
 from circparam.solvers.newton import relax
 from tests.support import shapes
-from tests.support.atlases import assert_promises, charts_of, energies, middles, surface_of, voronoi
+from tests.support.atlases import (
+    assert_promises,
+    charts_of,
+    energies,
+    middles,
+    relaxed,
+    surface_of,
+    voronoi,
+)
 
 SPIKE = shapes.spiked_disk(400, 2.0)
 TUBE = shapes.tube(3.0)
@@ -132,3 +142,15 @@ def test_a_tail_that_is_not_worth_its_seams_is_left_unless_a_user_asked(how):
     assert share_over(left, 1.5) > 1e-3
     asked = held(loose, 1.5, asked=True, **how)
     assert share_over(asked, 1.5) <= 1e-3
+
+
+def test_a_level_is_held_in_an_atlas_of_its_own() -> None:
+    """The spike is stretched too much; a copy is held until hardly a face of it is."""
+    atlas, _ = relaxed(shapes.spiked_disk(400, 2.0))
+    cut, corners = atlas.cut.copy(), atlas.corners.copy()
+    held = stretch_held(atlas, 1.5, SeamOptions(), Monitor())
+    opened = [one.open() for one in (atlas, held)]
+    before, after = (share_over(m, face_stretch(m, uv), STRETCH).sum() for m, uv in opened)
+    assert after <= 1e-3 < before
+    assert np.array_equal(atlas.cut, cut)
+    assert np.array_equal(atlas.corners, corners)
