@@ -239,31 +239,6 @@ def test_import_is_light() -> None:
     assert not loaded_by(code) & HEAVY
 
 
-# what a small unwrap has no use for: readers of other files, pictures, processes, programs for many charts
-IDLE = {
-    *("trimesh", "PIL", "rich", "loky", "multiprocessing", "psutil", "fast_simplification"),
-    *("asyncio", "scipy.optimize", "scipy.fft", "scipy.special", "scipy.spatial"),
-    *("scipy.interpolate", "scipy.ndimage", "scipy.stats", "scipy.integrate", "scipy.signal"),
-    *("circparam.render", "circparam.compare", "circparam.bake", "circparam.packing.nest"),
-}
-
-
-def test_a_small_unwrap_imports_nothing_that_it_does_not_use(tmp_path: Path) -> None:
-    mesh = tmp_path / "m.obj"
-    mesh.write_text(
-        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nf 1 2 3 4\nf 1 5 2\nf 2 5 3\nf 3 5 4\n"
-    )
-    script = (
-        "import sys\nfrom circparam.cli import cli\n"
-        f"args = ['unwrap', {str(mesh)!r}, '-q', '-j', '2', '--no-normalize']\n"
-        "assert cli.main(args, standalone_mode=False) == 0\nprint(*sys.modules)"
-    )
-    loaded = set(printed(script).split())
-    assert "scipy.sparse" in loaded
-    assert not loaded & IDLE
-    assert (tmp_path / "m_uv.obj").exists()
-
-
 def test_public_names_exist() -> None:
     import circparam
 

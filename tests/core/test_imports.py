@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import circparam
 from circparam.core import linalg
@@ -57,25 +58,28 @@ def test_what_nobody_uses_is_not_loaded_and_works_when_it_is() -> None:
 UNWRAP = """
 import sys
 from circparam.cli import main
-sys.argv = ["circparam", "unwrap", *sys.argv[1:], "--quiet", "-j1", "--pack-splits", "0"]
+sys.argv = ["circparam", "unwrap", *sys.argv[1:], "--quiet", "-j2"]
 try:
     main()
 except SystemExit as end:
     assert not end.code
 wanted = {"numpy.testing._private", "numpy.f2py.crackfortran"}
 wanted |= {"scipy.spatial", "scipy.ndimage", "scipy.optimize", "scipy.special", "scipy.fft._pocketfft"}
+wanted |= {"scipy.interpolate", "scipy.stats", "scipy.integrate", "scipy.signal", "fast_simplification"}
 wanted |= {"multiprocessing", "loky", "trimesh", "PIL", "rich", "dask", "fsspec", "jinja2", "email", "asyncio"}
+wanted |= {"psutil", *["circparam.packing.nest.search"] * ("--no-normalize" in sys.argv)}
 rooms = tuple(f"circparam.{room}" for room in ("maps", "render", "bake", "batch", "compare"))
 wanted |= {name for name in sys.modules if name.startswith(rooms)}
 print(sorted(wanted & set(sys.modules)))
 """
 
 
-def test_a_mesh_of_one_chart_loads_nothing_that_only_others_need(tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", ["--pack-splits=0", "--no-normalize"])
+def test_a_mesh_of_one_chart_loads_nothing_that_only_others_need(page, tmp_path: Path) -> None:
     points, faces = shapes.delaunay_square(200)
     points = np.c_[points[:, :2], 0.1 * (points[:, :2] ** 2).sum(1)]
     mesh = obj(tmp_path / "dome.obj", (points, faces))
-    assert printed(UNWRAP, mesh, "-o", tmp_path / "out.obj").splitlines()[-1] == "[]"
+    assert printed(UNWRAP, mesh, "-o", tmp_path / "out.obj", page).splitlines()[-1] == "[]"
 
 
 ELSEWHERE = """
