@@ -3,14 +3,16 @@
 import itertools
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from circparam.compare.rows import Entry
 from circparam.render.compare_page import bars, compare_page, scale_of
-from circparam.render.side_by_side import caption
+from circparam.render.side_by_side import caption, cell_text, draw_layouts, scenes_of
 from circparam.render.text import drawable, has_glyph
 from tests.support.side_by_side import compared, compared_sheet
 
@@ -120,3 +122,28 @@ def test_captions_have_no_missing_glyphs():
     assert said.startswith("1 chart · distortion inf · 0.5 s")
     assert drawable("é×\u00a0–") == "ex -"
     assert not has_glyph("\u00a0")
+
+
+def test_same_view_and_same_scale():
+    sheet = compared_sheet()
+    good, bad, none = draw_layouts(scenes_of(sheet.shape, sheet.rows), size=60, samples=1)
+    assert none is None
+    shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
+    assert np.array_equal(*shape)  # the same silhouette
+    assert np.asarray(good[2]).mean() > np.asarray(bad[2]).mean() + 5
+
+
+def test_a_view_of_a_tall_mesh_is_no_higher_than_wide():
+    tall = compared_sheet()
+    mesh = replace(tall.shape, points=tall.shape.points * [1.0, 5.0, 1.0])
+    shown = draw_layouts(scenes_of(mesh, tall.rows), size=60, samples=1)
+    assert shown[0][1].size == (60, 60)
+
+
+def test_cells():
+    assert cell_text("seconds", None) == "–"
+    assert cell_text("stretch_linf", float("inf")) == "∞"
+    assert cell_text("pack", 0.614) == "61.4 %"
+    assert cell_text("peak_bytes", 1_234_000_000) == "1,234"
+    assert cell_text("charts", 12345) == "12,345"
+    assert cell_text("stretch_linf", 7.7e146) == "over 1e9"

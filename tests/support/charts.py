@@ -8,20 +8,16 @@ from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import overlaps
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import shared_edges
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import repair
 from circparam.methods import METHODS
 from circparam.methods.base import Layout, MethodOptions
+from tests.support.atlases import uncut
 from tests.support.shapes import delaunay_disk, sheet_faces
 
 
 def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
     """(cut mesh, (n_vertices, 3) position of each vertex) of an uncut shape."""
-    surface, _ = repair(Mesh(*shape))
-    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    points = np.empty((cut_mesh.n_vertices, 3))
-    points[cut_mesh.faces.ravel()] = surface.points[surface.faces.ravel()]
-    return cut_mesh, points
+    atlas = uncut(*shape)
+    return atlas.cut_mesh(), atlas.surface.vertex_points
 
 
 def flat_of(shape) -> tuple[CutMesh, np.ndarray]:

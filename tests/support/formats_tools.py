@@ -17,6 +17,7 @@ from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import encode, read_data, stored
 from circparam.formats.table import up_of
 from circparam.mesh.mesh import UVMap
+from tests.support import shapes
 from tests.support.corpus import CORPUS, SUFFIXES
 
 # a quad and two triangles, with a vertex that float32 does not hold
@@ -178,12 +179,9 @@ class GltfMaker:
 
 def grid(n: int = 4) -> tuple[np.ndarray, np.ndarray]:
     """A bumpy grid of n × n float32 points and its triangles."""
-    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-    points = np.stack([i, j, np.sin(i) * np.cos(j)], 2).reshape(-1, 3).astype(np.float32)
-    at = np.arange(n * n).reshape(n, n)
-    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
-    faces = np.stack([np.stack([a, b, c], 2), np.stack([a, c, d], 2)], 2).reshape(-1, 3)
-    return points, faces
+    points, faces = shapes.grid(n, n, n - 1.0, n - 1.0)
+    points[:, 2] = np.sin(points[:, 0]) * np.cos(points[:, 1])
+    return points.astype(np.float32), faces
 
 
 def refused(data: bytes, says: str = "", format: str | None = None) -> None:
