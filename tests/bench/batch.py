@@ -9,7 +9,6 @@ costs.
 """
 
 import argparse
-import os
 import pickle
 import subprocess
 import sys
@@ -30,7 +29,7 @@ from circparam.cli import exits
 from circparam.core.workers import environment
 from circparam.pipeline.gates import Gates
 from circparam.pipeline.options import Options
-from tests.bench.common import Line, options, run_cases
+from tests.bench.common import Line, children_seconds, options, run_cases
 from tests.support import shapes
 from tests.support.batch_faults import empty_item
 from tests.support.shapes import Shape
@@ -85,11 +84,6 @@ def cpu_of_tree(root: psutil.Process) -> float:
     return total
 
 
-def cpu_of_children() -> float:
-    """Processor seconds of all processes that this one has waited for."""
-    return float(sum(os.times()[2:4]))
-
-
 WARM = """
 import sys, time, circparam
 circparam.unwrap(sys.argv[1], sys.argv[1] + ".warm.obj", overwrite=True)
@@ -135,17 +129,15 @@ def rate(chosen: argparse.Namespace) -> list[Line]:
         for path in (folder / "src").glob("*.warm.obj"):
             path.unlink()
         warm_rate, warm_cpu = len(few) / seconds, cpu / len(few)
-        start, before = time.perf_counter(), cpu_of_children()
+        start, before = time.perf_counter(), children_seconds()
         one = f"{sys.executable} -P -m circparam unwrap -q --out-dir {folder / 'x'}"
         script = f"printf '%s\\0' \"$@\" | xargs -0 -n1 -P{WORKERS} {one}"
         (folder / "x").mkdir()
         subprocess.run(["sh", "-c", script, "sh", *few], env=environment(), check=True)
         xargs_rate = len(few) / (time.perf_counter() - start)
-        xargs_cpu = (cpu_of_children() - before) / len(few)
-        print(
-            f"warm {warm_rate:.3g}/s, xargs {xargs_rate:.3g}/s, {xargs_cpu:.3g} s CPU each",
-            flush=True,
-        )
+        xargs_cpu = (children_seconds() - before) / len(few)
+        told = f"warm {warm_rate:.3g}/s, xargs {xargs_rate:.3g}/s, {xargs_cpu:.3g} s CPU each"
+        print(told, flush=True)
         spent: list[tuple[int, float, float]] = []
 
         def on_line(line: dict[str, Any]) -> None:
@@ -153,10 +145,8 @@ def rate(chosen: argparse.Namespace) -> list[Line]:
             cpu = cpu_of_tree(psutil.Process()) if looked else spent[-1][2]
             spent.append((len(spent) + 1, time.perf_counter(), cpu))
 
-        summary = run_batch(
-            BatchPlan([str(folder / "src")], settings(folder / "out"), workers=WORKERS),
-            Hooks(on_line=on_line),
-        )
+        plan = BatchPlan([str(folder / "src")], settings(folder / "out"), workers=WORKERS)
+        summary = run_batch(plan, Hooks(on_line=on_line))
         first, last = spent[0], spent[-1]
         batch_rate = (last[0] - first[0]) / (last[1] - first[1])
         batch_cpu = (last[2] - first[2]) / (last[0] - first[0])
@@ -190,9 +180,8 @@ def empty(chosen: argparse.Namespace) -> list[Line]:
                 print(memory[-1], f"{progress.rate:.0f}/s", flush=True)
 
         start, cpu = time.perf_counter(), time.process_time()
-        plan = BatchPlan(
-            [str(folder / "src")], settings(folder / "out"), workers=WORKERS, task=empty_item
-        )
+        where = [str(folder / "src")], settings(folder / "out")
+        plan = BatchPlan(*where, workers=WORKERS, task=empty_item)
         summary = run_batch(plan, Hooks(listener=listen))
         seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
         assert summary.counts == {"ok": count}, summary

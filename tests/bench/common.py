@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+import psutil
+
 ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / "docs" / "benchmarks"
 
@@ -51,17 +53,12 @@ def say(line: Line) -> None:
 
 def machine() -> list[str]:
     """Facts without which a time means nothing."""
-    cpu = platform.processor() or platform.machine()
-    memory = ""
-    try:
-        for text in Path("/proc/cpuinfo").read_text().splitlines():
-            if text.startswith("model name"):
-                cpu = text.split(":", 1)[1].strip()
-                break
-        kilobytes = Path("/proc/meminfo").read_text().split(None, 2)[1]
-        memory = f", {int(kilobytes) / 2**20:.0f} GB"
-    except OSError:
-        pass
+    cpu, known = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
+    for text in known.read_text().splitlines() if known.exists() else ():
+        if text.startswith("model name"):
+            cpu = text.split(":", 1)[1].strip()
+            break
+    memory = f"{psutil.virtual_memory().total / 2**30:.0f} GB"
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     names = ["numpy", "scipy", "libigl", "xatlas", "fast-simplification"]
     versions = []
@@ -72,7 +69,7 @@ def machine() -> list[str]:
             versions.append(f"no {name}")
     threads = os.environ.get("OMP_NUM_THREADS", "not set")
     return [
-        f"- machine: {cpu}, {cores} cores{memory}, {platform.system()}",
+        f"- machine: {cpu}, {cores} cores, {memory}, {platform.system()}",
         f"- Python {platform.python_version()}, {', '.join(versions)}",
         f"- OMP_NUM_THREADS: {threads}; commit {commit()}",
     ]
@@ -113,6 +110,11 @@ def write(name: str, title: str, intro: str, blocks: Iterable[list[str]]) -> Non
 def figures(lines: Iterable[Line]) -> list[str]:
     """Lines as a Markdown table."""
     return table(["figure", "measured", "wanted", "", "detail"], (line.cells() for line in lines))
+
+
+def children_seconds() -> float:
+    """Processor seconds of all processes that this one has waited for."""
+    return float(sum(os.times()[2:4]))
 
 
 def options(text: str | None) -> argparse.ArgumentParser:

@@ -121,6 +121,7 @@ def with_handles() -> list[Pair]:
 def all_pairs() -> list[Pair]:
     """Fourteen pairs: nine with a known answer, a pose, and four of unlike shapes."""
     ball, turned = pairs.blob(4, 1), pairs.blob(4, 1, turned=5)
+    marks = pairs.marks(ball, turned)
     other, coarse = pairs.blob(4, 6, turned=3), pairs.blob(3, 1, turned=2)
     a, b = creature(0.115), creature(0.1, 0.37)
     tips = nearest_marks(a, b, TIPS)
@@ -129,10 +130,8 @@ def all_pairs() -> list[Pair]:
     first, second = ring(64, 14, 0.1), ring(56, 12, 0.25)
     rings = nearest_marks(first, second, first.points[[0, 10, 30]])
     return [
-        Pair("blob, its remeshing", ball, turned, pairs.marks(ball, turned), ball.points),
-        Pair(
-            "blob, remeshed with noise", ball, noisy(turned), pairs.marks(ball, turned), ball.points
-        ),
+        Pair("blob, its remeshing", ball, turned, marks, ball.points),
+        Pair("blob, remeshed with noise", ball, noisy(turned), marks, ball.points),
         Pair("blob, coarse and dense", coarse, ball, pairs.marks(coarse, ball), coarse.points),
         Pair("creature, its remeshing", a, b, tips, a.points),
         Pair("creature, remeshed with noise", a, noisy(b), tips, a.points),
@@ -193,9 +192,8 @@ def overlays(all_of_them: list[Pair]) -> Line:
     for pair in chosen:
         found, _ = mapped(pair, overlay=True)
         moved.append(pairs.back_through_overlay(pair.a, pair.b, found.map) / size_of(pair.a))
-        print(
-            pair.name, len(found.map.overlay.faces), moved[-1], found.seconds["overlay"], flush=True
-        )
+        parts, seconds = len(found.map.overlay.faces), found.seconds["overlay"]
+        print(pair.name, parts, moved[-1], seconds, flush=True)
     note = f"{len(chosen)} pairs: {', '.join(p.name for p in chosen)}"
     name = "A → B → A through the overlay, largest move"
     return Line(name, max(moved), "sizes", "<= 1e-6", note)
@@ -226,17 +224,13 @@ def verdicts(results: list[tuple[Pair, MapResult]], composed: np.ndarray) -> lis
     turned = sum(sum(f.inversions) for _, f in results)
     marks = max(f.landmark_error for _, f in results)
     back = max(moved_back(p, f) for p, f in results)
+    worst = 100 * max(known, default=0.0)
     medians = zip(METHODS, np.median(composed, 0).tolist(), strict=True)
     return [
         Line("inversions, both ways, all pairs", turned, "", "<= 0"),
         Line("landmark error, largest", marks, "sizes", "<= 1e-9"),
         Line("A → B → A, largest move over the longest edge", back, "", "<= 1"),
-        Line(
-            "known answer, largest mean error",
-            100 * max(known, default=0.0),
-            "% of the size",
-            "<= 0.5",
-        ),
+        Line("known answer, largest mean error", worst, "% of the size", "<= 0.5"),
         *(Line(f"composed maps, {name}: median distortion", value) for name, value in medians),
     ]
 

@@ -220,22 +220,21 @@ def main() -> None:
 
     found: dict[str, dict[str, list[Any]]] = {}
     for name, build in builds.items():
-        every = {
-            m.name: [rows.get(build.key, m.name, chosen.kind, t) for t in turns] for m in meshes
-        }
+        key, kind = build.key, chosen.kind
+        every = {m.name: [rows.get(key, m.name, kind, t) for t in turns] for m in meshes}
         found[name] = {mesh: some for mesh, some in every.items() if all(some)}
     both = [m for m in found["base"] if m in found["variant"]]
     if not both:
         raise SystemExit("no mesh was unwrapped by both builds")
     tables = {name: {m: table_of(found[name][m]) for m in both} for name in builds}
-    head = [
+    head = (
         "variant / base",
         "mean",
         "90 % interval",
         "median",
         "least of a mesh",
         "most of a mesh",
-    ]
+    )
     facts = [
         f"- {len(both)} meshes of {len(meshes)}, {len(turns)} turns each ({chosen.kind})",
         f"- base: {chosen.base}; variant: {json.dumps(settings)}",

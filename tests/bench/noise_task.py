@@ -9,8 +9,8 @@ place of a function is one that does nothing.
 
 from __future__ import annotations
 
-import importlib
 import json
+import pkgutil
 import resource
 import sys
 import zlib
@@ -70,17 +70,11 @@ def turn(
 def owner_of(name: str) -> tuple[Any, str]:
     """(module or class, attribute) of a dotted name."""
     path, _, attribute = name.rpartition(".")
-    parts, owner = path.split("."), None
-    for count in range(len(parts), 0, -1):
-        try:
-            owner = importlib.import_module(".".join(parts[:count]))
-        except ModuleNotFoundError:
-            continue
-        for part in parts[count:]:
-            owner = getattr(owner, part)
-        break
-    if owner is None or not hasattr(owner, attribute):
-        raise SystemExit(f"there is no {name}")
+    try:
+        owner = pkgutil.resolve_name(path)
+        getattr(owner, attribute)
+    except (ValueError, ImportError, AttributeError):
+        raise SystemExit(f"there is no {name}") from None
     return owner, attribute
 
 

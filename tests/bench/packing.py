@@ -127,9 +127,8 @@ def atlas_report(rows: list[dict[str, Any]]) -> list[str]:
         (c0, c1), (l0, l1), (s0, s1) = r["charts"], r["seam_length"], r["pack"]
         packing = f"{r['packing']:.2f} ({100 * r['packing'] / r['seconds']:.0f} %)"
         ratio = f"{l1 / l0:.3f}" if l0 else "-"
-        cells.append(
-            [r["file"], f"{c0} → {c1}", f"{l0:.2f}", ratio, f"{s0:.3f} → {s1:.3f}", packing]
-        )
+        pages = f"{s0:.3f} → {s1:.3f}"
+        cells.append([r["file"], f"{c0} → {c1}", f"{l0:.2f}", ratio, pages, packing])
         if c0 > 1 or l0:
             shares.append((s0, s1))
         if l0:
@@ -184,10 +183,8 @@ def report(rows: list[dict[str, Any]]) -> list[str]:
 
 def sources(chosen: argparse.Namespace) -> list[Path]:
     """The meshes that are named, else those of the corpus that are unwrapped in a minute or so."""
-    small = [
-        p for p in CORPUS.glob("*") if p.suffix.lower() in SUFFIXES and p.stat().st_size < LARGE
-    ]
-    return chosen.files or sorted(small)
+    every = [p for p in CORPUS.glob("*") if p.suffix.lower() in SUFFIXES]
+    return chosen.files or sorted(p for p in every if p.stat().st_size < LARGE)
 
 
 def main() -> int:

@@ -20,9 +20,7 @@ Answer = tuple[Given, Given]  # (arrays, what it says of itself)
 
 # pages of xatlas' search: brute force tries every texel, and of 2048 squared it takes minutes to hours
 COARSER = 4
-APART = (
-    4.01  # texels that two outlines keep at padding 4: an upright strip between them needs as much
-)
+APART = 4.01  # texels between outlines at padding 4: an upright strip needs as much
 TRIES = 2  # short runs by which the height is found at which sparrow's strip is square
 PART = 0.2  # of its seconds that each of them gets
 SLOWEST = 0.25  # least share of a processor that it is taken to have where others run beside it

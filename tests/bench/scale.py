@@ -115,15 +115,15 @@ def unwrap(name: str, shape: shapes.Shape, folder: Path) -> Run:
     source, target = folder / "in.ply", folder / "out.ply"
     source.write_bytes(ply_binary(shape[0].astype(np.float32), shape[1]))
     command = [sys.executable, "-m", "circparam", "unwrap", str(source), "-o", str(target)]
-    start, before = time.perf_counter(), os.times()
+    start, before = time.perf_counter(), common.children_seconds()
     process = subprocess.Popen([*command, "--overwrite", "--json"], stdout=subprocess.PIPE)
     text = process.stdout.read() if process.stdout else b""
     _, code, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(code)
-    wall, after = time.perf_counter() - start, os.times()
+    wall = time.perf_counter() - start
     if process.returncode not in (0, 6):
         raise SystemExit(f"{name}: circparam ended with code {process.returncode}")
-    processor = sum(after[2:4]) - sum(before[2:4])
+    processor = common.children_seconds() - before
     return Run(name, json.loads(text), wall, processor, usage.ru_maxrss / 2**20)
 
 

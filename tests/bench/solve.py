@@ -40,9 +40,8 @@ def run(task: str, arrays: dict[str, Any], **settings: Any) -> Outcome:
 
 def flatten(cut_mesh: CutMesh, method: str, repeats: int = 1, **options: Any) -> Outcome:
     """A method on cut mesh."""
-    return run(
-        "flatten", tasks.arrays_of(cut_mesh), method=method, repeats=repeats, options=options
-    )
+    arrays = tasks.arrays_of(cut_mesh)
+    return run("flatten", arrays, method=method, repeats=repeats, options=options)
 
 
 def convex(_: Namespace) -> list[Line]:
@@ -51,9 +50,8 @@ def convex(_: Namespace) -> list[Line]:
     cut_mesh = uncut(points, faces).cut_mesh()
     circle, floater = (flatten(cut_mesh, name, REPEATS) for name in ("circle", "floater"))
     peer = run("harmonic_by_igl", {"points": points, "faces": faces}, repeats=REPEATS)
-    own = statistics.median(
-        w + s for w, s in zip(circle.info["weights"], circle.info["solve"], strict=True)
-    )
+    stages = zip(circle.info["weights"], circle.info["solve"], strict=True)
+    own = statistics.median(map(sum, stages))
     theirs = statistics.median(peer.info["seconds"])
     fast, slow = (statistics.median(d.info["weights"]) for d in (circle, floater))
     size = f"{cut_mesh.n_vertices} vertices, {len(faces)} faces"

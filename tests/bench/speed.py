@@ -35,9 +35,7 @@ MOST = {"counter": 4.0}  # seconds
 WANTED = {"stanford-bunny": 0.2, "armadillo": 0.5, "ogre": 1.0, "boot": 1.0}  # of xatlas' time
 MEDIANS = {"xatlas": 4.0, "uvatlas": 0.12}  # of a peer's time, below LARGE faces
 LIMITS = {"xatlas": 60.0, "uvatlas": 45.0}  # seconds of a peer: what takes longer is known to
-UP_TO = {
-    "uvatlas": LARGE
-}  # faces from which on a peer is not run: nothing is asked beside it there
+UP_TO = {"uvatlas": LARGE}  # faces from which on a peer is not run, as nothing is asked beside it
 SHOWN_STAGE, SHOWN_FUNCTION = 0.05, 0.01  # shares of the whole from which on they are shown
 ENDS = ("ended", "limit", "failed", "not run")
 

@@ -42,6 +42,7 @@ CLOSED = {
     "torus": (shapes.torus(), 1),
     "double torus": (shapes.double_torus(), 1),
     "five handles": (shapes.handles(5), 1),
+    "tetrahedron": ((np.eye(4, 3), np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])), 1),
     "three at once": (shapes.join(shapes.icosphere(1), shapes.torus(), shapes.grid()), 3),
     "row of tori": (shapes.row_of(shapes.torus(), 4), 4),
     "moebius": (shapes.moebius(), 1),
