@@ -5,63 +5,31 @@ Those packages import each other: ``scipy.sparse.linalg`` takes 40 ms for one fu
 private to SciPy; where a version has them elsewhere, the packages are imported.
 """
 
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.sparse
 
-from circparam.core.imports import alone
+from circparam.core.imports import private
 from circparam.core.types import IntArray
 
 if TYPE_CHECKING:
-    from scipy.sparse.csgraph import (
-        breadth_first_order,
-        connected_components,
-        dijkstra,
-        maximum_flow,
-        minimum_spanning_tree,
-    )
-    from scipy.sparse.linalg import SuperLU
     from scipy.spatial import cKDTree
 
-    gstrf: Any
-    coo_tocsr: Any
-    label_components: Any
-else:
-    import scipy.sparse  # noqa: F401, which holds the others
-
-    try:
-        from scipy.sparse._sparsetools import coo_tocsr
-    except ImportError:
-        coo_tocsr = None  # ``compressed_rows`` sorts
-
-    try:
-        with alone("scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.sparse.linalg._dsolve"):
-            from scipy.sparse.csgraph._flow import maximum_flow
-            from scipy.sparse.csgraph._min_spanning_tree import minimum_spanning_tree
-            from scipy.sparse.csgraph._shortest_path import dijkstra
-            from scipy.sparse.csgraph._traversal import breadth_first_order, connected_components
-            from scipy.sparse.linalg._dsolve._superlu import SuperLU, gstrf
-    except ImportError:
-        from scipy.sparse.csgraph import (
-            breadth_first_order,
-            connected_components,
-            dijkstra,
-            maximum_flow,
-            minimum_spanning_tree,
-        )
-        from scipy.sparse.linalg import SuperLU
-
-        gstrf = None  # ``splu`` calls it
-    try:
-        from scipy.sparse.csgraph._traversal import (
-            _connected_components_undirected as label_components,
-        )
-
-        none, one = np.zeros(0, np.int32), np.zeros(1, np.int32)
-        label_components(none, np.zeros(2, np.int32), none, np.zeros(2, np.int32), one - 1)
-    except (ImportError, TypeError, ValueError):  # another signature
-        label_components = None  # ``connected_components`` calls it
+_GRAPHS, _TREES = "scipy.sparse.csgraph", "scipy.spatial"
+maximum_flow = private(f"{_GRAPHS}._flow", "maximum_flow", _GRAPHS)
+minimum_spanning_tree = private(f"{_GRAPHS}._min_spanning_tree", "minimum_spanning_tree", _GRAPHS)
+dijkstra = private(f"{_GRAPHS}._shortest_path", "dijkstra", _GRAPHS)
+breadth_first_order = private(f"{_GRAPHS}._traversal", "breadth_first_order", _GRAPHS)
+# None: others call these three
+gstrf = private("scipy.sparse.linalg._dsolve._superlu", "gstrf")
+coo_tocsr = private("scipy.sparse._sparsetools", "coo_tocsr")
+label_components = private(f"{_GRAPHS}._traversal", "_connected_components_undirected")
+try:
+    _none, _one = np.zeros(0, np.int32), np.zeros(1, np.int32)
+    label_components(_none, np.zeros(2, np.int32), _none, np.zeros(2, np.int32), _one - 1)
+except (TypeError, ValueError):  # another signature
+    label_components = None
 
 
 def compressed_rows(n: int, rows: Any, columns: Any) -> tuple[Any, Any]:
@@ -96,9 +64,10 @@ def component_labels(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     """
     start, ahead = compressed_rows(n, i, j)
     if label_components is None:
-        from scipy.sparse import csr_matrix
+        from scipy.sparse.csgraph import connected_components
 
-        graph = csr_matrix((np.ones(len(ahead), bool), ahead, start), shape=(n, n))
+        shape = (n, n)
+        graph = scipy.sparse.csr_matrix((np.ones(len(ahead), bool), ahead, start), shape=shape)
         count, labels = connected_components(graph, directed=False)
         return int(count), labels.astype(np.int64)
     start_back, back = compressed_rows(n, j, i)
@@ -109,28 +78,5 @@ def component_labels(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
 
 def kd_tree(points: Any, **options: Any) -> "cKDTree":
     """A k-d tree of points (n, d); options: as for ``scipy.spatial.cKDTree``."""
-    return _kd_tree_class()(points, **options)
-
-
-@cache
-def _kd_tree_class() -> "type[cKDTree]":
-    try:
-        with alone("scipy.spatial"):
-            from scipy.spatial._ckdtree import cKDTree
-    except ImportError:
-        from scipy.spatial import cKDTree
-    return cKDTree
-
-
-__all__ = [
-    "SuperLU",
-    "breadth_first_order",
-    "component_labels",
-    "compressed_rows",
-    "connected_components",
-    "dijkstra",
-    "gstrf",
-    "kd_tree",
-    "maximum_flow",
-    "minimum_spanning_tree",
-]
+    tree: cKDTree = private(f"{_TREES}._ckdtree", "cKDTree", _TREES)(points, **options)
+    return tree

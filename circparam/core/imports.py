@@ -1,9 +1,10 @@
 """Modules that dependencies import without need: they load at their first use."""
 
+import importlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
+from functools import cache
 from importlib.util import LazyLoader, find_spec, module_from_spec
 from typing import Any
 
@@ -54,6 +55,22 @@ def alone(*packages: str) -> Iterator[None]:
             sys.modules.pop(name, None)
 
 
+@cache
+def private(module: str, name: str = "", package: str = "") -> Any:
+    """A module that is private to SciPy, or a name in it, without the code of the packages round it.
+
+    package: holds the name where a version of SciPy has no such module; None without one.
+    """
+    parts = module.split(".")
+    with alone(*(".".join(parts[:k]) for k in range(2, len(parts)))):
+        try:
+            found = importlib.import_module(module)
+            return getattr(found, name) if name else found
+        except (ImportError, AttributeError):
+            pass
+    return getattr(importlib.import_module(package), name) if package else None
+
+
 class OnDemand:
     """A module that is imported when the first of its names is asked for.
 
@@ -64,6 +81,6 @@ class OnDemand:
         self._module = module
 
     def __getattr__(self, name: str) -> Any:
-        value = getattr(import_module(self._module), name)
+        value = getattr(importlib.import_module(self._module), name)
         setattr(self, name, value)  # and so not asked for again
         return value

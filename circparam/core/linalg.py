@@ -3,20 +3,24 @@
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from itertools import islice
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import dot
 from circparam.core.clock import tick
-from circparam.core.compiled import SuperLU, gstrf
+from circparam.core.compiled import gstrf
 from circparam.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 from circparam.errors import NoResultError
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 SparseMatrix: TypeAlias = (
     "sps.csr_matrix | sps.csc_matrix | sps.bsr_matrix | sps.csr_array | sps.csc_array"
 )
+_Values = TypeVar("_Values", FloatArray, ComplexArray)
 
 
 class Factor:
@@ -44,15 +48,17 @@ class Factor:
         """(n,) when each row was eliminated."""
         return np.asarray(self._lu.perm_c, np.int64)
 
-    def solve(self, b: FloatArray) -> FloatArray:
-        """x with matrix @ x = b; b is (n,) or (n, k), all columns solved with the one factorisation."""
-        b = np.asarray(b, np.float64)
-        if b.size == 0:
-            return b.copy()
-        return self._lu.solve(np.asfortranarray(b))
+    def solve(self, b: _Values) -> _Values:
+        """x with matrix @ x = b; b is (n,) or (n, k), all columns solved with the one factorisation.
+
+        Real or complex, as the matrix is.
+        """
+        b = np.asarray(b, np.complex128 if np.iscomplexobj(b) else np.float64)
+        solved: Any = self._lu.solve(np.asfortranarray(b)) if b.size else b.copy()
+        return solved
 
 
-def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
+def _superlu(matrix: sps.csc_matrix, order: str) -> "SuperLU":
     """As ``scipy.sparse.linalg.splu`` with diagonal pivots, which would import 80 modules."""
     n = matrix.shape[0]
     panel = 1  # column by column: a quarter less time than in panels at 200 to 100,000 unknowns
@@ -62,35 +68,10 @@ def _superlu(matrix: sps.csc_matrix, order: str) -> SuperLU:
         columns: Any = order
         return splu(matrix, columns, 0.0, None, panel, {"SymmetricMode": True})
     matrix.sum_duplicates()
-    options = {
-        "ColPerm": order,
-        "DiagPivotThresh": 0.0,
-        "PanelSize": panel,
-        "Relax": None,
-        "SymmetricMode": True,
-    }
-    rows, start = matrix.indices.astype(np.intc), matrix.indptr.astype(np.intc)
-    return gstrf(
-        n,
-        matrix.nnz,
-        matrix.data,
-        rows,
-        start,
-        csc_construct_func=sps.csc_matrix,
-        ilu=False,
-        options=options,
-    )
-
-
-class ComplexFactor(Factor):
-    """The same factorisation of a Hermitian matrix: the plane as complex numbers, at half the size."""
-
-    def solve_complex(self, b: ComplexArray) -> ComplexArray:
-        """x with matrix @ x = b; b is (n,) or (n, k), complex."""
-        if b.size == 0:
-            return b.copy()
-        x = self._lu.solve(np.asfortranarray(b, np.complex128))
-        return np.asarray(x, np.complex128)
+    arrays = matrix.data, matrix.indices.astype(np.intc), matrix.indptr.astype(np.intc)
+    options = {"ColPerm": order, "DiagPivotThresh": 0.0, "PanelSize": panel, "Relax": None}
+    known = {"csc_construct_func": sps.csc_matrix, "ilu": False}
+    return gstrf(n, matrix.nnz, *arrays, **known, options={**options, "SymmetricMode": True})
 
 
 class HeldFactor:
@@ -109,7 +90,7 @@ class HeldFactor:
     def _from_held(self) -> sps.csr_matrix:
         return self._rows[:, self.held]
 
-    def solve(self, b: FloatArray, given: FloatArray | None = None) -> FloatArray:
+    def solve(self, b: _Values, given: _Values | None = None) -> _Values:
         """x (n, ...) with matrix @ x = b but for the rows of those ``given`` (k, ...); None: zeros."""
         x, right = np.zeros_like(b), b[self.free]
         if given is not None:
@@ -117,11 +98,6 @@ class HeldFactor:
             right = right - self._from_held @ given
         x[self.free] = self._factor.solve(right)
         return x
-
-
-def solve(matrix: SparseMatrix, b: FloatArray) -> FloatArray:
-    """Factor and solve once."""
-    return Factor(matrix).solve(b)
 
 
 class Iterate(NamedTuple):

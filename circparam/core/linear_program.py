@@ -3,13 +3,12 @@
 ``scipy.optimize.linprog`` imports 120 modules and adds 3 ms to the time of the solver for each program.
 """
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.imports import alone
+from circparam.core.imports import private
 from circparam.core.types import FloatArray
 
 SIMPLEX, CHOOSE = "simplex", "choose"
@@ -29,7 +28,7 @@ def least(
     reach: |x| ≤ reach, or the lower and the upper bounds (n,) of x. solver: SIMPLEX, without presolving; what
     HiGHS chooses (CHOOSE), with it. iterations: of the solver at most. None if nothing optimal was found.
     """
-    (m, n), highs = matrix.shape, _highs()
+    (m, n), highs = matrix.shape, private("scipy.optimize._highspy._core")
     lower, upper = reach if isinstance(reach, tuple) else (np.full(n, -reach), np.full(n, reach))
     if highs is None:
         from scipy.optimize import linprog
@@ -62,14 +61,3 @@ def least(
     run.run()
     found = run.getModelStatus() == highs.HighsModelStatus.kOptimal
     return np.array(run.getSolution().col_value) if found else None
-
-
-@cache
-def _highs() -> Any:
-    """The module of the solver; None before SciPy 1.15, which has another one."""
-    try:
-        with alone("scipy.optimize"):
-            from scipy.optimize._highspy import _core  # type: ignore[import-not-found]
-    except ImportError:
-        return None
-    return _core

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import ends_of, group_max, group_sum
-from circparam.core.linalg import ComplexFactor
+from circparam.core.linalg import Factor
 from circparam.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 from circparam.geometry.intrinsic import cotangent_laplacian, signed_areas
 from circparam.mesh.cut_mesh import CutMesh
@@ -47,7 +47,7 @@ def conformal_spectral(cut_mesh: CutMesh, modes: ComplexArray) -> tuple[ComplexA
     chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts
     on_boundary = cut_mesh.on_boundary.astype(np.float64)
     shift = SHIFT_RATIO * float(np.median(matrix.diagonal().real))
-    factor = ComplexFactor(sps.csc_matrix(matrix + sps.diags(shift * on_boundary)))
+    factor = Factor(sps.csc_matrix(matrix + sps.diags(shift * on_boundary)))
     boundary_count = group_sum(on_boundary, chart, n)
     x = modes.copy()
     steps = np.zeros(n, np.int64)
@@ -55,7 +55,7 @@ def conformal_spectral(cut_mesh: CutMesh, modes: ComplexArray) -> tuple[ComplexA
     last_move = np.full(n, np.inf)
     for _ in range(MOST_ITERATIONS):
         before = x[:, 0]
-        x = factor.solve_complex(on_boundary[:, None] * x)
+        x = factor.solve(on_boundary[:, None] * x)
         x -= (chart_sums(on_boundary[:, None] * x, chart, n) / boundary_count[:, None])[chart]
         x = _rayleigh_ritz(cut_mesh, matrix, on_boundary, x)
         # how far the lowest mode has turned, its free phase taken out

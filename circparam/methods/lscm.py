@@ -6,9 +6,8 @@ matrix with one row a vertex, block diagonal over the charts. Nothing guarantees
 """
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.linalg import ComplexFactor
+from circparam.core.linalg import HeldFactor
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
 from circparam.core.types import BoolArray, ComplexArray, IntArray
@@ -65,11 +64,8 @@ def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray
         pinned[cut_mesh.vertex_chart[pins.vertices]] = True
     own, places = _opposite_points(cut_mesh, ~pinned)
     z[own], free[own] = places, False
-    rows = conformal_matrix(cut_mesh).tocsr()[free]
-    z[free] = ComplexFactor(sps.csc_matrix(rows[:, free])).solve_complex(
-        -np.asarray(rows[:, ~free] @ z[~free], np.complex128)
-    )
-    return z, pinned
+    system = HeldFactor(conformal_matrix(cut_mesh), ~free)
+    return system.solve(np.zeros_like(z), z[~free]), pinned
 
 
 def _opposite_points(cut_mesh: CutMesh, charts: BoolArray) -> tuple[IntArray, ComplexArray]:

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray
-from circparam.core.linalg import ComplexFactor, Factor, conjugate_gradients, gradient_iterates
+from circparam.core.linalg import Factor, conjugate_gradients, gradient_iterates
 from circparam.errors import NoResultError
 
 
@@ -30,7 +30,7 @@ def test_factors_solve(seed: int) -> None:
     both = np.stack([b, 2 * b[::-1]], 1)
     assert np.allclose(dense @ Factor(matrix).solve(both), both)
     hermitian = sps.csc_matrix(dense + 1j * (np.triu(dense, 1) - np.triu(dense, 1).T))
-    x = ComplexFactor(hermitian + 100 * sps.eye(12)).solve_complex(b + 1j * b[::-1])
+    x = Factor(hermitian + 100 * sps.eye(12)).solve(b + 1j * b[::-1])
     assert np.allclose((hermitian + 100 * sps.eye(12)) @ x, b + 1j * b[::-1])
 
 
