@@ -81,33 +81,10 @@ class Pool:
                     return
 
 
-class _Opening:
-    """A pool that is being opened by a thread."""
-
-    def __init__(self) -> None:
-        self._owner = os.getpid()
-        self.done = threading.Event()
-        self._pool: Pool | None = None
-
-    def report(self, pool: Pool | None) -> None:
-        """Report the pool that has opened: None if no process could be started."""
-        self._pool = pool
-        self.done.set()
-
-    @property
-    def own(self) -> bool:
-        """Whether this process opens it, and not one that it was forked from."""
-        return self._owner == os.getpid()
-
-    def pool(self) -> Pool | None:
-        """Wait for the pool; None if there is none."""
-        if not self.own:
-            return None
-        self.done.wait()
-        return self._pool
-
-
-_opening: _Opening | None = None  # processes of ``start``
+_opening: "Future[Pool | None] | None" = (
+    None  # processes of ``start``; None if none could be started
+)
+_owner = 0  # the process that opens them: one that is forked from it has none
 _asked = 0  # the number of jobs it was asked for
 _lock = threading.Lock()
 
@@ -118,15 +95,18 @@ def start(jobs: int, *modules: str) -> None:
     The first process starts before any work, the others beside it. Nothing happens if enough are open, or if
     processes cannot be started here.
     """
-    global _opening, _asked
+    from concurrent.futures import Future
+
+    global _opening, _owner, _asked
     jobs = min(jobs, MAX_PROCESSES)
     if jobs < 2 or not possible():
         return
+    opening: Future[Pool | None] = Future()
     with _lock:
-        if _opening is not None and _asked >= jobs and _opening.own:
+        previous = _own()
+        if previous is not None and _asked >= jobs:
             return
-        previous, _opening, _asked = _opening, _Opening(), jobs
-        opening = _opening
+        _opening, _owner, _asked = opening, os.getpid(), jobs
     _end(previous)
     threading.Thread(target=_open, args=(jobs - 1, modules, opening), daemon=True).start()
 
@@ -135,8 +115,12 @@ def stop() -> bool:
     """End the processes at once, busy or not. Returns whether this process has more memory now."""
     global _opening, _asked
     with _lock:
-        opening, _opening, _asked = _opening, None, 0
+        opening, _opening, _asked = _own(), None, 0
     return _end(opening)
+
+
+def _own() -> "Future[Pool | None] | None":
+    return _opening if _owner == os.getpid() else None
 
 
 def possible() -> bool:
@@ -148,18 +132,18 @@ def possible() -> bool:
 
 def current() -> Pool | None:
     """The processes that ``start`` has opened."""
-    opening = _opening
-    return None if opening is None else opening.pool()
+    opening = _own()
+    return None if opening is None else opening.result()
 
 
-def _open(count: int, modules: tuple[str, ...], opening: _Opening) -> None:
+def _open(count: int, modules: tuple[str, ...], opening: "Future[Pool | None]") -> None:
     """Make the executor; where that fails, for want of /dev/shm, memory or rights, all work is done here."""
     pool = None
     try:
         with contextlib.suppress(Exception):
             pool = _new_pool(count, modules)
     finally:
-        opening.report(pool)
+        opening.set_result(pool)
 
 
 def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
@@ -188,8 +172,8 @@ def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
     return Pool(executor, ready, lifeline, limit, count)
 
 
-def _end(opening: _Opening | None) -> bool:
-    pool = None if opening is None else opening.pool()
+def _end(opening: "Future[Pool | None] | None") -> bool:
+    pool = None if opening is None else opening.result()
     if pool is None:
         return False
     pool.lifeline.close()
