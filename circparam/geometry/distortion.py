@@ -5,7 +5,7 @@ map surface → uv. Every measure is a plain number without unit, and 1 is perfe
 """
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -199,7 +199,17 @@ def chart_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
     Infinite if the numbers are not finite or the chart is a point.
     """
-    return _distortion(*_scale_terms(cut_mesh, uv)) + cut_mesh.chart_roughness
+    return _best(cut_mesh, uv).distortion
+
+
+def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """(n_charts,) factor for each chart's uv that makes its symmetric Dirichlet energy smallest."""
+    return _best(cut_mesh, uv).scale
+
+
+def at_best_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """A layout (nv, 2) with every chart at the size at which its symmetric Dirichlet energy is smallest."""
+    return uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
 
 
 def face_stretch(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
@@ -212,57 +222,40 @@ def face_stretch(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
 def stretch_and_distortion(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(``face_stretch``, ``chart_distortion``) of a layout, in one pass over the faces."""
-    live = _live(cut_mesh)
-    large, small, surface = _singular(cut_mesh, uv, live)
-    square, inverse, area = _sums(cut_mesh, live, large, small, surface)
-    scale = _best_scales(square, inverse)[cut_mesh.chart[live]]
+    best = _best(cut_mesh, uv)
+    scale = best.scale[cut_mesh.chart[best.live]]
     out = np.ones(len(cut_mesh.faces))
     with np.errstate(invalid="ignore"):
-        out[live] = np.maximum(large * scale, 1 / np.maximum(small * scale, LEAST_SIGMA))
-    return out, _distortion(square, inverse, area) + cut_mesh.chart_roughness
+        stretch = np.maximum(best.large * scale, 1 / np.maximum(best.small * scale, LEAST_SIGMA))
+    out[best.live] = stretch
+    return out, best.distortion
 
 
-def _distortion(square: FloatArray, inverse: FloatArray, area: FloatArray) -> FloatArray:
-    """As ``chart_distortion``, from the terms of ``_scale_terms``."""
-    with np.errstate(all="ignore"):
-        energy = np.sqrt(square) * np.sqrt(inverse) / (2 * area)
-    return np.where(area > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
+class _Best(NamedTuple):
+    """Charts at the scales of least energy: live (m,) bool, faces with a shape, with σ1 (f,) and |σ2| (f,) at
+    the given scale; scale and distortion (n_charts,)."""
+
+    live: BoolArray
+    large: FloatArray
+    small: FloatArray
+    scale: FloatArray
+    distortion: FloatArray
 
 
-def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """(n_charts,) factor for each chart's uv that makes its symmetric Dirichlet energy smallest.
-
-    The energy at scale k is P k² + N / k², smallest at k = (N/P)^¼.
-    """
-    square, inverse, _ = _scale_terms(cut_mesh, uv)
-    return _best_scales(square, inverse)
-
-
-def at_best_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """A layout (nv, 2) with every chart at the size at which its symmetric Dirichlet energy is smallest."""
-    return uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-
-
-def _best_scales(square: FloatArray, inverse: FloatArray) -> FloatArray:
-    with np.errstate(all="ignore"):  # charts whose uv are nearly one point
-        scale = (inverse / square) ** 0.25
-    return np.where((square > 0) & np.isfinite(scale), scale, 1.0)
-
-
-def _scale_terms(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(P, N, area) of each chart: its symmetric Dirichlet energy at scale k is P k² + N / k²."""
+def _best(cut_mesh: CutMesh, uv: FloatArray) -> _Best:
+    """The energy of a chart at scale k is P k² + N / k², least at k = (N/P)^¼, where it is 2 √(P N)."""
     live = _live(cut_mesh)
-    return _sums(cut_mesh, live, *_singular(cut_mesh, uv, live))
-
-
-def _sums(
-    cut_mesh: CutMesh, live: BoolArray, large: FloatArray, small: FloatArray, surface: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """As ``_scale_terms``, from the singular values and areas of the faces that have a shape."""
+    large, small, surface = _singular(cut_mesh, uv, live)
     group, n = cut_mesh.chart[live], cut_mesh.n_charts
     squares, inverses = _squares(np.maximum(large, LEAST_SIGMA), np.maximum(small, LEAST_SIGMA))
     square, inverse = (group_sum(surface * x, group, n) for x in (squares, inverses))
-    return square, inverse, group_sum(surface, group, n)
+    area = group_sum(surface, group, n)
+    with np.errstate(all="ignore"):  # charts whose uv are nearly one point
+        scale = (inverse / square) ** 0.25
+        energy = np.sqrt(square) * np.sqrt(inverse) / (2 * area)
+    scale = np.where((square > 0) & np.isfinite(scale), scale, 1.0)
+    distortion = np.where(area > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
+    return _Best(live, large, small, scale, distortion + cut_mesh.chart_roughness)
 
 
 def _squares(large: FloatArray, small: FloatArray) -> tuple[FloatArray, FloatArray]:
