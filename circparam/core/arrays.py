@@ -238,11 +238,25 @@ def mask_of(n: int, places: IntArray | BoolArray) -> BoolArray:
     return out
 
 
+def scattered(n: int, places: IntArray | BoolArray, values: IntArray) -> IntArray:
+    """(n,) the values at some places, the last of several, −1 elsewhere."""
+    out = np.full(n, -1)
+    out[places] = values
+    return out
+
+
 def positions_in(n: int, numbers: IntArray) -> IntArray:
     """(n,) where each of the numbers 0 to n − 1 stands in a list without repetitions (k,), −1 if nowhere."""
-    out = np.full(n, -1)
-    out[numbers] = np.arange(len(numbers))
-    return out
+    return scattered(n, numbers, np.arange(len(numbers)))
+
+
+def found_in(keys: IntArray, asked: IntArray) -> IntArray:
+    """Where each asked number stands among keys (n,) in any order, the first of equal ones; −1 if nowhere."""
+    if len(keys) == 0:
+        return np.full(asked.shape, -1)
+    order = stable_order(keys)
+    at = order[np.minimum(np.searchsorted(keys[order], asked), len(keys) - 1)]
+    return np.where(keys[at] == asked, at, -1)
 
 
 def norms3(vectors: FloatArray) -> FloatArray:

@@ -10,18 +10,19 @@
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from circparam.core.arrays import (
-    first_of_runs,
+    first_of_groups,
     group_count,
     group_max,
     group_sum,
     mask_of,
     normals_of,
+    numbered,
     ranges,
+    scattered,
     sorted_distinct,
     unit,
 )
@@ -93,13 +94,6 @@ class _Parts:
         return find_flats(self.points, self.vertex, self.slack[self.component], self.label)
 
 
-class _Frames(NamedTuple):
-    """Two vertices of each leader, ``base`` and ``side`` (n,), −1 for components that lead nothing."""
-
-    base: IntArray
-    side: IntArray
-
-
 def find_congruent(
     points: FloatArray,
     faces: IntArray,
@@ -140,10 +134,8 @@ def find_congruent(
 
 def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntArray) -> _Parts:
     n = int(component.max(initial=-1)) + 1
-    key, vertex = np.unique(
-        np.repeat(component, 3) * len(points) + faces.ravel(), return_inverse=True
-    )
-    vertex = vertex.reshape(-1, 3)
+    key, corner_vertex = numbered((component[:, None] * len(points) + faces).ravel())
+    vertex = corner_vertex.reshape(-1, 3)
     owner = key // len(points)
     own = points[key % len(points)]
     corner = own[vertex]
@@ -194,12 +186,10 @@ def _classes(parts: _Parts) -> IntArray:
     )
     for length in lengths:
         order = np.lexsort((length, group))
-        gap = np.diff(length[order]) > 4 * np.maximum(
-            parts.slack[order][1:], parts.slack[order][:-1]
-        )
+        slack = parts.slack[order]
+        gap = np.diff(length[order]) > 4 * np.maximum(slack[1:], slack[:-1])
         new = np.r_[True, gap | (np.diff(group[order]) != 0)]
-        group = np.empty(n, np.int64)
-        group[order] = np.cumsum(new) - 1
+        group = scattered(n, order, np.cumsum(new) - 1)
     return group
 
 
@@ -211,12 +201,12 @@ def _copies_of(
     leads = mask_of(n, leader[asked])
     detail = np.zeros(len(parts.owner))
     frames = _frames(parts, leads, detail)
-    bases = _like(parts, frames.base, leader, asked, detail)
+    bases = _like(parts, frames[0], leader, asked, detail)
     if group_count(parts.owner[bases], n).max() > BASE_TRIALS[0]:
         detail = parts.crowding
         frames = _frames(parts, leads, detail)
-        bases = _like(parts, frames.base, leader, asked, detail)
-    sides = _like(parts, frames.side, leader, asked, detail)
+        bases = _like(parts, frames[0], leader, asked, detail)
+    sides = _like(parts, frames[1], leader, asked, detail)
     mine = np.flatnonzero(leads[parts.owner])
     scale = np.maximum(parts.radius, 1e-300)
     # leaders lie one after the other along a fourth axis, too far apart to be neighbours
@@ -224,12 +214,14 @@ def _copies_of(
     reach = 2 * float((parts.slack / scale)[asked].max(initial=0.0)) + 1e-9
     order = np.lexsort((*np.sort(parts.vertex, 1).T[::-1], parts.component))
     begin = np.searchsorted(parts.component[order], np.arange(n + 1))
-    left, found = asked.copy(), []
+    none = np.zeros(0, np.int64)
+    found = [Copies(none, none, none.reshape(0, 3), none.astype(bool), none)]
+    left = asked.copy()
     for handed in (1.0, -1.0) if mirror else (1.0,):
         for own, base, side in _trials(parts, frames, leader, left, bases, sides):
             # rotations, or mirrored ones, that carry the frame of each copy onto the leader's
             lead = leader[own]
-            target = _axes(parts.points[frames.base[lead]], parts.points[frames.side[lead]], 1.0)
+            target = _axes(parts.points[frames[0][lead]], parts.points[frames[1][lead]], 1.0)
             source = _axes(parts.points[base], parts.points[side], handed)
             motion = np.einsum("kai,kaj->kij", target, source)
             size = parts.first[own + 1] - parts.first[own]
@@ -238,12 +230,11 @@ def _copies_of(
             moved = np.einsum("kij,kj->ki", motion[which], parts.points[vertex])
             to = leader[own][which]
             away, near = tree.query(_apart(moved / scale[to, None], to), distance_upper_bound=reach)
-            match = np.full(len(parts.owner), -1)
-            match[vertex] = mine[np.minimum(near, len(mine) - 1)]
+            n_vertices = len(parts.owner)
+            match = scattered(n_vertices, vertex, mine[np.minimum(near, len(mine) - 1)])
             wrong = away * scale[to] > parts.slack[own][which]
             fits = group_count(which[wrong], len(own)) == 0
             # as many different partners as vertices
-            n_vertices = len(parts.owner)
             partners = sorted_distinct(which * n_vertices + match[vertex]) // n_vertices
             fits &= group_count(partners, len(own)) == size
             if fits.any():
@@ -251,8 +242,6 @@ def _copies_of(
                     _same_faces(parts, leader, own[fits], match, (order, begin), mirror, flats)
                 )
                 left[found[-1].component] = False
-    none = np.zeros(0, np.int64)
-    found.append(Copies(none, none, none.reshape(0, 3), none.astype(bool), none))
     return Copies(*(np.concatenate(x) for x in zip(*found, strict=True)))
 
 
@@ -260,35 +249,28 @@ def _apart(points: FloatArray, leader: IntArray) -> FloatArray:
     return np.concatenate([points, 8.0 * leader[:, None]], 1)
 
 
-def _frames(parts: _Parts, leads: BoolArray, detail: FloatArray) -> _Frames:
-    """Two rare vertices of each leader, not on one line with the centroid. detail: (v,) a length that no
-    motion changes."""
+def _frames(parts: _Parts, leads: BoolArray, detail: FloatArray) -> tuple[IntArray, IntArray]:
+    """((n,), (n,)) two rare vertices of each leader, not on one line with the centroid, −1 for components that
+    lead nothing. detail: (v,) a length that no motion changes."""
     n = len(leads)
     vertex = np.flatnonzero(leads[parts.owner])
     owner = parts.owner[vertex]
     radius, step = np.maximum(parts.radius[owner], 1e-300), 4 * parts.slack[owner]
     far = parts.distance[vertex] >= FAR_RADII * radius
-    kind = np.stack(
-        [
-            owner,
-            np.round(parts.distance[vertex] / step),
-            np.round(parts.angle[vertex] / BENT_RADIANS),
-            np.round(detail[vertex] / step),
-        ],
-        1,
+    traits = (
+        parts.distance[vertex] / step,
+        parts.angle[vertex] / BENT_RADIANS,
+        detail[vertex] / step,
     )
-    base = np.full(n, -1)
-    base[owner] = _rarest(vertex, owner, kind, ~far, parts.distance[vertex])
+    kind = np.stack([owner, *np.round(traits)], 1)
+    base = scattered(n, owner, _rarest(vertex, owner, kind, ~far, parts.distance[vertex]))
     along = unit(parts.points[base[owner]])
     p = parts.points[vertex]
     off = np.linalg.norm(p - (p * along).sum(1)[:, None] * along, axis=1)
     widest = group_max(off, owner, n)[owner]
     between = np.round(np.linalg.norm(p - parts.points[base[owner]], axis=1) / step)
-    side = np.full(n, -1)
-    side[owner] = _rarest(
-        vertex, owner, np.c_[kind, between], off < np.minimum(WIDE_RADII * radius, widest), off
-    )
-    return _Frames(base, side)
+    thin = off < np.minimum(WIDE_RADII * radius, widest)
+    return base, scattered(n, owner, _rarest(vertex, owner, np.c_[kind, between], thin, off))
 
 
 def _rarest(
@@ -297,12 +279,8 @@ def _rarest(
     """For each row the vertex of its owner that has the fewest of its kind; of these the one of largest size.
     worse: (k,) bool, only where the owner has no other."""
     _, label, number = np.unique(kind, axis=0, return_inverse=True, return_counts=True)
-    many = number[label.reshape(-1)]
-    order = np.lexsort((vertex, -size, many, worse, owner))
-    lead = order[first_of_runs(owner[order])]
-    chosen = np.zeros(int(owner.max(initial=-1)) + 1, np.int64)
-    chosen[owner[lead]] = vertex[lead]
-    return chosen[owner]
+    lead = first_of_groups(owner, worse, number[label.reshape(-1)], -size, vertex)
+    return scattered(int(owner.max(initial=-1)) + 1, owner[lead], vertex[lead])[owner]
 
 
 def _like(
@@ -322,7 +300,7 @@ def _like(
 
 def _trials(
     parts: _Parts,
-    frames: _Frames,
+    frames: tuple[IntArray, IntArray],
     leader: IntArray,
     left: BoolArray,
     bases: BoolArray,
@@ -336,13 +314,11 @@ def _trials(
         now = base[(rank == k) & left[parts.owner[base]]]
         if not len(now):
             continue
-        of = np.full(n, -1)
-        of[parts.owner[now]] = now
+        of = scattered(n, parts.owner[now], now)
         side = np.flatnonzero(sides & (of[parts.owner] >= 0))
         own = parts.owner[side]
-        wanted = np.linalg.norm(
-            parts.points[frames.side[leader[own]]] - parts.points[frames.base[leader[own]]], axis=1
-        )
+        first, last = (parts.points[ends[leader[own]]] for ends in frames)
+        wanted = np.linalg.norm(last - first, axis=1)
         apart = np.linalg.norm(parts.points[side] - parts.points[of[own]], axis=1)
         side = side[np.abs(apart - wanted) <= 2 * parts.slack[own]]
         second = ranges(group_count(parts.owner[side], n))

@@ -5,13 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from circparam.core.arrays import (
+    found_in,
     group_count,
     group_max,
     group_sum,
-    mask_of,
     next_half_edge,
     normals_of,
+    numbered,
     positions_in,
+    scattered,
     sorted_distinct,
     unit,
 )
@@ -56,7 +58,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     spread = group_max(height.max(1), label, n) + group_max(-height.min(1), label, n)
     bent = (spread > 2 * group_max(slack, label, n))[label]
     label = np.where(bent, n + np.arange(m), label)
-    label = np.unique(label, return_inverse=True)[1].reshape(-1)
+    label = numbered(label)[1]
     return Flats(label, boundary_half_edges(m, pairs[label[f] == label[g]]))
 
 
@@ -87,32 +89,36 @@ def same_flats(
     vertex of the leader of each vertex of the components. mirror: outlines may run the other way round as well.
     """
     own, lead = pairs
+    label, rim, flat = flats.label, flats.rim, vertex.ravel()
     count, n = len(own), int(vertex.max()) + 1
-    flat, rim = vertex.ravel(), flats.rim
     number = positions_in(int(component.max()) + 1, own)
     mine = rim[number[component[rim // 3]] >= 0]
     which = number[component[mine // 3]]
     size = group_count(component[rim // 3], len(number))
+    start, end = match[flat[mine]], match[flat[next_half_edge(mine)]]
     key = flat[rim] * n + flat[next_half_edge(rim)]
-    order = np.argsort(key, kind="stable")
     good, turned = np.zeros(count, bool), np.zeros(count, bool)
     partner = np.zeros(len(mine), np.int64)
     for back in (False, True) if mirror else (False,):
-        a, b = match[flat[mine]], match[flat[next_half_edge(mine)]]
-        asked = b * n + a if back else a * n + b
-        at = order[np.minimum(np.searchsorted(key[order], asked), len(order) - 1)]
-        missed = group_count(which[key[at] != asked], count) > 0
-        different = sorted_distinct(which * len(rim) + at) // len(rim)
+        at = found_in(key, end * n + start if back else start * n + end)
+        missed = group_count(which[at < 0], count) > 0
+        different = sorted_distinct(which * len(rim) + np.maximum(at, 0)) // len(rim)
         twice = group_count(different, count) < group_count(which, count)
         fits = ~good & ~missed & ~twice & (size[own] == size[lead])
         good, turned = good | fits, turned | (fits & back)
         partner = np.where(fits[which], rim[at], partner)
     keep = good[which]
-    good &= ~_astray(flats.label, kind, mine[keep], partner[keep], which[keep], count)
+    good &= ~_astray(label, kind, mine[keep], partner[keep], which[keep], count)
     keep = good[which]
-    to = np.full(int(flats.label.max()) + 1, -1)
-    to[flats.label[mine[keep] // 3]] = flats.label[partner[keep] // 3]
-    return _corners(flats.label, vertex, component, (own, good, turned), match, to)
+    to = scattered(int(label.max()) + 1, label[mine[keep] // 3], label[partner[keep] // 3])
+    # for each corner of these components that of the same vertex and flat of the leader
+    of = number[component]
+    face = np.flatnonzero((of >= 0) & np.append(good, False)[of])
+    asked = to[label[face]][:, None] * n + match[vertex[face]]
+    at = found_in((label[:, None] * n + vertex).ravel(), asked)
+    good[of[face[(at < 0).any(1)]]] = False
+    keep = good[of[face]]
+    return Copies(own[good], face[keep], at[keep], turned[of[face[keep]]], own[good])
 
 
 def _astray(
@@ -127,29 +133,3 @@ def _astray(
         out[pairs[many > 1, 0]] = True
     out[which[kind[mine // 3] != kind[partner // 3]]] = True
     return out
-
-
-def _corners(
-    label: IntArray,
-    vertex: IntArray,
-    component: IntArray,
-    found: tuple[IntArray, BoolArray, BoolArray],
-    match: IntArray,
-    to: IntArray,
-) -> Copies:
-    """The faces of components (k,) that are good (k,), with a corner of the leader for each of theirs.
-
-    match: vertex of the leader of each vertex; to: flat of the leader of each flat.
-    """
-    own, good, turned = found
-    n = int(vertex.max()) + 1
-    number = positions_in(int(component.max()) + 1, own)
-    of_face = number[component]
-    face = np.flatnonzero((of_face >= 0) & np.append(good, False)[of_face])
-    key = (label[:, None] * n + vertex).ravel()
-    order = np.argsort(key, kind="stable")
-    asked = to[label[face]][:, None] * n + match[vertex[face]]
-    at = order[np.minimum(np.searchsorted(key[order], asked), len(order) - 1)]
-    lost = mask_of(len(own), of_face[face[(key[at] != asked).any(1)]])
-    keep, left = ~lost[of_face[face]], own[good & ~lost]
-    return Copies(left, face[keep], at[keep], turned[of_face[face[keep]]], left)
