@@ -47,6 +47,16 @@ class EdgeRuns(NamedTuple):
         two = self.head[self.size == 2]
         return np.stack([self.order[two], self.order[two + 1]], 1)
 
+    @property
+    def single(self) -> IntArray:
+        """Half-edges of edges of one face."""
+        return self.order[self.head[self.size == 1]]
+
+    @property
+    def crowded(self) -> IntArray:
+        """The first half-edge of every edge of more than two faces."""
+        return self.order[self.head[self.size > 2]]
+
 
 def sort_by_edge(faces: IntArray, n_points: int, which: BoolArray | None = None) -> EdgeRuns:
     """The half-edges of faces (m, 3) by the two points they join, either way; which: (m,) faces to take."""
@@ -96,7 +106,7 @@ def pair_half_edges(
     locked = np.zeros(len(edges), bool)
     if polygons is not None:
         locked = polygons[i // 3] == polygons[j // 3]
-    return Pairs(edges, locked, start[i] == start[j], runs.order[runs.head[many]])
+    return Pairs(edges, locked, start[i] == start[j], runs.crowded)
 
 
 class _Fans(NamedTuple):

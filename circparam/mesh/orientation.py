@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import edge_keys
+from circparam.core.arrays import edge_keys, first_of_each, found_in, mask_of, numbered
 from circparam.core.compiled import breadth_first_order
 from circparam.core.graph import components
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -15,12 +15,11 @@ FLAT_COSINE = np.cos(np.radians(0.5))  # of the angle between faces of one flat
 
 
 class Orientation(NamedTuple):
-    """Windings of faces: reversed_faces (m,) to reverse, keep (e,) pairs whose faces then agree, component (m,)
-    label, and the number of one-sided components (cut where keep is False)."""
+    """Windings of faces: reversed_faces (m,) to reverse, keep (e,) pairs whose faces then agree, and the number
+    of one-sided components (cut where keep is False)."""
 
     reversed_faces: BoolArray
     keep: BoolArray
-    component: IntArray
     one_sided: int
 
 
@@ -35,9 +34,6 @@ def orient(normals: FloatArray, pairs: Pairs) -> Orientation:
     n_faces, areas = len(normals), np.linalg.norm(normals, axis=1)
     i, j = pairs.edges[:, 0] // 3, pairs.edges[:, 1] // 3
     keep = np.ones(len(i), bool)
-    if not pairs.against.any():
-        _, component = components(n_faces, i, j)
-        return Orientation(np.zeros(n_faces, bool), keep, component, 0)
     component, backwards, two_sided = double_cover(n_faces, i, j, pairs.against)
     one_sided = int(component.max()) + 1 - int(np.count_nonzero(two_sided))
     if one_sided:
@@ -52,7 +48,7 @@ def orient(normals: FloatArray, pairs: Pairs) -> Orientation:
         )
         keep = pairs.against == (backwards[i] ^ backwards[j])
     balance = np.bincount(component, np.where(backwards, -areas, areas))
-    return Orientation(backwards ^ (balance < 0)[component], keep, component, one_sided)
+    return Orientation(backwards ^ (balance < 0)[component], keep, one_sided)
 
 
 def double_cover(
@@ -63,17 +59,17 @@ def double_cover(
     Returns ((n,) component, (n,) bool sign, (components,) bool whether such signs exist). The first node of
     every component has sign False.
     """
+    if not flip.any():
+        count, component = components(n, i, j)
+        return component, np.zeros(n, bool), np.ones(count, bool)
     _, cover = components(
         2 * n, np.r_[i, i + n], np.r_[np.where(flip, j + n, j), np.where(flip, j, j + n)]
     )
     here, there = cover[:n], cover[n:]
-    label, component = np.unique(np.minimum(here, there), return_inverse=True)
-    component = component.reshape(-1).astype(np.int64)
-    two_sided = np.ones(len(label), bool)
-    two_sided[component[here == there]] = False
+    label, component = numbered(np.minimum(here, there))
+    two_sided = ~mask_of(len(label), component[here == there])
     sign = here > there
-    first = np.full(len(label), n)
-    np.minimum.at(first, component, np.arange(n))
+    first = first_of_each(component, len(label))
     return component, sign ^ sign[first][component], two_sided
 
 
@@ -97,21 +93,14 @@ def _along_tree(
     step = flip ^ inside[i] ^ inside[j]
     across = a != b
     a, b, step = a[across], b[across], step[across]
-    _, component = components(count, a, b)
-    roots = np.full(int(component.max()) + 1, count)
-    np.minimum.at(roots, component, np.arange(count))
-    graph = sps.coo_matrix(
-        (
-            np.ones(len(a) + len(roots), bool),
-            (np.r_[a, np.full(len(roots), count)], np.r_[b, roots]),
-        ),
-        shape=(count + 1, count + 1),
-    )
+    parts, component = components(count, a, b)
+    # one more node joins all parts
+    ends = np.r_[a, np.full(parts, count)], np.r_[b, first_of_each(component, parts)]
+    shape = count + 1, count + 1
+    graph = sps.coo_matrix((np.ones(len(ends[0]), bool), ends), shape=shape)
     _, parent = breadth_first_order(graph.tocsr(), count, directed=False)
     child = np.flatnonzero((parent[:count] >= 0) & (parent[:count] < count))
-    key = edge_keys(a, b, count)
-    order = np.argsort(key, kind="stable")
     up = parent[child].astype(np.int64)
-    edge = order[np.searchsorted(key[order], edge_keys(child, up, count))]
+    edge = found_in(edge_keys(a, b, count), edge_keys(child, up, count))
     _, sign, _ = double_cover(count, a[edge], b[edge], step[edge])
     return sign[node] ^ inside

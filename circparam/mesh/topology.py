@@ -11,13 +11,14 @@ from circparam.core.arrays import (
     mask_of,
     next_half_edge,
     relabel,
+    scattered,
     sorted_distinct,
 )
 from circparam.core.graph import components
 from circparam.core.plural import plural
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.mesh.halfedge import point_corners, sort_by_edge
+from circparam.mesh.halfedge import EdgeRuns, point_corners, sort_by_edge
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import double_cover
 from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
@@ -158,85 +159,54 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
     _, component = relabel(
         components(len(points), welded[:, :2].ravel(), welded[:, 1:].ravel())[1][welded[:, 0]]
     )
-    edges = _Edges.of(welded, len(points))
+    solid = ~(welded == welded[:, [1, 2, 0]]).any(1)
+    runs = sort_by_edge(welded, len(points), solid)
     return TopologyReport(
         vertices=len(sorted_distinct(welded)),
         vertices_in_file=len(points),
         unreferenced=int((~used).sum()),
         faces=len(welded),
-        edges=edges.number,
+        edges=len(runs.head),
         degenerate_faces=int(bad.sum()),
         duplicate_faces=int(duplicate.sum()),
-        components=_component_list(points, welded, component, edges, 1.0 / scale),
+        components=_component_list(points, welded, component, solid, runs, 1.0 / scale),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Edges:
-    """Edges of the faces without a repeated vertex (solid (m,) bool), from the file's winding.
-
-    pairs (p, 2): half-edges of edges of two faces, against: whether these are inconsistently oriented. single:
-    half-edges of edges of one face. crowded: one half-edge of each edge of more faces. chain (c, 2): neighbours
-    in the list of half-edges of each edge, whatever their number.
-    """
-
-    solid: BoolArray
-    number: int
-    pairs: IntArray
-    against: BoolArray
-    single: IntArray
-    crowded: IntArray
-    chain: IntArray
-
-    @staticmethod
-    def of(faces: IntArray, n_points: int) -> "_Edges":
-        """faces: (m, 3) welded, into n_points points."""
-        solid = ~(faces == faces[:, [1, 2, 0]]).any(1)
-        runs = sort_by_edge(faces, n_points, solid)
-        (h, head, size), pairs = runs, runs.pairs
-        start = faces.ravel()
-        later = np.ones(len(h), bool)
-        later[head] = False
-        follower = np.flatnonzero(later)
-        return _Edges(
-            solid,
-            len(head),
-            pairs,
-            start[pairs[:, 0]] == start[pairs[:, 1]],
-            h[head[size == 1]],
-            h[head[size > 2]],
-            np.stack([h[follower - 1], h[follower]], 1),
-        )
-
-
 def _component_list(
-    points: FloatArray, faces: IntArray, component: IntArray, edges: _Edges, unit: float
+    points: FloatArray,
+    faces: IntArray,
+    component: IntArray,
+    solid: BoolArray,
+    runs: EdgeRuns,
+    unit: float,
 ) -> list[Component]:
-    """The components, in the order of their first face; lengths are multiplied by ``unit``."""
-    n = int(component.max()) + 1
-    corner = np.repeat(component, 3)
-    # vertices are counted once the component is split into fans
-    solid = np.repeat(edges.solid, 3)
-    split = point_corners(faces, edges.pairs)
-    owner = np.full(int(split.max()) + 1, -1)
-    owner[split[solid]] = corner[solid]
-    fan = point_corners(faces, edges.chain) if len(edges.crowded) else split
-    vertices = group_count(owner[owner >= 0], n)
-    pieces, one_sided = _pieces(component, edges, n)
-    boundaries, lengths = _boundaries(points, faces, fan, component, edges.single, unit)
+    """The components, in the order of their first face; lengths are multiplied by ``unit``.
 
-    point_component = np.full(len(points), -1)
-    point_component[faces.ravel()] = corner
-    # (n_points,) number of fans at each point
-    at = np.full(int(fan.max()) + 1, -1)
-    at[fan[solid]] = faces.ravel()[solid]
+    solid: (m,) bool, faces without a repeated vertex. runs: their half-edges by their edges.
+    """
+    n, pairs, flat = int(component.max()) + 1, runs.pairs, faces.ravel()
+    corner, whole = np.repeat(component, 3), np.repeat(solid, 3)
+    # vertices are counted once the component is split into fans
+    split = fan = point_corners(faces, pairs)
+    if len(runs.crowded):  # half-edges of an edge hang together, whatever their number
+        later = np.flatnonzero(~mask_of(len(runs.order), runs.head))
+        fan = point_corners(faces, np.stack([runs.order[later - 1], runs.order[later]], 1))
+    owner = scattered(int(split.max()) + 1, split[whole], corner[whole])
+    vertices = group_count(owner[owner >= 0], n)
+    against = flat[pairs[:, 0]] == flat[pairs[:, 1]]  # windings that disagree
+    pieces, one_sided = _pieces(component, solid, pairs // 3, against)
+    boundaries, lengths = _boundaries(points, faces, fan, component, runs.single, unit)
+
+    point_component = scattered(len(points), flat, corner)
+    at = scattered(int(fan.max()) + 1, fan[whole], flat[whole])  # the point of each fan
     pinched = group_count(point_component[group_count(at[at >= 0], len(points)) > 1], n)
     # an edge of more than two faces splits into one edge for each face
-    loose = solid.copy()
-    loose[edges.pairs[:, 1]] = False
-    euler = vertices - group_count(corner[loose], n) + group_count(component[edges.solid], n)
-    crowded = group_count(component[edges.crowded // 3], n)
-    against = group_count(component[edges.pairs[edges.against, 0] // 3], n)
+    loose = whole.copy()
+    loose[pairs[:, 1]] = False
+    euler = vertices - group_count(corner[loose], n) + group_count(component[solid], n)
+    crowded = group_count(component[runs.crowded // 3], n)
+    inconsistent = group_count(component[pairs[against, 0] // 3], n)
     sizes = group_count(component, n)
     used = group_count(point_component[point_component >= 0], n)
     first = np.unique(component, return_index=True)[1]
@@ -253,7 +223,7 @@ def _component_list(
             boundary_lengths=lengths[c],
             nonmanifold_edges=int(crowded[c]),
             nonmanifold_vertices=int(pinched[c]),
-            inconsistent_edges=int(against[c]),
+            inconsistent_edges=int(inconsistent[c]),
             orientable=bool(one_sided[c] == 0),
             first_face=int(first[c]),
         )
@@ -261,18 +231,17 @@ def _component_list(
     ]
 
 
-def _pieces(component: IntArray, edges: _Edges, n: int) -> tuple[IntArray, IntArray]:
-    """((n,) parts of each component that hang together across edges of two faces, (n,) those with one side)."""
-    m = len(component)
-    i, j = edges.pairs[:, 0] // 3, edges.pairs[:, 1] // 3
-    if edges.against.any():
-        piece, _, two_sided = double_cover(m, i, j, edges.against)
-    else:
-        number, piece = components(m, i, j)
-        two_sided = np.ones(number, bool)
-    owner = np.zeros(len(two_sided), np.int64)
-    owner[piece] = component
-    real = mask_of(len(two_sided), piece[edges.solid])
+def _pieces(
+    component: IntArray, solid: BoolArray, sides: IntArray, against: BoolArray
+) -> tuple[IntArray, IntArray]:
+    """((n,) parts of each component that hang together across edges of two faces, (n,) those with one side).
+
+    sides: (p, 2) the two faces of these edges. against: (p,) bool, their windings disagree.
+    """
+    n = int(component.max()) + 1
+    piece, _, two_sided = double_cover(len(component), sides[:, 0], sides[:, 1], against)
+    owner = scattered(len(two_sided), piece, component)
+    real = mask_of(len(two_sided), piece[solid])
     return group_count(owner[real], n), group_count(owner[real & ~two_sided], n)
 
 
@@ -296,8 +265,7 @@ def _boundaries(
     loops, loop = relabel(label[fan[single]])
     length = np.linalg.norm(points[flat[next_half_edge(single)]] - points[flat[single]], axis=1)
     total = group_sum(length, loop, loops) * unit
-    owner = np.zeros(loops, np.int64)
-    owner[loop] = component[single // 3]
+    owner = scattered(loops, loop, component[single // 3])
     order = np.lexsort((np.arange(loops), -total, owner))
     number = group_count(owner, n)
     parts = np.split(total[order], np.cumsum(number)[:-1])

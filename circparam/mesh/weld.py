@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from circparam.core.arrays import dot3, doubled_areas, first_of_runs, mask_of, sorted_distinct
+from circparam.core.arrays import (
+    dot3,
+    doubled_areas,
+    first_of_each,
+    mask_of,
+    numbered,
+    numbered_rows,
+    sorted_distinct,
+)
 from circparam.core.compiled import kd_tree
 from circparam.core.graph import components
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -63,19 +71,12 @@ def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
 
 def first_duplicates(faces: IntArray, n_points: int) -> IntArray:
     """(m,) the first face with the same three points, in any order and winding (itself where it is that)."""
-    a, b, c = np.sort(faces, 1).T
+    rows = np.sort(faces, 1)
     if n_points < 2**21:
-        key = (a * n_points + b) * n_points + c
-        order = np.argsort(key, kind="stable")
-        start = first_of_runs(key[order])
+        head, label = numbered((rows[:, 0] * n_points + rows[:, 1]) * n_points + rows[:, 2])
     else:
-        order = np.lexsort((c, b, a))
-        a, b, c = a[order], b[order], c[order]
-        new = (a[1:] != a[:-1]) | (b[1:] != b[:-1]) | (c[1:] != c[:-1])
-        start = np.flatnonzero(np.r_[True, new])
-    first = np.empty(len(faces), np.int64)
-    first[order] = np.repeat(order[start], np.diff(np.r_[start, len(order)]))
-    return first
+        head, label = numbered_rows(rows.astype(np.float64))
+    return first_of_each(label, len(head))[label]
 
 
 def first_in_place(welded: IntArray, first: IntArray, uv: FloatArray) -> IntArray:
@@ -88,11 +89,8 @@ def first_in_place(welded: IntArray, first: IntArray, uv: FloatArray) -> IntArra
     face = np.flatnonzero(twin[first] & np.isfinite(uv).all((1, 2)))
     order = np.argsort(welded[face], axis=1, kind="stable")
     place = np.take_along_axis(uv[face], order[..., None], 1).reshape(-1, 6)
-    keys = (*place.T, first[face])
-    rank = np.lexsort((face, *keys))
-    new = np.any([key[rank][1:] != key[rank][:-1] for key in keys], axis=0)
-    begin = np.flatnonzero(np.r_[True, new])[: len(face)]
-    out[face[rank]] = np.repeat(face[rank[begin]], np.diff(np.r_[begin, len(face)]))
+    start, label = numbered_rows(np.c_[place, first[face]])
+    out[face] = face[start[label]]
     return out
 
 
