@@ -31,12 +31,6 @@ def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     return component_labels(n, i, j)
 
 
-def follower_components(follower: IntArray) -> tuple[int, IntArray]:
-    """As ``components``, of nodes (n,) that are joined to one other each, or to none (−1)."""
-    joined = np.flatnonzero(follower >= 0)
-    return components(len(follower), joined, follower[joined])
-
-
 def severed(
     kept: BoolArray, i: IntArray, j: IntArray, area: FloatArray, group: IntArray
 ) -> BoolArray:

@@ -7,7 +7,7 @@ import numpy as np
 from circparam.core.arrays import (
     cross2,
     first_of_each,
-    first_of_runs,
+    first_of_groups,
     group_sum,
     mask_of,
     next_half_edge,
@@ -91,6 +91,5 @@ def turned_loops(boundary: BoundarySegments) -> BoolArray:
     area = group_sum(cross2(boundary.start - origin, boundary.end - origin), loop, count)
     outward = area > 1e-13 * total[first] ** 2  # a slit in the plane has no area but for rounding
     chart = boundary.chart[first]
-    order = np.lexsort((-area, chart))
-    largest = mask_of(count, order[first_of_runs(chart[order])])
+    largest = mask_of(count, first_of_groups(chart, -area))
     return (outward & ~largest)[loop]

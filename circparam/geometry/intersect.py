@@ -5,6 +5,7 @@ import numpy as np
 from circparam.core.arrays import (
     cross2,
     edge_keys,
+    found_in,
     group_boxes,
     norms2,
     ranges,
@@ -48,7 +49,7 @@ def meeting(
             found.append(_meet(boundary, i[ok], j[ok]))
             continue
         a, b = boundary.chart[i], boundary.chart[j]
-        ok = (a != b) & ~_among(edge_keys(a, b, n), known)
+        ok = (a != b) & (found_in(known, edge_keys(a, b, n)) < 0)
         met = _meet(boundary, i[ok], j[ok])
         found.append(met)
         a, b = boundary.chart[met].T
@@ -57,14 +58,6 @@ def meeting(
     pairs = distinct_pairs(met[:, 0], met[:, 1], len(boundary.start))
     crowded = np.zeros(0, np.int64) if between else candidates.crowded
     return pairs[:, 0], pairs[:, 1], crowded
-
-
-def _among(keys: IntArray, known: IntArray) -> BoolArray:
-    """Whether each of some numbers is among ascending ones."""
-    if not len(known):
-        return np.zeros(len(keys), bool)
-    at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
-    return known[at] == keys
 
 
 def _moves(boundary: BoundarySegments) -> BoolArray:

@@ -14,13 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import (
-    cross_areas,
-    first_of_runs,
-    group_count,
-    mask_of,
-    ranges,
-)
+from circparam.core.arrays import cross_areas, first_of_groups, group_count, mask_of, ranges
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments, boundary_in, turned_loops
@@ -66,8 +60,7 @@ class Overlaps:
         i, j, _ = meeting(boundary, between=True, among=alone)
         # a point inside each chart: the centre of its largest face
         corners = self._uv[self._cut_mesh.faces]
-        order = np.lexsort((-np.abs(cross_areas(corners)), chart))
-        face = order[first_of_runs(chart[order])]
+        face = first_of_groups(chart, -np.abs(cross_areas(corners)))
         face = face[alone[chart[face]]]
         inside, outside = winding_pairs(boundary, chart[face], corners[face].mean(1))
         a = np.r_[boundary.chart[i], inside]

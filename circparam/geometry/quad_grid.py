@@ -9,6 +9,7 @@ from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.halfedge import opposite_half_edges
 
 # Of the extent of a chart: rounding of the solve that adds up widths, a million times that of float64.
 WIDTH_ROUNDING_SHARE = 1e-10
@@ -72,9 +73,7 @@ def grid_layout(cut_mesh: CutMesh, diagonal: IntArray) -> tuple[FloatArray, Bool
     side = np.full((m, 3), -1)
     for k in (1, 2):
         side[np.arange(m), (diagonal + k) % 3] = k - 1 + 2 * second
-    partner = np.full(3 * m, -1)
-    partner[i], partner[j] = j, i
-    partner[is_diagonal] = -1
+    partner = np.where(is_diagonal, -1, opposite_half_edges(m, cut_mesh.edges))
     quads = _Quads(quad, side.ravel(), partner)
     grid &= _regular(cut_mesh, quads, diagonal)
     uv = np.zeros((cut_mesh.n_vertices, 2))

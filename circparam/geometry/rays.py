@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import blocks, first_of_runs, group_sum, ranges, relabel, unit
+from circparam.core.arrays import blocks, first_of_groups, group_sum, ranges, relabel, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
@@ -222,8 +222,7 @@ def _best(
     """For each of n rays the hit that counts; of equal ones that of the lowest face."""
     out_face, out_bary, out_t = np.full(n, -1), np.zeros((n, 3)), np.zeros(n)
     ray, face, vwt = (np.concatenate(part) for part in zip(*found, strict=True))
-    order = np.lexsort((face, np.abs(vwt[:, 2]) if nearest else -vwt[:, 2], ray))
-    first = order[first_of_runs(ray[order])]
+    first = first_of_groups(ray, np.abs(vwt[:, 2]) if nearest else -vwt[:, 2], face)
     v, w = np.clip(vwt[first, 0], 0, 1), np.clip(vwt[first, 1], 0, 1)
     out_face[ray[first]] = face[first]
     out_bary[ray[first]] = np.stack([np.maximum(1 - v - w, 0), v, w], 1)

@@ -8,7 +8,7 @@ a normal map made with these has green up, as glTF wants it.
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum, interpolated, normals_of, unit
+from circparam.core.arrays import cross2, group_sum, interpolated, normals_of, numbered, unit
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 
@@ -106,7 +106,5 @@ def frames(corners: FloatArray, uv: FloatArray, vertex: IntArray, normal: FloatA
 
 def _by_group(rows: FloatArray, group: IntArray) -> FloatArray:
     """(k, 3) rows replaced by the sum of the rows of their group."""
-    _, label = np.unique(group, return_inverse=True)
-    label = label.reshape(-1)
-    n = int(label.max()) + 1
-    return group_sum(rows, label, n)[label]
+    distinct, label = numbered(group)
+    return group_sum(rows, label, len(distinct))[label]

@@ -9,11 +9,13 @@ from circparam.core.arrays import (
     first_of_runs,
     mask_of,
     next_half_edge,
+    numbered,
     ranges,
+    scattered,
     stable_order,
     unit,
 )
-from circparam.core.graph import components, follower_components, matching
+from circparam.core.graph import components, matching
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
 # up to so many faces at one edge all pairs are compared; above, opposite ones pair
@@ -228,8 +230,8 @@ def _doubled(faces: IntArray, others: IntArray, fans: _Fans, chosen: IntArray) -
     i = fans.h[chosen[:, 0]]
     a, b = vertex[i], vertex[next_half_edge(i)]
     key = edge_keys(a, b, faces.size)
-    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
-    return count[which.reshape(-1)] > 1
+    which = numbered(key)[1]
+    return np.bincount(which)[which] > 1
 
 
 def point_corners(faces: IntArray, pairs: IntArray) -> IntArray:
@@ -255,10 +257,7 @@ def boundary_half_edges(n_faces: int, edges: IntArray) -> IntArray:
 
 def opposite_half_edges(n_faces: int, edges: IntArray) -> IntArray:
     """(3 n_faces,) the other half-edge of the pair in ``edges`` (e, 2) each half-edge is in, −1 for none."""
-    out = np.full(3 * n_faces, -1)
-    out[edges[:, 0]] = edges[:, 1]
-    out[edges[:, 1]] = edges[:, 0]
-    return out
+    return scattered(3 * n_faces, edges.ravel(), edges[:, ::-1].ravel())
 
 
 def faces_across(n_faces: int, edges: IntArray) -> IntArray:
@@ -278,5 +277,6 @@ def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
     i, j = np.ascontiguousarray(edges.T)
     follower = np.full(3 * n_faces, -1)
     follower[i], follower[j] = next_half_edge(j), next_half_edge(i)
-    count, labels = follower_components(follower)
+    joined = np.flatnonzero(follower >= 0)
+    count, labels = components(3 * n_faces, joined, follower[joined])
     return count, labels.reshape(-1, 3)

@@ -5,9 +5,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, mask_of, normals_of
+from circparam.core.arrays import mask_of, normals_of, scattered
 from circparam.core.plural import counted, plural
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.frame import frame_of
 from circparam.mesh.halfedge import Pairs, pair_half_edges
@@ -223,8 +224,7 @@ def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:
     """Points whose faces make more than one fan, without the ends of the edges that were split (``apart``,
     half-edges in the winding of the file)."""
     corner = surface.corner_vertex.ravel()
-    point = np.full(int(corner.max()) + 1, -1)
-    point[corner] = surface.faces.ravel()
+    point = scattered(int(corner.max()) + 1, corner, surface.faces.ravel())
     fans = np.bincount(point, minlength=len(surface.points))
     face = surface.faces
     # reversing a face swaps its corners 1 and 2: half-edge k becomes 2 − k

@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from circparam.core.arrays import first_of_runs, mask_of, numbered, ranges, sorted_distinct
+from circparam.core.arrays import (
+    first_of_groups,
+    first_of_runs,
+    found_in,
+    mask_of,
+    numbered,
+    ranges,
+    scattered,
+    sorted_distinct,
+    stable_order,
+)
 from circparam.core.compiled import kd_tree
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.mesh import Mesh, UVMap
@@ -45,11 +55,10 @@ def _degenerate_uv(
     chart = UVMap(uv, uv_faces).charts
     polygon = np.arange(len(mesh.faces)) if mesh.polygons is None else mesh.polygons
     # corners of the surface at the points of these faces, sorted by point
-    touched = mask_of(len(mesh.points), points)
-    corner = np.flatnonzero(touched[surface.faces.ravel()])
-    at = surface.faces.ravel()[corner]
-    order = np.argsort(at, kind="stable")
-    corner, at = corner[order], at[order]
+    flat = surface.faces.ravel()
+    corner = np.flatnonzero(mask_of(len(mesh.points), points)[flat])
+    corner = corner[stable_order(flat[corner])]
+    at = flat[corner]
     low = np.searchsorted(at, points.ravel())
     number = np.searchsorted(at, points.ravel(), side="right") - low
     slot = np.repeat(np.arange(3 * len(bad)), number)  # 3 * degenerate face + corner
@@ -59,20 +68,14 @@ def _degenerate_uv(
     where = chart[corner // 3]
     # one chart for each face: the polygon's own first, then the one with most of the points, then the lowest
     charts = int(chart.max()) + 1
-    key, group = np.unique(face * charts + where, return_inverse=True)
-    group = group.reshape(-1)
+    key, group = numbered(face * charts + where)
     present = np.zeros((len(key), 3), bool)
     present[group, slot % 3] = True
     score = present.sum(1) + 4 * (np.bincount(group, own, len(key)) > 0)
-    rank = np.lexsort((key % charts, -score, key // charts))
-    best = rank[first_of_runs(key[rank] // charts)]
-    chosen = mask_of(len(key), best)
-    ok = chosen[group]
+    ok = mask_of(len(key), first_of_groups(key // charts, -score, key % charts))[group]
     slot, corner, own = slot[ok], corner[ok], own[ok]
-    rank = np.lexsort((corner, ~own, slot))
-    rank = rank[first_of_runs(slot[rank])]
-    out = np.full((len(bad), 3), -1)
-    out[slot[rank] // 3, slot[rank] % 3] = uv_faces.ravel()[corner[rank]]
+    best = first_of_groups(slot, ~own, corner)
+    out = scattered(3 * len(bad), slot[best], uv_faces.ravel()[corner[best]]).reshape(-1, 3)
     homeless = (out < 0).all(1)
     if homeless.any():
         centre = surface.corners.mean(1)
@@ -100,11 +103,10 @@ def _flattened(
     if len(move):
         p = surface.points[points[move]]
         length = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2)  # of sides 01, 12, 20
-        longest = length.argmax(1)
-        middle = (longest + 2) % 3
-        before = np.take_along_axis(length, ((middle + 2) % 3)[:, None], 1)[:, 0]
-        after = np.take_along_axis(length, middle[:, None], 1)[:, 0]
-        target = np.where(after <= before, (middle + 1) % 3, (middle + 2) % 3)
+        middle = (length.argmax(1) + 2) % 3
+        rows = np.arange(len(move))
+        nearer = length[rows, middle] <= length[rows, (middle + 2) % 3]  # to the corner after it
+        target = np.where(nearer, middle + 1, middle + 2) % 3
         out[move, middle] = out[move, target]
     return out
 
@@ -143,5 +145,5 @@ def _give_corners_one_uv(
 
 def _hit(wanted: IntArray, among: IntArray) -> BoolArray:
     """(k,) bool, which of a few numbers in ascending order are among many."""
-    at = np.minimum(np.searchsorted(wanted, among), len(wanted) - 1)
-    return mask_of(len(wanted), at[wanted[at] == among])
+    at = found_in(wanted, among)
+    return mask_of(len(wanted), at[at >= 0])
