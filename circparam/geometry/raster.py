@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import ranges, slices, sorted_distinct
+from circparam.core.arrays import blocks, ranges, slices
 from circparam.core.compiled import kd_tree
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -56,17 +56,10 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
     x, y = np.stack(xs, 1), np.stack(ys, 1)
     top = first[face].astype(np.int64)
     rows = last[face].astype(np.int64) - top
-    # an upper bound of each face's pixels decides where the chunks end
-    bound = np.cumsum(rows * np.minimum((right - left)[face] + 1, width))
-    ends = (
-        np.arange(CHUNK_FRAGMENTS, bound[-1] + CHUNK_FRAGMENTS, CHUNK_FRAGMENTS)
-        if len(bound)
-        else np.zeros(0)
-    )
-    start = 0
-    for stop in sorted_distinct(np.minimum(np.searchsorted(bound, ends) + 1, len(face))):
-        part = slice(start, int(stop))
-        start = int(stop)
+    most = (rows * np.minimum((right - left)[face] + 1, width)).astype(
+        np.int64
+    )  # pixels of each face
+    for part in blocks(most, CHUNK_FRAGMENTS):
         if rows[part].size:
             yield _fill(x[part], y[part], face[part], top[part], rows[part], width)
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import blocks, first_of_groups, group_sum, ranges, relabel, unit
+from circparam.core.arrays import blocks, first_of_groups, group_sum, ranges, relabel, slices, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 
@@ -49,10 +49,6 @@ class BoxTree:
         while len(self.levels[-1][0]) > 1:
             self.levels.append(_runs(*self.levels[-1]))
 
-    def box(self, face: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Least and largest coordinates of faces."""
-        return self.low[face], self.high[face]
-
     def near(
         self, start: FloatArray, end: FloatArray, radius: FloatArray
     ) -> tuple[IntArray, IntArray]:
@@ -66,7 +62,9 @@ class BoxTree:
             node = (TREE_WIDTH * node[keep, None] + np.arange(TREE_WIDTH)).ravel()
             segment, node = segment[node < below], node[node < below]
         face = self.order[node]
-        keep = _meets(start[segment], end[segment], radius[segment], *self.box(face))
+        keep = _meets(
+            start[segment], end[segment], radius[segment], self.low[face], self.high[face]
+        )
         return segment[keep], face[keep]
 
 
@@ -133,15 +131,18 @@ def first_hits(
     way. nearest: take the hit nearest to the origin, not the first.
     """
     face, bary, t = np.full(len(origin), -1), np.zeros((len(origin), 3)), np.zeros(len(origin))
-    for at in range(0, len(origin), BLOCK_RAYS):
-        part = slice(at, at + BLOCK_RAYS)
-        lines = origin[part], direction[part], reach[part]
-        face[part], bary[part], t[part] = _first(tree, lines, nearest)
+    for part in slices(len(origin), BLOCK_RAYS):
+        ray, met, vwt = _met_by_packets(tree, (origin[part], direction[part], reach[part]))
+        # of equal hits that of the lowest face
+        first = first_of_groups(ray, np.abs(vwt[:, 2]) if nearest else -vwt[:, 2], met)
+        hit, (v, w) = part.start + ray[first], np.clip(vwt[first, :2], 0, 1).T
+        face[hit], t[hit] = met[first], vwt[first, 2]
+        bary[hit] = np.stack([np.maximum(1 - v - w, 0), v, w], 1)
     return Hits(face, bary, t)
 
 
-def _first(tree: BoxTree, lines: Lines, nearest: bool) -> tuple[IntArray, FloatArray, FloatArray]:
-    """One block of ``first_hits``."""
+def _met_by_packets(tree: BoxTree, lines: Lines) -> tuple[IntArray, IntArray, FloatArray]:
+    """All hits of one block of rays, as ``_met`` has them."""
     packet, start, end, radius = _packets(tree, lines)
     segment, candidate = tree.near(start, end, radius)
     keep = _touches(start, end, radius, segment, tree.corners[candidate])
@@ -157,7 +158,8 @@ def _first(tree: BoxTree, lines: Lines, nearest: bool) -> tuple[IntArray, FloatA
         c = count[part]
         ray = by_packet[np.repeat(begin[part], c) + ranges(c)]
         found.append(_met(tree, columns, ray, np.repeat(candidate[part], c)))
-    return _best(found, len(origin), nearest)
+    ray, face, vwt = (np.concatenate(part) for part in zip(*found, strict=True))
+    return ray, face, vwt
 
 
 def _packets(tree: BoxTree, lines: Lines) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
@@ -214,17 +216,3 @@ def _met(
         inside = (v >= -EDGE_WEIGHT) & (w >= -EDGE_WEIGHT) & (v + w <= 1 + EDGE_WEIGHT)
         inside &= (along > 0) & (np.abs(t) <= reach)
     return ray[inside], face[inside], np.stack([v, w, t], 1)[inside]
-
-
-def _best(
-    found: list[tuple[IntArray, IntArray, FloatArray]], n: int, nearest: bool
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """For each of n rays the hit that counts; of equal ones that of the lowest face."""
-    out_face, out_bary, out_t = np.full(n, -1), np.zeros((n, 3)), np.zeros(n)
-    ray, face, vwt = (np.concatenate(part) for part in zip(*found, strict=True))
-    first = first_of_groups(ray, np.abs(vwt[:, 2]) if nearest else -vwt[:, 2], face)
-    v, w = np.clip(vwt[first, 0], 0, 1), np.clip(vwt[first, 1], 0, 1)
-    out_face[ray[first]] = face[first]
-    out_bary[ray[first]] = np.stack([np.maximum(1 - v - w, 0), v, w], 1)
-    out_t[ray[first]] = vwt[first, 2]
-    return out_face, out_bary, out_t

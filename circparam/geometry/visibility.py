@@ -108,16 +108,16 @@ def seen_shares(
             step = out[:, front]
             step *= np.where(places.two_sided[front] & (sign * step[2] < 0), -1.0, 1.0)
             p = at[:, front] + step
-            looks.append(_Look(sign, front, _pixel(p, pixels), p[2]))
+            looks.append((sign, front, _pixel(p, pixels), p[2]))
         scene = [(block.corners, block.small) for block in blocks]
         if sparse:
-            away = _pixels_away([look.pixel for look in looks], pixels)
+            away = _pixels_away([pixel for _, _, pixel, _ in looks], pixels)
             scene = [_beside(blocks, away, frame, pixels)]
         buffers = np.full(pixels * pixels, -np.inf), np.full(pixels * pixels, np.inf)
         for part in scene:
             _fill(buffers, part, frame, pixels)
-        for look, buffer in zip(looks, buffers, strict=True):
-            seen[look.place] += look.sign * look.height >= look.sign * buffer[look.pixel]
+        for (sign, front, pixel_of, height), buffer in zip(looks, buffers, strict=True):
+            seen[front] += sign * height >= sign * buffer[pixel_of]
     return seen / (2 * (count // 2))
 
 
@@ -170,14 +170,23 @@ def _beside(blocks: list[_Block], away: IntArray, frame: FloatArray, pixels: int
 
 def _fill(buffers: Buffers, scene: Scene, frame: FloatArray, pixels: int) -> None:
     """Raise the largest and lower the smallest height of every pixel that these faces cover."""
-    faces, centres = scene
-    if faces.size:
-        _fill_faces(buffers, _turned(faces, frame), pixels)
-    if centres.size:
-        p = _turned(centres, frame)
-        at = _pixel(p, pixels)
-        np.maximum.at(buffers[0], at, p[2])
-        np.minimum.at(buffers[1], at, p[2])
+    faces, centres = (_turned(part, frame) for part in scene)
+    at = _pixel(centres, pixels)
+    np.maximum.at(buffers[0], at, centres[2])
+    np.minimum.at(buffers[1], at, centres[2])
+    # most small faces cover no pixel's centre
+    p = faces[:, :, _between(faces[0] + pixels / 2) & _between(faces[1] + pixels / 2)]
+    x, y, height = p[0] + pixels / 2, p[1] + pixels / 2, p[2]
+    slope = _slopes(p)
+    low, high = extremes(height.T)
+    for part in fragments(np.stack([x.T, y.T], 2), pixels, pixels):
+        f = part.face
+        row, column = np.divmod(part.pixel, pixels)
+        z = height[0][f] + slope[0][f] * (column + 0.5 - x[0][f])
+        z += slope[1][f] * (row + 0.5 - y[0][f])
+        z = np.clip(z, low[f], high[f])
+        np.maximum.at(buffers[0], part.pixel, z)
+        np.minimum.at(buffers[1], part.pixel, z)
 
 
 def _pixels_away(looked_at: list[IntArray], pixels: int) -> IntArray:
@@ -194,22 +203,6 @@ def _pixels_away(looked_at: list[IntArray], pixels: int) -> IntArray:
             near = np.ascontiguousarray(grown.T)
         away[near & (away == FAR_PIXELS)] = distance
     return away.ravel()
-
-
-def _fill_faces(buffers: Buffers, p: FloatArray, pixels: int) -> None:
-    """The same for faces p (3, 3, l), turned, of which most cover no pixel's centre where they are small."""
-    p = p[:, :, _between(p[0] + pixels / 2) & _between(p[1] + pixels / 2)]
-    x, y, height = p[0] + pixels / 2, p[1] + pixels / 2, p[2]
-    slope = _slopes(p)
-    low, high = extremes(height.T)
-    for part in fragments(np.stack([x.T, y.T], 2), pixels, pixels):
-        f = part.face
-        row, column = np.divmod(part.pixel, pixels)
-        z = height[0][f] + slope[0][f] * (column + 0.5 - x[0][f])
-        z += slope[1][f] * (row + 0.5 - y[0][f])
-        z = np.clip(z, low[f], high[f])
-        np.maximum.at(buffers[0], part.pixel, z)
-        np.minimum.at(buffers[1], part.pixel, z)
 
 
 def _between(x: FloatArray) -> BoolArray:
@@ -232,17 +225,6 @@ def _pixel(p: FloatArray, pixels: int) -> IntArray:
     """(k,) pixel of each point (3, k), its own x and y counted from the middle."""
     column, row = np.clip(np.floor(p[:2] + pixels / 2), 0, pixels - 1).astype(np.int64)
     return row * pixels + column
-
-
-@dataclass(frozen=True, eq=False)
-class _Look:
-    """Where places are looked up along one direction, sign times the axis. place: (l,) places that face it;
-    pixel, height: (l,)."""
-
-    sign: float
-    place: IntArray
-    pixel: IntArray
-    height: FloatArray
 
 
 def edge_shares(
