@@ -9,7 +9,6 @@ from circparam.core.arrays import (
     group_boxes,
     norms2,
     ranges,
-    slices,
     sorted_distinct,
     stable_order,
 )
@@ -23,7 +22,6 @@ SHORT, PIECE = 0.25, 0.5  # segments below so many reaches are looked at in piec
 CHAMFER_MARGINS = 1.5  # margins: so little boundary between two long segments does not part them
 # parts of a boundary closer than 8 margins along it are not compared for nearness
 NEIGHBOUR_MARGINS = 8
-BLOCK_POINTS = 200_000  # points whose rays are followed together: bounds the memory at about 50 MB
 
 
 def meeting(
@@ -327,9 +325,3 @@ def windings(boundary: BoundarySegments, points: FloatArray, chart: IntArray) ->
         side = orientation(s[j], e[j], points[k])
         np.add.at(out, k, np.where(up, side > 0, 0) - np.where(~up, side < 0, 0))
     return out
-
-
-def own_layers(boundary: BoundarySegments, points: FloatArray, chart: IntArray) -> IntArray:
-    """(k,) winding number of the boundary of its own chart ((k,) int) about each point (k, 2)."""
-    blocks = (windings(boundary, points[k], chart[k]) for k in slices(len(points), BLOCK_POINTS))
-    return np.concatenate([np.zeros(0, np.int64), *blocks])

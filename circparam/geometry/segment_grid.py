@@ -65,20 +65,22 @@ class Candidates:
     def __iter__(self) -> Iterator[tuple[IntArray, IntArray]]:
         if len(self.start) < 2:
             return
-        grid = self._grid()
+        grid, box = self._grid(), np.zeros((0, 3))
         segment, cell = self._rasterise(grid)
-        order = stable_order(cell)
-        segment, cell = segment[order], cell[order]
-        head = first_of_runs(cell)
-        count = np.diff(np.concatenate([head, [len(cell)]]))
-        yield from self._thin_cells(segment, count)
-        crowd = np.repeat(count > CROWD_ENTRIES, count)
-        segment, box = segment[crowd], self._boxes(grid, segment[crowd], cell[crowd])
-        count = count[count > CROWD_ENTRIES]
         budget = ENTRY_GROWTH * len(cell) + 10_000
         for level in range(QUARTERING_LEVELS + 1):
-            if len(segment) == 0:
+            order = stable_order(cell)
+            segment, cell = segment[order], cell[order]
+            head = first_of_runs(cell)
+            count = np.diff(np.concatenate([head, [len(cell)]]))
+            many = np.repeat(count, count)
+            crowd = many > CROWD_ENTRIES
+            yield from self._emit(segment, np.where(crowd, 0, many - 1 - ranges(count)))
+            if not crowd.any():
                 return
+            segment, cell, order = segment[crowd], cell[crowd], order[crowd]
+            box = self._boxes(grid, segment, cell) if level == 0 else box[order]
+            count = count[count > CROWD_ENTRIES]
             cell = np.repeat(np.arange(len(count)), count)
             order, later = self._sweep(segment, cell, box)
             cost = group_sum(later.astype(np.float64), cell, len(count))
@@ -88,20 +90,6 @@ class Candidates:
                 done[:] = True
             yield from self._emit(segment[order], np.where(done, later, 0))
             segment, cell, box = self._quarter(segment[~done], cell[~done], box[~done])
-            order = stable_order(cell)
-            segment, box = segment[order], box[order]
-            head = first_of_runs(cell[order])
-            count = np.diff(np.concatenate([head, [len(cell)]]))
-            yield from self._thin_cells(segment, count)
-            crowd = np.repeat(count > CROWD_ENTRIES, count)
-            segment, box, count = segment[crowd], box[crowd], count[count > CROWD_ENTRIES]
-
-    def _thin_cells(
-        self, segment: IntArray, count: IntArray
-    ) -> Iterator[tuple[IntArray, IntArray]]:
-        """All pairs inside the cells that are not crowded; count: entries of each cell, in order."""
-        many = np.repeat(count, count)
-        yield from self._emit(segment, np.where(many <= CROWD_ENTRIES, many - 1 - ranges(count), 0))
 
     def _grid(self) -> _Grid:
         """The first grid of each group: cells about twice as wide as its mean segment."""

@@ -3,18 +3,12 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import (
-    SLICE_ROWS,
-    cross2,
-    first_of_groups,
-    group_max,
-    group_sum,
-)
+from circparam.core.arrays import cross2, first_of_groups, group_max, group_sum
 from circparam.core.compiled import breadth_first_order, maximum_flow
 from circparam.core.graph import components, distances, matching, nearest, undirected
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import boundary_in
-from circparam.geometry.intersect import own_layers
+from circparam.geometry.intersect import windings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.layout import ChartLayouts
@@ -77,9 +71,7 @@ def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolAr
     points = np.concatenate(
         [middle[:, None], middle[:, None] + 0.95 * (corners - middle[:, None])], 1
     )
-    layers = own_layers(boundary, points.reshape(-1, 2), np.repeat(p.chart[faces], 4)).reshape(
-        -1, 4
-    )
+    layers = windings(boundary, points.reshape(-1, 2), np.repeat(p.chart[faces], 4)).reshape(-1, 4)
     best = layers.argmax(1)
     rows = np.arange(len(faces))
     return points[rows, best], layers[rows, best] > 1
