@@ -96,53 +96,43 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
-class Worker:
-    """``map`` on a number of processes, the caller included, if ``start`` has opened them.
+def in_processes(
+    function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]], monitor: Monitor
+) -> list[Any]:
+    """[function(*task, monitor) for task in tasks], computed in any order by any idle process.
 
-    jobs: 1 does all work in this process.
+    Up to ``monitor.jobs`` processes work, the caller included, if ``start`` has opened them. Each has its own
+    monitor with the same deadline. tasks: a sequence or an iterator, whose tasks are released as soon as they
+    are sent. function: at the top level of a module. The work of the caller may send tasks to idle processes.
     """
-
-    def __init__(self, jobs: int = 1) -> None:
-        self.jobs = jobs
-
-    def map(
-        self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]], monitor: Monitor
-    ) -> list[Any]:
-        """[function(*task, monitor) for task in tasks], computed in any order by any idle process.
-
-        tasks: a sequence or an iterator, whose tasks are released as soon as they are sent. function: at the
-        top level of a module. Each process has its own monitor with the same deadline. The work of the caller
-        may send tasks to idle processes too.
-        """
-        alone = isinstance(tasks, Sequence) and len(tasks) < 2
-        pool = current() if self.jobs > 1 and not alone else None
-        if pool is None:
-            return [function(*task, monitor) for task in tasks]
-        try:
-            shared = _Shared(pool, function, tasks, monitor)
-            return shared.run(min(self.jobs, shared.count) - 1)
-        except BaseException:
-            stop()  # else they would continue needless work
-            raise
+    alone = isinstance(tasks, Sequence) and len(tasks) < 2
+    pool = current() if monitor.jobs > 1 and not alone else None
+    if pool is None:
+        return [function(*task, monitor) for task in tasks]
+    try:
+        return _Shared(pool, function, tasks, monitor).run()
+    except BaseException:
+        stop()  # else they would continue needless work
+        raise
 
 
 class DeferredTask:
     """A task whose result is asked for later: done meanwhile where a process is idle, else when it is asked.
 
-    function, task, monitor: as for ``Worker.map``. jobs: 1 does it in this process, when it is asked for.
+    function, task, monitor: as for ``in_processes``. Of one job it is done in this process, when asked for.
     """
 
     def __init__(
-        self, jobs: int, function: Callable[..., Any], task: tuple[Any, ...], monitor: Monitor
+        self, function: Callable[..., Any], task: tuple[Any, ...], monitor: Monitor
     ) -> None:
-        self._jobs, self._function, self._task, self._monitor = jobs, function, task, monitor
+        self._function, self._task, self._monitor = function, task, monitor
         self._pool: Pool | None = None
         self._future: Future[bytes] | None = None
         self._result: tuple[Any] | None = None
 
     def begin(self) -> None:
         """Give the task to a process that is idle; where none is, nothing happens."""
-        pool = current() if self._jobs > 1 and self._pool is None else None
+        pool = current() if self._monitor.jobs > 1 and self._pool is None else None
         if pool is None or not pool.claim():
             return
         packed = pickle.dumps((self._function, self._task), 5)
@@ -201,7 +191,7 @@ def _waited(pool: Pool, future: "Future[bytes]") -> bytes:
 
 
 class _Shared:
-    """One call of ``map``: tasks are handed out one at a time, to the caller and to the processes."""
+    """One call of ``in_processes``: tasks are handed out one at a time, to the caller and to the processes."""
 
     def __init__(
         self,
@@ -218,16 +208,15 @@ class _Shared:
         for k, task in enumerate(tasks):
             self._tasks.append(task if keep or k == 0 else None)
             self._packed.append(pickle.dumps((function, task), 5) if k else b"")
-        self.count = len(self._tasks)
         self._sent: dict[int, Future[bytes] | None] = {}
         self._next = 0
         self._lock = threading.RLock()
 
-    def run(self, processes: int) -> list[Any]:
+    def run(self) -> list[Any]:
         """All results; the work of processes that do not answer is done here."""
-        results: list[Any] = [None] * self.count
+        results: list[Any] = [None] * len(self._tasks)
         own = self._take()
-        for _ in range(processes):
+        for _ in range(min(self._monitor.jobs, len(results)) - 1):
             self._send()
         while own is not None:
             results[own] = self._here(own)
@@ -248,7 +237,7 @@ class _Shared:
 
     def _take(self) -> int | None:
         with self._lock:
-            if self._next >= self.count:
+            if self._next >= len(self._tasks):
                 return None
             self._next += 1
             return self._next - 1
@@ -260,7 +249,7 @@ class _Shared:
             if done.cancelled() or done.exception() is not None:
                 return
         with self._lock:
-            left = self._next < self.count
+            left = self._next < len(self._tasks)
             k = self._take() if left and self._pool.claim(self._send) else None
             if k is None:
                 return

@@ -18,7 +18,7 @@ from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.imports import OnDemand
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
-from circparam.core.workers import DeferredTask, Worker
+from circparam.core.workers import DeferredTask, in_processes
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -75,7 +75,7 @@ def begun_beside(job: Job, monitor: Monitor) -> list[DeferredTask]:
         return []
     numbers = range(1, min(options.searches, monitor.jobs))
     tasks = [(job.surface, job.seams_asked, options, number) for number in numbers]
-    begun = [DeferredTask(monitor.jobs, searched, task, monitor) for task in tasks]
+    begun = [DeferredTask(searched, task, monitor) for task in tasks]
     for search in begun:
         search.begin()
     return begun
@@ -108,7 +108,7 @@ def best_layout(
             since = time.monotonic()
             some = numbers[len(costs) - 1 : len(costs) - 1 + wave]
             tasks = [(job.surface, job.seams_asked, options, k) for k in some[len(begun) :]]
-            later = Worker(monitor.jobs).map(searched, tasks, monitor)
+            later = in_processes(searched, tasks, monitor)
             for found in [*(search.result() for search in begun), *later]:
                 costs.append(np.inf if found is None else found.cost)
                 if found is not None and found.cost < costs[kept]:
@@ -157,7 +157,7 @@ class Drafted:
         if not (competes or urgent):
             return None
         task = (surface, asked, options.cut, Search(draft=True))
-        draft = cls(job, DeferredTask(monitor.jobs, _seams, task, monitor), competes)
+        draft = cls(job, DeferredTask(_seams, task, monitor), competes)
         if urgent:
             with monitor.stage("draft"), clock.bounded(monitor.last), suppress(*FAILURES):
                 layout = draft.layout(monitor)

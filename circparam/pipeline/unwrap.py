@@ -324,7 +324,7 @@ def verify_and_save(
     surface = job.surface if job.kept is None else job.whole
     cut = uv_seams(surface, fitted.uvmap)
     # caches of a surface need not be sent
-    look = DeferredTask(monitor.jobs, seen_share, (replace(surface), cut), monitor)
+    look = DeferredTask(seen_share, (replace(surface), cut), monitor)
     if cut.any() and not _too_late_to_look(monitor):
         look.begin()
     verified = _verified(job, fitted, monitor, work)

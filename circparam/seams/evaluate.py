@@ -28,7 +28,7 @@ from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import in_parts, in_processes
 from circparam.geometry.overlap import crossings, overlaps, self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import AIMED, TRIAL
@@ -137,7 +137,7 @@ def try_moves(moves: Moves, demands: Demands, monitor: Monitor) -> Trial:
     groups = [mask_of(n, chart[faces]) for faces in shares]
     parts = [moves.subset(group) for group in groups]
     tasks = [(part, demands) for part, _ in parts]
-    done = Worker(monitor.jobs).map(_tried, tasks, monitor)
+    done = in_processes(_tried, tasks, monitor)
     trial = Trial.unknown(moves.cut_mesh)
     for group, (_, vid), of_part in zip(groups, parts, done, strict=True):
         trial.put(group, vid, of_part)

@@ -7,7 +7,7 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.core.types import BoolArray, FloatArray
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import in_parts, in_processes
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.cut_graph import cut_handles, genus_of
@@ -52,7 +52,7 @@ def finish(decided: Decided, bound: float, options: SeamOptions, monitor: Monito
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
         tasks = ((atlas.apart(faces), to_bound, decided.relaxing) for faces in parts)
-        done = Worker(monitor.jobs).map(settle_part, tasks, monitor)
+        done = in_processes(settle_part, tasks, monitor)
         for faces, moved in zip(parts, done, strict=True):
             atlas.take(faces, *moved)
         monitor.keep(atlas)

@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core import clock
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker
+from circparam.core.workers import in_processes
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
@@ -124,7 +124,7 @@ def _on_proxies(
     starts = starts_of(options.search, surface)
     tasks = [(surface, start, start == starts[0], merging, options) for start in starts]
     with _before_transfer(monitor):
-        done = Worker(monitor.jobs).map(_on_proxy, tasks, monitor)
+        done = in_processes(_on_proxy, tasks, monitor)
         found = [one for one in done if one is not None]
         if not found:
             return None

@@ -11,7 +11,7 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.core.types import BoolArray, FloatArray
-from circparam.core.workers import Worker
+from circparam.core.workers import in_processes
 from circparam.geometry.visibility import edge_shares
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.cut_mesh import not_disks
@@ -99,7 +99,7 @@ def visibility_prices(surface: Surface, strength: float, monitor: Monitor) -> Fl
     the directions.
     """
     tasks = [(surface, part) for part in range(DIRECTION_PARTS)]
-    share = sum(Worker(monitor.jobs).map(shares_of_part, tasks, monitor))
+    share = sum(in_processes(shares_of_part, tasks, monitor))
     relative = np.maximum(share / TYPICAL_SHARE, LEAST_SHARE)
     return relative ** (VISIBILITY_POWER * strength)
 

@@ -16,7 +16,7 @@ from circparam.core import pool as pool_module
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.pool import Pool, current
-from circparam.core.workers import DeferredTask, Worker
+from circparam.core.workers import DeferredTask, in_processes
 from tests.support.processes import ROOT, pids, printed
 
 HERE = "tests.core.test_workers"
@@ -65,7 +65,7 @@ def until_gone(left: list[int]) -> None:
 def test_tasks_are_done_here_and_beside_in_order_by_so_many() -> None:
     pool = opened(3)
     for jobs in (1, 3):
-        got = Worker(jobs).map(square, [(k, "") for k in range(7)], Monitor())
+        got = in_processes(square, [(k, "") for k in range(7)], Monitor(jobs=jobs))
         assert [value for value, _ in got] == [k * k for k in range(7)]
         found = {pid for _, pid in got}
         assert os.getpid() in found
@@ -75,12 +75,12 @@ def test_tasks_are_done_here_and_beside_in_order_by_so_many() -> None:
         workers.start(fewer, HERE)
         assert current() is pool, "as many, or more than enough, stay"
     assert opened(4, "no.such.module") is not pool
-    assert Worker(2).map(square, [(k, "") for k in range(3)], Monitor())[2][0] == 4
+    assert in_processes(square, [(k, "") for k in range(3)], Monitor(jobs=2))[2][0] == 4
 
 
 def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> None:
     pool = opened(2)
-    first, second = (DeferredTask(2, square, (k, ""), Monitor()) for k in (3, 4))
+    first, second = (DeferredTask(square, (k, ""), Monitor(jobs=2)) for k in (3, 4))
     first.begin()
     assert pool.free == 0
     second.begin()  # none is idle: nothing happens
@@ -90,10 +90,10 @@ def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> 
     assert first.begun
     assert first.result() is first.result()
     assert second.result() == (16, os.getpid())
-    alone = DeferredTask(1, square, (5, ""), Monitor())
+    alone = DeferredTask(square, (5, ""), Monitor(jobs=1))
     alone.begin()
     assert alone.result() == (25, os.getpid())
-    lost = DeferredTask(2, square, (6, str(os.getpid())), Monitor())  # dies in the process
+    lost = DeferredTask(square, (6, str(os.getpid())), Monitor(jobs=2))  # dies in the process
     while pool.free < 1:
         os.sched_yield()
     lost.begin()
@@ -104,14 +104,14 @@ def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> 
 @pytest.mark.parametrize("seconds", [-1.0, 1000.0])
 def test_what_a_process_was_too_late_for_is_known_here(seconds: float) -> None:
     opened(2)
-    monitor = Monitor(None, seconds)
-    later = DeferredTask(2, square, (3, ""), monitor)
+    monitor = Monitor(None, seconds, 2)
+    later = DeferredTask(square, (3, ""), monitor)
     later.begin()
     assert not monitor.late
     later.result()
     assert monitor.late is (seconds < 0)
-    monitor = Monitor(None, seconds)
-    got = Worker(2).map(square, [(1, ""), (2, "")], monitor)
+    monitor = Monitor(None, seconds, 2)
+    got = in_processes(square, [(1, ""), (2, "")], monitor)
     assert got[1][1] != os.getpid()
     assert monitor.late is (seconds < 0)
 
@@ -125,20 +125,20 @@ def test_what_a_dead_worker_leaves_is_done_here_and_the_next_mesh_has_new_ones(w
     tasks = [(k, "" if when == "idle" else str(here)) for k in range(4)]
     for _ in range(2):  # the second time there is no worker any more
         given = iter(tasks) if "one" in when else tasks  # tasks of an iterator are not kept
-        assert Worker(2).map(square, given, Monitor()) == [(k * k, here) for k in range(4)]
+        assert in_processes(square, given, Monitor(jobs=2)) == [(k * k, here) for k in range(4)]
     assert current() is None
     opened()
-    (_, own), (_, other) = Worker(2).map(square, [(1, ""), (2, "")], Monitor())
+    (_, own), (_, other) = in_processes(square, [(1, ""), (2, "")], Monitor(jobs=2))
     assert own == here != other
 
 
 def test_what_fails_in_a_worker_is_done_here() -> None:
     """Out of memory there says nothing of this process; an error that is one is raised here as well."""
     opened()
-    assert Worker(2).map(fail, [(os.getpid(),)] * 2, Monitor()) == [os.getpid()] * 2
+    assert in_processes(fail, [(os.getpid(),)] * 2, Monitor(jobs=2)) == [os.getpid()] * 2
     opened()
     with pytest.raises(MemoryError):
-        Worker(2).map(fail, [(0,)] * 2, Monitor())
+        in_processes(fail, [(0,)] * 2, Monitor(jobs=2))
     assert current() is None
 
 
@@ -157,7 +157,7 @@ from {HERE} import square
 {why}
 workers.start(2, {HERE!r})
 assert current() is None
-got = workers.Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
+got = workers.in_processes(square, [(k, "") for k in range(3)], Monitor(jobs=2))
 assert got == [(k * k, os.getpid()) for k in range(3)]
 """
     printed(script)
@@ -167,10 +167,10 @@ def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(monke
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     opened()
     for seconds in (None, 100.0):
-        got = Worker(2).map(deadline, [(), ()], Monitor(None, seconds))
+        got = in_processes(deadline, [(), ()], Monitor(None, seconds, 2))
         assert [late for late, _ in got] == [seconds is not None] * 2
         assert got[1][1] != os.getpid()
-    threads, main, further, pid = Worker(2).map(surroundings, [(), ()], Monitor())[1]
+    threads, main, further, pid = in_processes(surroundings, [(), ()], Monitor(jobs=2))[1]
     assert (threads, further) == ("1", False)
     assert pid != os.getpid()
     assert "pytest" not in main
@@ -276,10 +276,10 @@ if {signals}:
     from circparam.cli import signals, group
     with signals.installed():
         try:
-            workers.Worker(2).map(wait, [(60.0,), (60.0,)], Monitor())
+            workers.in_processes(wait, [(60.0,), (60.0,)], Monitor(jobs=2))
         finally:
             print("over", flush=True)
-workers.Worker(2).map(wait, [(60.0,), (60.0,)], Monitor())
+workers.in_processes(wait, [(60.0,), (60.0,)], Monitor(jobs=2))
 """
 
 
@@ -291,7 +291,7 @@ def wait(seconds: float, monitor: Monitor) -> None:
 def test_busy_workers_end_when_they_are_stopped() -> None:
     pool = opened()
     left = pids(pool)
-    busy = DeferredTask(2, wait, (90.0,), Monitor())
+    busy = DeferredTask(wait, (90.0,), Monitor(jobs=2))
     busy.begin()
     assert busy.begun
     workers.stop()

@@ -8,7 +8,7 @@ import numpy as np
 from circparam.core.arrays import mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.types import BoolArray, FloatArray
-from circparam.core.workers import Worker
+from circparam.core.workers import in_processes
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
@@ -84,7 +84,7 @@ def searched(
     if len(regions) == 1:
         return grow_and_merge(surface, options, regions[0], monitor)
     tasks = [(surface, options, k, k == regions[0]) for k in regions]
-    done = Worker(monitor.jobs).map(start_once, tasks, monitor)
+    done = in_processes(start_once, tasks, monitor)
     return min((Atlas(surface, *one) for one in done if one), key=COST.seams)
 
 

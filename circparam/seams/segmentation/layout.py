@@ -8,7 +8,7 @@ from circparam.core.arrays import group_count, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import in_parts, in_processes
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
@@ -63,7 +63,7 @@ def lay_out_fresh(
             part = np.zeros((sub.n_vertices, 2))
             parts = chart_parts(sub)
             tasks = [(part_mesh, options) for _, part_mesh, _, _ in parts]
-            done = Worker(monitor.jobs).map(embed_and_relax, tasks, monitor)
+            done = in_processes(embed_and_relax, tasks, monitor)
             for (_, _, of_part, _), result in zip(parts, done, strict=True):
                 part[of_part] = result
         uv[vid] = part
@@ -107,7 +107,7 @@ def lay_out_sound(
     parts = chart_parts(cut_mesh)
     out = np.zeros_like(uv)
     tasks = [(part, uv[vid], options) for _, part, vid, _ in parts]
-    done = Worker(monitor.jobs).map(lay_out_part, tasks, monitor)
+    done = in_processes(lay_out_part, tasks, monitor)
     for (_, _, vid, _), of_part in zip(parts, done, strict=True):
         out[vid] = of_part
     return out
@@ -119,7 +119,7 @@ def pushed_apart(
     """As ``push_apart``; many faces in parts, by all processes."""
     parts = chart_parts(cut_mesh)
     tasks = [(part, uv[vid], margin, bound) for _, part, vid, _ in parts]
-    done = Worker(monitor.jobs).map(push_apart, tasks, monitor)
+    done = in_processes(push_apart, tasks, monitor)
     out, fine = np.zeros_like(uv), np.zeros(cut_mesh.n_charts, bool)
     for (which, _, vid, _), (moved, good) in zip(parts, done, strict=True):
         out[vid], fine[which] = moved, good

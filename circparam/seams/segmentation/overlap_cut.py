@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import cross2, first_of_groups, group_max, group_sum
+from circparam.core.arrays import SLICE_ROWS, cross2, first_of_groups, group_max, group_sum
 from circparam.core.compiled import breadth_first_order, maximum_flow
 from circparam.core.graph import components, distances, matching, nearest, undirected
 from circparam.core.types import BoolArray, FloatArray, IntArray

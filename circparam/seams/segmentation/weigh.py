@@ -8,7 +8,7 @@ from circparam.core.arrays import group_count, group_sum, mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray
-from circparam.core.workers import Worker
+from circparam.core.workers import in_processes
 from circparam.geometry.distortion import face_stretch, stretch_and_distortion
 from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
@@ -177,7 +177,7 @@ def _relaxed_beside(
     for of_part, part, v, f in parts:
         tasks.append((part, uv[vid[v]], weight[fid[f]], reach[reach > 0][of_part], local))
     out = uv.copy()
-    done = Worker(monitor.jobs).map(relaxed_near, tasks, monitor)
+    done = in_processes(relaxed_near, tasks, monitor)
     for (_, _, v, _), moved in zip(parts, done, strict=True):
         out[vid[v]] = moved
     return out
