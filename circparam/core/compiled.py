@@ -42,18 +42,9 @@ def compressed_rows(n: int, rows: Any, columns: Any) -> tuple[Any, Any]:
         start = np.searchsorted(np.sort(rows), np.arange(n + 1)).astype(np.int32)
         return start, columns[np.argsort(rows, kind="stable")].astype(np.int32)
     start, sorted_columns = np.empty(n + 1, np.int32), np.empty(count, np.int32)
-    values = np.empty(count, np.int8)  # SciPy sorts them along
-    coo_tocsr(
-        n,
-        n,
-        count,
-        rows.astype(np.int32, copy=False),
-        columns.astype(np.int32, copy=False),
-        values,
-        start,
-        sorted_columns,
-        np.empty_like(values),
-    )
+    values = np.empty((2, count), np.int8)  # SciPy sorts them along
+    entries = rows.astype(np.int32, copy=False), columns.astype(np.int32, copy=False), values[0]
+    coo_tocsr(n, n, count, *entries, start, sorted_columns, values[1])
     return start, sorted_columns
 
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from circparam.core.arrays import (
     doubled_areas,
+    ends_of,
     first_of_groups,
+    group_max,
     group_sum,
     mask_of,
     next_half_edge,
@@ -20,7 +22,6 @@ from circparam.core.graph import cycles
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
-from circparam.mesh.roughness import Roughness
 
 # cached properties of a cut mesh that do not depend on lengths
 TOPOLOGICAL_PROPERTIES = (
@@ -58,6 +59,27 @@ class Loops:
     def loop_of(self) -> IntArray:
         """(b,) int64: loop of each entry of half_edges."""
         return np.repeat(np.arange(len(self.chart)), np.diff(self.start))
+
+
+@dataclass(frozen=True, eq=False)
+class Roughness:
+    """Distortion that charts have on the mesh besides what they have here, on a smaller and smoother surface.
+
+    values: (m,) of each face, symmetric Dirichlet energy / 4. most: no chart counts more than that, since the
+    bound could not be kept wherever seams run.
+    """
+
+    values: FloatArray
+    most: float
+
+    def part(self, faces: BoolArray | IntArray) -> "Roughness":
+        """Of some faces."""
+        return Roughness(self.values[faces], self.most)
+
+    def of_charts(self, areas: FloatArray, chart: IntArray, n: int) -> FloatArray:
+        """(n,) mean over the area of each chart, or ``most``."""
+        mean = group_sum(areas * self.values, chart, n) / group_sum(areas, chart, n)
+        return np.minimum(mean, self.most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,11 +186,11 @@ class CutMesh:
             none = np.zeros(0, np.int64)
             return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
         labels, order, size = cycles(self.rim[0])
-        start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
+        start = np.concatenate([[0], np.cumsum(size)])
         chart = self.chart[h[order][start[:-1]] // 3]
         length = group_sum(self.lengths(h), labels, len(size))
         outer = mask_of(len(size), first_of_groups(chart, -length))
-        return Loops(h[order], start, chart.astype(np.int64), length, outer)
+        return Loops(h[order], start, chart, length, outer)
 
     def twin(self) -> "CutMesh":
         """The same cut mesh with its shapes, without what solves have left on it."""
@@ -274,27 +296,21 @@ def close_holes(cut_mesh: CutMesh) -> CutMesh:
     entries = np.flatnonzero(~loops.outer[loops.loop_of])
     if len(entries) == 0:
         return cut_mesh
-    hole_of_loop = np.cumsum(~loops.outer) - 1
-    h = loops.half_edges[entries]
-    loop = loops.loop_of[entries]
-    hole = hole_of_loop[loop]
-    flat = cut_mesh.faces.ravel()
-    centre = cut_mesh.n_vertices + hole
+    h, loop = loops.half_edges[entries], loops.loop_of[entries]
+    start, end = ends_of(cut_mesh.faces, h)
+    centre = cut_mesh.n_vertices + (np.cumsum(~loops.outer) - 1)[loop]
     base = cut_mesh.edge_lengths.ravel()[h]
-    longest = np.zeros(len(loops.chart))
-    np.maximum.at(longest, loop, base)
+    longest = group_max(base, loop, len(loops.chart))
     leg = np.maximum(loops.length / (2 * np.pi), 0.6 * longest)[loop]
     # virtual face: corner 0 = end of the boundary half-edge, 1 = its start, 2 = the virtual vertex
-    new_faces = np.stack([flat[next_half_edge(h)], flat[h], centre], 1)
+    new_faces = np.stack([end, start, centre], 1)
     rest_triangles = np.zeros((len(h), 3, 2))
-    rest_triangles[:, 1, 0] = base
-    rest_triangles[:, 2, 0] = base / 2
+    rest_triangles[:, 1, 0], rest_triangles[:, 2, 0] = base, base / 2
     rest_triangles[:, 2, 1] = np.sqrt(leg**2 - (base / 2) ** 2)
-    f = len(cut_mesh.faces) + np.arange(len(h))
-    count = np.diff(loops.start)[loop]
+    f, size = len(cut_mesh.faces) + np.arange(len(h)), np.diff(loops.start)
     # entries of one loop are contiguous, so the follower is the next entry, cyclically
-    local = ranges(np.diff(loops.start)[~loops.outer])
-    follower = np.arange(len(h)) - local + (local + 1) % count
+    local = ranges(size[~loops.outer])
+    follower = np.arange(len(h)) - local + (local + 1) % size[loop]
     edges = np.concatenate(
         [
             cut_mesh.edges,

@@ -105,18 +105,18 @@ def pair_half_edges(
         fans = _Fans.at(points, faces, polygons, uv, runs, many)
         edges = np.concatenate([edges, _apart(faces, edges, fans)])
     i, j = edges[:, 0], edges[:, 1]
-    locked = np.zeros(len(edges), bool)
-    if polygons is not None:
-        locked = polygons[i // 3] == polygons[j // 3]
-    return Pairs(edges, locked, start[i] == start[j], runs.crowded)
+    return Pairs(edges, _in_one_polygon(polygons, i, j), start[i] == start[j], runs.crowded)
+
+
+def _in_one_polygon(polygons: IntArray | None, i: IntArray, j: IntArray) -> BoolArray:
+    return np.zeros(len(i), bool) if polygons is None else polygons[i // 3] == polygons[j // 3]
 
 
 class _Fans(NamedTuple):
     """The half-edges at crowded edges, edge after edge, and the pairs of them that may be made.
 
-    h: half-edges. group: edge of each of them. x, y: (pairs,) indices into h that may be paired, straight:
-    (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are inconsistently
-    oriented, together: whether they lie in one polygon, drawn: whether their uv agree along the edge.
+    h: half-edges. group: edge of each of them. x, y: (pairs,) indices into h that may be paired, cost: (pairs,)
+    of that, against: whether their faces are inconsistently oriented, together: whether one polygon holds both.
     large: (l, 2) pairs at edges with very many faces, which are made by angle alone.
     """
 
@@ -124,10 +124,9 @@ class _Fans(NamedTuple):
     group: IntArray
     x: IntArray
     y: IntArray
-    straight: FloatArray
+    cost: FloatArray
     against: BoolArray
     together: BoolArray
-    drawn: BoolArray
     large: IntArray
 
     @staticmethod
@@ -162,9 +161,7 @@ class _Fans(NamedTuple):
         y = x + 1 + ranges(later)
         differ = third[x] != third[y]
         x, y = x[differ], y[differ]
-        together = np.zeros(len(x), bool)
-        if polygons is not None:
-            together = polygons[h[x] // 3] == polygons[h[y] // 3]
+        together = _in_one_polygon(polygons, h[x], h[y])
         drawn = np.zeros(len(x), bool) if uv is None else _same_uv(faces, uv, h[x], h[y])
         large = np.zeros((0, 2), np.int64)
         if not small.all():
@@ -174,14 +171,14 @@ class _Fans(NamedTuple):
             half = n // 2
             lower = np.flatnonzero(~small & (rank < half))
             large = np.stack([by_angle[lower], by_angle[lower + half[lower]]], 1)
-        straight = (inward[x] * inward[y]).sum(1)
-        return _Fans(h, group, x, y, straight, start[x] == start[y], together, drawn, large)
+        # −1: one plane, 1: folded together; inside a polygon first, then side by side in the layout
+        cost = (inward[x] * inward[y]).sum(1) - 20.0 * together - 10.0 * drawn
+        return _Fans(h, group, x, y, cost, start[x] == start[y], together, large)
 
     def pairs(self, extra: FloatArray) -> IntArray:
-        """(p, 2) indices into h: inside a polygon first, then side by side in the layout, then the cheapest."""
+        """(p, 2) indices into h, the cheapest pairs first."""
         # coplanar rivals differ by rounding only: round, so that their order is that of the file
-        cost = np.round(self.straight - 20.0 * self.together - 10.0 * self.drawn + extra, 9)
-        best = matching(-cost, self.x, self.y, len(self.h))
+        best = matching(-np.round(self.cost + extra, 9), self.x, self.y, len(self.h))
         return np.concatenate([np.stack([self.x[best], self.y[best]], 1), self.large])
 
 

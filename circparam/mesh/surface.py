@@ -9,9 +9,8 @@ from circparam.core.arrays import mask_of, next_half_edge, normals_of, norms3, p
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.mesh.cut_mesh import CutMesh, laid_flat, renumbered
+from circparam.mesh.cut_mesh import CutMesh, Roughness, laid_flat, renumbered
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
-from circparam.mesh.roughness import Roughness
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,9 +246,7 @@ class Surface:
         """
         fid = np.flatnonzero(faces)
         local = positions_in(len(self.faces), fid)
-        e = self.edges[~cut]
-        e = e[faces[e[:, 0] // 3] & faces[e[:, 1] // 3]]
-        e = renumbered(e, local)
+        e = renumbered(self.edges[~cut & self.inner_edges(faces)], local)
         _, corners = corner_classes(len(fid), e)
         rough = None if self.roughness is None else self.roughness.part(fid)
         label = np.unique(chart[fid], return_inverse=True)[1]
@@ -277,22 +274,18 @@ class Surface:
         """Some faces ((m,) bool); where they meet the others is a boundary. Of all: itself."""
         if faces.all() and not len(self.torn):
             return self
-        fid = np.flatnonzero(faces)
-        local = positions_in(len(self.faces), fid)
-        inside = self.inner_edges(faces)
-        e = self.edges[inside]
-        return Surface(
-            self.points,
-            self.faces[fid],
-            self.source[fid],
-            self.reversed_faces[fid],
-            renumbered(e, local),
-            self.locked[inside],
+        fid, inside = np.flatnonzero(faces), self.inner_edges(faces)
+        return replace(
+            self,
+            faces=self.faces[fid],
+            source=self.source[fid],
+            reversed_faces=self.reversed_faces[fid],
+            edges=renumbered(self.edges[inside], positions_in(len(self.faces), fid)),
+            locked=self.locked[inside],
+            torn=self.torn[:0],
             price=None if self.price is None else self.price[inside],
             first=None if self.first is None else self.first[fid],
-            weighted=self.weighted,
             density=None if self.density is None else self.density[fid],
-            dense=self.dense,
             whole_area=float(self.areas.sum()) if self.whole_area is None else self.whole_area,
             roughness=None if self.roughness is None else self.roughness.part(fid),
         )

@@ -7,7 +7,7 @@ import numpy as np
 from circparam.core.arrays import group_sum
 from circparam.core.types import FloatArray
 from circparam.geometry.roughness import roughness_within
-from circparam.mesh.roughness import Roughness
+from circparam.mesh.cut_mesh import Roughness
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy
 

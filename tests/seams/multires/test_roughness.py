@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.roughness import Roughness
+from circparam.mesh.cut_mesh import Roughness
 from circparam.seams.multires.decimate import Proxy, decimate
 from circparam.seams.multires.roughness import with_roughness
 from tests.support import shapes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.mesh.roughness import Roughness
+from circparam.mesh.cut_mesh import Roughness
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.solvers.newton import RelaxOptions

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.roughness import Roughness
+from circparam.mesh.cut_mesh import Roughness
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.halves import halve_between_ends, halve_evenly
 from circparam.seams.segmentation.layout import judge
