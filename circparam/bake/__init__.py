@@ -5,7 +5,7 @@ The package can be called: ``circparam.bake(mesh, kind, output)`` is ``bake_mesh
 
 from circparam.bake.bake import KINDS, Across, Baked, bake, bake_document
 from circparam.bake.write import bake_mesh, check_target, write_baked
-from circparam.core.callable_room import make_callable
+from circparam.core.imports import make_callable
 from circparam.pipeline.words import python_words
 
 __all__ = [

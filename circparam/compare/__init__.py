@@ -6,7 +6,7 @@ The package can be called: ``circparam.compare(mesh, methods)`` is ``circparam.c
 from collections.abc import Callable
 from typing import Any
 
-from circparam.core.callable_room import make_callable
+from circparam.core.imports import make_callable
 
 
 def _function() -> Callable[..., Any]:

@@ -1,8 +1,9 @@
-"""Modules that dependencies import without need: they load at their first use."""
+"""Modules that load at their first use, alone or not at all, and modules that are functions too."""
 
 import importlib
 import sys
-from collections.abc import Iterator
+import types
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib.util import LazyLoader, find_spec, module_from_spec
@@ -84,3 +85,19 @@ class OnDemand:
         value = getattr(importlib.import_module(self._module), name)
         setattr(self, name, value)  # and so not asked for again
         return value
+
+
+def make_callable(name: str, function: Callable[[], Callable[..., Any]]) -> None:
+    """Let the module ``name`` be called: with the function that ``function`` loads when it is first needed.
+
+    ``circparam.bake`` is a package, and ``circparam.bake(mesh, ...)`` works.
+    """
+
+    class Room(types.ModuleType):
+        def __call__(self, *args: Any, **keywords: Any) -> Any:
+            return function()(*args, **keywords)
+
+        def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
+            return importlib.import_module, (name,)  # so that a pool of processes can call it
+
+    sys.modules[name].__class__ = Room

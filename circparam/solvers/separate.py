@@ -27,8 +27,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import BoundarySegments, boundary_in
+from circparam.geometry.closest import centres, within
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
-from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import wound_wrongly
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.newton import Iterate, newton_step

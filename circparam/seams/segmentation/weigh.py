@@ -9,8 +9,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray
 from circparam.core.workers import in_processes
+from circparam.geometry.closest import centres, within
 from circparam.geometry.distortion import face_stretch, stretch_and_distortion
-from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import AIMED, FINAL
