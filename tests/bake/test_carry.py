@@ -14,12 +14,14 @@ from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import encode, read_data
+from circparam.geometry.shading import frames
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.look_options import LookOptions
 from tests.support.looks import (
     Painted,
     bumps,
     image_bytes,
+    look_up,
     model,
     psnr,
     seen,
@@ -107,29 +109,29 @@ def test_a_weave_that_is_finer_than_the_page_is_averaged(side: int) -> None:
     assert texel_levels(before, after, faces, 128, 1000)["mr"] >= 40
 
 
-def space_normals(document: GltfDocument, face: np.ndarray, bary: FloatArray) -> FloatArray:
-    """(p, 3) normals in space as a viewer with the file's tangents, or with those of MikkTSpace, shades
-    them."""
-    from circparam.geometry.shading import frames
-
-    info = document.tree.json["materials"][0]["normalTexture"]
-    from tests.support.looks import look_up
-
-    texel = look_up(document, info, face, bary, False)[:, :3] * 2 - 1
-    texel[:, :2] *= info.get("scale", 1)
-    normal = document.normals()
-    layout = document.uv(info.get("texCoord", 0))
-    tangent, sign = document.tangents(), None
+def frames_at(
+    document: GltfDocument, uv_set: int, face: np.ndarray, bary: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(p, 3) tangent, bitangent and normal: with the file's tangents, or with those of MikkTSpace."""
+    normal, layout, tangent = document.normals(), document.uv(uv_set), document.tangents()
+    corners = document.mesh.points[document.mesh.faces]
     if tangent is None:
-        corners = document.mesh.points[document.mesh.faces]
         made = frames(corners, layout.uv[layout.uv_faces], document.mesh.faces, normal)
         t, sign = made.tangent, made.sign
     else:
         t, sign = tangent[..., :3], tangent[:, 0, 3]
-    n = (normal[face] * bary[..., None]).sum(1)
-    t = (t[face] * bary[..., None]).sum(1)
+    n, t = ((axis[face] * bary[..., None]).sum(1) for axis in (normal, t))
     n, t = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (n, t))
-    out = texel[:, :1] * t + texel[:, 1:2] * sign[face][:, None] * np.cross(n, t) + texel[:, 2:] * n
+    return t, sign[face][:, None] * np.cross(n, t), n
+
+
+def space_normals(document: GltfDocument, face: np.ndarray, bary: FloatArray) -> FloatArray:
+    """(p, 3) normals in space as a viewer shades them."""
+    info = document.tree.json["materials"][0]["normalTexture"]
+    texel = look_up(document, info, face, bary, False)[:, :3] * 2 - 1
+    texel[:, :2] *= info.get("scale", 1)
+    axes = frames_at(document, info.get("texCoord", 0), face, bary)
+    out = sum(texel[:, k : k + 1] * axis for k, axis in enumerate(axes))
     return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
@@ -176,16 +178,9 @@ def test_an_anisotropic_surface_keeps_its_direction() -> None:
     face, bary = surface_points(before, 2000)
 
     def direction(document: GltfDocument, flat: FloatArray) -> FloatArray:
-        from circparam.geometry.shading import frames
-
-        normal, layout = document.normals(), document.uv(0)
-        corners = document.mesh.points[document.mesh.faces]
-        made = frames(corners, layout.uv[layout.uv_faces], document.mesh.faces, normal)
-        t, b = ((axis[face] * bary[..., None]).sum(1) for axis in (made.tangent, made.bitangent))
+        t, b, _ = frames_at(document, 0, face, bary)
         out = flat[:, :1] * t + flat[:, 1:] * b
         return out / np.linalg.norm(out, axis=1, keepdims=True)
-
-    from tests.support.looks import look_up
 
     texel = look_up(after, new["anisotropyTexture"], face, bary, False)
     told = np.tile([np.cos(0.6), np.sin(0.6)], (len(face), 1))

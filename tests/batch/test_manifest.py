@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from circparam.batch.manifest import Manifest, cut_torn_line, encode_line, read_lines
 from circparam.batch.store import Folder
-from circparam.errors import OptionError, OutputError
+from circparam.errors import OptionError
 
 NAMES = st.text(st.characters(exclude_categories=()), min_size=1, max_size=20)
 
@@ -76,9 +76,3 @@ def test_two_batches_do_not_share_a_folder(tmp_path: Path) -> None:
         Manifest(Folder(str(tmp_path)))
     first.close()
     Manifest(Folder(str(tmp_path))).close()
-
-
-def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
-    (tmp_path / "f").write_text("")
-    with pytest.raises(OutputError, match="cannot be written"):
-        Folder(str(tmp_path / "f")).make()

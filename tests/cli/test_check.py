@@ -52,30 +52,31 @@ def test_what_is_required_is_there(tmp_path: Path) -> None:
         assert run("check", *words, "-q").exit_code == 0
 
 
-def test_uv_of_a_file(tmp_path: Path) -> None:
-    p, f = shapes.grid(6, 6)
-    uv = p[:, :2] * 0.8 + 0.1
-    good = report("check", obj(tmp_path / "good.obj", (p, f), uv), "--uv")["uv"]
-    assert (good["valid"], good["faults"]) == (True, [])
-    assert good["distortion"] == pytest.approx(1)
-    turned = obj(tmp_path / "bad.obj", (p, f), uv * [-1, 1] + [1, 0])
-    mirrored = report("check", turned, "--uv")["uv"]
-    assert (mirrored["mirrored"], mirrored["valid"]) == (1, False)
-    uv[14] = uv[0]
-    flipped = obj(tmp_path / "flip.obj", (p, f), uv)
-    assert report("check", flipped, "--uv")["uv"]["flips"] > 0
-    one_line_error(run("check", flipped, "--uv", "--fail-if", "flips>0", "-q"), 6, "flips>0")
+GRID = shapes.grid(5, 5)
+FLAT = GRID[0][:, :2] * 0.8 + 0.1
+TURNED = np.where(np.arange(25)[:, None] == 12, FLAT[0], FLAT)
+# uv → what is said of them, and the gate that they miss
+JUDGED = {
+    "good": (FLAT, {"valid": True, "faults": [], "distortion": pytest.approx(1)}, None),
+    "mirrored": (FLAT * [-1, 1] + [1, 0], {"mirrored": 1, "valid": False}, "mirrored>0"),
+    "flipped": (TURNED, {"flips": int((shapes.areas(TURNED[GRID[1]]) <= 0).sum())}, "flips>0"),
+    # mirrored halves over one another, whose density was that of nearly nothing
+    "folded": (
+        np.stack([0.1 + abs(GRID[0][:, 0] - 0.5), 0.1 + 0.5 * GRID[0][:, 1]], 1),
+        {"charts": 1, "flips": 16, "overlap": 1, "density_min": pytest.approx(2048 * 0.5**0.5)},
+        "overlap>0",
+    ),
+}
 
 
-def test_a_folded_chart_overlaps_itself(tmp_path: Path) -> None:
-    """Mirrored halves over one another: no overlap was counted, and the density was that of nearly nothing."""
-    p, f = shapes.grid(5, 5)
-    u = p[:, 0] - p[:, 0].mean()
-    folded = obj(tmp_path / "m.obj", (p, f), np.stack([0.1 + abs(u), 0.1 + 0.5 * p[:, 1]], 1))
-    got = report("check", folded, "--uv")["uv"]
-    assert (got["charts"], got["flips"], got["overlap"]) == (1, len(f) // 2, 1)
-    assert got["density_min"] == pytest.approx(2048 * np.sqrt(0.5), rel=1e-6)
-    one_line_error(run("check", folded, "--uv", "--fail-if", "overlap>0", "-q"), 6, "overlap>0")
+@pytest.mark.parametrize("name", JUDGED)
+def test_uv_of_a_file(name: str, tmp_path: Path) -> None:
+    uv, said, gate = JUDGED[name]
+    mesh = obj(tmp_path / "m.obj", GRID, uv)
+    got = report("check", mesh, "--uv")["uv"]
+    assert {key: got[key] for key in said} == said
+    if gate:
+        one_line_error(run("check", mesh, "--uv", "--fail-if", gate, "-q"), 6, gate)
 
 
 def test_uv_that_are_all_one_point(tmp_path: Path) -> None:

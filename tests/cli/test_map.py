@@ -142,20 +142,3 @@ def test_any_name_will_do(tmp_path: Path) -> None:
         json.loads(done(*words, "--json").stdout_bytes.decode("utf-8"))
     done("view", f"{extra}.gltf", "-o", f"{extra}.svg")
     one_line_error(run("unwrap", f"{extra}-none.obj"), 3, "no such file")
-
-
-def test_folders_are_no_files(tmp_path: Path) -> None:
-    """An input that is a folder is an error of the input, an output that is one of the output."""
-    names = written(tmp_path)
-    before = sorted(os.listdir(tmp_path))
-    for command, words in commands(names).items():
-        for key, path in names.items():
-            if path not in words:
-                continue
-            here = tmp_path / f"folder{path.suffix}"
-            here.mkdir()
-            output = key in ("out", "png") or (command, key) == ("map", "m")
-            result = run(*(here if w == path else w for w in words), "--overwrite")
-            one_line_error(result, 8 if output else 3)
-            here.rmdir()
-    assert sorted(os.listdir(tmp_path)) == before

@@ -95,7 +95,8 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("far.glb", 1, 1e300, 1),
     ):  # fmt: skip
         (at / name).write_bytes(painted(factor, scale, sheets))
-    (at / "none").mkdir()
+    for name in ("none", "dir.obj", "dir.npz", "dir.glb", "dir.png"):
+        (at / name).mkdir()
     (at / "loop.obj").symlink_to("loop.obj")
     return at
 
@@ -264,6 +265,18 @@ ROWS = """
 4 | map torus.obj plate.obj -o m.npz                   | torus.obj has genus 1 and plate.obj 2
 3 | map bare.obj line.obj -o m.npz                     | line.obj: its 1 face is degenerate
 2 | map blob.obj blob2.obj -o mine.npz                 | --overwrite
+
+3 | map dir.obj b.obj -o m.npz                         | this is a directory
+3 | map a.obj dir.obj -o m.npz                         | this is a directory
+8 | map a.obj b.obj -o dir.npz --overwrite             | is a directory
+3 | morph dir.obj b.obj -o x.glb --map ab.npz          | this is a directory
+3 | morph a.obj dir.obj -o x.glb --map ab.npz          | this is a directory
+3 | morph a.obj b.obj -o x.glb --map dir.npz           | dir.npz
+8 | morph a.obj b.obj -o dir.glb --map ab.npz --overwrite | is a directory
+3 | bake dir.obj --from normals --source b.obj -o x.png | this is a directory
+3 | bake a.obj --from normals --source dir.obj -o x.png | this is a directory
+3 | bake a.obj --from normals --source b.obj -o x.png --map dir.npz | dir.npz
+8 | bake a.obj --from normals --source b.obj -o dir.png --overwrite | is a directory
 
 3 | morph a.obj b.obj -o x.glb --map gone.npz          | gone.npz
 3 | morph a.obj b.obj -o x.glb --map a.obj             | not a map between surfaces

@@ -3,15 +3,13 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from circparam.errors import OptionError
 from circparam.formats import FORMATS, default_output
 from circparam.formats.io import encode, read_data, stored
 from circparam.formats.table import takes_unshare, writable
 from tests.support import format_contract as contract
-from tests.support.formats_tools import refused, smooth_layout
+from tests.support.formats_tools import smooth_layout
 
 WRITABLE = writable()
 NAMES = FORMATS.names()
@@ -55,14 +53,3 @@ def test_unshare_changes_nothing_where_nothing_is_shared(name: str) -> None:
         data = encode(doc, smooth_layout(doc), name).data
         a, b = (read_data(data, unshare=unshare) for unshare in (False, True))
         assert a.mesh.faces.tolist() == b.mesh.faces.tolist()
-
-
-STARTS = (b"", b"x", b"{}", b"ply\nx\n", b"glTF" + b"\xff" * 20, b"OFF\n1 1\n", b"\0" * 200)
-
-
-@pytest.mark.parametrize("name", [None, *WRITABLE, "stl", "off"])
-@settings(max_examples=30)
-@given(st.sampled_from(STARTS), st.binary(max_size=200))
-def test_garbage_is_refused_in_one_line(name: str | None, start: bytes, rest: bytes) -> None:
-    """tests/formats/test_foreign.py has that of other formats: it takes a process each."""
-    refused(start + rest, "", name)

@@ -12,9 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.errors import CircparamError
+from circparam.formats import FORMATS
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.io import encode, read_data
 from circparam.formats.memory import from_arrays
+from tests.fuzz.files import spoiled
 from tests.support import writers
 from tests.support.formats_tools import grid, refused, smooth_layout
 from tests.support.gltf_files import small
@@ -44,20 +46,20 @@ def read_or_refuse(data: bytes, format: str | None, output: str) -> None:
     assert "\n" not in message
 
 
-@settings(max_examples=100)
-@given(
-    st.sampled_from(sorted(SAMPLES)),
-    st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 255)), max_size=6),
-    st.one_of(st.none(), st.integers(0, 5000)),
-    st.booleans(),
+STARTS = (b"", b"x", b"{}", b"ply\nx\n", b"glTF" + b"\xff" * 20, b"OFF\n1 1\n", b"\0" * 200)
+garbage = st.tuples(
+    st.sampled_from(FORMATS.names()), st.tuples(st.sampled_from(STARTS), st.binary(max_size=200)).map(b"".join)
+)  # fmt: skip
+damaged = st.sampled_from(sorted(SAMPLES)).flatmap(
+    lambda name: st.tuples(st.just(name), spoiled(SAMPLES[name]))
 )
-def test_spoiled_files_are_read_or_refused(format, edits, end, known):
-    """Nothing but an error of circparam's own, in one line; a mesh that is read can be written."""
-    data = bytearray(SAMPLES[format])
-    for at, value in edits:
-        data[at % len(data)] = value
-    text = bytes(data[:end] if end is not None else data)
-    read_or_refuse(text, format if known else None, "obj")
+
+
+@settings(max_examples=200)
+@given(garbage | damaged, st.booleans())
+def test_spoiled_files_are_read_or_refused(file: tuple[str, bytes], known: bool) -> None:
+    format, data = file
+    read_or_refuse(data, format if known else None, "obj")
 
 
 TOP = ["meshes", "nodes", "scenes", "accessors", "bufferViews", "buffers", "materials"]

@@ -78,29 +78,6 @@ def test_nothing_is_split_that_packs_well() -> None:
     assert any("no cut is worth its seam" in note for note in result.notes)
 
 
-@pytest.mark.parametrize("splits", ["auto", 3])
-@pytest.mark.parametrize("weight", [None, np.inf, 50.0])
-def test_no_page_is_worth_a_seam_that_none_may_be_or_that_is_dear(weight, splits):
-    """A tube of twelve sides opens along the one line that is left, however long its strip is."""
-    lines: Any = [(2 * k, 2 * k + 1) for k in range(12) if k != 2]
-    lines += [(2 * k, (2 * k + 3) % 24) for k in range(12)]  # diagonals
-    given: Any = {"no_seams": lines}
-    if weight is not None:
-        given = {"seam_weights": [(a, b, weight) for a, b in lines]}
-    result = circparam.unwrap(_tube(12), **given, pack_splits=splits, resolution=256)
-    assert result.measures["charts"] == 1
-
-
-def _tube(sides: int) -> shapes.Shape:
-    """An open prism; points 2k and 2k + 1 are the ends of line k."""
-    angle = 2 * np.pi * np.arange(sides) / sides
-    ends = np.tile([-1.0, 1.0], sides)
-    p = np.stack([np.repeat(np.cos(angle), 2), np.repeat(np.sin(angle), 2), ends], 1)
-    k = np.arange(sides)
-    a, b = 2 * k, 2 * ((k + 1) % sides)
-    return p, np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
-
-
 QUICK = {"effort": 0.02, "resolution": 512, "jobs": 1}
 BENT = shapes.half_cylinder()
 

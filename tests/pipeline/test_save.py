@@ -8,9 +8,8 @@ import pytest
 import circparam
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.memory import PlainDocument, from_arrays
-from circparam.geometry.overlap import signs
 from circparam.pipeline import save as saving
-from circparam.pipeline.save import export_seams, save, seam_pairs, write_map
+from circparam.pipeline.save import save, write_map
 from tests.support import shapes
 
 QUICK = {"effort": 0.01}
@@ -29,32 +28,6 @@ def test_stored_numbers_are_what_the_file_holds(tmp_path: Path) -> None:
             uvmap.uv[uvmap.uv_faces], result.uv[result.uv_faces][result.face_map]
         )
         np.testing.assert_array_equal(memory.uv[memory.uv_faces], result.uv[result.uv_faces])
-
-
-def test_seams_are_the_cut_edges_as_pairs_of_vertices_of_the_input(tmp_path: Path) -> None:
-    """Some faces wound the other way: turned for the solve, their corners are still those of the file."""
-    p, f = shapes.cube(2)
-    side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
-    f = np.where(side[:, None], f[:, [0, 2, 1]], f)
-    result = circparam.unwrap((p, f), sharp=60, **QUICK)
-    assert result.repair_report.n_reversed == side.sum() > 0
-    assert (signs(result.uv, result.uv_faces) > 0).all()
-    assert result.measures["mirrored"] == 0
-    pairs = seam_pairs(result)
-    cut = len(result.surface.edges) - len(result.verification.cut_mesh.edges)
-    assert len(pairs) == cut > 0
-    assert (pairs[:, 0] < pairs[:, 1]).all()
-    assert (np.diff(pairs[:, 0] * len(p) + pairs[:, 1]) > 0).all()
-    # by hand: edges whose two faces have other uv at their ends
-    at: dict[tuple[int, int], list[set[int]]] = {}
-    for face, uv in zip(f.tolist(), result.uv_faces.tolist(), strict=True):
-        for k in range(3):
-            a, b = face[k], face[(k + 1) % 3]
-            at.setdefault((min(a, b), max(a, b)), []).append({uv[k], uv[(k + 1) % 3]})
-    expected = [edge for edge, (one, other) in sorted(at.items()) if one != other]
-    assert pairs.tolist() == [list(edge) for edge in expected]
-    export_seams(result, tmp_path / "s.txt")
-    np.testing.assert_array_equal(np.loadtxt(tmp_path / "s.txt", int), pairs)
 
 
 def test_a_saved_result_names_its_file_and_its_maps(tmp_path: Path) -> None:

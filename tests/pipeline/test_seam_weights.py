@@ -56,18 +56,24 @@ def test_seams_go_where_they_are_free_and_leave_what_is_dear():
     assert dear.verification.valid
 
 
-@pytest.mark.parametrize("weight", [10.0, np.inf])
-def test_a_tube_is_opened_along_the_line_that_is_left_free(weight: float) -> None:
-    """Rounding decides which creases of 30° count as sharp; no weight counted where one seam is enough."""
+@pytest.mark.parametrize(
+    ("weight", "splits"),
+    [(10.0, "auto"), (50.0, 3), (np.inf, "auto"), (np.inf, 3), (None, "auto"), (None, 3)],
+)
+def test_a_tube_is_opened_along_the_line_that_is_left_free(weight: float | None, splits) -> None:
+    """Whatever its page gains by a cut: no other line may be one (by --no-seams too), or each is dear."""
     side = np.arange(12)
     walls = np.stack([2 * side, 2 * side + 1, (2 * side + 3) % 24, (2 * side + 2) % 24], 1)
     turn = np.repeat(np.pi / 6 * side, 2)
     p = np.stack([np.sin(turn), np.cos(turn), np.tile([-1.0, 1.0], 12)], 1)
     f = np.concatenate([walls[:, [0, 1, 2]], walls[:, [0, 2, 3]]])
     mesh = Mesh(p, f, polygons=np.tile(side, 2))
-    for free in (0, 2, 8, 14):
+    for free in (0, 2, 8, 14):  # rounding decides which creases of 30° count as sharp
         others = np.setdiff1d(np.arange(24), [free, free + 1])
-        result = circparam.unwrap(mesh, seam_weights=rows(others, weight), **QUICK)
+        given = {"seam_weights": rows(others, weight)} if weight else {}
+        if weight is None:
+            given = {"no_seams": [(v, v + 1) for v in range(0, 24, 2) if v != free]}
+        result = circparam.unwrap(mesh, **given, pack_splits=splits, **QUICK)
         assert result.status == "ok"
         assert np.sort(seam_pairs(result), 1).tolist() == [[free, free + 1]]
 

@@ -86,9 +86,6 @@ def test_options_that_find_nothing_to_do_are_told(tmp_path: Path) -> None:
         word = next(iter(given)).replace("_", "-")
         found = circparam.unwrap(glb, **given, **QUICK).warnings
         assert [line for line in found if f"--{word}" in line and "has no effect" in line]
-    document = from_arrays(*shapes.row_of(shapes.cube(1), 2), groups=np.arange(24) // 12)
-    told = circparam.unwrap(document, stack="identical", **QUICK).warnings
-    assert any("the material differs" in line for line in told)
 
 
 def test_charts_have_the_numbers_that_check_gives_them(tmp_path: Path) -> None:

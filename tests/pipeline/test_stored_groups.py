@@ -8,9 +8,8 @@ import pytest
 from PIL import Image
 
 import circparam
-from circparam.formats.document import Document, WriteOptions
-from circparam.formats.io import encode, read, read_data
-from circparam.mesh.mesh import UVMap
+from circparam.formats.document import Document
+from circparam.formats.io import read, read_data
 from circparam.pipeline.inspect import inspect
 from circparam.pipeline.unwrap import repack
 from circparam.render.show import view_document
@@ -87,17 +86,6 @@ def test_textures_tell_atlases_apart_where_charts_overlap() -> None:
     assert overlaps(read_data(two_materials(images=True)), group_by="scene") == 1
     assert overlaps(read_data(two_materials())) == 1
     assert overlaps(read_data(two_materials()), group_by="primitive") == 0
-
-
-def test_an_overlap_inside_a_group_is_one() -> None:
-    document = read_data(two_materials(images=True))
-    layout = document.uv()
-    uv = layout.uv.copy()
-    first = np.unique(layout.uv_faces[:50])
-    uv[first] = np.abs(uv[first] - 0.5) + 0.1  # folded in four
-    folded = encode(document, UVMap(uv, layout.uv_faces), "glb", options=WriteOptions()).data
-    found = inspect(read_data(folded), uv_set=0, resolution=256).uv
-    assert found.flips > 0
 
 
 def test_a_view_lays_atlases_side_by_side(tmp_path: Path) -> None:

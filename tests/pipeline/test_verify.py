@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline.gates import LAYOUT
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Result, promise, verify_layout, with_status
-from circparam.pipeline.save import seam_pairs
+from circparam.pipeline.save import export_seams, seam_pairs
 from circparam.pipeline.verify import Promise, reasons, verify
 from tests.support import shapes
 from tests.support.unwrapped import QUICK, unwrapped
@@ -135,30 +136,34 @@ def test_faces_without_uv() -> None:
         verify(surface, UVMap(np.zeros((0, 2)), np.full_like(f, -1)))
 
 
-@pytest.mark.parametrize("shape", [shapes.moebius(16, 2), shapes.klein(16, 8)])
-def test_seams_that_open_a_surface_of_one_side_count(shape: shapes.Shape) -> None:
-    """By hand: edges of the mesh whose two faces have other uv at their ends."""
+def one_side_turned() -> shapes.Shape:
+    """A cube with the faces of one side wound the other way: turned for the solve, but not in the file."""
+    p, f = shapes.cube(2)
+    side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
+    return p, np.where(side[:, None], f[:, [0, 2, 1]], f)
+
+
+@pytest.mark.parametrize("shape", [shapes.moebius(16, 2), shapes.klein(16, 8), one_side_turned()])
+def test_seams_are_the_edges_whose_faces_differ_in_uv(shape: shapes.Shape, tmp_path: Path) -> None:
+    """By hand, edge by edge: as measured, as pairs of vertices of the input, and as exported."""
     p, f = shape
-    result = circparam.unwrap((p, f), effort=0.01)
+    result = circparam.unwrap((p, f), sharp=60, effort=0.01)
     assert result.verification.valid
+    assert result.measures["mirrored"] == 0
     assert result.measures["distortion_max_chart"] <= 1.05 * (1 + 1e-4)
     assert not not_disks(result.verification.cut_mesh).any()
-    ends = np.sort(np.stack([f, np.roll(f, -1, 1)], 2).reshape(-1, 2), 1)
-    uv = result.uv[result.uv_faces]
-    sides = np.stack([uv, np.roll(uv, -1, 1)], 2).reshape(-1, 2, 2)
-    turned = f.ravel() > np.roll(f, -1, 1).ravel()
-    sides[turned] = sides[turned][:, ::-1]
-    order = np.lexsort(ends.T[::-1])
-    a, b = order[:-1], order[1:]
-    same = (ends[a] == ends[b]).all(1)
-    apart = same & (sides[a] != sides[b]).any((1, 2))
-    edge = ends[a[apart]]
-    length = np.linalg.norm(p[edge[:, 0]] - p[edge[:, 1]], axis=1).sum()
-    assert length > 0
-    in_areas = length / np.sqrt(shapes.areas(p[f]).sum())
-    assert result.measures["seam_length"] == pytest.approx(in_areas)
-    assert seam_pairs(result).tolist() == np.unique(edge, axis=0).tolist()
-    again = circparam.unwrap((p, f), seams=seam_pairs(result), effort=0.01)  # as they were exported
+    at: dict[tuple[int, int], list[dict[int, int]]] = {}
+    for face, uv in zip(f.tolist(), result.uv_faces.tolist(), strict=True):
+        for k in range(3):
+            side = {face[k]: uv[k], face[(k + 1) % 3]: uv[(k + 1) % 3]}
+            at.setdefault((min(side), max(side)), []).append(side)
+    cut = [edge for edge, sides in sorted(at.items()) if sides[0] != sides[-1]]
+    assert seam_pairs(result).tolist() == [list(edge) for edge in cut] != []
+    a, b = np.array(cut).T
+    length = np.linalg.norm(p[a] - p[b], axis=1).sum() / np.sqrt(shapes.areas(p[f]).sum())
+    assert result.measures["seam_length"] == pytest.approx(length)
+    export_seams(result, tmp_path / "s.txt")
+    again = circparam.unwrap((p, f), seams=np.loadtxt(tmp_path / "s.txt", int), effort=0.01)
     assert again.measures["flips"] == 0
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 import circparam
-from circparam.errors import CircparamError, OptionError
-from circparam.pipeline.unwrap import unwrap as of_the_pipeline
+from circparam.errors import OptionError
 from circparam.pipeline.words import in_python
 from tests.support import shapes
 
@@ -35,16 +34,6 @@ def test_flags_become_keywords(message: str) -> None:
     assert in_python(message) == SAID[message]
 
 
-def test_the_command_line_keeps_its_flags_and_python_its_keywords() -> None:
-    mesh = shapes.cube(1)
-    with pytest.raises(CircparamError, match="--padding 5000") as shell:
-        of_the_pipeline(mesh, padding=5000)
-    with pytest.raises(CircparamError, match="padding=5000") as python:
-        circparam.unwrap(mesh, padding=5000)
-    assert type(shell.value) is type(python.value)
-    assert "--" not in str(python.value)
-
-
 def test_every_public_function_speaks_python(tmp_path: Path) -> None:
     """They named flags of their commands: --from, --methods, --overwrite, --padding."""
     mesh, there = tmp_path / "m.obj", tmp_path / "there.png"
@@ -62,6 +51,7 @@ def test_every_public_function_speaks_python(tmp_path: Path) -> None:
         (lambda: compare(mesh, "lscm", padding=10**7), "padding=10000000"),
         (lambda: compare(mesh, "lscm", paddin=1), "did you mean padding"),
         (lambda: circparam.transfer(mesh, [mesh], max_drift=-1), "max_drift=-1"),
+        (lambda: circparam.unwrap(mesh, padding=5000), "padding=5000"),
         (lambda: circparam.view(mesh, there), "overwrite=True"),
         (lambda: circparam.rebake(mesh, tmp_path / "n.obj", padding=5000), "padding=5000"),
     ):
