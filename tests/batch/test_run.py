@@ -17,6 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 pytest.importorskip("distributed")
@@ -175,25 +176,12 @@ def test_a_poisoned_set(good, each, broken, shared, tmp_path):
     assert files(out) == {n for n in found if n not in causes}
 
 
-def children(pid: int) -> list[int]:
-    """Processes that a process has started, in any of its threads."""
-    try:
-        tasks = list(Path(f"/proc/{pid}/task").iterdir())
-        return [int(c) for task in tasks for c in (task / "children").read_text().split()]
-    except OSError:
-        return []
-
-
-def command_line(pid: int) -> bytes:
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return b""
-
-
-def started(pid: int, kind: bytes) -> list[int]:
+def started(pid: int, kind: str) -> list[int]:
     """Processes of a kind that a process has started."""
-    return [c for c in children(pid) if kind in command_line(c)]
+    with contextlib.suppress(psutil.NoSuchProcess):
+        found = psutil.Process(pid).children()
+        return [p.pid for p in found if any(kind in word for word in p.cmdline())]
+    return []
 
 
 @pytest.mark.slow
@@ -216,7 +204,7 @@ class Killer:
     def __call__(self, line: dict[str, Any]) -> None:
         self.lines += 1
         if self.lines in self.after:
-            workers = started(os.getpid(), b"spawn_main")
+            workers = started(os.getpid(), "spawn_main")
             if workers:
                 os.kill(self.random.choice(workers), signal.SIGKILL)
                 self.killed += 1
@@ -274,8 +262,8 @@ def test_the_client_is_killed_and_continued(moments, shared, tmp_path):
     for moment in moments:
         with start_batch(source, out, scratch) as process:
             wait_for(lambda moment=moment: has_lines(out, moment), process)
-            wait_for(lambda pid=process.pid: started(pid, b"batch.server"), process)
-            (server,) = started(process.pid, b"batch.server")
+            wait_for(lambda pid=process.pid: started(pid, "batch.server"), process)
+            (server,) = started(process.pid, "batch.server")
             process.kill()
             process.communicate()
         assert becomes(lambda server=server: not Path(f"/proc/{server}").exists())

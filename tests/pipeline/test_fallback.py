@@ -19,7 +19,6 @@ from circparam.pipeline.fallback import (
     MOST_SINGLES,
     Cascade,
     CascadeRules,
-    project_charts,
     take_to_pieces,
 )
 from tests.support import shapes, strategies
@@ -124,13 +123,6 @@ def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
     assert s.charts(cascade.atlas.cut)[0] == s.charts(alone.any(1))[0]
 
 
-def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
-    cascade = start(*spiral_strip(), may_split=False)
-    settled = fallback.settle(cascade, Monitor())
-    assert (fallback.faults(*settled.open()) > 0).tolist() == [True]
-    assert not cascade.atlas.cut.any()
-
-
 @settings(max_examples=30)
 @given(strategies.hostile(), st.integers(0, 10**6), st.sampled_from([None, 1e-9]))
 def test_any_mesh_with_any_layout_ends_sound(shape, seed, time):
@@ -183,13 +175,3 @@ def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() ->
     assert side.min() > 1e-3 * np.ptp(uv, axis=0).max(), "no side is thin any more"
     sizes = [size for size, singles in seen if singles >= 2]
     assert (np.diff(np.log(sizes)) > np.log(2)).all()
-
-
-def test_only_the_faces_that_were_named_change() -> None:
-    surface = surface_of(*shapes.icosphere(2))
-    some = np.arange(len(surface.faces)) < 40
-    after = project_charts(start(surface, np.full((len(surface.faces), 3, 2), np.nan)), some)
-    assert np.isfinite(after.atlas.corners[some]).all()
-    assert np.isnan(after.atlas.corners[~some]).all()
-    touched = some[surface.edges // 3].any(1)
-    assert not after.atlas.cut[~touched].any()

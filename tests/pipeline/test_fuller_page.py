@@ -63,12 +63,6 @@ def test_cuts_leave_no_more_stretched_than_may_be() -> None:
     assert float(share_over(cut_mesh, face_stretch(cut_mesh, uv), 2.0).sum()) <= 1e-3
 
 
-@pytest.mark.parametrize("effort", [0.0, 1.0])
-def test_nothing_is_cut_that_fills_its_page(effort: float) -> None:
-    square = roll(24, 24)
-    assert filled(square, effort=effort).atlas is square
-
-
 def test_a_mesh_without_a_seam_gets_none() -> None:
     """The same strip, never rolled up."""
     whole = roll()

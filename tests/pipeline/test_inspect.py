@@ -1,31 +1,14 @@
 """A look at a mesh: what it is, what its uv are worth, and what is refused."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import repair
 from circparam.pipeline.inspect import Inspection, inspect
 from circparam.pipeline.verify import verify
 from tests.support import shapes
-from tests.support.command_line import obj
-
-
-def test_faults_of_a_set(tmp_path: Path) -> None:
-    p, f = shapes.grid(5, 5)
-    good = read(obj(tmp_path / "a.obj", (p, f), p[:, :2] * 0.8 + 0.1))
-    found = inspect(good, uv_set=0, resolution=64, padding=4)
-    assert found.uv.valid
-    assert found.faults == []
-    near = read(obj(tmp_path / "b.obj", (p, f), p[:, :2] * 0.98 + 0.01))
-    assert inspect(
-        near, uv_set=0, resolution=64, padding=4
-    ).faults  # nearer to the edge than 4 texels
-    assert not inspect(near, uv_set=0, resolution=64, padding=0).faults
 
 
 def test_charts_hang_together_as_the_layout_shows_them() -> None:

@@ -10,7 +10,7 @@ from circparam.bake.write import embed
 from circparam.errors import InputError
 from circparam.formats.gltf.materials import uv_transform
 from circparam.formats.io import encode, read, read_data
-from circparam.formats.materials import srgb, tint
+from circparam.formats.materials import srgb
 from circparam.formats.source import Source
 from tests.support.formats_tools import GltfMaker, grid, layout_with_seams
 from tests.support.gltf_files import full_mesh, tree_of
@@ -199,11 +199,3 @@ def test_texture_transforms_scale_then_turn_then_move() -> None:
     np.testing.assert_allclose(axes.T @ axes, np.eye(2), atol=1e-12)
     np.testing.assert_allclose(axes[:, 0], [np.cos(turn), -np.sin(turn)])
     np.testing.assert_array_equal(uv_transform({}), [[1, 0, 0], [0, 1, 0]])
-
-
-def test_a_tint_names_what_changes_the_image_and_nothing_else() -> None:
-    assert tint("paint", np.ones(4), has_image=True) == ""
-    faded = tint("paint", np.array([1, 1, 1, 0.5]), has_image=True)
-    assert "alpha 0.5" in faded
-    assert "times" not in faded
-    assert "times 0.25, 1, 1" in tint("paint", np.array([0.25, 1, 1, 1]), has_image=True)
