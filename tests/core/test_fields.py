@@ -1,4 +1,4 @@
-"""Ranges and the words of an option (tests/contracts/test_toy_option.py has the rest)."""
+"""Ranges, the words of an option (tests/contracts/test_toy_option.py has the rest), numbers in messages."""
 
 import math
 
@@ -7,6 +7,7 @@ import pytest
 
 from circparam.core.fields import Range, shown, types_of
 from circparam.core.limits import check_page
+from circparam.core.plural import counted, percent
 from circparam.errors import OptionError
 from circparam.pipeline.options import Options
 
@@ -63,3 +64,22 @@ def test_a_page_with_room_for_a_texel(resolution: int, padding: int) -> None:
     check_page(resolution, padding)
     with pytest.raises(OptionError, match=f"--padding {padding} or less"):
         check_page(resolution, padding + 1)
+
+
+@pytest.mark.parametrize(
+    ("number", "noun", "said"),
+    [(1, "vertex", "1 vertex"), (2, "cut mesh", "2 cut meshes"), (12345, "face", "12,345 faces")],
+)
+def test_counts_bring_their_nouns(number: int, noun: str, said: str) -> None:
+    assert counted(number, noun) == said
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [
+        (0.0, "0 %"), (1.5e-5, "0.0015 %"), (0.0234, "2.3 %"), (0.0996, "10 %"), (0.62, "62 %"),
+        (0.996, "100 %"), (1.0, "100 %"), (2.5, "250 %"),
+    ],
+)  # fmt: skip
+def test_shares_are_never_told_in_powers_of_ten(share: float, said: str) -> None:
+    assert percent(share) == said

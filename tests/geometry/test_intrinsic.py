@@ -1,4 +1,4 @@
-"""Angles, Jacobians and Laplacians: formulas against angles, known triangles and affine maps."""
+"""Angles, Jacobians, Laplacians and frames: formulas against angles, known triangles and affine maps."""
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from circparam.geometry.intrinsic import (
     signed_areas,
     tan_half_angles,
 )
+from circparam.geometry.shading import corner_normals, frames
 from circparam.mesh.cut_mesh import CutMesh
 
 
@@ -43,3 +44,11 @@ def test_half_angles_keep_their_digits_at_needles_and_caps() -> None:
 def test_signed_areas_follow_the_winding() -> None:
     uv = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 3.0]])
     assert signed_areas(np.array([[0, 1, 2], [2, 1, 0], [0, 0, 1]]), uv).tolist() == [3, -3, 0]
+
+
+def test_uv_without_a_direction_still_have_a_frame():
+    corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    labels = np.array([[0, 1, 2]])
+    space = frames(corners, np.zeros((1, 3, 2)), labels, corner_normals(corners, labels))
+    assert np.allclose(np.linalg.norm(space.tangent, axis=2), 1)
+    assert np.allclose((space.tangent * space.normal).sum(2), 0)

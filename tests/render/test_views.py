@@ -1,10 +1,11 @@
-"""The surface and the layout as pictures, pixel by pixel."""
+"""Which sides are shown and what is up; the surface and the layout as pictures, pixel by pixel."""
 
 import numpy as np
 import pytest
 
+from circparam.errors import OptionError
 from circparam.geometry.raster import rasterise
-from circparam.render.camera import look_from
+from circparam.render.camera import best_directions, look_from, up_vector
 from circparam.render.colours import line_weight
 from circparam.render.figures import PictureOptions
 from circparam.render.picture import draw_figure
@@ -19,7 +20,7 @@ from circparam.render.views import (
     see,
     shrink,
 )
-from tests.support.scenes import IN_SPACE, QUAD, SQUARE, cube, flat_quad, squares
+from tests.support.scenes import IN_SPACE, QUAD, SQUARE, bowl, cube, flat_quad, squares
 from tests.support.shapes import icosphere
 
 
@@ -162,3 +163,32 @@ def test_a_smaller_picture_has_the_means_of_its_blocks(rng: np.random.Generator)
     large[::3] += 0.3  # the other two rows of each block make up for it
     large[1::3] -= 0.3
     np.testing.assert_allclose(shrink(large, 3), small)
+
+
+def test_best_views_see_the_front_of_an_open_surface():
+    points, faces = bowl()
+    scene = make_scene(points, faces, points[:, [2, 0]], faces)
+    assert scene.normals[:, 1].min() > 0
+    directions = best_directions(scene, 2)
+    assert directions[0] @ [0, 1, 0] > 0
+    assert directions[0] @ directions[1] < 0.82
+    turned = make_scene(points, faces[:, ::-1], points[:, [2, 0]], faces[:, ::-1])
+    assert best_directions(turned, 1)[0] @ [0, 1, 0] < 0
+    with pytest.raises(OptionError, match="up axis"):
+        best_directions(scene, 2, up="w")
+
+
+def test_up_is_where_the_feet_are_not():
+    """A table stands on four feet: they span the outline along the axis that points up, and along no other."""
+    points, faces, uv, uv_faces = cube()
+    parts = [points * [1.0, 0.05, 0.7] + [0.0, 1.0, 0.0]]
+    for x in (-0.7, 0.7):
+        for z in (-0.5, 0.5):
+            parts.append(points * [0.06, 0.5, 0.06] + [x, 0.5, z])
+    points = np.concatenate(parts)
+    faces, uv_faces = (np.concatenate([f + 24 * k for k in range(5)]) for f in (faces, uv_faces))
+    uv = np.concatenate([uv] * 5)
+    assert np.array_equal(up_vector(make_scene(points, faces, uv, uv_faces)), [0, 1, 0])
+    lying = points[:, [2, 0, 1]]
+    assert np.array_equal(up_vector(make_scene(lying, faces, uv, uv_faces)), [0, 0, 1])
+    assert np.array_equal(up_vector(flat_quad()), [0, 1, 0])

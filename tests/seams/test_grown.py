@@ -5,12 +5,9 @@ import pytest
 
 from circparam.seams import charts as module
 from circparam.seams import finish, grown, stretch
-from circparam.seams.multires.transfer import from_level
-from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
 from circparam.seams.options import Search
-from circparam.seams.segmentation.grow import DualGraph
 from tests.support import shapes
-from tests.support.atlases import assert_promises, charts_of, surface_of, whole
+from tests.support.atlases import assert_promises, charts_of, surface_of
 
 BOUND = 1.05
 
@@ -40,39 +37,6 @@ def test_charts_of_a_level_are_good_and_their_seams_as_short_as_without_one(monk
     direct = charts_of(surface)
     assert by_level.seam_length <= 1.25 * direct.seam_length
     assert by_level.charts()[0] <= direct.charts()[0] + 2
-
-
-def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
-    """Closed balls with a slit through many edges: on the mesh they have the seams and the uv of the level."""
-    surface = surface_of(*rough(3))
-    level = grown.decimate(surface, 4_000)
-    coarse = whole(level.surface)
-    _, component = level.surface.components
-    balls = np.isin(component, np.flatnonzero(np.bincount(component) == 80))
-    part = coarse.part(balls)
-    height = part.surface.points[part.surface.corner_vertex][..., 2].mean(1)
-    side = height[part.surface.edges // 3] > 0
-    part.cut = side[:, 0] != side[:, 1]
-    part.corners = np.random.default_rng(0).normal(size=part.corners.shape)
-    cut_mesh = part.cut_mesh()
-    part.scatter(cut_mesh, part.gather(cut_mesh))
-    coarse.put(balls, part)
-    # the rest needs any layout: each face as it lies, cut from all others
-    coarse.cut[~balls[coarse.surface.edges[:, 0] // 3]] = True
-    coarse.corners[~balls] = coarse.surface.rest_triangles[~balls]
-    fine = whole(surface)
-    near = nearest_coarse_face(surface, level)
-    taken = take_over(fine, coarse, level, near)
-    assert taken.sum() == balls.sum()
-    assert np.array_equal(np.bincount(surface.components[1])[surface.components[1]] == 80, taken)
-    inside = taken[surface.edges[:, 0] // 3]
-    assert fine.cut[inside].sum() == part.cut.sum() > 30
-    assert not fine.cut[~inside].any()
-    carried = from_level(surface, DualGraph(surface), coarse, level, near)
-    assert np.array_equal(carried.corners[taken], coarse.corners[near[taken]])
-    assert np.array_equal(carried.cut[inside], fine.cut[inside])
-    p = surface.points[surface.faces[taken]]
-    assert np.array_equal(p, level.surface.points[level.surface.faces[near[taken]]])
 
 
 def test_small_components_that_no_level_shrinks_need_none() -> None:

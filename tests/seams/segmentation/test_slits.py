@@ -1,4 +1,4 @@
-"""Slits from a chart's boundary to where it is bent most."""
+"""Arcs of seams, and slits from a chart's boundary to where it is bent most."""
 
 import dataclasses
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.mesh.atlas import Atlas
+from circparam.seams.segmentation.arcs import arcs_of
 from circparam.seams.segmentation.slits import slit_charts
 from tests.support import shapes
 from tests.support.atlases import cut_where, uncut
@@ -62,3 +63,20 @@ def test_the_slit_goes_into_a_bulge_however_rough_the_surface_is(seed: int) -> N
     atlas = uncut(points, faces)
     assert slit_charts(atlas, atlas.cut_mesh(), np.ones(1, bool)).all()
     assert np.linalg.norm(points_of(atlas, atlas.cut) - HERE, axis=2).min() < 0.12
+
+
+def test_a_slit_has_a_tip_and_one_chart_on_both_sides() -> None:
+    """From the boundary inwards it has one free end; from boundary to boundary it has none."""
+    atlas = uncut(*shapes.grid(9, 9))
+    x, y = atlas.surface.points[:, 0], atlas.surface.points[:, 1]
+    for reach, tip in ((0.5, True), (0.875, True), (1.0, False)):
+        atlas.cut = cut_where(atlas.surface, (np.abs(y - 0.5) < 1e-9) & (x < reach + 1e-9))
+        arcs = arcs_of(atlas, atlas.charts()[1])
+        assert arcs.tip.tolist() == [tip]
+        assert arcs.length == pytest.approx([reach])
+        assert (arcs.left == arcs.right).tolist() == [tip]
+    # in the middle, both ends are free
+    atlas.cut = cut_where(atlas.surface, (np.abs(y - 0.5) < 1e-9) & (np.abs(x - 0.5) < 0.3))
+    arcs = arcs_of(atlas, atlas.charts()[1])
+    assert arcs.tip.tolist() == [True]
+    assert len(arcs.edge) == 4
