@@ -85,12 +85,7 @@ assert np.allclose(blas.dgemm(1.0, square, square), 300)
 def test_a_bound_below_what_the_libraries_take_is_refused_at_once(words, code):
     program = "import resource; resource.setrlimit(resource.RLIMIT_AS, (300_000_000,) * 2)"
     program += "; from circparam.cli.group import main; main()"
-    run = subprocess.run(
-        [sys.executable, "-c", program, *words],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    how = {"cwd": ROOT, "capture_output": True, "text": True, "timeout": 120}
+    run = subprocess.run([sys.executable, "-c", program, *words], **how)
     assert run.returncode == code
     assert ("the libraries alone take" in run.stderr) == (run.stderr.count("\n") == 1) == bool(code)

@@ -30,20 +30,17 @@ def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
     return x * x, os.getpid()
 
 
-def deadline(monitor: Monitor) -> tuple[bool, int]:
-    return monitor.deadline is not None, os.getpid()
-
-
 def fail(where: int, monitor: Monitor) -> int:
     if os.getpid() != where:
         raise MemoryError
     return where
 
 
-def surroundings(monitor: Monitor) -> tuple[str, str, bool, int]:
-    """Threads, the name of __main__'s file, whether there may be further workers, and the process."""
+def surroundings(monitor: Monitor) -> tuple[bool, str, str, bool, int]:
+    """Whether time is bounded, threads, __main__'s file, whether there may be further workers, the process."""
     main = str(getattr(sys.modules["__main__"], "__file__", ""))
-    return os.environ["OMP_NUM_THREADS"], main, pool_module.possible(), os.getpid()
+    threads, bounded = os.environ["OMP_NUM_THREADS"], monitor.deadline is not None
+    return bounded, threads, main, pool_module.possible(), os.getpid()
 
 
 def opened(jobs: int = 2, module: str = HERE) -> Pool:
@@ -167,13 +164,12 @@ def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(monke
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     opened()
     for seconds in (None, 100.0):
-        got = in_processes(deadline, [(), ()], Monitor(None, seconds, 2))
-        assert [late for late, _ in got] == [seconds is not None] * 2
-        assert got[1][1] != os.getpid()
-    threads, main, further, pid = in_processes(surroundings, [(), ()], Monitor(jobs=2))[1]
-    assert (threads, further) == ("1", False)
-    assert pid != os.getpid()
-    assert "pytest" not in main
+        here, there = in_processes(surroundings, [(), ()], Monitor(None, seconds, 2))
+        bounded, threads, main, further, pid = there
+        assert here[0] == bounded == (seconds is not None)
+        assert (threads, further) == ("1", False)
+        assert "pytest" not in main
+        assert pid != os.getpid()
 
 
 def test_other_programs_import_the_package_from_where_it_is_here(tmp_path, monkeypatch):
@@ -204,11 +200,9 @@ for size in (8 << 30, 1 << 30):
             theirs += [line.split()[3] for line in text.splitlines() if "address" in line]
     print(size, own, *theirs[:1], workers.stop(), bound())
 """
-    large, small = printed(script).split("\n")[:2]
-    assert large.split() == [str(8 << 30), str(6 << 30), str(1 << 30), "True", str(8 << 30)]
-    assert small.split() == [str(1 << 30), str(1 << 30), "False", str(1 << 30)], (
-        "too little to share"
-    )
+    large, small = (line.split() for line in printed(script).splitlines())
+    assert large == [str(8 << 30), str(6 << 30), str(1 << 30), "True", str(8 << 30)]
+    assert small == [str(1 << 30), str(1 << 30), "False", str(1 << 30)], "too little to share"
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores can't be chosen")
@@ -301,13 +295,9 @@ def test_busy_workers_end_when_they_are_stopped() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGINT", "SIGTERM"])
 def test_no_worker_outlives_its_caller(number: str) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", CALLER.format(signals=number != "SIGKILL")],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as caller:
+    words = [sys.executable, "-c", CALLER.format(signals=number != "SIGKILL")]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(words, cwd=ROOT, text=True, **pipes) as caller:
         pids = [int(word) for word in caller.stdout.readline().split()]
         assert caller.stdout.readline() == "waiting\n"
         caller.send_signal(getattr(signal, number))

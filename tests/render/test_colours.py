@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.render import colours as col
+from tests.support.looks import linear, srgb
 
 
 def test_distortion_map_falls_in_lightness_evenly():
@@ -16,15 +17,12 @@ def test_distortion_map_falls_in_lightness_evenly():
 def test_chart_colours_differ_for_the_colour_blind():
     """Deuteranopes and protanopes (Viénot 1999): the first eight charts stay apart."""
     rgb = col.chart_colours(np.arange(8))
-    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     for rows in (
         [[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]],
         [[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]],
     ):
-        seen = np.clip(linear @ np.array(rows).T, 0, 1)
-        lab = col.oklab(
-            np.where(seen <= 0.0031308, seen * 12.92, 1.055 * seen ** (1 / 2.4) - 0.055)
-        )
+        seen = linear(rgb) @ np.array(rows).T
+        lab = col.oklab(srgb(seen))
         gap = np.linalg.norm(lab[:, None] - lab[None], axis=2) + np.eye(8)
         assert gap.min() > 0.07
 

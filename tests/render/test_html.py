@@ -19,19 +19,16 @@ PNG = base64.b64decode(
 
 
 def test_page_is_one_file_that_asks_for_nothing():
-    text = page(
-        make_scene(*cube()), PictureOptions(title='a <b> & "c" %META%', repairs=("<script>x",))
-    )
+    look = PictureOptions(title='a <b> & "c" %META%', repairs=("<script>x",))
+    text = page(make_scene(*cube()), look)
     assert "default-src 'none'" in text
     assert not re.search(r"""(src|href)=["'](?!data:)""", text)
     assert "fetch(" not in text
     assert "<script>x" not in text
     assert text.count("</script>") == text.count("<script")
     assert "%STYLE%" not in text
-    title = re.search(r"<title>(.*?)</title>", text)
-    assert (
-        title.group(1) == "a &lt;b&gt; &amp; &quot;c&quot; %META%"
-    )  # a title is text, not a place to fill
+    title = re.search(r"<title>(.*?)</title>", text)  # a title is text, not a place to fill
+    assert title.group(1) == "a &lt;b&gt; &amp; &quot;c&quot; %META%"
     meta = meta_of(text)
     assert len(meta["charts"]["faces"]) == 6
     assert sum(meta["charts"]["share"]) == pytest.approx(1, abs=1e-3)

@@ -67,11 +67,8 @@ def unpack(packed: Packed) -> dict[str, np.ndarray]:
         elif coding in ("parallelogram", "mean"):
             whole, most = values.astype(np.int64), 1 << 8 * values.dtype.itemsize
             for v, (a, b, c) in enumerate(out["near"]):
-                told = (
-                    whole[a] + whole[b] - whole[c]
-                    if coding == "parallelogram"
-                    else (whole[a] + whole[b]) >> 1
-                )
+                told = whole[a] + whole[b]
+                told = told - whole[c] if coding == "parallelogram" else told >> 1
                 difference = (whole[v] >> 1) ^ -(whole[v] & 1)
                 whole[v] = ((told if v else 0) + difference) % most
             values = whole
@@ -92,7 +89,7 @@ def turned(found: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def check_geometry(scene: Scene, group: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Every corner of every face comes back where it was, to a step of 16 bit; so do charts and seams."""
     packed = pack_geometry(scene, group)
-    out, order, index = unpack(packed), packed.order, None
+    out, order = unpack(packed), packed.order
     index = out["index"]
     assert np.array_equal(np.sort(order), np.arange(len(scene.faces)))
     low = scene.used_points.min(0)
@@ -143,23 +140,17 @@ def test_the_page_reads_what_was_written(tmp_path: Path):
     soup = rng.permuted(np.tile(np.arange(9), (14, 1)), axis=1)[:, :3]
     t = np.arange(64)
     quads = np.stack([t, 8 * (t // 8) + (t + 1) % 8, (t + 8) % 64], 1)
-    torus = np.concatenate(
-        [quads, np.stack([quads[:, 2], quads[:, 1], np.roll(quads[:, 1], -8)], 1)]
-    )
+    other = np.stack([quads[:, 2], quads[:, 1], np.roll(quads[:, 1], -8)], 1)
+    torus = np.concatenate([quads, other])
     for faces, n in ((soup, 9), (torus, 64)):
-        packed = pack_geometry(
-            make_scene(rng.normal(size=(n, 3)), faces, rng.random((n, 2)), faces)
-        )
+        scene = make_scene(rng.normal(size=(n, 3)), faces, rng.random((n, 2)), faces)
+        packed = pack_geometry(scene)
         file = tmp_path / f"{n}.json"
         encoded = base64.b64encode(packed.data).decode()
         file.write_text(json.dumps({"sections": packed.sections, "data": encoded}))
         code = resources.files("circparam.render") / "viewer" / "decode.js"
-        done = subprocess.run(
-            [str(NODE), "-e", READ, str(code), str(file)],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        words = [str(NODE), "-e", READ, str(code), str(file)]
+        done = subprocess.run(words, capture_output=True, text=True, check=True)
         read, own = json.loads(done.stdout), unpack(packed)
         assert {"index", "position", "uv", "normal", "chart", "seams"} <= read.keys()
         for name, values in read.items():
@@ -175,9 +166,8 @@ def test_normals_survive_the_octahedron():
     t = np.maximum(-n[:, 2:], 0)
     n[:, :2] += np.where(n[:, :2] >= 0, -t, t)
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    assert (
-        np.abs(n[out["index"]] - scene.corner_normals[packed.order]).max() < 0.02
-    )  # sides are flat
+    away = np.abs(n[out["index"]] - scene.corner_normals[packed.order])  # sides are flat
+    assert away.max() < 0.02
 
 
 def test_distortion_codes_grow_and_mark_flips():

@@ -51,9 +51,8 @@ def test_three_squares_and_every_face_in_each():
     assert high >= 1000
     layout = [p.get("d") for p in groups["layout"].iter(f"{name}path") if p.get("id")]
     assert sum(map(area_of, layout)) == pytest.approx(whole, rel=1e-4)
-    (cells,) = [
-        p for p in groups["checker"].iter(f"{name}path") if p.get("id") == "cells-on-charts"
-    ]
+    every = groups["checker"].iter(f"{name}path")
+    (cells,) = [p for p in every if p.get("id") == "cells-on-charts"]
     assert cells.get("fill") == "url(#cells)"
     assert area_of(cells.get("d")) == pytest.approx(whole, rel=1e-4)
     fills = {p.get("fill"): p.get("d") for p in groups["distortion"].iter(f"{name}path")}
@@ -76,9 +75,8 @@ def test_the_checker_begins_at_uv_zero():
     cell = 1000 / checker_cells(scene)
     assert float(pattern.get("width")) == pytest.approx(2 * cell, rel=1e-4)
     for at, origin in ((pattern.get("x"), -u0 * 1000), (pattern.get("y"), v1 * 1000)):
-        assert (float(at) - origin) / (2 * cell) == pytest.approx(
-            round((float(at) - origin) / (2 * cell)), abs=1e-4
-        )
+        fields = (float(at) - origin) / (2 * cell)
+        assert fields == pytest.approx(round(fields), abs=1e-4)
 
 
 def test_a_title_of_any_characters_is_xml():

@@ -18,14 +18,7 @@ def pids(pool: Pool) -> list[int]:
 def printed(code: str, *words: object, **env: str) -> str:
     """What a fresh interpreter prints that runs some code with these words and variables; it must go well."""
     command = [sys.executable, "-c", code, *map(str, words)]
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        env=os.environ | env,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
+    how = {"cwd": ROOT, "env": os.environ | env, "capture_output": True, "text": True}
+    done = subprocess.run(command, check=False, timeout=300, **how)
     assert done.returncode == 0, done.stderr
     return done.stdout
