@@ -20,8 +20,8 @@ from circparam.batch.report import save_report
 from circparam.batch.run import LAST_SECONDS, Batch, Task
 from circparam.batch.settings import Settings
 from circparam.batch.sources import Listing
-from circparam.batch.store import Folder
-from circparam.batch.task import WORK_FOLDER, do_item, pack_settings
+from circparam.batch.store import Folder, open_store
+from circparam.batch.task import WORK_FOLDER, do_item
 from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 
@@ -125,15 +125,7 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
         finally:
             _clean(folder)
             manifest.close()
-        # the state of all files of the sources, as their last lines have it
-        query = "SELECT d.status, d.exit, count(*) FROM file f JOIN done d ON d.name = f.target GROUP BY 1, 2"
-        counts: dict[str, int] = {}
-        codes: dict[str, int] = {}
-        missed = 0
-        for status, code, n in index.data.execute(query):
-            counts[status] = counts.get(status, 0) + n
-            codes[str(code)] = codes.get(str(code), 0) + n
-            missed += n if status != "failed" and code else 0
+        counts, codes, missed = index.counts(of_sources=True)
         done = sum(meter.counts.values())
         seconds = time.monotonic() - start
         return Summary(
@@ -179,7 +171,7 @@ def _work(
     cluster = Cluster(plan.workers, plan.scheduler, plan.scheduler_file, work)
     try:
         batch = Batch(
-            cluster, index.items(), pack_settings(settings), manifest, meter,
+            cluster, index.items(), settings, manifest, meter,
             status, hooks.on_line, plan.task, plan.last,
         )  # fmt: skip
         with hooks.started(batch.ask_to_stop):
@@ -223,10 +215,8 @@ def _clean(folder: Folder) -> None:
     if not folder.remote:
         shutil.rmtree(folder.of(WORK_FOLDER), ignore_errors=True)
         return
-    from circparam.batch.store import root_store
-
-    store, root = root_store(folder.address)
     with contextlib.suppress(Exception):
+        store, root = open_store(folder.address)
         store.rm_file(f"{root}/{STATUS}")
     for left in glob.glob(os.path.join(tempfile.gettempdir(), "circparam-batch-*-*")):
         if os.path.isdir(left) and time.time() - os.path.getmtime(left) > 86400:
@@ -244,10 +234,7 @@ def status(out: str) -> dict[str, Any]:
         raise OptionError(f"{folder.address}: it has no {NAME}: no batch has written there")
     with Index() as index:
         index.add_lines(read_lines(path))
-        rows = list(
-            index.data.execute("SELECT status, count(*), sum(exit != 0) FROM done GROUP BY 1")
-        )
-    counts = {name: n for name, n, _ in rows}
+        counts, _, missed = index.counts()
     known = folder.get_bytes(STATUS)
     live: dict[str, Any] | None = None
     if known is not None:
@@ -261,7 +248,7 @@ def status(out: str) -> dict[str, Any]:
         "out": folder.address,
         "lines": sum(counts.values()),
         "counts": counts,
-        "missed": sum(int(bad or 0) for name, _, bad in rows if name != "failed"),
+        "missed": missed,
         "running": live is not None,
         "run": live,
     }

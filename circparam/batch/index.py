@@ -7,6 +7,7 @@ the data base, because the manifest is the truth and the index only orders its l
 import itertools
 import os
 import sqlite3
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,12 @@ class Item:
     size: int
     mark: str
     attempt: int = 1
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """What a line of the manifest says of the file."""
+        source = {"source": self.source, "source_bytes": self.size, "source_mark": self.mark}
+        return {"name": self.target, **source}
 
 
 class Index:
@@ -90,7 +97,8 @@ class Index:
         if hit is not None:
             what = "itself" if hit[0] == hit[1] else f"the source {_text(hit[1])}"
             raise OptionError(f"{_text(hit[0])} would overwrite {what}: give another --out")
-        return self.count("1")
+        (n,) = self.data.execute("SELECT count(*) FROM file").fetchone()
+        return int(n)
 
     def _check_same(self, rows: list[tuple[Any, ...]]) -> None:
         for source, target, *_ in rows:
@@ -119,10 +127,19 @@ class Index:
                 "give them two folders of results"
             )
 
-    def count(self, condition: str) -> int:
-        """How many files meet a condition of SQL."""
-        (n,) = self.data.execute(f"SELECT count(*) FROM file WHERE {condition}").fetchone()
-        return int(n)
+    def counts(self, of_sources: bool = False) -> tuple[dict[str, int], dict[str, int], int]:
+        """(files by status, files by exit code, those with a gate missed), by the last lines of the manifest.
+
+        of_sources: without files that are in no source.
+        """
+        inner = "JOIN file f ON d.name = f.target" if of_sources else ""
+        query = f"SELECT d.status, d.exit, count(*) FROM done d {inner} GROUP BY 1, 2"
+        by_status, by_code, missed = Counter[str](), Counter[str](), 0
+        for status, code, n in self.data.execute(query):
+            by_status[status] += n
+            by_code[str(code)] += n
+            missed += n if status != "failed" and code else 0
+        return dict(by_status), dict(by_code), missed
 
     def mark_due(
         self, options: str, retry: frozenset[str], exists: Callable[[str, int], bool]

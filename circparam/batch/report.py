@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.batch.index import STORED_FIGURES, Index
 from circparam.batch.progress import LINE_STATUSES, printable
-from circparam.batch.store import Folder, again, root_store
+from circparam.batch.store import Folder, again, open_store
 from circparam.core.types import FloatArray
 from circparam.formats.io import read
 from circparam.render import colours as col
@@ -67,10 +67,10 @@ def save_report(folder: Folder, index: Index) -> str:
 
 def report_page(folder: Folder, index: Index) -> str:
     """The page as text."""
-    counts = dict(index.data.execute("SELECT status, count(*) FROM done GROUP BY 1"))
+    counts, _, missed = index.counts()
     plots = "".join(_histogram(index, name) for name in TITLES)
     sections = [
-        _counts(counts, index),
+        _counts(counts, missed),
         _causes(index),
         _section("Distributions", plots and f'<div class="histograms">{plots}</div>'),
         _cards(folder, index),
@@ -105,10 +105,7 @@ def _section(title: str, content: str) -> str:
     return f"<section><h2>{title}</h2><p></p>{content}</section>" if content else ""
 
 
-def _counts(counts: dict[str, int], index: Index) -> str:
-    (missed,) = index.data.execute(
-        "SELECT count(*) FROM done WHERE exit != 0 AND status != 'failed'"
-    ).fetchone()
+def _counts(counts: dict[str, int], missed: int) -> str:
     tiles = "".join(
         f'<li><strong>{counts.get(k, 0):,}</strong><span><i class="dot kind-{k}"></i>{k}</span></li>'
         for k in LINE_STATUSES
@@ -282,7 +279,7 @@ def _local(folder: Folder, name: str) -> Iterator[str]:
     if not folder.remote:
         yield folder.of(name)
         return
-    store, root = root_store(folder.address)
+    store, root = open_store(folder.address)
     with tempfile.TemporaryDirectory(prefix="circparam-batch-picture-") as scratch:
         path = os.path.join(scratch, os.path.basename(name))
         again(store.get_file, f"{root}/{name}", path)

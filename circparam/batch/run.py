@@ -13,7 +13,8 @@ from circparam.batch.cluster import Cluster, LostError, refuse
 from circparam.batch.index import Item
 from circparam.batch.manifest import Manifest
 from circparam.batch.progress import Meter, Progress
-from circparam.batch.task import do_item, leave, settings_of
+from circparam.batch.settings import Settings, pack_settings
+from circparam.batch.task import do_item, leave
 from circparam.core.records import dataclass
 from circparam.errors import OutputError
 
@@ -32,7 +33,7 @@ Task = Callable[[bytes, Item], dict[str, Any]]
 
 @dataclass
 class Batch:
-    """One run. items: to do, in this order. settings: packed. task: function that a worker calls for an item,
+    """One run. items: to do, in this order. task: function that a worker calls for an item,
     by ``do_item``. listener: called with the progress, about once a second. on_line: called with each final
     line.
 
@@ -41,7 +42,7 @@ class Batch:
 
     cluster: Cluster
     items: Iterator[Item]
-    settings: bytes
+    settings: Settings
     manifest: Manifest
     meter: Meter
     listener: Listener | None = None
@@ -62,6 +63,7 @@ class Batch:
         self._looked, self._threads = 0.0, 0
         self._full_since: float | None = None
         self._note = ""
+        self._packed = pack_settings(self.settings)
 
     def ask_to_stop(self) -> None:
         """Let running tasks finish soon, and start no others (from a signal handler, or another thread)."""
@@ -97,25 +99,23 @@ class Batch:
         now = time.monotonic()
         room = 1 if self._full_since is not None else WINDOW_TASKS * max(self._threads, 1)
         while len(self.running) < room and not self._unwritten:
+            item: Item | None
             if self._later and self._later[0][0] <= now:
-                self._submit(heapq.heappop(self._later)[2])
-                continue
-            if self._full_since is not None and self._later:
+                item = heapq.heappop(self._later)[2]
+            elif self._full_since is not None and self._later:
                 return True
-            item = next(self.items, None)
+            else:
+                item = next(self.items, None)
             if item is None:
                 return False
-            self._submit(item)
+            # one group for all: Dask keeps data of each group while any of its tasks runs
+            key = "unwrap", next(self._number)
+            future = self.cluster.client.submit(
+                self.task, self._packed, item, key=key, pure=False, retries=0
+            )
+            self.running[key] = (future, item)
+            self._ready.add(future)
         return True
-
-    def _submit(self, item: Item) -> None:
-        # one group for all: Dask keeps data of each group while any of its tasks runs
-        key = "unwrap", next(self._number)
-        future = self.cluster.client.submit(
-            self.task, self.settings, item, key=key, pure=False, retries=0
-        )
-        self.running[key] = (future, item)
-        self._ready.add(future)
 
     def _take(self, future: Any, line: Any) -> None:
         """Record the answer of one task."""
@@ -159,8 +159,7 @@ class Batch:
         cause = found[1] if isinstance(found, tuple) and len(found) > 1 else found
         text = " ".join(f"{type(cause).__name__}: {cause}".split())[:500]
         line = {
-            "name": item.target, "source": item.source, "source_bytes": item.size,
-            "source_mark": item.mark, "status": "failed", "exit": 1, "output": None,
+            **item.line, "status": "failed", "exit": 1, "output": None,
             "attempts": item.attempt, "error": f"its worker ended {item.attempt} times: {text}",
         }  # fmt: skip
         self._final(line)
@@ -216,7 +215,7 @@ class Batch:
         try:
             self._threads = self.cluster.threads()
             if self.stopping:
-                self.cluster.client.run(leave, settings_of(self.settings).run, on_error="ignore")
+                self.cluster.client.run(leave, self.settings.run, on_error="ignore")
                 if not self._threads:  # no worker answers, so no task is running
                     self.cluster.client.cancel([future for future, _ in self.running.values()])
                     self.running.clear()

@@ -19,7 +19,7 @@ import time
 from typing import IO, Any
 
 from circparam.batch.mesh import unwrap_one
-from circparam.batch.settings import Settings, unpickled
+from circparam.batch.settings import Settings
 from circparam.core.memory import bound_process, resident
 from circparam.core.messages import message, send
 
@@ -65,15 +65,12 @@ class Server:
 
     def answer(self, task: dict[str, Any]) -> dict[str, Any]:
         """The result of a task: {"end": done | timeout | memory | signal, "answer", "peak", "seconds" ...}."""
-        settings = unpickled(task["settings"])
         start = time.monotonic()
-        if self.forks:
-            out = self._in_child(settings, task)
-        else:
-            out = {"end": "done", "answer": _work(settings, task), "peak": None}
+        done = {"end": "done", "peak": None}
+        out = self._in_child(task) if self.forks else {**done, "answer": _work(task)}
         return {**out, "seconds": time.monotonic() - start}
 
-    def _in_child(self, settings: Settings, task: dict[str, Any]) -> dict[str, Any]:
+    def _in_child(self, task: dict[str, Any]) -> dict[str, Any]:
         reader, writer = os.pipe()
         server = os.getpid()
         with tempfile.TemporaryFile() as log:
@@ -82,10 +79,10 @@ class Server:
                 code = 1
                 try:
                     os.close(reader)
-                    _become_child(log.fileno(), settings.max_memory)
+                    _become_child(log.fileno(), task["settings"].max_memory)
                     if os.getppid() != server:  # it ended before the child had asked to end with it
                         os._exit(code)
-                    data = pickle.dumps(_work(settings, task))
+                    data = pickle.dumps(_work(task))
                     with open(writer, "wb") as stream:
                         stream.write(data)
                     code = 0
@@ -94,7 +91,7 @@ class Server:
             os.close(writer)
             os.set_blocking(reader, False)
             try:
-                out = self._watch(pid, reader, settings, task["scratch"])
+                out = self._watch(pid, reader, task["settings"], task["scratch"])
             finally:
                 os.close(reader)
             log.seek(0)
@@ -141,8 +138,8 @@ class Server:
         return {**out, "end": "done", "answer": pickle.loads(b"".join(parts))}
 
 
-def _work(settings: Settings, task: dict[str, Any]) -> dict[str, Any]:
-    return unwrap_one(settings, task["source"], task["target"], task["name"])
+def _work(task: dict[str, Any]) -> dict[str, Any]:
+    return unwrap_one(task["settings"], task["source"], task["target"], task["name"])
 
 
 def _become_child(log: int, max_memory: int | None) -> None:

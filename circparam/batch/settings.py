@@ -76,7 +76,13 @@ class Settings:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+def pack_settings(settings: Settings) -> bytes:
+    """Settings as they travel: the version can be read without the rest."""
+    return pickle.dumps((settings.version, pickle.dumps(settings)))
+
+
 @functools.lru_cache(maxsize=8)
-def unpickled(data: bytes) -> Settings:
-    """The settings out of their pickled form, kept for the next mesh."""
-    return pickle.loads(data)
+def settings_of(data: bytes) -> Settings | None:
+    """The settings out of the form in which they travel, kept for the next mesh; None from another version."""
+    version, inner = pickle.loads(data)
+    return pickle.loads(inner) if version == __version__ else None

@@ -5,7 +5,6 @@ and then; a file is put there whole or not at all.
 """
 
 import contextlib
-import functools
 import hashlib
 import os
 import re
@@ -76,12 +75,6 @@ def open_store(address: str) -> tuple[Any, str]:
     return store, str(path)
 
 
-@functools.lru_cache(maxsize=64)
-def root_store(address: str) -> tuple[Any, str]:
-    """``open_store``, kept: for addresses that are used again and again."""
-    return open_store(address)
-
-
 def again(call: Callable[..., T], *args: Any, **keywords: Any) -> T:
     """A call of a remote store, repeated where it fails; the last error is raised."""
     for k in range(CALL_TRIES):
@@ -132,7 +125,7 @@ class Folder:
         """Put a local file there, whole: moved where the folder is local. Raises OutputError."""
         with self._writing(name):
             if self.remote:
-                store, root = root_store(self.address)
+                store, root = open_store(self.address)
                 again(store.put_file, path, f"{root}/{name}")
             else:
                 target = self.of(name)
@@ -145,7 +138,7 @@ class Folder:
             write_files({Path(self.of(name)): data}, overwrite=True, durable=durable)
             return
         with self._writing(name):
-            store, root = root_store(self.address)
+            store, root = open_store(self.address)
             again(store.pipe_file, f"{root}/{name}", data)
 
     @contextlib.contextmanager
@@ -163,14 +156,14 @@ class Folder:
         try:
             if not self.remote:
                 return Path(self.of(name)).read_bytes()
-            store, root = root_store(self.address)
+            store, root = open_store(self.address)
             return again(store.cat_file, f"{root}/{name}")
         except FileNotFoundError:
             return None
 
     def sizes(self) -> dict[str, int]:
         """Name → bytes of all files of a remote folder, in one listing."""
-        store, root = root_store(self.address)
+        store, root = open_store(self.address)
         try:
             found = again(store.find, root, detail=True)
         except FileNotFoundError:

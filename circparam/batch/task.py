@@ -7,10 +7,8 @@ otherwise (a store that refuses, a full disk, a process that was ended).
 
 import contextlib
 import errno
-import functools
 import json
 import os
-import pickle
 import re
 import shutil
 import signal
@@ -24,7 +22,7 @@ from circparam._version import __version__
 from circparam.batch.index import Item, size_of
 from circparam.batch.manifest import SCHEMA
 from circparam.batch.process import GoneError, warm_server
-from circparam.batch.settings import Settings, unpickled
+from circparam.batch.settings import Settings, settings_of
 from circparam.batch.store import Folder, again, archive_of, digest, is_remote, open_store
 from circparam.errors import CircparamError, InputError, OutputError
 from circparam.formats.obj.materials import image_names
@@ -51,19 +49,16 @@ def leave(run: str) -> None:
 
 def do_item(settings_data: bytes, item: Item) -> dict[str, Any]:
     """The task that is submitted: a line for the manifest, or that the file was left (see ``leave``)."""
-    if _unpacked(settings_data)[0] != __version__:
-        return {"refused": __version__, "name": item.target}
     settings = settings_of(settings_data)
+    if settings is None:
+        return {"refused": __version__, "name": item.target}
     if settings.run in _LEFT:
         return {"left": settings.run, "name": item.target}
     start = time.time()
     scratch = None
     line: dict[str, Any] = {
         "schema": SCHEMA,
-        "name": item.target,
-        "source": item.source,
-        "source_bytes": item.size,
-        "source_mark": item.mark,
+        **item.line,
         "source_hash": None,
         "options": settings.key(),
         "version": settings.version,
@@ -72,7 +67,7 @@ def do_item(settings_data: bytes, item: Item) -> dict[str, Any]:
     }
     try:
         scratch = _scratch(settings, item)
-        line |= _unwrap(settings, settings_data, item, scratch)
+        line |= _unwrap(settings, item, scratch)
     except Exception as error:
         line |= _failed(settings, error)
     finally:
@@ -84,22 +79,6 @@ def do_item(settings_data: bytes, item: Item) -> dict[str, Any]:
     return line
 
 
-def pack_settings(settings: Settings) -> bytes:
-    """Settings as they travel: the version can be read without the rest."""
-    return pickle.dumps((settings.version, pickle.dumps(settings)))
-
-
-@functools.lru_cache(maxsize=8)
-def _unpacked(data: bytes) -> tuple[str, bytes]:
-    version, inner = pickle.loads(data)
-    return version, inner
-
-
-def settings_of(data: bytes) -> Settings:
-    """The settings out of the form in which they travel."""
-    return unpickled(_unpacked(data)[1])
-
-
 def _scratch(settings: Settings, item: Item) -> str:
     """A new folder for one file, on the disk of local results, so that a rename is enough."""
     if is_remote(settings.out):
@@ -109,7 +88,7 @@ def _scratch(settings: Settings, item: Item) -> str:
     return tempfile.mkdtemp(prefix=f"{item.number}-", dir=folder)
 
 
-def _unwrap(settings: Settings, data: bytes, item: Item, scratch: str) -> dict[str, Any]:
+def _unwrap(settings: Settings, item: Item, scratch: str) -> dict[str, Any]:
     folder = Folder(settings.out)
     place, _, last = item.target.rpartition("/")
     # notes name the folder of the result: its last part is that of the real one
@@ -125,7 +104,7 @@ def _unwrap(settings: Settings, data: bytes, item: Item, scratch: str) -> dict[s
                 mark = digest(source)
     out = {"source_hash": f"etag:{item.mark}" if is_remote(item.source) and item.mark else mark}
     task = {
-        "settings": _unpacked(data)[1],
+        "settings": settings,
         "source": source,
         "target": target,
         "name": item.target,

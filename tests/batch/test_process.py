@@ -24,8 +24,8 @@ from circparam.batch.process import (
     server_environment,
     warm_server,
 )
-from circparam.batch.settings import Settings
-from circparam.batch.task import do_item, pack_settings, settings_of
+from circparam.batch.settings import Settings, pack_settings, settings_of
+from circparam.batch.task import do_item
 from circparam.core import workers
 from circparam.core.messages import send
 from circparam.errors import OptionError
@@ -122,7 +122,7 @@ def hanging(tmp_path: Path) -> tuple[dict[str, Any], Path]:
     """A task for a server that never ends, and its scratch folder."""
     scratch = tmp_path / "s"
     scratch.mkdir()
-    task = {"settings": pickle.dumps(settings(tmp_path / "o", Poison())), "name": "hang.obj"}
+    task: dict[str, Any] = {"settings": settings(tmp_path / "o", Poison()), "name": "hang.obj"}
     task["source"] = str(write_disk(tmp_path / "hang.obj"))
     return task | {"target": str(scratch / "hang.obj"), "scratch": str(scratch)}, scratch
 

@@ -32,13 +32,11 @@ def s3(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[tuple[Any, F
 
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    store.root_store.cache_clear()
     s3fs.S3FileSystem.clear_instance_cache()
     with s3_server(monkeypatch, every=10) as server:
         system = s3fs.S3FileSystem(use_listings_cache=False)
         store.again(system.mkdir, "bucket")
         yield system, server
-    store.root_store.cache_clear()
     s3fs.S3FileSystem.clear_instance_cache()
 
 

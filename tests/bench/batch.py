@@ -9,7 +9,6 @@ costs.
 """
 
 import argparse
-import pickle
 import subprocess
 import sys
 import tempfile
@@ -96,7 +95,7 @@ print(time.perf_counter() - start, time.process_time() - cpu)
 
 def in_turns(meshes: list[Path], folder: Path) -> Line:
     """Processor seconds of a warm process and of forks, mesh by mesh in turns: load is the same for both."""
-    given = pickle.dumps(settings(folder))
+    given = settings(folder)
     (folder / "turns").mkdir()
     own = forked = 0.0
     target = str(folder / "turns" / "m.obj")
