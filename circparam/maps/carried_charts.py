@@ -7,7 +7,6 @@ moves the rest by the least drift (``least_drift``). The few faces that it canno
 (``_lay_anew``).
 """
 
-import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -67,15 +66,10 @@ class SurfacePoints(Places):
     distance: FloatArray
 
 
-def _in_blocks(find: Callable[..., SurfacePoints]) -> Callable[..., SurfacePoints]:
-    """A search that takes its rows in blocks, which bounds the memory."""
-
-    @functools.wraps(find)
-    def whole(source: "SourceCharts", *arrays: FloatArray | IntArray) -> SurfacePoints:
-        blocks = slices(len(arrays[0]), PLACES_AT_ONCE)
-        return SurfacePoints.joined(*(find(source, *(a[k] for a in arrays)) for k in blocks))
-
-    return whole
+def _in_blocks(find: Callable[..., SurfacePoints], *arrays: np.ndarray) -> SurfacePoints:
+    """A search for the rows of arrays, block by block, which bounds the memory."""
+    blocks = slices(len(arrays[0]), PLACES_AT_ONCE)
+    return SurfacePoints.joined(*(find(*(a[k] for a in arrays)) for k in blocks))
 
 
 class SourceCharts:
@@ -105,7 +99,6 @@ class SourceCharts:
         layer = chart[:, None] * (LAYER_DIAGONALS * self.diagonal)
         return np.concatenate([places, layer, UV_WEIGHT / self.scale * uv], axis=1)
 
-    @_in_blocks
     def anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
         """The closest points; where possible, on faces whose normals agree with the given ones."""
         found = self.sample[_nearest(self.free, places)]
@@ -116,7 +109,6 @@ class SourceCharts:
         rows = np.arange(len(places))
         return SurfacePoints(found[rows, best], bary[rows, best], np.sqrt(d2[rows, best]))
 
-    @_in_blocks
     def on_chart(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
         """The closest points of charts (p,), each on the side of seams where the expected uv (p, 2) lies."""
         first = self._walked(places, self._sampled(places, chart, expected))
@@ -209,7 +201,7 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     m, k = len(target.faces), len(PROBES)
     places = np.einsum("kc,mcx->mkx", PROBES, target.corners)
     normals = np.repeat(target.normals, k, axis=0)
-    probed = source.anywhere(places.reshape(-1, 3), normals)
+    probed = _in_blocks(source.anywhere, places.reshape(-1, 3), normals)
     chart = source.chart[probed.face].reshape(m, k)
     votes = (chart[:, :, None] == chart[:, None, :]).sum(2)
     # the first of the probes with the most votes leads the face; its chart may not hold the middle
@@ -248,7 +240,7 @@ def carry_charts(source: SourceCharts, target: Surface) -> CarriedLayout:
     _lay_anew(atlas, loose, source.scale)
     places = target.corners.mean(1)
     expected = source.expected(led, places, target.normals)
-    middle = source.uv(source.on_chart(places, source.chart[led.face], expected))
+    middle = source.uv(_in_blocks(source.on_chart, places, source.chart[led.face], expected))
     inside = np.linalg.norm(atlas.corners.mean(1) - middle, axis=1)
     inside[loose] = 0.0
     return CarriedLayout(atlas, drift, inside, loose, least, faulty)
@@ -282,7 +274,7 @@ def _corner_points(
     places = target.points[target.faces[faces]].reshape(-1, 3)
     normals = np.repeat(target.normals[faces], 3, axis=0)
     expected = source.expected(lead, places, normals)
-    return source.on_chart(places, source.chart[lead.face], expected)
+    return _in_blocks(source.on_chart, places, source.chart[lead.face], expected)
 
 
 def _relabel(

@@ -210,8 +210,8 @@ def _add(marks: Landmarks, a: ChartGraph, b: ChartGraph, goes: list[int]) -> Non
         for k, (x, y) in enumerate(zip(_pieces(one, cut_a), _pieces(two, cut_b), strict=True)):
             marks.known.append((along[k], along[k + 1], x, y))
     for k, loop in enumerate(a.side.loops):
-        order = {int(v): n for n, v in enumerate(loop)}
-        corners = sorted(set(on_loops[k]), key=lambda c: order[marks.a[c]])
+        order = loop.tolist()
+        corners = sorted(set(on_loops[k]), key=lambda c: order.index(marks.a[c]))
         partner = int(b.side.on_boundary[marks.b[corners[0]]])
         close_boundary(marks, (a.side, b.side), (k, partner), corners)
 

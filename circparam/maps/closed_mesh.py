@@ -4,12 +4,13 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import first_of_each, group_count, next_half_edge
-from circparam.core.graph import components
+from circparam.core.arrays import first_of_each, group_count, interpolated, next_half_edge
+from circparam.core.graph import components, matching
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import TopologyError
+from circparam.maps.surface_map import Places
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 
 
@@ -63,6 +64,11 @@ class ClosedMesh:
         """Whether it is closed and no two edges join the same two vertices."""
         keys = self._sorted[0]
         return bool((self.twin >= 0).all() and (keys[1:] != keys[:-1]).all())
+
+    def on_surface(self, places: Places) -> Places:
+        """Places on this mesh as places on the surface that it closes."""
+        weights = np.maximum(interpolated(places.weights, self.corners[places.face]), 0)
+        return Places(self.parent[places.face], weights / weights.sum(1, keepdims=True))
 
     def ring(self, vertex: int) -> list[int]:
         """The neighbours of a vertex, counter-clockwise."""
@@ -133,12 +139,9 @@ class ClosedMesh:
         while len(left):
             h = mesh.half_edges(start[left], end[left])
             lower = np.minimum(h, mesh.twin[h])
-            first = np.full(len(mesh.faces), len(mesh.twin))
-            sides = lower // 3, mesh.twin[lower] // 3
-            for side in sides:
-                np.minimum.at(first, side, lower)
-            now = np.flatnonzero((first[sides[0]] == lower) & (first[sides[1]] == lower))
-            now = now[np.argsort(lower[now])]  # one edge of a face at most
+            # one edge of a face at most
+            now = matching(-lower, lower // 3, mesh.twin[lower] // 3, len(mesh.faces))
+            now = now[np.argsort(lower[now])]
             along = np.where(h == lower, share[left], 1 - share[left])
             middle[left[now]] = mesh.n + np.arange(len(now))
             mesh = mesh._split_apart(lower[now], along[now])

@@ -13,28 +13,29 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import (
+    first_of_each,
     group_count,
     group_sum,
     interpolated,
     mask_of,
     next_half_edge,
-    positions_in,
 )
-from circparam.core.graph import components, matching
+from circparam.core.graph import matching
 from circparam.core.linalg import HeldFactor
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
 from circparam.geometry.intrinsic import signed_areas
+from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import Cover, CoverPoints, Development, own_development, whole_development
 from circparam.maps.geometries import Base, Geometry, base_of, signs_of
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.layout import Layout, laid_out
+from circparam.maps.layout import Layout, Tracer, laid_out
 from circparam.maps.map_input import MapInput
-from circparam.maps.places import along_boundaries
-from circparam.maps.tracing import Tracer
+from circparam.maps.surface_map import Places
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.region import cut_out, grow
 from circparam.solvers.tutte.embed import assemble
 from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
 from circparam.solvers.untangle import untangle
@@ -132,6 +133,27 @@ def composed(
     near = tree.query(np.column_stack([PATCH_DISTANCE * patch, place]))[1]
     found = two.cover.find(one.cover.vectors, np.asarray(near, np.int64))
     return found.put(*along_boundaries(a, b, marks, two.cover.mesh))
+
+
+def along_boundaries(
+    a: MapInput, b: MapInput, marks: Landmarks, mesh: ClosedMesh
+) -> tuple[IntArray, CoverPoints]:
+    """(vertices (k,) on the boundaries of A, their places on the mesh of B): by length between two corners.
+
+    The edges along boundaries are never split, so they are those of the surface.
+    """
+    vertices, half_edges, shares = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
+    for corners in marks.corners:
+        loop_a, at_a = a.from_corners([marks.a[c] for c in corners])
+        loop_b, at_b = b.from_corners([marks.b[c] for c in corners])
+        k = np.clip(np.searchsorted(at_b, at_a, side="right") - 1, 0, len(loop_b) - 1)
+        end = np.r_[at_b[1:], float(len(corners))]
+        vertices.append(loop_a)
+        half_edges.append(mesh.half_edges(loop_b, np.roll(loop_b, -1))[k])
+        shares.append(np.clip((at_a - at_b[k]) / (end[k] - at_b[k]), 0, 1))
+    on = Places.along(np.concatenate(half_edges), np.concatenate(shares))
+    turn = np.broadcast_to(np.eye(3), (len(on.face), 3, 3))
+    return np.concatenate(vertices), CoverPoints(on.face, on.weights, turn)
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
@@ -241,55 +263,37 @@ def mended(
 ) -> FloatArray:
     """Vectors (n, 3) of the vertices with fewer faces turned over than by q (n, 3).
 
-    development: of a mesh over the geometry. fixed (n,): vertices that stay.
+    development: of a mesh over the geometry. fixed (n,): vertices that stay. Patches of some rings round turned
+    faces, each in the tangent plane of its middle, are untangled by the foldover-free energy. Patches with
+    vertices out of sight stay.
     """
+    mesh = development.mesh
+    face = np.repeat(np.arange(len(mesh.faces)), 3)
     for rings in UNTANGLED_RINGS:
-        if development.turned(q).any():
-            q = _untangled(geometry, development, fixed, q, rings)
+        turned = development.turned(q)
+        if not turned.any():
+            break
+        near = mask_of(mesh.n, mesh.faces[grow(mesh.cut_mesh, turned, rings)])
+        region = np.asarray(near[mesh.faces].all(1))
+        part, vertices, rest = cut_out(mesh.cut_mesh, region, fixed)
+        faces = np.flatnonzero(mask_of(mesh.n, vertices[~rest])[mesh.faces].any(1))
+        own, n = part.vertex_chart, part.n_charts
+        # all vertices of a patch in the frame of its first face
+        patch = np.full(len(mesh.faces), -1)
+        patch[faces] = part.chart
+        within = (patch[face] >= 0) & (patch[face] == patch[mesh.twin // 3])
+        way = development.rolled_out(faces[first_of_each(part.chart, n)], within)[1]
+        corner = first_of_each(part.faces.ravel(), len(vertices))
+        corner = 3 * faces[corner // 3] + corner % 3
+        into = way[corner // 3] @ development.of(corner)
+        seen = np.einsum("kab,kb->ka", into, q[vertices])
+        uv, back = geometry.projected(seen, own, n)
+        rest |= group_count(own[~np.isfinite(uv).all(1)], n)[own] > 0
+        uv = np.nan_to_num(uv)
+        area = group_sum(np.abs(signed_areas(part.faces, uv)), part.chart, n)
+        unit = np.sqrt(part.chart_areas / np.maximum(area, 1e-300))[own][:, None]
+        found, _ = untangle(part, uv * unit, rest)
+        new = np.linalg.solve(into, back(found / unit)[..., None])[..., 0]
+        q = q.copy()
+        q[vertices[~rest]] = geometry.normal(np.asarray(new, np.float64))[~rest]
     return q
-
-
-def _untangled(
-    geometry: Geometry, development: Development, fixed: BoolArray, q: FloatArray, rings: int
-) -> FloatArray:
-    """Patches of so many rings round turned faces, each in the tangent plane of its middle, by the
-    foldover-free energy. Patches with vertices out of sight stay."""
-    mesh, turned = development.mesh, development.turned(q)
-    near = mask_of(mesh.n, mesh.faces[turned])
-    for _ in range(rings):
-        near[mesh.faces[near[mesh.faces].any(1)]] = True
-    inside = np.repeat(near[mesh.faces].all(1), 3)
-    within = inside & inside[mesh.twin]
-    h = np.flatnonzero(within)
-    _, label = components(len(mesh.faces), h // 3, mesh.twin[h] // 3)
-    faces = np.flatnonzero(np.isin(label, label[turned]) & inside[::3])
-    _, root, chart = np.unique(label[faces], return_index=True, return_inverse=True)
-    # a vertex where two patches touch is one of each
-    key, first, local = np.unique(
-        chart[:, None] * mesh.n + mesh.faces[faces], return_index=True, return_inverse=True
-    )
-    own, vertices = np.divmod(key, mesh.n)
-    number = positions_in(len(mesh.faces), faces)
-    pairs = np.stack([h, mesh.twin[h]], 1)[(number[h // 3] >= 0) & (h < mesh.twin[h])]
-    part = CutMesh(
-        local.reshape(-1, 3),
-        mesh.cut_mesh.rest_triangles[faces],
-        chart,
-        3 * number[pairs // 3] + pairs % 3,
-    )
-    # all vertices of a patch in the frame of its first face
-    way = development.rolled_out(faces[root], within)[1]
-    corner = 3 * faces[first // 3] + first % 3
-    into = way[corner // 3] @ development.of(corner)
-    seen = np.einsum("kab,kb->ka", into, q[vertices])
-    uv, back = geometry.projected(seen, own, len(root))
-    rest = fixed[vertices] | part.on_boundary
-    rest |= group_count(own[~np.isfinite(uv).all(1)], len(root))[own] > 0
-    uv = np.nan_to_num(uv)
-    area = group_sum(np.abs(signed_areas(part.faces, uv)), chart, len(root))
-    unit = np.sqrt(part.chart_areas / np.maximum(area, 1e-300))[own][:, None]
-    found, _ = untangle(part, uv * unit, rest)
-    new = np.linalg.solve(into, back(found / unit)[..., None])[..., 0]
-    out = q.copy()
-    out[vertices[~rest]] = geometry.normal(np.asarray(new, np.float64))[~rest]
-    return out

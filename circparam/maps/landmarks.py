@@ -57,10 +57,9 @@ def given_landmarks(pairs: IntArray, a: MapInput, b: MapInput) -> Landmarks:
     Raises InputError if a number names no vertex of a face, or two lines name the same.
     """
     out = Landmarks()
-    seen: tuple[dict[int, int], dict[int, int]] = ({}, {})
     for line, pair in enumerate(np.asarray(pairs, np.int64).reshape(-1, 2).tolist(), 1):
         found = []
-        for side, number, before in zip((a, b), pair, seen, strict=True):
+        for side, number, before in zip((a, b), pair, (out.a, out.b), strict=True):
             if not 0 <= number < len(side.vertex):
                 raise InputError(
                     f"landmark {line}: {side.name} has no vertex {number} (it has 0 to {len(side.vertex) - 1})"
@@ -70,10 +69,9 @@ def given_landmarks(pairs: IntArray, a: MapInput, b: MapInput) -> Landmarks:
                 raise InputError(f"landmark {line}: no face of {side.name} uses vertex {number}")
             if vertex in before:
                 raise InputError(
-                    f"landmark {line}: vertex {number} of {side.name} is that of landmark {before[vertex]} "
-                    "already; leave one of them out"
+                    f"landmark {line}: vertex {number} of {side.name} is that of landmark "
+                    f"{before.index(vertex) + 1} already; leave one of them out"
                 )
-            before[vertex] = line
             found.append(vertex)
         on = a.on_boundary[found[0]] >= 0, b.on_boundary[found[1]] >= 0
         if on[0] != on[1]:
@@ -122,12 +120,10 @@ def points_of(side: MapInput, vertices: list[int] | IntArray) -> FloatArray:
 
 
 def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
-    """Raise TopologyError if the landmarks say that one surface is the mirror image of the other."""
-    if sum(marks.exact) < 4:
+    """Raise TopologyError if the given landmarks say that one surface is the mirror image of the other."""
+    if len(marks.a) < 4:
         return
-    use = [k for k, exact in enumerate(marks.exact) if exact]
-    p = points_of(a, [marks.a[k] for k in use])
-    q = points_of(b, [marks.b[k] for k in use])
+    p, q = points_of(a, marks.a), points_of(b, marks.b)
     straight, mirrored = (
         float(np.sqrt(procrustes(p, q, reflection=allowed, scale=False)[2]))
         for allowed in (False, True)
@@ -191,12 +187,10 @@ def close_boundary(
 
 def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list[int]:
     """The landmarks on a pair of boundaries, in order, with helpers where there are fewer than three."""
-    loop_a, loop_b = a.loops[k], b.loops[j]
-    index_a = {int(v): n for n, v in enumerate(loop_a)}
-    index_b = {int(v): n for n, v in enumerate(loop_b)}
-    own = [n for n, v in enumerate(marks.a) if v in index_a]
-    own.sort(key=lambda n: index_a[marks.a[n]])
-    order = [index_b[marks.b[n]] for n in own]
+    loop_a, loop_b = a.loops[k].tolist(), b.loops[j].tolist()
+    own = [n for n, v in enumerate(marks.a) if v in loop_a]
+    own.sort(key=lambda n: loop_a.index(marks.a[n]))
+    order = [loop_b.index(marks.b[n]) for n in own]
     turns = sum(order[n] > order[(n + 1) % len(own)] for n in range(len(own)))
     if len(own) > 2 and turns != 1:
         reverse = turns == len(own) - 1
@@ -214,7 +208,7 @@ def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list
         marks.notes.append(
             "a boundary has no landmark: it starts where the rigid alignment of the two boundaries is best"
         )
-        own = [marks.add(int(loop_a[0]), int(loop_b[begin]), False)]
+        own = [marks.add(loop_a[0], loop_b[begin], False)]
     span = 3 if len(own) == 1 else 2
     out = []
     for n, mark in enumerate(own):

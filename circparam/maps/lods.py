@@ -127,10 +127,9 @@ def transfer(
     carried = []
     with monitor.stage("transfer"):
         for job in jobs:
-            fitting, notes = _turned_to(job, document, charts, uvmap)
-            apart = _check_shape(fitting, job.surface, job.document)
+            placed, apart, notes = _placed(charts, document, uvmap, job)
             try:
-                layout = carry_charts(fitting, job.surface)
+                layout = carry_charts(placed, job.surface)
                 carried.append((layout, apart, _fitted(job, layout, resolution, max_drift), notes))
             except NoResultError:
                 _refuse_overlaps(charts, document)  # the target has those of the first mesh
@@ -139,13 +138,7 @@ def transfer(
     for job, output, (layout, apart, fitted, notes) in zip(jobs, outputs, carried, strict=True):
         result = verify_and_save(job, fitted, output, monitor, "transfer")
         result.notes.extend(notes)
-        one = _transferred(result, layout, apart, resolution)
-        if one.anew:
-            result.warnings.append(
-                f"{counted(one.anew, 'face')} ({percent(one.anew_share)} of the surface) overlapped others and "
-                "were laid in free room: the texture of the first mesh does not cover that room"
-            )
-        out.append(one)
+        out.append(_transferred(result, layout, apart, resolution))
     return out
 
 
@@ -155,23 +148,37 @@ def _source_charts(document: Document, mesh: Mesh, uvmap: UVMap) -> SourceCharts
     return SourceCharts(given_atlas(surface, uvmap, document.source.name))
 
 
-def _turned_to(
-    job: Job, document: Document, charts: SourceCharts, uvmap: UVMap
-) -> tuple[SourceCharts, list[str]]:
-    """The charts of the first mesh with the up axis of a target, and a note where they were turned.
+def _placed(
+    charts: SourceCharts, document: Document, uvmap: UVMap, job: Job
+) -> tuple[SourceCharts, float, list[str]]:
+    """(the charts of the first mesh as a target lies, the largest distance of both surfaces, in diagonals of
+    the first, a note where the charts were turned).
 
-    A glTF made of a file with z up has y up, and its other levels may still be files with z up.
+    A glTF made of a file with z up has y up, and its other levels may still be files with z up. Raises
+    NoResultError if the distance is large, or if the fronts of the target face the other way.
     """
-    marks = [axis_up(d) == "y" for d in (document, job.document)]
-    if marks[0] == marks[1] or _distance(charts, job.surface)[0] <= SHAPE_DIAGONALS:
-        return charts, []
-    mesh, turn = document.mesh, z_up if marks[0] else y_up
-    turned = _source_charts(document, replace(mesh, points=turn(mesh.points)), uvmap)
-    if _distance(turned, job.surface)[0] > SHAPE_DIAGONALS:
-        return charts, []
-    names = document.source.name, job.document.source.name
-    axes = "y up to z up" if marks[0] else "z up to y up"
-    return turned, [f"{names[0]} was turned from {axes}, as {names[1]} lies"]
+    target, name, notes = job.surface, job.document.source.name, list[str]()
+    far, place = _distance(charts, target)
+    upright = [axis_up(d) == "y" for d in (document, job.document)]
+    if far > SHAPE_DIAGONALS and upright[0] != upright[1]:
+        turn = z_up if upright[0] else y_up
+        mesh = replace(document.mesh, points=turn(document.mesh.points))
+        turned = _source_charts(document, mesh, uvmap)
+        nearer, there = _distance(turned, target)
+        if nearer <= SHAPE_DIAGONALS:
+            charts, far, place = turned, nearer, there
+            axes = "y up to z up" if upright[0] else "z up to y up"
+            notes = [f"{document.source.name} was turned from {axes}, as {name} lies"]
+    if far > SHAPE_DIAGONALS:
+        raise NoResultError(
+            f"{name}: at ({_point(place)}) it lies {100 * far:.0f} % of the size away from the "
+            f"first mesh: give one of the same shape, place and size (within {100 * SHAPE_DIAGONALS:.0f} %)"
+        )
+    face, places = map(_thinned, _samples(target))
+    near = charts.sample[charts.free.query(places)[1]]
+    if (target.normals[face] * charts.atlas.surface.normals[near]).sum(1).mean() < -0.5:
+        raise NoResultError(f"{name}: it is inside out beside the first mesh: turn its faces round")
+    return charts, far, notes
 
 
 def _distance(charts: SourceCharts, target: Surface) -> tuple[float, FloatArray]:
@@ -182,26 +189,6 @@ def _distance(charts: SourceCharts, target: Surface) -> tuple[float, FloatArray]
     gone = np.asarray(charts.free.query(some)[0])
     place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
     return float(max(back.max(), gone.max()) / charts.diagonal), place
-
-
-def _check_shape(charts: SourceCharts, target: Surface, document: Document) -> float:
-    """The largest distance of both surfaces, in diagonals of the first.
-
-    Raises NoResultError if it is large, or if the fronts of the target face the other way.
-    """
-    far, place = _distance(charts, target)
-    if far > SHAPE_DIAGONALS:
-        raise NoResultError(
-            f"{document.source.name}: at ({_point(place)}) it lies {100 * far:.0f} % of the size away from the "
-            f"first mesh: give one of the same shape, place and size (within {100 * SHAPE_DIAGONALS:.0f} %)"
-        )
-    face, places = map(_thinned, _samples(target))
-    near = charts.sample[charts.free.query(places)[1]]
-    if (target.normals[face] * charts.atlas.surface.normals[near]).sum(1).mean() < -0.5:
-        raise NoResultError(
-            f"{document.source.name}: it is inside out beside the first mesh: turn its faces round"
-        )
-    return far
 
 
 def _samples(target: Surface) -> tuple[IntArray, FloatArray]:
@@ -261,19 +248,20 @@ def _fitted(job: Job, layout: CarriedLayout, resolution: int, most: float) -> Fi
 def _transferred(
     result: Result, layout: CarriedLayout, apart: float, resolution: int
 ) -> Transferred:
+    """The result with its drifts in texels, and a warning where faces went to free room."""
+    anew = int(layout.loose.sum())
+    if anew:
+        result.warnings.append(
+            f"{counted(anew, 'face')} ({percent(layout.loose_share)} of the surface) overlapped others and "
+            "were laid in free room: the texture of the first mesh does not cover that room"
+        )
     p95 = Tail.of(layout.inside, layout.atlas.surface.areas).percentile(95)
+    largest, mean = float(layout.drift.max()), float(layout.drift.mean())
     return Transferred(
-        result,
-        resolution * float(layout.drift.max()),
-        resolution * float(layout.drift.mean()),
-        resolution * p95,
-        resolution * float(layout.inside.max()),
-        apart,
-        layout.farthest,
-        resolution * layout.least,
-        int(layout.loose.sum()),
-        layout.loose_share,
-    )
+        result, resolution * largest, resolution * mean, resolution * p95,
+        resolution * float(layout.inside.max()), apart, layout.farthest, resolution * layout.least,
+        anew, layout.loose_share,
+    )  # fmt: skip
 
 
 def _point(place: FloatArray) -> str:

@@ -10,6 +10,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, TopologyError
 from circparam.maps.closed_mesh import ClosedMesh
+from circparam.maps.surface_map import Places
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
@@ -64,6 +65,29 @@ class MapInput:
         first, last = (int(np.flatnonzero(loop == v)[0]) for v in (start, end))
         count = (last - first) % len(loop) or len(loop)
         return loop[(first + np.arange(count + 1)) % len(loop)]
+
+    def from_corners(self, corners: list[int]) -> tuple[IntArray, FloatArray]:
+        """(the boundary of some vertices, in order, from the first on; the position of each of its vertices:
+        the number of corners passed, and the share to the next by length)."""
+        loop = self.along_boundary(corners[0], corners[0])
+        run = self.closed.shares(loop)
+        at = np.array([int(np.flatnonzero(loop[:-1] == c)[0]) for c in corners] + [len(loop) - 1])
+        place = np.interp(run, run[at], np.arange(len(at), dtype=np.float64))
+        return loop[:-1], np.asarray(place[:-1], np.float64)
+
+    def on_file(self, places: Places) -> Places:
+        """Places on the faces of the surface as places on the faces of the file."""
+        out = np.empty_like(places.weights)
+        np.put_along_axis(out, self.surface.file_corners[places.face], places.weights, 1)
+        return Places(self.surface.source[places.face], out)
+
+    def of_file(self, places: Places) -> Places:
+        """Places of the vertices of the surface as those of the vertices of the file; the first corner of the
+        first face for vertices that no face uses."""
+        found = places.take(np.maximum(self.vertex, 0))
+        unused = self.vertex < 0
+        found.weights[unused], found.face[unused] = [1.0, 0.0, 0.0], 0
+        return found
 
 
 def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:

@@ -22,7 +22,6 @@ from circparam.maps.cover import CoverPoints
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput, map_input_of, require_same
 from circparam.maps.overlay import refinement
-from circparam.maps.places import for_file, on_half_edges, on_surface
 from circparam.maps.solution import Distortion, MapSolution, distortion, face_energies, solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import UVMap
@@ -107,7 +106,6 @@ def map_surfaces(
     if unknown:
         raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
     method, mirrored = keywords.get("method", "mean-value"), keywords.get("mirrored", False)
-    relax = keywords.get("relax", True)
     pairs, routes = _pairs(landmarks, paths)
     a, b = open_source(a), open_source(b)
     names = [
@@ -115,35 +113,24 @@ def map_surfaces(
         for letter, surface in zip("AB", (a, b), strict=True)
     ]
     layouts = (_layout(a, names[0]), _layout(b, names[1])) if charts else None
-    _check_method(method)
+    if method not in (good := WEIGHTS.tagged("positive")):  # else the maps may fold
+        raise OptionError(
+            f"a map needs weights that are positive on every mesh, not {method!r}: "
+            f"choose one of {', '.join(good)}"
+        )
     monitor = Monitor(listener)
     with monitor.stage("repair"):
         side_a, side_b = map_input_of(a.mesh, names[0]), map_input_of(b.mesh, names[1], mirrored)
         require_same(side_a, side_b)
     with monitor.stage("landmarks"):
         marks = _landmarks(pairs, routes, layouts, side_a, side_b, mirrored)
-    solution = solve_map(side_a, side_b, marks, method, relax, monitor)
-    if relax and not solution.relaxed:
-        marks.notes.append(
-            "relaxation turns faces over in the common domain: "
-            "the map is the composition of the convex maps without it"
-        )
+    solution = solve_map(side_a, side_b, marks, method, keywords.get("relax", True), monitor)
     found = _result(side_a, side_b, marks, solution, method, monitor)
     if not keywords.get("overlay", False):
         return found
     with monitor.stage("overlay"):
         mapped = replace(found.map, overlay=refinement(side_a, side_b, solution))
     return replace(found, map=mapped, seconds=dict(monitor.seconds))
-
-
-def _check_method(method: str) -> None:
-    """Raise OptionError for weights that may be negative, whose maps may fold."""
-    good = WEIGHTS.tagged("positive")
-    if method not in good:
-        raise OptionError(
-            f"a map needs weights that are positive on every mesh, not {method!r}: "
-            f"choose one of {', '.join(good)}"
-        )
 
 
 def _pairs(
@@ -223,7 +210,10 @@ def _result(
                 f"vertex {number} of {a.name}: add a landmark there and at the end of every long thin part"
             )
         mapped = SurfaceMap(
-            for_file(to_b, a, b), for_file(to_a, b, a), fingerprint(a.mesh), fingerprint(b.mesh)
+            a.of_file(b.on_file(to_b)),
+            b.of_file(a.on_file(to_a)),
+            fingerprint(a.mesh),
+            fingerprint(b.mesh),
         )
     return MapResult(
         mapped,
@@ -241,9 +231,9 @@ def _result(
 
 def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -> Places:
     """Where vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
-    places = on_surface(on_b, mesh)
+    places = mesh.on_surface(on_b)
     corner = first_of_each(b.surface.corner_vertex.ravel(), b.n)[exact[:, 1]]
-    return places.put(exact[:, 0], on_half_edges(corner, np.zeros(len(exact))))
+    return places.put(exact[:, 0], Places.along(corner, np.zeros(len(exact))))
 
 
 def _layout(surface: Document, name: str) -> UVMap:

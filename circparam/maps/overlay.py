@@ -23,7 +23,6 @@ from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.geometries import counter_clockwise, determinants, signs_of
 from circparam.maps.map_input import MapInput
-from circparam.maps.places import on_file, on_half_edges, on_surface
 from circparam.maps.solution import MapSolution
 from circparam.maps.surface_map import Places, Refinement, SurfaceMap
 from circparam.mesh.mesh import Mesh, UVMap
@@ -72,14 +71,14 @@ def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
     # vertices of A, vertices of B, crossings
     on_a, on_b = (Places(at.face, at.weights) for at in (found.on_a, found.on_b))
     places = (
-        Places.joined(_corners(one.mesh), on_a, on_half_edges(x.edge_a, x.share_a)),
-        Places.joined(on_b, _corners(two.mesh), on_half_edges(x.edge_b, x.share_b)),
+        Places.joined(_corners(one.mesh), on_a, Places.along(x.edge_a, x.share_a)),
+        Places.joined(on_b, _corners(two.mesh), Places.along(x.edge_b, x.share_b)),
     )
     faces, *own = made
     parents, on_both = [], []
     for side, mesh, face, at in zip((a, b), (one.mesh, two.mesh), own, places, strict=True):
         parents.append(side.surface.source[mesh.parent[face]])
-        on_both.append(on_file(on_surface(at, mesh), side))
+        on_both.append(side.on_file(mesh.on_surface(at)))
     return Refinement(faces, np.stack(parents, 1), *on_both)
 
 
@@ -214,7 +213,7 @@ def _followers(a: _Chains, b: _Chains, x: Crossings, n: int) -> IntArray:
 
 def _corners(mesh: ClosedMesh) -> Places:
     """The vertices of a mesh as places on it."""
-    return on_half_edges(mesh.first_out, np.zeros(mesh.n))
+    return Places.along(mesh.first_out, np.zeros(mesh.n))
 
 
 def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, FloatArray]:

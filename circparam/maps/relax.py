@@ -200,20 +200,16 @@ class Relaxation:
         jacobian[1] = high * g[:, 2]
         return jacobian, np.stack([x, y], 1)
 
-    def triangles(self, at: TargetPoint) -> tuple[FloatArray, FloatArray]:
-        """Corners of the faces that count, and how they move: see ``Target.triangles``."""
-        return self.target.triangles(at, self.corners, self.counts)
-
     def energy(self, at: TargetPoint) -> float:
         """The mean energy of the faces that count."""
-        jacobian, _ = self.jacobians(self.triangles(at)[0])
+        jacobian, _ = self.jacobians(self.target.triangles(at, self.corners, self.counts)[0])
         return float((dirichlet.energy(jacobian) * self.weight).sum())
 
     def direction(self, at: TargetPoint, resting: BoolArray) -> tuple[FloatArray, float]:
         """((n, 2) Newton's step in the frames, its slope); resting (n,): vertices that stay beside the fixed
         ones.
         """
-        places, frames = self.triangles(at)
+        places, frames = self.target.triangles(at, self.corners, self.counts)
         jacobian, axes = self.jacobians(places)
         n = self.n
         # a corner's frame in the axes of its face; fixed vertices do not move
@@ -243,7 +239,7 @@ class Relaxation:
         """(m,) bool: the face is not turned over, in the domain where it is guarded, else on the target."""
         if self.guard:
             return ~self.development.turned(at.vectors)
-        p, frames = self.triangles(at)
+        p, frames = self.target.triangles(at, self.corners, self.counts)
         normal = np.cross(frames[..., 0], frames[..., 1]).sum(0)
         out = np.ones(len(self.faces), bool)
         out[self.counts] = (np.cross(p[1] - p[0], p[2] - p[0]) * normal).sum(1) > 0

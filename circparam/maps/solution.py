@@ -15,11 +15,10 @@ from circparam.geometry.distortion import (
     has_shape,
 )
 from circparam.maps.cover import Cover, CoverPoints
-from circparam.maps.domain import Domain, common_domain, composed, mended
+from circparam.maps.domain import Domain, along_boundaries, common_domain, composed, mended
 from circparam.maps.geometries import signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
-from circparam.maps.places import along_boundaries
 from circparam.maps.relax import GeometryTarget, MeshTarget, Relaxation
 from circparam.mesh.cut_mesh import rest_triangles_of
 
@@ -53,14 +52,13 @@ class MapSolution:
     """A map over its domain.
 
     covers: of both closed meshes. on_b: places of all vertices of the mesh of A on that of B; on_a: the other
-    way. start: the distortion of A → B before relaxation. relaxed: whether it was relaxed.
+    way. start: the distortion of A → B before relaxation.
     """
 
     covers: tuple[Cover, Cover]
     on_b: CoverPoints
     on_a: CoverPoints
     start: Distortion
-    relaxed: bool
 
     @property
     def inversions(self) -> tuple[int, int]:
@@ -71,35 +69,40 @@ class MapSolution:
 def solve_map(
     a: MapInput, b: MapInput, marks: Landmarks, method: str, relax: bool, monitor: Monitor
 ) -> MapSolution:
-    """The map of two surfaces of one topology. method: the weights of the convex maps.
+    """The map of two surfaces of one topology. method: the weights of the convex maps. marks: get a note where
+    the map cannot be relaxed.
 
     Raises TopologyError if the landmarks have no common layout, NoResultError if double precision cannot
     hold the maps.
     """
     domain = common_domain(a, b, marks, method, monitor)
-    one, two = domain.meshes
+    mesh_a, mesh_b = domain.meshes
+    cover_a, cover_b = mesh_a.cover, mesh_b.cover
     with monitor.stage("compose"):
-        on_b = composed(a, b, marks, one, two)
-        corners = two.cover.mesh.points[two.cover.mesh.faces[on_b.face[: a.n]]]
-        image = interpolated(on_b.weights[: a.n], corners)
-        start = distortion(a.surface.vertex_points, a.surface.corner_vertex, image)
-    found = relaxed(a, b, marks, domain, on_b.take(slice(a.closed.n)), monitor) if relax else None
-    turned = replace(marks, a=marks.b, b=marks.a)
+        on_b = composed(a, b, marks, mesh_a, mesh_b)
+        corners = cover_b.mesh.points[cover_b.mesh.faces[on_b.face[: a.n]]]
+        images = interpolated(on_b.weights[: a.n], corners)
+        start = distortion(a.surface.vertex_points, a.surface.corner_vertex, images)
+    better = relaxed(a, b, marks, domain, on_b.take(slice(a.closed.n)), monitor) if relax else None
+    if better is not None:
+        cover_a, cover_b, on_b = better
+    elif relax:
+        marks.notes.append(
+            "relaxation turns faces over in the common domain: "
+            "the map is the composition of the convex maps without it"
+        )
     with monitor.stage("check"):
-        if found is None:
-            on_a = composed(b, a, turned, two, one)
-            return MapSolution((one.cover, two.cover), on_b, on_a, start, False)
-        mine, cover, on_b = found
         # faces of B that hold a vertex of A know the frame of a face of A; the others have it from a neighbour
         face, vertex = np.unique(on_b.face, return_index=True)
-        corner = mine.mesh.first_out[vertex]
-        root, way = cover.development.rolled_out(face)
-        way = (mine.development.of(corner) @ on_b.turn[vertex])[root] @ way
-        own = two.first // 3  # the face in whose frame each vertex of B lies
-        q = np.einsum("nij,nj->ni", way[own], cover.vectors)
-        on_a = mine.find(q, (corner // 3)[root[own]])
-        on_a.put(*along_boundaries(b, a, turned, mine.mesh))
-        return MapSolution((mine, cover), on_b, on_a, start, True)
+        corner = cover_a.mesh.first_out[vertex]
+        root, way = cover_b.development.rolled_out(face)
+        way = (cover_a.development.of(corner) @ on_b.turn[vertex])[root] @ way
+        own = mesh_b.first // 3  # the face in whose frame each vertex of B lies
+        q = np.einsum("nij,nj->ni", way[own], cover_b.vectors)
+        on_a = cover_a.find(q, (corner // 3)[root[own]])
+        turned = replace(marks, a=marks.b, b=marks.a)
+        on_a.put(*along_boundaries(b, a, turned, cover_a.mesh))
+    return MapSolution((cover_a, cover_b), on_b, on_a, start)
 
 
 def relaxed(
@@ -111,8 +114,8 @@ def relaxed(
     A moves over the surface of B without a guard. The domain of B is relaxed until A is unflipped in it. The
     remaining flips are mended there, else in the domain as it was, and A moves on with the guard.
     """
-    one, two = domain.meshes
-    geometry, whole = domain.base.geometry, one.whole
+    geometry, development = domain.base.geometry, domain.meshes[0].whole
+    cover_b = domain.meshes[1].cover
     fixed = mask_of(a.closed.n, np.array(marks.a)[np.array(marks.exact, bool)])
     fixed[a.n :] = True
     fixed[: a.n] |= a.on_boundary >= 0
@@ -120,41 +123,42 @@ def relaxed(
     rest = a.closed.cut_mesh.rest_triangles / np.sqrt(a.area)
     scale = 1 / float(np.sqrt(b.area))
     with monitor.stage("relax"):
-        target = MeshTarget(two.cover, scale)
-        run = Relaxation(whole, rest, target, fixed, weight, guard=False)
+        target = MeshTarget(cover_b, scale)
+        run = Relaxation(development, rest, target, fixed, weight, guard=False)
         first = target.at(start)
-        begun = run.energy(first)
-        at, _ = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor)
+        start_energy = run.energy(first)
+        free, _ = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor)
     with monitor.stage("domain"):
-        smooth = _untied(b, domain, at.on, monitor)
+        smooth = _without_kinks(b, domain, free.on, monitor)
     with monitor.stage("relax"):
-        for cover in (smooth, two.cover):  # some flips can be mended in one of the domains alone
-            found, q = at, cover.vectors_of(at.on)
-            if whole.turned(q).any():
-                q = mended(geometry, whole, fixed, q)
-                if whole.turned(q).any():
+        for cover in (smooth, cover_b):  # some flips can be mended in one of the domains alone
+            at, q = free, cover.vectors_of(free.on)
+            if development.turned(q).any():
+                q = mended(geometry, development, fixed, q)
+                if development.turned(q).any():
                     continue
-                run.target, run.guard = MeshTarget(cover, scale), True
-                again = run.target.at(cover.found_again(q, at.on), q)
-                found, energy = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
-                if energy > begun:
+                target = MeshTarget(cover, scale)
+                run.target, run.guard = target, True
+                again = target.at(cover.found_again(q, free.on), q)
+                at, energy = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
+                if energy > start_energy:
                     continue
-                q = found.vectors
-            mine = Cover(geometry, whole, q)
-            if not cover.inversions and (signs_of(mine.cones) > 0).all():
-                return mine, cover, found.on
+                q = at.vectors
+            cover_a = Cover(geometry, development, q)
+            if not cover.inversions and (signs_of(cover_a.cones) > 0).all():
+                return cover_a, cover, at.on
     return None
 
 
-def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> Cover:
+def _without_kinks(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> Cover:
     """The mesh of B, its domain relaxed until no face of A is turned over in it, or it gets no better.
 
     Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned over
     where the domain bends under it.
     """
-    one, two = domain.meshes
-    cover, mesh = two.cover, two.cover.mesh
-    turned = one.whole.turned(cover.vectors_of(at)).sum()
+    development, cover = domain.meshes[0].whole, domain.meshes[1].cover
+    mesh = cover.mesh
+    turned = development.turned(cover.vectors_of(at)).sum()
     if not turned:
         return cover
     areas = mesh.cut_mesh.areas * np.where(mesh.parent < 0, CAP_WEIGHT, 1.0)
@@ -168,7 +172,7 @@ def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> C
     for _ in range(DOMAIN_ROUNDS):
         moved, _ = run.run(target.at(cover.vectors), DOMAIN_STEPS, DOMAIN_TOLERANCE, monitor)
         cover = replace(cover, vectors=moved.vectors)
-        before, turned = turned, one.whole.turned(cover.vectors_of(at)).sum()
+        before, turned = turned, development.turned(cover.vectors_of(at)).sum()
         if not 0 < turned < before:
             break
     return cover

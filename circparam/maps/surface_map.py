@@ -49,6 +49,12 @@ class Places:
         """The places of several, one after the other."""
         return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
+    @staticmethod
+    def along(half_edge: IntArray, share: FloatArray) -> "Places":
+        """Places (k) so far along half-edges 3f + corner."""
+        k, t = half_edge % 3, share[:, None]
+        return Places(half_edge // 3, (1 - t) * np.eye(3)[k] + t * np.eye(3)[(k + 1) % 3])
+
     def of(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """(k, d) values ((n, d) a vertex) interpolated at the places; faces: (m, 3) of that mesh."""
         return interpolated(self.weights, values[faces[self.face]])
