@@ -11,8 +11,8 @@ import numpy as np
 from circparam.core.arrays import interpolated, mask_of, next_half_edge, positions_in
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
-from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.geometries import Geometry, counter_clockwise, signs_of, weights_in
+from circparam.maps.map_input import ClosedMesh
 from circparam.maps.surface_map import Places
 
 STRAIGHT_WALK_FACES = 60  # faces that a walk crosses by the edge that its goal lies farthest behind

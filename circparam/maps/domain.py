@@ -27,12 +27,11 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
 from circparam.geometry.intrinsic import signed_areas
-from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import Cover, CoverPoints, Development, own_development, whole_development
 from circparam.maps.geometries import Base, Geometry, base_of, signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.layout import Layout, Tracer, laid_out
-from circparam.maps.map_input import MapInput
+from circparam.maps.map_input import ClosedMesh, MapInput
 from circparam.maps.surface_map import Places
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.region import cut_out, grow
@@ -50,10 +49,11 @@ UNTANGLED_RINGS = (1, 2, 4, 8, 16)
 
 @dataclass(frozen=True, eq=False)
 class PatchedMesh:
-    """One mesh of the domain. patch (m,) of each face, places (m, 3, 3): its corners in barycentric coordinates
-    of the patch; cover; first (n,): the half-edge whose face gives the frame of each vertex; whole: the
-    development before edges were split."""
+    """One mesh over a base, the domain of both meshes. patch (m,) of each face, places (m, 3, 3): its corners
+    in barycentric coordinates of the patch; cover; first (n,): the half-edge whose face gives the frame of each
+    vertex; whole: the development before edges were split."""
 
+    base: Base
     patch: IntArray
     places: FloatArray
     cover: Cover
@@ -61,17 +61,9 @@ class PatchedMesh:
     whole: Development
 
 
-@dataclass(frozen=True, eq=False)
-class Domain:
-    """Both meshes over one triangulation."""
-
-    base: Base
-    meshes: tuple[PatchedMesh, PatchedMesh]
-
-
 def common_domain(
     a: MapInput, b: MapInput, marks: Landmarks, method: str, monitor: Monitor
-) -> Domain:
+) -> tuple[PatchedMesh, PatchedMesh]:
     """Both meshes over one geometry by convex maps of the patches between arcs. Helpers are added to ``marks``.
 
     Raises TopologyError if the landmarks have no common layout, NoResultError if double precision
@@ -94,7 +86,7 @@ def common_domain(
             _patched(t, side, base, regions, method)
             for t, side in zip(layout.tracers, (a, b), strict=True)
         )
-    return Domain(base, (first, second))
+    return first, second
 
 
 def _patched(
@@ -121,7 +113,9 @@ def _patched(
                 f"{collapsed} faces collapse between landmarks, beyond double precision: "
                 "give a landmark at the end of every long thin part"
             )
-    return PatchedMesh(patch, places, cover, first, whole_development(development, side.closed))
+    return PatchedMesh(
+        base, patch, places, cover, first, whole_development(development, side.closed)
+    )
 
 
 def composed(

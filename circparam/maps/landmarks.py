@@ -171,7 +171,7 @@ def close_boundary(
     marks: Landmarks, sides: tuple[MapInput, MapInput], loops: tuple[int, int], corners: list[int]
 ) -> None:
     """Arcs between the landmarks on a pair of boundaries, in order, and from each to a new one at the tip."""
-    u, v = (int(side.tips[k]) for side, k in zip(sides, loops, strict=True))
+    u, v = (side.n + k for side, k in zip(sides, loops, strict=True))
     tip = marks.add(u, v, False)
     marks.corners.append(corners)
     for i, j in zip(corners, [*corners[1:], corners[0]], strict=True):
@@ -253,13 +253,12 @@ def guess(a: MapInput, b: MapInput) -> Landmarks:
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
     error, motion = _best_motion(p, q)
     if _faces_away(a, b, p, q, motion):
-        mirrored = _best_motion(p, q, mirror=True)
-        if mirrored[0] > GUESS_DISTANCE_SIZES * size or _faces_away(a, b, p, q, mirrored[1]):
+        error, motion = _best_motion(p, q, mirror=True)
+        if error > GUESS_DISTANCE_SIZES * size or _faces_away(a, b, p, q, motion):
             raise TopologyError(
                 f"{b.name} is inside out beside {a.name}: where they lie on each other, their fronts face "
                 "opposite ways; turn the faces of one round, which --mirrored does"
             )
-        error, motion = mirrored
     moved = p @ motion[:, :3].T + motion[:, 3]
     if error > GUESS_DISTANCE_SIZES * size:
         raise InputError(
@@ -294,10 +293,9 @@ def _faces_away(a: MapInput, b: MapInput, p: FloatArray, q: FloatArray, motion: 
     """Whether most fronts of b face against those of a after a motion (3, 4), by the nearest vertices."""
     normals = []
     for side in (a, b):
-        face = normals_of(side.surface.vertex_points[side.surface.corner_vertex])
-        corner = side.surface.corner_vertex.ravel()
-        sums = [group_sum(np.repeat(face[:, k], 3), corner, side.n) for k in range(3)]
-        normals.append(unit(np.stack(sums, 1)))
+        corner = side.surface.corner_vertex
+        face = normals_of(side.surface.vertex_points[corner])
+        normals.append(unit(group_sum(np.repeat(face, 3, axis=0), corner.ravel(), side.n)))
     turn = motion[:, :3]
     near = cKDTree(q).query(p @ turn.T + motion[:, 3])[1]
     # a reflection turns the winding of the triangles that it moves

@@ -24,9 +24,8 @@ from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, IntArray
 from circparam.errors import TopologyError
-from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.map_input import MapInput
+from circparam.maps.map_input import ClosedMesh, MapInput
 
 # distances between two landmarks within which a path is looked for at first
 FIRST_RADIUS_DISTANCES = 1.5

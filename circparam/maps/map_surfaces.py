@@ -17,10 +17,9 @@ from circparam.formats.document import Document
 from circparam.formats.sidecars import read_landmarks, read_paths
 from circparam.maps import landmarks as marking
 from circparam.maps.charts import add_charts
-from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import CoverPoints
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.map_input import MapInput, map_input_of, require_same
+from circparam.maps.map_input import ClosedMesh, MapInput, map_input_of, require_same
 from circparam.maps.overlay import refinement
 from circparam.maps.solution import Distortion, MapSolution, distortion, face_energies, solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint

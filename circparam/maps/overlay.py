@@ -19,10 +19,9 @@ from circparam.formats.document import Document
 from circparam.formats.materials import moved_layout
 from circparam.formats.memory import PlainDocument
 from circparam.geometry.closest import closest_on_triangles
-from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.geometries import counter_clockwise, determinants, signs_of
-from circparam.maps.map_input import MapInput
+from circparam.maps.map_input import ClosedMesh, MapInput
 from circparam.maps.solution import MapSolution
 from circparam.maps.surface_map import Places, Refinement, SurfaceMap
 from circparam.mesh.mesh import Mesh, UVMap

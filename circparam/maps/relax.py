@@ -18,7 +18,6 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.cover import Cover, CoverPoints, Development
 from circparam.maps.geometries import Geometry, tangents
-from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import ranks_of
 
@@ -156,15 +155,15 @@ Target: TypeAlias = GeometryTarget | MeshTarget
 class Relaxation:
     """One mesh on its way onto a target.
 
-    development: of the mesh over the domain. rest (m, 3, 2): its faces laid flat. fixed: (n,) bool. weight:
-    (m,) of each face, of sum 1; 0 if a face does not count. guard: faces stay unflipped in the domain, else
-    on the target.
+    development: of the mesh over the domain. size: length that is the unit of its faces. fixed: (n,) bool.
+    weight: (m,) of each face, of sum 1; 0 if a face does not count. guard: faces stay unflipped in the domain,
+    else on the target.
     """
 
     def __init__(
         self,
         development: Development,
-        rest: FloatArray,
+        size: float,
         target: Target,
         fixed: BoolArray,
         weight: FloatArray,
@@ -173,10 +172,9 @@ class Relaxation:
         self.development, self.target, self.fixed, self.guard = development, target, fixed, guard
         self.faces, self.n = development.mesh.faces, len(fixed)
         self.counts = np.flatnonzero(weight > 0)
-        faces = self.faces[self.counts]
-        self.corners = faces.T.copy()
-        part = CutMesh(faces, rest[self.counts], faces[:, 0], self.faces[:0, :2])
-        self.gradients = np.ascontiguousarray(part.gradients.transpose(1, 2, 0))
+        self.corners = self.faces[self.counts].T.copy()
+        gradients = development.mesh.cut_mesh.in_units_of(size).gradients[self.counts]
+        self.gradients = np.ascontiguousarray(gradients.transpose(1, 2, 0))
         self.weight = weight[self.counts]
         self.order = np.argsort(ranks_of(self.development.mesh.cut_mesh), kind="stable")
         rank = np.argsort(self.order)

@@ -14,8 +14,8 @@ from circparam.geometry.distortion import (
     energies_at_best_scale,
     has_shape,
 )
-from circparam.maps.cover import Cover, CoverPoints
-from circparam.maps.domain import Domain, along_boundaries, common_domain, composed, mended
+from circparam.maps.cover import Cover, CoverPoints, Development
+from circparam.maps.domain import PatchedMesh, along_boundaries, common_domain, composed, mended
 from circparam.maps.geometries import signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
@@ -75,8 +75,7 @@ def solve_map(
     Raises TopologyError if the landmarks have no common layout, NoResultError if double precision cannot
     hold the maps.
     """
-    domain = common_domain(a, b, marks, method, monitor)
-    mesh_a, mesh_b = domain.meshes
+    mesh_a, mesh_b = domain = common_domain(a, b, marks, method, monitor)
     cover_a, cover_b = mesh_a.cover, mesh_b.cover
     with monitor.stage("compose"):
         on_b = composed(a, b, marks, mesh_a, mesh_b)
@@ -106,7 +105,12 @@ def solve_map(
 
 
 def relaxed(
-    a: MapInput, b: MapInput, marks: Landmarks, domain: Domain, start: CoverPoints, monitor: Monitor
+    a: MapInput,
+    b: MapInput,
+    marks: Landmarks,
+    domain: tuple[PatchedMesh, PatchedMesh],
+    start: CoverPoints,
+    monitor: Monitor,
 ) -> tuple[Cover, Cover, CoverPoints] | None:
     """(covers of A as read and of B, places of A on B) of low distortion; None if faces stay turned over in the
     domain, or if the repair costs more than the gain.
@@ -114,22 +118,21 @@ def relaxed(
     A moves over the surface of B without a guard. The domain of B is relaxed until A is unflipped in it. The
     remaining flips are mended there, else in the domain as it was, and A moves on with the guard.
     """
-    geometry, development = domain.base.geometry, domain.meshes[0].whole
-    cover_b = domain.meshes[1].cover
+    development, cover_b = domain[0].whole, domain[1].cover
+    geometry = cover_b.geometry
     fixed = mask_of(a.closed.n, np.array(marks.a)[np.array(marks.exact, bool)])
     fixed[a.n :] = True
     fixed[: a.n] |= a.on_boundary >= 0
     weight = np.where(a.closed.parent < 0, 0.0, a.closed.cut_mesh.areas / a.area)
-    rest = a.closed.cut_mesh.rest_triangles / np.sqrt(a.area)
-    scale = 1 / float(np.sqrt(b.area))
+    size, scale = float(np.sqrt(a.area)), 1 / float(np.sqrt(b.area))
     with monitor.stage("relax"):
         target = MeshTarget(cover_b, scale)
-        run = Relaxation(development, rest, target, fixed, weight, guard=False)
+        run = Relaxation(development, size, target, fixed, weight, guard=False)
         first = target.at(start)
         start_energy = run.energy(first)
         free, _ = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor)
     with monitor.stage("domain"):
-        smooth = _without_kinks(b, domain, free.on, monitor)
+        smooth = _without_kinks(b, domain[1], development, free.on, monitor)
     with monitor.stage("relax"):
         for cover in (smooth, cover_b):  # some flips can be mended in one of the domains alone
             at, q = free, cover.vectors_of(free.on)
@@ -150,29 +153,29 @@ def relaxed(
     return None
 
 
-def _without_kinks(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> Cover:
+def _without_kinks(
+    b: MapInput, mesh_b: PatchedMesh, faces_a: Development, at: CoverPoints, monitor: Monitor
+) -> Cover:
     """The mesh of B, its domain relaxed until no face of A is turned over in it, or it gets no better.
 
     Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned over
     where the domain bends under it.
     """
-    development, cover = domain.meshes[0].whole, domain.meshes[1].cover
-    mesh = cover.mesh
-    turned = development.turned(cover.vectors_of(at)).sum()
+    cover, mesh = mesh_b.cover, mesh_b.cover.mesh
+    turned = faces_a.turned(cover.vectors_of(at)).sum()
     if not turned:
         return cover
     areas = mesh.cut_mesh.areas * np.where(mesh.parent < 0, CAP_WEIGHT, 1.0)
-    rest = mesh.cut_mesh.rest_triangles / np.sqrt(areas.sum())
+    size, scale = float(np.sqrt(areas.sum())), 1 / float(np.sqrt(mesh_b.base.area))
     fixed: BoolArray = np.zeros(mesh.n, bool)
     fixed[: b.n] = b.on_boundary >= 0  # it stays on the arcs that both meshes have
-    fixed[b.tips] = True
-    scale = 1 / float(np.sqrt(domain.base.area))
+    fixed[b.n : b.closed.n] = True
     target = GeometryTarget(cover.geometry, scale, cover.development)
-    run = Relaxation(cover.development, rest, target, fixed, areas / areas.sum())
+    run = Relaxation(cover.development, size, target, fixed, areas / areas.sum())
     for _ in range(DOMAIN_ROUNDS):
         moved, _ = run.run(target.at(cover.vectors), DOMAIN_STEPS, DOMAIN_TOLERANCE, monitor)
         cover = replace(cover, vectors=moved.vectors)
-        before, turned = turned, development.turned(cover.vectors_of(at)).sum()
+        before, turned = turned, faces_a.turned(cover.vectors_of(at)).sum()
         if not 0 < turned < before:
             break
     return cover
