@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import first_of_each, group_count, interpolated, next_half_edge
-from circparam.core.graph import components, matching
+from circparam.core.graph import components
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -143,9 +143,12 @@ class ClosedMesh:
         while len(left):
             h = mesh.half_edges(start[left], end[left])
             lower = np.minimum(h, mesh.twin[h])
-            # one edge of a face at most
-            now = matching(-lower, lower // 3, mesh.twin[lower] // 3, len(mesh.faces))
-            now = now[np.argsort(lower[now])]
+            first = np.full(len(mesh.faces), len(mesh.twin))
+            sides = lower // 3, mesh.twin[lower] // 3
+            for side in sides:
+                np.minimum.at(first, side, lower)
+            now = np.flatnonzero((first[sides[0]] == lower) & (first[sides[1]] == lower))
+            now = now[np.argsort(lower[now])]  # one edge of a face at most
             along = np.where(h == lower, share[left], 1 - share[left])
             middle[left[now]] = mesh.n + np.arange(len(now))
             mesh = mesh._split_apart(lower[now], along[now])
