@@ -12,6 +12,8 @@ CODES = {
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 XYZ = ["float x", "float y", "float z"]
 INDEX = "list uchar int vertex_indices"
+UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+UV_PROPERTIES = ("texcoord", *(name for pair in UV_NAMES for name in pair))
 THREE: list[list[object]] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]  # a right triangle
 
 
@@ -125,7 +127,7 @@ def sample(encoding: str, kind: str = "float", uv: str = "") -> bytes:
 
 def plain(rows: list[dict[str, object]]) -> list[dict[str, object]]:
     """Rows without their uv."""
-    return [{k: v for k, v in row.items() if k not in ("s", "t", "texcoord")} for row in rows]
+    return [{k: v for k, v in row.items() if k not in UV_PROPERTIES} for row in rows]
 
 
 def strip_file(encoding: str, strips: list[list[int]]) -> bytes:

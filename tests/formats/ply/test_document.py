@@ -27,6 +27,8 @@ from tests.support.ply_files import (
     INDEX,
     ORDERS,
     THREE,
+    UV_NAMES,
+    UV_PROPERTIES,
     XYZ,
     build,
     naive,
@@ -92,7 +94,8 @@ def ply_files(draw: st.DrawFn) -> bytes:
     ]  # fmt: skip
     uv = draw(st.sampled_from(["", "vertex", "face"]))
     if uv == "vertex":
-        vertex, rows = [*vertex, "float s", "float t"], [[*row, 0.5, 0.25] for row in rows]
+        vertex += [f"float {name}" for name in draw(st.sampled_from(UV_NAMES))]
+        rows = [[*row, 0.5, 0.25] for row in rows]
     if uv == "face":
         face.append("list uchar float texcoord")
         cells = [[*row, [0.5] * 2 * size] for row, size in zip(cells, sizes, strict=True)]
@@ -105,20 +108,32 @@ def ply_files(draw: st.DrawFn) -> bytes:
 
 
 @settings(max_examples=60)
-@given(ply_files(), st.integers(0, 9), st.sampled_from(["vertex", "face", None]))
-def test_generated_files_come_back(data: bytes, seed: int, mode: str | None) -> None:
-    document = read_data(data)
+@given(
+    ply_files(),
+    st.integers(0, 9),
+    st.sampled_from(["vertex", "face", None]),
+    st.sampled_from([b"\n", b"\r\n", b"\r"]),
+)
+def test_generated_files_come_back(data: bytes, seed: int, mode: str | None, end: bytes) -> None:
+    """With the line ends of a text, with what lies behind the elements of a binary file."""
+    behind = b"" if b"format ascii" in data else b"\0behind"
+    document = read_data(data + behind if behind else data.replace(b"\n", end))
+    old = naive(data)
+    names = next((pair for pair in UV_NAMES if {*pair} <= {*old["vertex"][0]}), UV_NAMES[0])
     for uvmap in (smooth_layout(document, seed), layout_with_seams(document, seed)):
         out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv=mode))
-        old, new = naive(data), naive(out.data)
+        assert out.data.endswith(behind)
+        text = out.data.removesuffix(behind)
+        if not behind:
+            assert b"\n" not in text.replace(end, b"")
+            text = text.replace(end, b"\n")
+        new = naive(text)
         n, rows = len(old["vertex"]), plain(old["vertex"])
         assert plain(new["vertex"]) == [rows[k] for k in out.vertex_map]
-        assert ("texcoord" in new["face"][0], "s" in new["vertex"][0]) == (
-            mode == "face",
-            mode != "face",
-        )
+        assert ("texcoord" in new["face"][0]) == (mode == "face")
+        assert ({*UV_PROPERTIES} & {*new["vertex"][0]}) == (set() if mode == "face" else {*names})
         assert (len(out.vertex_map) > n) <= (mode != "face")
-        assert b"comment made by a test\nobj_info kept\n" in out.data
+        assert b"comment made by a test\nobj_info kept\n" in text
         assert new.get("other") == old.get("other")
         for a, b in zip(plain(old["face"]), plain(new["face"]), strict=True):
             assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")
@@ -157,19 +172,6 @@ def test_a_face_whose_list_does_not_fit_has_no_uv() -> None:
     assert uvmap.uv[uvmap.uv_faces[4]].tolist() == [[1, 0], [0, 1], [0.25, 0.75]]
 
 
-def test_names_of_the_uv_are_kept() -> None:
-    data = (
-        sample("ascii", uv="vertex")
-        .replace(b"float s\n", b"float texture_u\n")
-        .replace(b"float t\n", b"float texture_v\n")
-    )
-    document = read_data(data)
-    assert document.uv_sets == (0,)
-    out = encode(document, smooth_layout(document), "ply").data
-    assert b"property float texture_u\nproperty float texture_v\n" in out
-    assert b"property float s\n" not in out
-
-
 @settings(max_examples=80)
 @given(
     st.lists(st.lists(st.integers(-1, 11), min_size=1, max_size=14), min_size=1, max_size=3),
@@ -196,26 +198,6 @@ def test_the_last_index_of_a_type_is_used(n: int) -> None:
     out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv="vertex")).data
     assert (b"list uchar int" in out) == (n + 1 > 256)
     assert naive(out)["face"][1]["vertex_indices"] == [n, 2, n - 1]
-
-
-def test_what_lies_behind_the_elements_is_kept() -> None:
-    data = sample("binary_little_endian", uv="face") + b"\0behind"
-    document = read_data(data)
-    for place in ("vertex", "face"):
-        out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv=place))
-        assert out.data.endswith(b"\0behind")
-
-
-@pytest.mark.parametrize("newline", [b"\r\n", b"\r"])
-def test_line_ends_are_kept(newline: bytes) -> None:
-    data = sample("ascii").replace(b"\n", newline)
-    document = read_data(data)
-    for uvmap in (smooth_layout(document), layout_with_seams(document)):
-        out = encode(document, uvmap, "ply").data
-        assert b"\n" not in out.replace(newline, b"")
-        back = naive(out.replace(newline, b"\n"))
-        old = plain(naive(sample("ascii"))["vertex"])
-        assert plain(back["vertex"])[: len(old)] == old
 
 
 def fan(n: int) -> PlainDocument:
