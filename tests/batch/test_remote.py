@@ -89,38 +89,37 @@ def test_a_glob_of_a_store_and_what_is_missing(s3: tuple[Any, Failing], tmp_path
             list(Listing([address]))
 
 
-def test_the_buffers_of_a_gltf_come_along(s3: tuple[Any, Failing], tmp_path: Path) -> None:
-    system, _ = s3
-    tree = {"buffers": [{"uri": "sub/b.bin"}, {"uri": "data:,x"}], "images": [{"uri": "i.png"}]}
-    for name, data in {
-        "m.gltf": json.dumps(tree).encode(),
-        "sub/b.bin": b"b",
-        "i.png": b"i",
-    }.items():
-        store.again(system.pipe_file, f"bucket/{name}", data)
-    path, digest = fetch("s3://bucket/m.gltf", str(tmp_path / "one"), settings("o"))
-    assert digest is not None
-    assert sorted(p.name for p in (tmp_path / "one").rglob("*") if p.is_file()) == [
-        "b.bin",
-        "m.gltf",
-    ]
-    fetch("s3://bucket/m.gltf", str(tmp_path / "two"), settings("o", copy_assets=True))
-    assert sorted(p.name for p in Path(tmp_path / "two").rglob("*.png")) == ["i.png"]
-    assert Path(path).name == "m.gltf"
+TREE = {"buffers": [{"uri": "sub/b.bin"}, {"uri": "data:,x"}], "images": [{"uri": "i.png"}]}
+# name of a mesh → the files in the store, and which come along: always, and with --copy-assets
+BESIDE: dict[str, tuple[dict[str, bytes], set[str], set[str]]] = {
+    "m.gltf": (
+        {"m.gltf": json.dumps(TREE).encode(), "sub/b.bin": b"b", "i.png": b"i"}, {"b.bin"}, {"i.png"}
+    ),
+    "in/m.obj": (
+        {
+            "in/m.obj": b"mtllib mat\\m.mtl\nv 0 0 0\n",
+            "in/mat/m.mtl": b"newmtl a\nmap_Kd -s 2 2 2 old wood.png\nmap_Bump tex\\bump.png\n",
+            "in/wood.png": b"w",
+            "in/tex/bump.png": b"b",
+        },
+        set(), {"m.mtl", "wood.png", "bump.png"},
+    ),
+}  # fmt: skip
 
 
-def test_the_images_of_a_material_library_come_along(s3, tmp_path):
-    system, _ = s3
-    for name, data in {
-        "in/m.obj": b"mtllib mat\\m.mtl\nv 0 0 0\n",
-        "in/mat/m.mtl": b"newmtl a\nmap_Kd -s 2 2 2 old wood.png\nmap_Bump tex\\bump.png\n",
-        "in/wood.png": b"w",
-        "in/tex/bump.png": b"b",
-    }.items():
-        store.again(system.pipe_file, f"bucket/{name}", data)
-    fetch("s3://bucket/in/m.obj", str(tmp_path / "one"), settings("o", copy_assets=True))
-    found = {p.name for p in (tmp_path / "one").rglob("*") if p.is_file()}
-    assert found == {"m.obj", "m.mtl", "wood.png", "bump.png"}
+@pytest.mark.parametrize("name", BESIDE)
+def test_files_that_a_mesh_names_come_along(name: str, s3: Any, tmp_path: Path) -> None:
+    held, always, copied = BESIDE[name]
+    for other, data in held.items():
+        store.again(s3[0].pipe_file, f"bucket/{other}", data)
+    for asked in (False, True):
+        folder = tmp_path / str(asked)
+        given = settings("o", copy_assets=asked)
+        path, digest = fetch(f"s3://bucket/{name}", str(folder), given)
+        assert digest is not None
+        found = {p.name for p in folder.rglob("*") if p.is_file()}
+        assert found == {Path(path).name, *always, *(copied if asked else ())}
+        assert Path(path).name == Path(name).name
 
 
 def test_an_upload_that_never_succeeds_is_told(s3, tmp_path, monkeypatch):

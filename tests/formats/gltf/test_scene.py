@@ -19,30 +19,50 @@ from tests.support.formats_tools import (
 from tests.support.gltf_files import instanced, small, tree_of
 
 
+def facing(corners: np.ndarray) -> np.ndarray:
+    """(m, 3) normals of triangles (m, 3, 3), twice their areas long."""
+    return np.cross(*np.diff(corners, axis=1).swapaxes(0, 1))
+
+
 @pytest.mark.parametrize("mode", [4, 5, 6])
 @pytest.mark.parametrize("indexed", [False, True])
 def test_strips_fans_and_unindexed(mode: int, indexed: bool) -> None:
+    """A negative determinant reverses the winding (glTF 2.0, 3.7.4); the index list keeps that of the file."""
     rng = np.random.default_rng(0)
     order = rng.permutation(9)
-    points = rng.normal(size=(9, 3)).astype("f4")
     g = GltfMaker()
-    primitive: dict = {"attributes": {"POSITION": g.accessor(points)}, "mode": mode}
+    position = g.accessor(rng.normal(size=(9, 3)).astype("f4"))
+    primitive: dict = {"attributes": {"POSITION": position}, "mode": mode}
     if indexed:
         primitive["indices"] = g.accessor(order.astype("u4"))
     k = order if indexed else np.arange(9)
-    document = read_data(g.model(primitive).glb())
+    plain = read_data(g.model(primitive).glb())
     expected = {
         4: [k[i : i + 3] for i in range(0, 9, 3)],
         5: [k[[i + i % 2, i + 1 - i % 2, i + 2]] for i in range(7)],
         6: [k[[0, i, i + 1]] for i in range(1, 8)],
     }[mode]
-    np.testing.assert_array_equal(document.mesh.faces, expected)
-    kept = tree_of(encode(document, smooth_layout(document), "glb").data)
+    np.testing.assert_array_equal(plain.mesh.faces, expected)
+    kept = tree_of(encode(plain, smooth_layout(plain), "glb").data)
     assert kept["meshes"][0]["primitives"][0]["mode"] == mode
-    uvmap = UVMap(rng.random((3 * len(expected), 2)), np.arange(3 * len(expected)).reshape(-1, 3))
-    assert_round_trip(document, uvmap, "glb")
-    out = encode(document, uvmap, "glb")
-    assert any("strip or fan" in note for note in out.notes) == (mode != 4)
+    g.tree["nodes"][0]["scale"] = [1, -1, 1]
+    mirrored = read_data(g.glb())
+    before = facing(plain.mesh.corners)
+    np.testing.assert_allclose(facing(mirrored.mesh.corners), before * [1, -1, 1], atol=1e-12)
+    count = mirrored.mesh.faces.size
+    uvmap = UVMap(rng.random((count, 2)), np.arange(count).reshape(-1, 3))
+    for document in (plain, mirrored):
+        assert_round_trip(document, uvmap, "glb")
+        out = encode(document, uvmap, "glb")
+        assert any("strip or fan" in note for note in out.notes) == (mode != 4)
+        tree = Tree(out.data, Source("a.glb"))
+        entry = tree.json["meshes"][0]["primitives"][0]
+        points = tree.values(entry["attributes"]["POSITION"])
+        index = tree.integers(entry["indices"]) if "indices" in entry else np.arange(len(points))
+        written = points[index.reshape(-1, 3)]
+        same = np.sort(plain.mesh.corners, axis=1)
+        np.testing.assert_array_equal(np.sort(written, axis=1), same)
+        np.testing.assert_allclose(facing(written), before)
 
 
 def test_nodes_place_meshes_and_a_shared_mesh_is_read_once() -> None:
@@ -196,37 +216,6 @@ def test_normals_stay_upright_on_a_mesh_that_a_node_stretches() -> None:
     flat = np.cross(b - a, c - a)
     found = document.normals()
     np.testing.assert_allclose(found[0], [flat / np.linalg.norm(flat)] * 3, atol=1e-7)
-
-
-@pytest.mark.parametrize("mode", [4, 5, 6])
-def test_a_mirrored_mesh_is_wound_as_it_is_seen(mode: int) -> None:
-    """A negative determinant reverses the winding (glTF 2.0, 3.7.4); the index list keeps that of the file."""
-    rng = np.random.default_rng(1)
-    g = GltfMaker()
-    order = rng.permutation(9).astype("u4")
-    primitive = {
-        "attributes": {"POSITION": g.accessor(rng.normal(size=(9, 3)).astype("f4"))},
-        "indices": g.accessor(order),
-        "mode": mode,
-    }
-    plain = read_data(g.model(primitive).glb())
-    g.tree["nodes"][0]["scale"] = [1, -1, 1]
-    mirrored = read_data(g.glb())
-    before, after = (
-        np.cross(*np.diff(document.mesh.corners, axis=1).swapaxes(0, 1))
-        for document in (plain, mirrored)
-    )
-    np.testing.assert_allclose(after, before * [1, -1, 1], atol=1e-12)
-    count = mirrored.mesh.faces.size
-    uvmap = UVMap(rng.random((count, 2)), np.arange(count).reshape(-1, 3))
-    assert_round_trip(mirrored, uvmap, "glb")
-    tree = Tree(encode(mirrored, uvmap, "glb").data, Source("a.glb"))
-    entry = tree.json["meshes"][0]["primitives"][0]
-    points = tree.values(entry["attributes"]["POSITION"])
-    written = points[tree.integers(entry["indices"]).reshape(-1, 3)]
-    same = np.sort(plain.mesh.corners, axis=1)
-    np.testing.assert_array_equal(np.sort(written, axis=1), same)
-    np.testing.assert_allclose(np.cross(*np.diff(written, axis=1).swapaxes(0, 1)), before)
 
 
 @pytest.mark.parametrize("mirrored_first", [False, True])

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.errors import OptionError
-from circparam.formats import Polygons
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import PlainDocument
+from circparam.formats.polygons import triangulate
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.formats_tools import (
@@ -159,10 +159,8 @@ POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.1, 1e-7]], 
 def document(groups=None, names: tuple[str, ...] = (), features: tuple[str, ...] = ()):
     """A quad, an edge that no triangle has, and a triangle."""
     corners = np.array([0, 1, 2, 3, 0, 1, 1, 4, 2])
-    start = np.array([0, 4, 6, 9])
-    triangles = np.array([[0, 1, 2], [0, 2, 3], [6, 7, 8]])
-    polys = Polygons(corners, start, triangles, np.array([0, 0, 2]))
-    mesh = Mesh(POINTS, corners[triangles], polygons=polys.labels, groups=groups)
+    polys = triangulate(POINTS, corners, np.array([0, 4, 6, 9]))
+    mesh = Mesh(POINTS, corners[polys.triangles], polygons=polys.labels, groups=groups)
     return PlainDocument(
         Source("x"), "off", mesh, features=features, group_names=names, polys=polys
     )

@@ -8,10 +8,10 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.formats import Polygons
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data, stored
 from circparam.formats.memory import PlainDocument, from_arrays
+from circparam.formats.polygons import triangulate
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.formats_tools import (
@@ -204,10 +204,8 @@ def fan(n: int) -> PlainDocument:
     """One polygon of n corners."""
     a = 2 * np.pi * np.arange(n) / n
     points = np.stack([np.cos(a), np.sin(a), 0 * a], 1).astype("f4").astype(float)
-    k = np.arange(1, n - 1)
-    triangles = np.stack([0 * k, k, k + 1], 1)
-    polys = Polygons(np.arange(n), np.array([0, n]), triangles, np.zeros(n - 2, np.int64))
-    mesh = Mesh(points, triangles, polygons=polys.labels)
+    polys = triangulate(points, np.arange(n), np.array([0, n]))
+    mesh = Mesh(points, polys.triangles, polygons=polys.labels)
     return PlainDocument(Source("x"), "off", mesh, polys=polys)
 
 
