@@ -19,15 +19,16 @@ from typing import TYPE_CHECKING, Any
 from circparam._version import __version__
 
 if TYPE_CHECKING:
-    from circparam.integrations.xatlas.atlas import Atlas, Chart, ChartType, parametrize
+    from circparam.integrations.xatlas.atlas import Atlas, parametrize
     from circparam.integrations.xatlas.export import export
+    from circparam.integrations.xatlas.layout import Chart, ChartType
     from circparam.integrations.xatlas.options import ChartOptions, PackOptions
 
 _ROOM = "circparam.integrations.xatlas"
 _HOME = {
     "Atlas": "atlas",
-    "Chart": "atlas",
-    "ChartType": "atlas",
+    "Chart": "layout",
+    "ChartType": "layout",
     "parametrize": "atlas",
     "export": "export",
     "ChartOptions": "options",

@@ -1,16 +1,23 @@
 """``Atlas``, ``Chart``, ``ChartType`` and ``parametrize`` as xatlas-python has them."""
 
-import enum
 import logging
-from typing import Any, NoReturn
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.records import dataclass
+from circparam.core.types import BoolArray
 from circparam.errors import OptionError
+from circparam.geometry.coverage import label_grid, pages_of
 from circparam.integrations.parametrize import FILES, Parametrized
-from circparam.integrations.xatlas.layout import AtlasLayout, MeshLayout, lay_out
+from circparam.integrations.xatlas.layout import (
+    Chart,
+    MeshLayout,
+    lay_out,
+    split,
+    uv_per_unit,
+)
 from circparam.integrations.xatlas.meshes import AddedMesh, MeshError, added_mesh, added_uv_mesh
 from circparam.integrations.xatlas.options import ChartOptions, PackOptions, keywords_of
 from circparam.pipeline.result import Result
@@ -19,32 +26,14 @@ from circparam.render.colours import chart_colours
 log = logging.getLogger("circparam.xatlas")
 
 
-class ChartType(enum.IntEnum):
-    """How a chart was flattened; those of circparam are free-form, which xatlas calls LSCM."""
-
-    Planar = 0
-    Ortho = 1
-    LSCM = 2
-    Piecewise = 3
-    Invalid = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Chart:
-    """One chart. faces: (f,) uint32, numbers of the faces of its mesh. atlas_index: its page."""
-
-    faces: npt.NDArray[np.uint32]
-    atlas_index: int
-    material: int = 0
-    type: ChartType = ChartType.LSCM
-
-
 class Atlas:
     """Meshes that share the pages of one atlas: add them, ``generate``, then ask for each."""
 
     def __init__(self) -> None:
         self._added: list[AddedMesh] = []
-        self._layout: AtlasLayout | None = None
+        self._result: Result | None = None
+        self._meshes: list[MeshLayout] = []
+        self._side = 0
         self._image = False
 
     def add_mesh(
@@ -94,19 +83,20 @@ class Atlas:
         meshes = not self._added[0].laid_out
         asked = keywords_of(charts, pages, meshes=meshes) | keywords
         listener = _to_log if verbose else None
-        self._layout = lay_out(list(self._added), asked, pages.texels_per_unit, listener)
+        self._result, self._side = lay_out(self._added, asked, pages.texels_per_unit, listener)
+        self._meshes = split(self._result, self._added)
         self._image = pages.create_image
 
     @property
     def result(self) -> Result | None:
         """The result of ``circparam.unwrap`` for all meshes together: status, measures, warnings; not in
         xatlas."""
-        return None if self._layout is None else self._layout.result
+        return self._result
 
     @property
     def mesh_count(self) -> int:
         """Number of meshes that are laid out; 0 before ``generate``."""
-        return 0 if self._layout is None else len(self._layout.meshes)
+        return len(self._meshes)
 
     def __len__(self) -> int:
         return self.mesh_count
@@ -114,17 +104,17 @@ class Atlas:
     @property
     def chart_count(self) -> int:
         """Number of charts of all meshes."""
-        return 0 if self._layout is None else self._layout.charts
+        return 0 if self._result is None else self._result.verification.cut_mesh.n_charts
 
     @property
     def atlas_count(self) -> int:
         """Number of pages."""
-        return 0 if self._layout is None else self._layout.pages
+        return 0 if self._result is None else int(self._result.measures["pages"] or 1)
 
     @property
     def width(self) -> int:
         """Texels a side of a page; 0 before ``generate``."""
-        return 0 if self._layout is None else self._layout.side
+        return self._side
 
     @property
     def height(self) -> int:
@@ -134,7 +124,7 @@ class Atlas:
     @property
     def texels_per_unit(self) -> float:
         """Texels for a unit of the meshes."""
-        return 0.0 if self._layout is None else self._layout.texels_per_unit
+        return 0.0 if self._result is None else self._side * uv_per_unit(self._result)
 
     @property
     def utilization(self) -> float:
@@ -143,7 +133,7 @@ class Atlas:
 
     def get_utilization(self, atlas_index: int) -> float:
         """Covered share of a page, 0 to 1. Raises IndexError for one that is not there."""
-        return float((self._page(atlas_index).labels(atlas_index) >= 0).mean())
+        return float((self._labels(atlas_index) >= 0).mean())
 
     @property
     def chart_image(self) -> npt.NDArray[np.uint8]:
@@ -155,9 +145,9 @@ class Atlas:
 
         Raises RuntimeError where ``generate`` ran without ``create_image``, IndexError for no such page.
         """
-        if self._layout is not None and not self._image:
+        if self._result is not None and not self._image:
             raise RuntimeError("The atlas does not have an image: set PackOptions.create_image")
-        labels = self._page(atlas_index).labels(atlas_index)
+        labels = self._labels(atlas_index)
         image = np.zeros((*labels.shape, 3), np.uint8)
         image[labels >= 0] = np.round(255 * chart_colours(labels[labels >= 0].astype(np.int64)))
         return image
@@ -182,31 +172,32 @@ class Atlas:
 
     def get_mesh_chart_count(self, mesh_index: int) -> int:
         """Number of charts of a mesh."""
-        return len(self._mesh(mesh_index).faces)
+        return len(self._mesh(mesh_index).charts)
 
     def get_mesh_chart(self, mesh_index: int, chart_index: int) -> Chart:
         """A chart of a mesh, counted from 0 within the mesh. Raises IndexError for one that is not there."""
-        mesh = self._mesh(mesh_index)
-        if not 0 <= chart_index < len(mesh.faces):
-            _out_of_bounds("Chart", chart_index, f"mesh with {len(mesh.faces)} charts")
-        faces = mesh.faces[chart_index].copy()
-        return Chart(faces, mesh.pages[chart_index], mesh.materials[chart_index])
+        charts = self._mesh(mesh_index).charts
+        _check_index("Chart", chart_index, len(charts), "mesh with {} charts")
+        return replace(charts[chart_index], faces=charts[chart_index].faces.copy())
 
     def _mesh(self, index: int) -> MeshLayout:
-        if self._layout is None or not 0 <= index < self.mesh_count:
-            _out_of_bounds("Mesh", index, f"atlas with {self.mesh_count} meshes")
-        return self._layout.meshes[index]
+        _check_index("Mesh", index, len(self._meshes), "atlas with {} meshes")
+        return self._meshes[index]
 
-    def _page(self, index: int) -> AtlasLayout:
-        if self._layout is None or not 0 <= index < self.atlas_count:
-            _out_of_bounds("Atlas", index, f"{self.atlas_count} pages")
-        return self._layout
+    def _labels(self, page: int) -> npt.NDArray[np.int32]:
+        """(side, side) chart of each texel of a page, −1 where there is none; row 0 is v = 0."""
+        _check_index("Atlas", page, self.atlas_count, "{} pages")
+        found = cast(Result, self._result).verification  # there are pages
+        here: BoolArray = pages_of(found.cut_mesh, found.uv) == page
+        return label_grid(found.cut_mesh, found.uv - [page, 0], self._side, here)
 
 
-def _out_of_bounds(what: str, index: int, there: str) -> NoReturn:
-    raise IndexError(
-        f"{what} index {index} out of bounds for {there}: numbers begin at 0, after generate()"
-    )
+def _check_index(what: str, index: int, count: int, there: str) -> None:
+    if not 0 <= index < count:
+        there = there.format(count)
+        raise IndexError(
+            f"{what} index {index} out of bounds for {there}: numbers begin at 0, after generate()"
+        )
 
 
 def _to_log(stage: str, fraction: float, note: str) -> None:

@@ -1,5 +1,6 @@
 """Meshes on the pages of one atlas, and each mesh's share of them."""
 
+import enum
 import math
 import warnings
 from typing import Any
@@ -10,11 +11,11 @@ import numpy.typing as npt
 from circparam.core.arrays import normals_of, relabel
 from circparam.core.monitor import Listener
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray
+from circparam.core.types import FloatArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
-from circparam.geometry.coverage import chart_boxes, label_grid, pages_of
+from circparam.geometry.coverage import chart_boxes, pages_of
 from circparam.geometry.intrinsic import signed_areas
 from circparam.integrations.python import repack, unwrap
 from circparam.integrations.xatlas.meshes import AddedMesh, joined_document
@@ -32,13 +33,32 @@ FULLEST = 0.9
 FLOAT32: dict[str, Any] = {"format": "ply"}
 
 
+class ChartType(enum.IntEnum):
+    """How a chart was flattened; those of circparam are free-form, which xatlas calls LSCM."""
+
+    Planar = 0
+    Ortho = 1
+    LSCM = 2
+    Piecewise = 3
+    Invalid = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """One chart. faces: (f,) uint32, numbers of the faces of its mesh. atlas_index: its page."""
+
+    faces: npt.NDArray[np.uint32]
+    atlas_index: int
+    material: int = 0
+    type: ChartType = ChartType.LSCM
+
+
 @dataclass(frozen=True, eq=False)
 class MeshLayout:
     """The arrays of one mesh, as xatlas returns them.
 
     vmapping: (k,) vertex of the caller. indices: (m, 3). uvs: (k, 2). page, chart: (k,) of each vertex, charts
-    counted over the whole atlas. faces: the faces of each chart. materials: of each chart. pages: of each
-    chart.
+    counted over the whole atlas.
     """
 
     vmapping: npt.NDArray[np.uint32]
@@ -46,40 +66,7 @@ class MeshLayout:
     uvs: npt.NDArray[np.float32]
     page: npt.NDArray[np.uint32]
     chart: npt.NDArray[np.uint32]
-    faces: list[npt.NDArray[np.uint32]]
-    materials: list[int]
-    pages: list[int]
-
-
-@dataclass(frozen=True, eq=False)
-class AtlasLayout:
-    """The pages of an atlas. result: as ``circparam.unwrap`` gives it, of all meshes side by side. side:
-    texels of a page."""
-
-    result: Result
-    meshes: list[MeshLayout]
-    side: int
-
-    @property
-    def charts(self) -> int:
-        """Number of charts."""
-        return self.result.verification.cut_mesh.n_charts
-
-    @property
-    def pages(self) -> int:
-        """Number of pages."""
-        return int(self.result.measures["pages"] or 1)
-
-    @property
-    def texels_per_unit(self) -> float:
-        """Texels of a page for a unit of the meshes."""
-        return self.side * uv_per_unit(self.result)
-
-    def labels(self, page: int) -> npt.NDArray[np.int32]:
-        """(side, side) chart of each texel of a page, −1 where there is none; row 0 is v = 0."""
-        found = self.result.verification
-        here: BoolArray = pages_of(found.cut_mesh, found.uv) == page
-        return label_grid(found.cut_mesh, found.uv - [page, 0], self.side, here)
+    charts: list[Chart]
 
 
 def uv_per_unit(result: Result) -> float:
@@ -91,12 +78,12 @@ def uv_per_unit(result: Result) -> float:
 
 def lay_out(
     meshes: list[AddedMesh], keywords: dict[str, Any], density: float, listener: Listener | None
-) -> AtlasLayout:
+) -> tuple[Result, int]:
     """Unwrap meshes into one atlas, or pack their uv again; at a density in texels a unit where that is not 0.
 
     keywords: those of ``circparam.unwrap``. With a density, ``resolution`` is the side of every page; without
-    it, one page gets the side that the charts need. Raises OptionError, InputError, NoResultError,
-    OutOfTimeError.
+    it, one page gets the side that the charts need. Returns the result of all meshes side by side, and the
+    texels a side of a page. Raises OptionError, InputError, NoResultError, OutOfTimeError.
     """
     document = joined_document(meshes)
     if keywords.get("keep_uv_seams") and not document.uv_sets:
@@ -107,8 +94,7 @@ def lay_out(
     padding = Options(padding=keywords.get("padding")).padding_texels
     grows = density > 0 and "resolution" not in keywords
     if grows:
-        p = document.mesh.corners
-        normal = normals_of(p)
+        normal = normals_of(document.mesh.corners)
         area = float(np.linalg.norm(normal, axis=1).sum() / 2)
         full = math.ceil(density * math.sqrt(area / FULLEST)) + 2 * padding
         keywords = keywords | {"resolution": full}
@@ -122,7 +108,7 @@ def lay_out(
             result = repack(_in_units(result), resolution=side, **FLOAT32, **packing)
     elif density > 0:
         result = _on_pages(result, density, packing)
-    return AtlasLayout(result, _split(result, meshes), side)
+    return result, side
 
 
 def _in_units(result: Result, scale: FloatArray | float = 1.0) -> Document:
@@ -167,7 +153,7 @@ def _on_pages(result: Result, density: float, packing: dict[str, Any]) -> Result
             pages = min(max(pages + 1, pages * 5 // 4), MOST_PAGES)
 
 
-def _split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
+def split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
     """The layout of each mesh out of that of all."""
     vmapping, indices, uvs = result.vmapping, result.indices.astype(np.int64), result.uvs
     # (m,) chart of each face, −1 where it was set aside, counted in the order of the faces
@@ -193,7 +179,9 @@ def _split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
         numbers = np.unique(mine[mine >= 0])
         order = np.argsort(mine, kind="stable")
         faces = np.split(order, np.searchsorted(mine[order], numbers))[1:]
-        material = added.materials if added.materials is not None else np.zeros(len(mine), np.int64)
+        first = [f[0] for f in faces]
+        material = [0] * len(first) if added.materials is None else added.materials[first].tolist()
+        parts = zip(faces, chart_pages[numbers].tolist(), material, strict=True)
         own = vertex_chart[rows]
         out.append(
             MeshLayout(
@@ -202,9 +190,7 @@ def _split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
                 np.ascontiguousarray(uvs[rows]),
                 page[rows].astype(np.uint32),
                 np.where(own < 0, NO_CHART, own).astype(np.uint32),
-                [f.astype(np.uint32) for f in faces],
-                [int(material[f[0]]) for f in faces],
-                chart_pages[numbers].tolist(),
+                [Chart(f.astype(np.uint32), page, kind) for f, page, kind in parts],
             )
         )
     return out
