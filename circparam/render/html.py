@@ -153,14 +153,8 @@ def drawable(layouts: Sequence[PageLayout]) -> list[PageLayout]:
 
 def _panels(k: int, layout: PageLayout, count: int) -> str:
     """The two panels of a layout, each with its name; those of the first have no number."""
-    several = count > 1
-    return piece(
-        "panels",
-        k=k,
-        number=f"-{k}" if k else "",
-        surface=layout.name if several else "Surface",
-        of=f" of {layout.name}" if several else "",
-    )
+    name, of = (layout.name, f" of {layout.name}") if count > 1 else ("Surface", "")
+    return piece("panels", k=k, number=f"-{k}" if k else "", surface=name, of=of)
 
 
 def _choice(layouts: Sequence[PageLayout], meshes: Sequence[str]) -> str:

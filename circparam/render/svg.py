@@ -4,8 +4,7 @@ Three squares side by side, each a group of its own (``layout``, ``checker``, ``
 every chart is one path; in the last faces of one chart and of one step of the colour scale are.
 """
 
-import re
-from xml.sax.saxutils import escape
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from circparam.core.types import FloatArray, IntArray
 from circparam.render import colours as col
 from circparam.render.figures import PictureOptions, counts
 from circparam.render.scene import Scene
+from circparam.render.templates import fill_in, piece, viewer_file
 from circparam.render.views import checker_cells, layout_line_weight
 
 SVG_UNITS = 1000  # svg units for one uv unit
@@ -64,63 +64,42 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
     width, height = (u1 - u0) * SVG_UNITS, (v1 - v0) * SVG_UNITS
     pad, text = 0.02 * max(width, height), 0.024 * max(width, height)
     stroke = max(width, height) / 900
-    thin = stroke * layout_line_weight(scene)
-    head, foot = 3.4 * text, 2.4 * text
-    whole = 3 * width + 4 * pad
-    view = f"{-pad:g} {-head:g} {whole:g} {height + head + foot:g}"
-    colours = col.chart_colours(np.arange(max(scene.n_charts, 1)))
-    charts = [
-        f'<path id="chart-{chart}" fill="{col.hex_code(col.mix(colours[chart], np.ones(3), 0.5))}" d="{d}"/>'
-        for chart, d in _paths(scene).items()
-    ]
-    pieces = {"layout": "", "checker": _checker(scene), "distortion": _distortion(scene, options)}
-    names = {"layout": "Layout", "checker": "Checker", "distortion": "Distortion"}
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}" width="1800">',
-        f"<title>{_escape(options.title)}</title>",
-        f'<rect x="{-pad:g}" y="{-head:g}" width="{whole:g}" height="{height + head + foot:g}" '
-        f'fill="{col.PAPER}"/>',
-        f'<g font-family="sans-serif" font-size="{text:g}" fill="{col.INK}">',
-        f'<text y="{-2.1 * text:g}">{_escape(options.title)}</text>',
-        f'<text x="{3 * width + 2 * pad:g}" y="{-2.1 * text:g}" text-anchor="end" fill="{col.MUTED}">'
-        f"{_escape(counts(scene, options))}</text>",
-        "</g>",
-    ]
-    for k, (name, inside) in enumerate(pieces.items()):
-        fills = charts if name == "layout" else [d.replace(' id="', ' data-id="') for d in charts]
-        lines += [
-            f'<g id="{name}" transform="translate({k * (width + pad):g})">',
-            f'<text y="{-0.6 * text:g}" font-family="sans-serif" font-size="{text:g}" '
-            f'fill="{col.INK}">{names[name]}</text>',
-            f'<rect width="{width:g}" height="{height:g}" fill="{col.PANEL}"/>',
-            f'<g stroke="{col.HAIRLINE}" stroke-width="{stroke:g}" fill="none">',
-            *_grid(u0, v0, u1, v1),
-            "</g>",
-            inside if name == "distortion" else "",
-            f'<g stroke="{col.INK}" stroke-width="{thin:g}" stroke-linejoin="round" '
-            f'fill-rule="evenodd">',
-            *(
-                fills
-                if name != "distortion"
-                else [re.sub(' fill="[^"]*', ' fill="none', d) for d in fills]
-            ),
-            "</g>",
-            inside if name == "checker" else "",
-            "</g>",
+    colours = [col.mix(c, np.ones(3), 0.5) for c in col.chart_colours(np.arange(scene.n_charts))]
+    paths = [(k, col.hex_code(colours[k]), d) for k, d in _paths(scene).items()]
+    shared: dict[str, Any] = {name.lower(): code for name, code in col.LIGHT.items()}
+    shared |= {"size": text, "width": width, "height": height}
+    groups = ""
+    for k, label in enumerate(("Layout", "Checker", "Distortion")):
+        kind = "id" if label == "Layout" else "data-id"
+        charts = [
+            piece("chart", id=kind, chart=chart, d=d, fill="none" if k == 2 else fill)
+            for chart, fill, d in paths
         ]
-    lines.append(_legend(2 * (width + pad), height + 0.5 * text, width, text, options.scale_end))
-    return "\n".join([line for line in lines if line] + ["</svg>", ""])
+        groups += piece(
+            "square", name=label.lower(), label=label, x=k * (width + pad), above=-0.6 * text,
+            stroke=stroke, thin=stroke * layout_line_weight(scene),
+            GRID="".join(_grid(u0, v0, u1, v1)), CHARTS="".join(charts),
+            BELOW=_distortion(scene, options) if label == "Distortion" else "",
+            ABOVE=_checker(scene) if label == "Checker" else "", **shared,
+        )  # fmt: skip
+    return fill_in(
+        viewer_file("figure.svg"), left=-pad, top=-3.4 * text, whole=3 * width + 4 * pad,
+        tall=height + 5.8 * text, line=-2.1 * text, right=3 * width + 2 * pad,
+        title=_printable(options.title), counts=_printable(counts(scene, options)), GROUPS=groups,
+        LEGEND=_legend(2 * (width + pad), height + 0.5 * text, width, text, options.scale_end),
+        **shared,
+    )  # fmt: skip
 
 
 def _paths(scene: Scene, label: IntArray | None = None) -> dict[int, str]:
     """Chart or label → the data of a path with all its loops."""
     u0, _, _, v1 = scene.bounds
     parts: dict[int, list[str]] = {}
-    for piece, uv in outlines(scene, label):
+    for part, uv in outlines(scene, label):
         xy = np.stack([uv[:, 0] - u0, v1 - uv[:, 1]], 1) * SVG_UNITS
         points = " ".join(f"{x:.2f},{y:.2f}" for x, y in xy.tolist())
-        parts.setdefault(piece, []).append(f"M{points}Z")
-    return {piece: "".join(loops) for piece, loops in parts.items()}
+        parts.setdefault(part, []).append(f"M{points}Z")
+    return {part: "".join(loops) for part, loops in parts.items()}
 
 
 def _checker(scene: Scene) -> str:
@@ -129,13 +108,8 @@ def _checker(scene: Scene) -> str:
     cell = SVG_UNITS / checker_cells(scene)
     # cells begin at uv 0, wherever the picture does
     x, y = (-u0 * SVG_UNITS) % (2 * cell), (v1 * SVG_UNITS) % (2 * cell)
-    everything = "".join(_paths(scene).values())
-    return (
-        f'<pattern id="cells" patternUnits="userSpaceOnUse" x="{x:g}" y="{y:g}" width="{2 * cell:g}" '
-        f'height="{2 * cell:g}"><path fill="{col.INK}" fill-opacity="0.28" '
-        f'd="M0,0h{cell:g}v{cell:g}h{-cell:g}zM{cell:g},{cell:g}h{cell:g}v{cell:g}h{-cell:g}z"/></pattern>'
-        f'<path id="cells-on-charts" fill="url(#cells)" fill-rule="evenodd" d="{everything}"/>'
-    )
+    whole = "".join(_paths(scene).values())
+    return piece("cells", x=x, y=y, cell=cell, twice=2 * cell, ink=col.INK, d=whole)
 
 
 def _distortion(scene: Scene, options: PictureOptions) -> str:
@@ -146,30 +120,26 @@ def _distortion(scene: Scene, options: PictureOptions) -> str:
     label = np.where(scene.mapped, scene.chart * (COLOUR_STEPS + 1) + step, -1)
     ramp = [*map(col.hex_code, col.distortion_map(2 * COLOUR_STEPS)[1::2]), col.FLIP]
     by_step: dict[int, list[str]] = {}
-    for piece, d in _paths(scene, label).items():
-        by_step.setdefault(piece % (COLOUR_STEPS + 1), []).append(d)
+    for part, d in _paths(scene, label).items():
+        by_step.setdefault(part % (COLOUR_STEPS + 1), []).append(d)
     # a stroke of the same colour closes the gaps that drawing programs leave between neighbours
-    return "".join(
-        f'<path fill="{ramp[k]}" stroke="{ramp[k]}" stroke-width="0.4" fill-rule="evenodd" d="{"".join(ds)}"/>'
-        for k, ds in sorted(by_step.items())
-    )
+    parts = (piece("step", fill=ramp[k], d="".join(ds)) for k, ds in sorted(by_step.items()))
+    return "".join(parts)
 
 
 def _legend(x: float, y: float, width: float, text: float, end: float) -> str:
     """The colour scale below the last square."""
-    ramp = col.distortion_map(COLOUR_STEPS)
     left, bar = x + 7 * text, max(width - 14 * text, width / 4)
     each = bar / COLOUR_STEPS
+    size = {"y": y, "width": each * 1.02, "height": 0.7 * text}
     boxes = "".join(
-        f'<rect x="{left + k * each:.2f}" y="{y:.2f}" width="{each * 1.02:.2f}" height="{0.7 * text:.2f}" '
-        f'fill="{col.hex_code(c)}"/>'
-        for k, c in enumerate(ramp)
+        piece("colour", x=left + k * each, fill=col.hex_code(c), **size)
+        for k, c in enumerate(col.distortion_map(COLOUR_STEPS))
     )
-    return (
-        f'<g font-family="sans-serif" font-size="{0.8 * text:g}" fill="{col.MUTED}">'
-        f'<text x="{left - 0.4 * text:g}" y="{y + 0.65 * text:g}" text-anchor="end">1 is perfect</text>{boxes}'
-        f'<text x="{left + bar + 0.4 * text:g}" y="{y + 0.65 * text:g}">{end:g} or more</text></g>'
-    )
+    return piece(
+        "scale", size=0.8 * text, muted=col.MUTED, BOXES=boxes, top=end, low=y + 0.65 * text,
+        begin=left - 0.4 * text, end=left + bar + 0.4 * text,
+    )  # fmt: skip
 
 
 def _grid(u0: float, v0: float, u1: float, v1: float) -> list[str]:
@@ -184,7 +154,6 @@ def _grid(u0: float, v0: float, u1: float, v1: float) -> list[str]:
     ]
 
 
-def _escape(text: str) -> str:
+def _printable(text: str) -> str:
     """Text for XML, which has no place for control characters and halves of surrogate pairs."""
-    kept = "".join(c if c >= " " and not "\ud800" <= c <= "\udfff" else "\ufffd" for c in text)
-    return escape(kept)
+    return "".join(c if c >= " " and not "\ud800" <= c <= "\udfff" else "\ufffd" for c in text)

@@ -18,15 +18,9 @@ def document(
     """A whole page. title, note: texts of its heading. style, content, script: as they stand in the page.
     attributes: of the body."""
     return fill_in(
-        viewer_file("page.html"),
-        version=__version__,
-        title=title,
-        note=note,
-        STYLE=style,
-        CONTENT=content,
-        SCRIPT=script,
-        BODY=attributes,
-    )
+        viewer_file("page.html"), version=__version__, title=title, note=note, STYLE=style,
+        CONTENT=content, SCRIPT=script, BODY=attributes,
+    )  # fmt: skip
 
 
 def piece(name: str, /, **fields: object) -> str:
@@ -43,11 +37,15 @@ def _pieces() -> dict[str, str]:
 
 
 def fill_in(template: str, /, **fields: object) -> str:
-    """Replace every %name% by text and every %NAME% by markup; replaced text is not searched again."""
+    """Replace every %name% by text or a number, and every %NAME% by markup.
+
+    Replaced text is not searched again.
+    """
     names = "|".join(map(re.escape, fields))
 
     def value(found: re.Match[str]) -> str:
-        text = str(fields[found[1]])
+        field = fields[found[1]]
+        text = f"{field:g}" if isinstance(field, float) else str(field)
         return escaped(text) if found[1].islower() else text
 
     return re.sub(f"%({names})%", value, template)
