@@ -1,6 +1,5 @@
 """Baked images on the disk: as PNG, one a tile, or inside a GLB whose materials show them."""
 
-import io
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode
+from circparam.formats.materials import encoded_image
 from circparam.formats.source import Source
 from circparam.formats.table import axis_up, up_of
 from circparam.maps.surface_map import SurfaceMap
@@ -119,10 +119,8 @@ def _gloss_notes(document: Document) -> list[str]:
 
 def png(array: Texels, level: int = 7) -> bytes:
     """A tile as PNG bytes; level: of compression, 0 to 9."""
-    out = io.BytesIO()
     image = Image.fromarray(array[..., 0] if array.shape[2] == 1 else array)
-    image.save(out, "PNG", compress_level=level)
-    return out.getvalue()
+    return encoded_image(image, compress_level=level)
 
 
 def embed(

@@ -131,13 +131,14 @@ def _write(found: "list[Comparison]", sizes: "list[Size] | None", given: dict[st
     if given["csv_file"] is not None:
         contents[Path(given["csv_file"])] = _csv(found).encode("utf-8", "surrogateescape")
     if given["report"] is not None or given["plot"] is not None:
+        from circparam.formats.materials import encoded_image
         from circparam.render.compare_page import compare_page, compare_plot
-        from circparam.render.picture import png_bytes
 
         if given["report"] is not None:
             contents[Path(given["report"])] = compare_page(found, sizes or ()).encode()
         if given["plot"] is not None:
-            contents[Path(given["plot"])] = png_bytes(compare_plot(found))
+            plot = compare_plot(found)
+            contents[Path(given["plot"])] = encoded_image(plot, optimize=True)
     if contents:  # all or none
         write_files(contents, overwrite=True)
 

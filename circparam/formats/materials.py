@@ -178,6 +178,13 @@ def decode(data: bytes, name: str) -> "Image.Image":
     return image.convert("RGBA" if has_alpha else "RGB")
 
 
+def encoded_image(image: "Image.Image", kind: str = "PNG", **options: int) -> bytes:
+    """An image as the bytes of a file. options: of Pillow's writer for the kind."""
+    out = io.BytesIO()
+    image.save(out, kind, **options)
+    return out.getvalue()
+
+
 def grey_of_16_bit(image: "Image.Image") -> npt.NDArray[np.uint16] | None:
     """(h, w) the pixels of a grey image of 16 bit, which Pillow would clip to 8; None for any other image."""
     if not image.mode.startswith("I"):

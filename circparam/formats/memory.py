@@ -1,6 +1,5 @@
 """Meshes that come from memory: arrays and trimesh objects."""
 
-import io
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
-from circparam.formats.materials import Textures
+from circparam.formats.materials import Textures, encoded_image
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -149,10 +148,9 @@ class TrimeshDocument(PlainDocument):
         image = self.image
         if image is None or self.layout is None:
             return None
-        out = io.BytesIO()
-        (image if image.mode in ("L", "RGB", "RGBA") else image.convert("RGBA")).save(out, "PNG")
+        data = encoded_image(image if image.mode in ("L", "RGB", "RGBA") else image.convert("RGBA"))
         m = len(self.mesh.faces)
-        return Textures((out.getvalue(),), ("texture.png",), np.zeros(m, np.int64), np.ones((m, 3)))
+        return Textures((data,), ("texture.png",), np.zeros(m, np.int64), np.ones((m, 3)))
 
 
 def _colours(given: Any, n: int) -> FloatArray | None:

@@ -3,8 +3,6 @@
 Bar charts are SVG, on a logarithmic scale where values spread over more than a decade.
 """
 
-import base64
-import io
 import itertools
 import math
 import os
@@ -15,6 +13,7 @@ from PIL import Image, ImageDraw
 
 from circparam.compare.rows import Comparison, Entry
 from circparam.core.records import dataclass
+from circparam.formats.materials import encoded_image
 from circparam.render import colours as col
 from circparam.render.figures import PictureOptions
 from circparam.render.html import PageLayout, aspect, drawable, viewer, viewer_script
@@ -28,7 +27,7 @@ from circparam.render.side_by_side import (
     draw_layouts,
     scenes_of,
 )
-from circparam.render.templates import document, page_style, piece, viewer_file
+from circparam.render.templates import data_address, document, page_style, piece, viewer_file
 from circparam.render.text import fitted, width, write
 
 STAGE_COLOURS = (col.CHARTS[0], col.CHARTS[1], col.CHARTS[4], col.CHARTS[2])
@@ -88,19 +87,13 @@ def _section(shown: Comparison, scenes: Sequence[Scene | None], first: int) -> s
     drawn = zip(shown.rows, draw_layouts(scenes), strict=True)
     cards = [_card(row, p, None if p is None else next(numbers)) for row, p in drawn]
     flips = any(row.figure("flips") for row in shown.rows)
+    plots = (("seconds", "Seconds"), ("distortion", "Distortion (1 is perfect), bars from 1"))
     return piece(
-        "compared",
-        title=_title(shown),
-        faces=f"{shown.faces:,}",
-        cut=shown.cut,
-        ramp=",".join(col.hex_code(c) for c in col.distortion_map(16)),
-        end=f"{col.DISTORTION_END:g}",
-        FLIPS=piece("flips", colour=col.FLIP) if flips else "",
-        CARDS="".join(cards),
-        TABLE=_table(shown.rows, _title(shown)),
-        PLOTS=bars(shown.rows, "seconds", "Seconds")
-        + bars(shown.rows, "distortion", "Distortion (1 is perfect), bars from 1"),
-    )
+        "compared", title=_title(shown), faces=f"{shown.faces:,}", cut=shown.cut,
+        ramp=",".join(col.hex_code(c) for c in col.distortion_map(16)), end=col.DISTORTION_END,
+        FLIPS=piece("flips", colour=col.FLIP) if flips else "", CARDS="".join(cards),
+        TABLE=_table(shown), PLOTS="".join(bars(shown.rows, *plot) for plot in plots),
+    )  # fmt: skip
 
 
 def _card(row: Entry, pictures: Pictures | None, number: int | None) -> str:
@@ -127,17 +120,16 @@ def _card(row: Entry, pictures: Pictures | None, number: int | None) -> str:
 
 def png_url(image: Image.Image) -> str:
     """An image as the address of itself, in 128 colours."""
-    out = io.BytesIO()
-    image.quantize(128, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()
+    few = image.quantize(128, dither=Image.Dither.NONE)
+    return data_address(encoded_image(few, optimize=True), "image/png")
 
 
-def _table(rows: Sequence[Entry], title: str) -> str:
+def _table(shown: Comparison) -> str:
     """All figures, a column only where some row has a value; a click on a heading sorts."""
-    keys = [k for k in COLUMNS if any(r.figure(k) is not None for r in rows)]
-    best = {k: _best(rows, k) for k in keys}
-    body = []
-    for row in rows:
+    keys = [k for k in COLUMNS if any(r.figure(k) is not None for r in shown.rows)]
+    best = {k: _best(shown.rows, k) for k in keys}
+    body = ""
+    for row in shown.rows:
         cells = ""
         for k in keys:
             value = row.figure(k)
@@ -145,14 +137,10 @@ def _table(rows: Sequence[Entry], title: str) -> str:
             first = row.status == "ok" and value is not None and value == best[k]
             mark = " class=best" if first else ""
             cells += piece("cell", value=number, BEST=mark, text=cell_text(k, value))
-        body.append(piece("row", name=row.method, CELLS=cells))
-    return piece(
-        "table",
-        label=f"Figures of {title}",
-        SORTABLE=' class="sortable"',
-        HEADS="".join(piece("sorting", text=t) for t in ("method", *(COLUMNS[k] for k in keys))),
-        ROWS="".join(body),
-    )
+        body += piece("row", name=row.method, CELLS=cells)
+    heads = "".join(piece("sorting", text=t) for t in ("method", *(COLUMNS[k] for k in keys)))
+    label, kind = f"Figures of {_title(shown)}", ' class="sortable"'
+    return piece("table", label=label, SORTABLE=kind, HEADS=heads, ROWS=body)
 
 
 def _best(rows: Sequence[Entry], key: str) -> float | None:
@@ -315,7 +303,7 @@ def bars(rows: Sequence[Entry], key: str, title: str) -> str:
 
 
 def _text(x: float, y: float, text: str, kind: str, anchor: str = "start") -> str:
-    return piece("text", x=f"{x:g}", y=y, text=text, kind=kind, anchor=anchor)
+    return piece("text", x=x, y=y, text=text, kind=kind, anchor=anchor)
 
 
 def _rectangle(x: float, y: float, wide: float, high: float, colour: str) -> str:

@@ -20,7 +20,14 @@ from circparam.render.coarser import MOST_PAGE_FACES, coarser
 from circparam.render.figures import Figures, PageImages, PictureOptions, counts, scene_figures
 from circparam.render.packed import box, pack_geometry, uv_span
 from circparam.render.scene import Scene
-from circparam.render.templates import document, fill_in, page_style, piece, viewer_file
+from circparam.render.templates import (
+    data_address,
+    document,
+    fill_in,
+    page_style,
+    piece,
+    viewer_file,
+)
 from circparam.render.views import checker_cells, layout_line_weight
 
 SCRIPTS = [
@@ -210,8 +217,7 @@ def _meta(layout: PageLayout) -> dict[str, Any]:
     files: list[str] = []
     ranges: list[dict[str, int]] = []  # runs of faces with one image, in the order of the faces
     if images is not None:
-        coded = ((kind, base64.b64encode(data).decode()) for data, kind in images.files)
-        files = [f"data:{kind};base64,{text}" for kind, text in coded]
+        files = [data_address(*file) for file in images.files]
         runs = np.unique(np.sort(images.face), return_index=True, return_counts=True)
         keys = ("image", "first", "count")
         ranges = [dict(zip(keys, map(int, run), strict=True)) for run in zip(*runs, strict=True)]

@@ -1,6 +1,5 @@
 """The picture of a layout: one PNG of the plane, the surface and the distortion; or the layout as SVG."""
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from PIL import Image, ImageDraw
 from circparam.core.files import write_files
 from circparam.core.types import FloatArray
 from circparam.errors import OutputError
+from circparam.formats.materials import encoded_image
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.pipeline.result import Result
 from circparam.render import colours as col
@@ -135,13 +135,6 @@ def _figures(draw: ImageDraw.ImageDraw, y: int, figures: Figures) -> None:
         write(draw, (x, y + 38), fitted(draw, label, 16, step - 12), 16, col.MUTED)
 
 
-def png_bytes(image: Image.Image) -> bytes:
-    """The image as PNG."""
-    out = io.BytesIO()
-    image.save(out, "PNG", optimize=True)
-    return out.getvalue()
-
-
 def save_preview(
     path: str | Path,
     mesh: Mesh,
@@ -190,7 +183,7 @@ def save_scene(
     """
     kind = path.suffix.lower()
     if kind == ".png":
-        data = png_bytes(draw_figure(scene, options, figures))
+        data = encoded_image(draw_figure(scene, options, figures), optimize=True)
     elif kind == ".svg":
         data = figure_svg(scene, options).encode()
     elif kind == ".html":

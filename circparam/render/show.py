@@ -1,8 +1,5 @@
 """From a document to its picture: a uv set of a file, with the file's own textures where a page shows them."""
 
-import base64
-import html
-import io
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +13,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.materials import decode, media_type
+from circparam.formats.materials import decode, encoded_image, media_type
 from circparam.formats.table import axis_up
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
@@ -35,6 +32,7 @@ from circparam.render.html import PageLayout
 from circparam.render.picture import save_result, save_scene
 from circparam.render.scene import Scene, make_scene, with_instances
 from circparam.render.svg import figure_svg
+from circparam.render.templates import data_address, piece
 from circparam.render.texture import LARGEST_SIDE_TEXELS, unmoved
 
 PICTURE_SUFFIXES = (".png", ".svg", ".html")
@@ -172,9 +170,7 @@ def page_images(document: Document, uv_set: int) -> tuple[PageImages | None, str
         except InputError as error:
             notes.append(str(error))
             # a grey texel stands for it
-            out = io.BytesIO()
-            Image.new("RGB", (1, 1), (200, 204, 210)).save(out, "PNG")
-            files.append((out.getvalue(), "image/png"))
+            files.append((encoded_image(Image.new("RGB", (1, 1), (200, 204, 210))), "image/png"))
     return PageImages(files, found.face), "", notes
 
 
@@ -191,12 +187,9 @@ def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes,
     if known and max(image.size) <= LARGEST_SIDE_TEXELS and len(data) <= 3_000_000:
         return data, kind
     image.thumbnail((LARGEST_SIDE_TEXELS, LARGEST_SIDE_TEXELS))
-    out = io.BytesIO()
     if image.mode == "RGBA":
-        image.save(out, "PNG", optimize=True)
-        return out.getvalue(), "image/png"
-    image.save(out, "JPEG", quality=85)
-    return out.getvalue(), "image/jpeg"
+        return encoded_image(image, optimize=True), "image/png"
+    return encoded_image(image, "JPEG", quality=85), "image/jpeg"
 
 
 def view(
@@ -232,8 +225,5 @@ def notebook_picture(result: Result) -> str:
     """The layout of a result as an inline picture, below its line, for notebooks."""
     scene = make_scene(result.mesh.points, result.mesh.faces, result.uv, result.uv_faces)
     picture = figure_svg(scene, PictureOptions(title="", padding=result.options.padding_uv))
-    encoded = base64.b64encode(picture.encode()).decode()
-    return (
-        f"<p>{html.escape(str(result))}</p>"
-        f'<img alt="layout" style="max-width: 480px" src="data:image/svg+xml;base64,{encoded}">'
-    )
+    address = data_address(picture.encode(), "image/svg+xml")
+    return piece("notebook", result=str(result), address=address)

@@ -3,6 +3,7 @@
 A template has places %name% for text and %NAME% for markup.
 """
 
+import base64
 import html
 import re
 from functools import cache
@@ -54,6 +55,11 @@ def fill_in(template: str, /, **fields: object) -> str:
 def escaped(text: str) -> str:
     """Text for a page: no markup, and no halves of surrogate pairs, which names on a disk may hold."""
     return html.escape(text.encode("utf-8", "replace").decode())
+
+
+def data_address(data: bytes, kind: str) -> str:
+    """The content of a file, of a media type, as the address of itself."""
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
 
 def viewer_file(name: str) -> str:

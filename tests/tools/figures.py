@@ -19,13 +19,14 @@ from circparam.compare.rows import Comparison, Entry
 from circparam.core.arrays import next_half_edge
 from circparam.errors import CircparamError
 from circparam.formats.io import read
+from circparam.formats.materials import encoded_image
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import UVMap
 from circparam.methods import METHODS
 from circparam.render.colours import distortion_map
 from circparam.render.compare_page import compare_plot
 from circparam.render.figures import PictureOptions, as_figures
-from circparam.render.picture import draw_figure, png_bytes, to_image
+from circparam.render.picture import draw_figure, to_image
 from circparam.render.scene import make_scene
 from tests.support import shapes
 from tests.support.assembly import assemble, kinds, write_parts
@@ -65,7 +66,7 @@ def save(name: str, image: Image.Image) -> None:
     colours = np.array(small.getpalette()).reshape(-1, 3)
     colours[small.getpixel((0, 0))] = 255  # paper stays white, whatever was averaged into it
     small.putpalette(colours.ravel().tolist())
-    data = png_bytes(small)
+    data = encoded_image(small, optimize=True)
     if len(data) >= LIMIT:
         raise SystemExit(f"{path} has {len(data)} bytes, the limit is {LIMIT}: draw it smaller")
     path.write_bytes(data)

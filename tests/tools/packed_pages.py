@@ -15,8 +15,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from circparam import samples, unwrap
+from circparam.formats.materials import encoded_image
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.render.picture import png_bytes
 from tests.bench.atlases import PYTHONS, run_peer
 from tests.bench.packing import RESOLUTION, SPARROW_SECONDS, Charts
 from tests.support.machined import MACHINED
@@ -111,7 +111,7 @@ def main() -> int:
         shown[name] = pages(mesh, pythons)
         print(name, list(shown[name]), flush=True)
     small = drawn(shown).quantize(128, dither=Image.Dither.NONE)
-    data = png_bytes(small)
+    data = encoded_image(small, optimize=True)
     if len(data) >= LIMIT:
         raise SystemExit(f"{TARGET} has {len(data)} bytes, the limit is {LIMIT}")
     TARGET.write_bytes(data)

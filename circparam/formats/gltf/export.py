@@ -1,6 +1,5 @@
 """Any document as a new GLB or glTF, with its materials, images, colours and normals."""
 
-import io
 import json
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -25,7 +24,7 @@ from circparam.formats.gltf.document import store_grouping, store_pages
 from circparam.formats.gltf.editing import file_uv, stored_uv
 from circparam.formats.gltf.reading import Json, Tree
 from circparam.formats.gltf.scene import unit_rows
-from circparam.formats.materials import Textures, decode, linear, media_type
+from circparam.formats.materials import Textures, decode, encoded_image, linear, media_type
 from circparam.formats.source import Source
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import Mesh, UVMap
@@ -75,10 +74,9 @@ def appearance_of(document: Document, with_colours: bool) -> Appearance:
         for data, name in zip(found.images, found.names, strict=True):
             kind = media_type(data)
             if kind not in ("image/png", "image/jpeg"):  # glTF takes no others
-                kind, png = "image/png", io.BytesIO()
+                kind = "image/png"
                 try:
-                    decode(data, name).save(png, "PNG")
-                    data = png.getvalue()
+                    data = encoded_image(decode(data, name))
                 except InputError as error:
                     warnings.append(str(error))
                     data = _WHITE_PNG
