@@ -90,25 +90,17 @@ class SourceImage:
 
     def blend(self, taps: Taps, level: int) -> Floats:
         """(p, 4) linear values between the texels of taps."""
-        first = self._take(taps.texels[0], level)
+        values = [self._take(texels, level) for texels in taps.texels]
         if taps.right is None or taps.below is None:
-            return first
-        rows = []
-        for k in (0, 2):
-            left, other = first if k == 0 else self._take(taps.texels[2], level), taps.texels[k + 1]
-            step = self._take(other, level)
-            step -= left
-            step *= taps.right
-            left += step
-            rows.append(left)
-        rows[1] -= rows[0]
-        rows[1] *= taps.below
-        rows[0] += rows[1]
-        return rows[0]
-
-    def sample(self, x: FloatArray, y: FloatArray, use: Use, level: int) -> Floats:
-        """(p, 4) linear values at places (p,) in the image, 0..1, y down."""
-        return self.blend(self.taps(x, y, use, level), level)
+            return values[0]
+        upper, upper_right, lower, lower_right = values
+        for one, other, share in (
+            (upper, upper_right, taps.right), (lower, lower_right, taps.right), (upper, lower, taps.below)
+        ):  # fmt: skip
+            other -= one
+            other *= share
+            one += other
+        return upper
 
     def _take(self, at: IntArray, level: int) -> Floats:
         """(p, 4) linear values of texels by their numbers."""

@@ -109,12 +109,11 @@ def _gloss_notes(document: Document) -> list[str]:
         document.tree.json.get("materials", []) if isinstance(document, GltfDocument) else []
     )
     count = sum(GLOSS in m.get("extensions", {}) for m in materials)
-    if not count:
-        return []
-    return [
-        f"{counted(count, 'material')} of specular-glossiness became metallic-roughness: alpha, tint and "
-        "glossiness are kept, specular colours and images are not"
-    ]
+    more = (
+        "of specular-glossiness became metallic-roughness: alpha, tint and glossiness are kept, specular "
+        "colours and images are not"
+    )
+    return [f"{counted(count, 'material')} {more}"] if count else []
 
 
 def png(array: Texels, level: int = 7) -> bytes:
@@ -132,19 +131,18 @@ def embed(
     bytes are no sound glTF.
     """
     edit = Packing(Tree(glb, source))
-    tree = edit.json
-    new = {
+    new: dict[str, dict[str, Any]] = {
         "images": {"mimeType": "image/png", "name": "baked"},
         "samplers": {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071},
+        "textures": {},
     }
+    place = {}
     for name, entry in new.items():
-        tree.setdefault(name, []).append(entry)
-    edit.images[len(tree["images"]) - 1] = image
-    tree.setdefault("textures", []).append(
-        {"source": len(tree["images"]) - 1, "sampler": len(tree["samplers"]) - 1}
-    )
-    texture = {"index": len(tree["textures"]) - 1, "texCoord": uv_set}
-    _dress(tree, texture, kind)
+        place[name] = len(edit.json.setdefault(name, []))
+        edit.json[name].append(entry)
+    new["textures"] |= {"source": place["images"], "sampler": place["samplers"]}
+    edit.images[place["images"]] = image
+    _dress(edit.json, {"index": place["textures"], "texCoord": uv_set}, kind)
     return edit.finish("glb", "")[0]
 
 
@@ -156,17 +154,13 @@ def _dress(tree: dict[str, Any], texture: dict[str, int], kind: str) -> None:
             material["normalTexture"] = dict(texture)
         else:
             _colour(material, texture)
-    for names in ("extensionsUsed", "extensionsRequired") if kind != "normals" else ():
-        if GLOSS in tree.get(names, []):
+    for names in ("extensionsUsed", "extensionsRequired"):
+        if kind != "normals" and GLOSS in tree.get(names, []):
             tree[names].remove(GLOSS)
             if not tree[names]:  # an empty list is none that glTF knows
                 tree.pop(names)
-    bare = [
-        primitive
-        for mesh in tree.get("meshes", [])
-        for primitive in mesh["primitives"]
-        if "material" not in primitive
-    ]
+    primitives = [p for mesh in tree.get("meshes", []) for p in mesh["primitives"]]
+    bare = [primitive for primitive in primitives if "material" not in primitive]
     for primitive in bare:
         primitive["material"] = len(materials)
     if bare:
@@ -179,41 +173,32 @@ def _dress(tree: dict[str, Any], texture: dict[str, int], kind: str) -> None:
             plain["pbrMetallicRoughness"] = {"baseColorTexture": dict(texture), **pbr}
         materials.append(plain)
     if kind == "vertex-colors":  # colours of vertices would tint the image
-        for mesh in tree.get("meshes", []):
-            for primitive in mesh["primitives"]:
-                primitive["attributes"].pop("COLOR_0", None)
+        for primitive in primitives:
+            primitive["attributes"].pop("COLOR_0", None)
 
 
 def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
     """Put the texture into the base colour of a material; its tint and its transparency stay."""
+    pbr = material.setdefault("pbrMetallicRoughness", {})
     gloss = material.get("extensions", {}).pop(GLOSS, None)
     if material.get("extensions") == {}:
         material.pop("extensions")
-    if gloss is not None:
-        _as_metallic(material, gloss)
-    pbr = material.setdefault("pbrMetallicRoughness", {})
+    if gloss is not None:  # in the words of glTF 2.0: no metal, roughness for missing gloss
+        if not {"metallicFactor", "metallicRoughnessTexture"} & pbr.keys():
+            # the factor is only a part of the value where there is a texture
+            rough = 1.0 - float(gloss.get("glossinessFactor", 1.0))
+            pbr["metallicFactor"] = 0.0
+            pbr["roughnessFactor"] = 0.9 if "specularGlossinessTexture" in gloss else rough
+        for name in ("Factor", "Texture"):
+            pbr.pop(f"baseColor{name}", None)
+            if f"diffuse{name}" in gloss:
+                pbr[f"baseColor{name}"] = gloss[f"diffuse{name}"]
     factor = pbr.pop("baseColorFactor", None)
     if factor is not None and "baseColorTexture" not in pbr:
         factor = [1.0, 1.0, 1.0, *factor[3:]]  # its colour is part of the image now
     if factor is not None and any(f != 1 for f in factor):
         pbr["baseColorFactor"] = factor
     pbr["baseColorTexture"] = dict(texture)
-
-
-def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
-    """A specular-glossiness material in the words of glTF 2.0: no metal, roughness for missing gloss."""
-    pbr = material.setdefault("pbrMetallicRoughness", {})
-    if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
-        # otherwise the factor is only a part of the value
-        factor_alone = "specularGlossinessTexture" not in gloss
-        pbr["metallicFactor"] = 0.0
-        pbr["roughnessFactor"] = (
-            1.0 - float(gloss.get("glossinessFactor", 1.0)) if factor_alone else 0.9
-        )
-    for name, old in (("baseColorFactor", "diffuseFactor"), ("baseColorTexture", "diffuseTexture")):
-        pbr.pop(name, None)
-        if old in gloss:
-            pbr[name] = gloss[old]
 
 
 def bake_mesh(

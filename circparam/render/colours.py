@@ -32,13 +32,6 @@ CHARTS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0
 DISTORTION_STOPS = ("#f4f1e6", "#f5d58a", "#ef9a4c", "#d4553f", "#93295f", "#4b1a5c", "#1d0f3a")
 
 
-def contrast(a: str, b: str) -> float:
-    """The contrast of two #rrggbb codes, 1 to 21 (WCAG 2.1)."""
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    low, high = sorted(float(linear(rgb(code)) @ weights) for code in (a, b))
-    return (high + 0.05) / (low + 0.05)
-
-
 def rgb(code: str) -> FloatArray:
     """(3,) sRGB values 0..1 of a #rrggbb code."""
     return np.array([int(code[i : i + 2], 16) / 255 for i in (1, 3, 5)])

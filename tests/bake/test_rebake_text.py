@@ -51,7 +51,8 @@ def shown(path: Path, page: str, m: int) -> FloatArray:
         for slot, use in material.uses.items():
             if slot.page == page:
                 place = (source.places(use)[0][face[at]] * bary[at][..., None]).sum(1)
-                out[at] = srgb(source.sampled(use, True).sample(*place.T, use, 0)[:, :3])
+                image = source.sampled(use, True)
+                out[at] = srgb(image.blend(image.taps(*place.T, use, 0), 0)[:, :3])
     return out
 
 

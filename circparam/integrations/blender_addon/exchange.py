@@ -53,11 +53,6 @@ class Part:
                 self.pinned = numbers(layer.pin, "value", 1, bool)
 
     @property
-    def whole(self):
-        """Whether every polygon gets new uv."""
-        return bool(self.chosen.all())
-
-    @property
     def corners(self):
         """(l,) bool: corners of the chosen polygons."""
         return self.chosen[self.polygon]
@@ -68,10 +63,6 @@ class Part:
         a, b, c = self.triangles(self.uv, ~self.corners).swapaxes(0, 1)
         return bool(((b - a)[:, 0] * (c - a)[:, 1] != (b - a)[:, 1] * (c - a)[:, 0]).any())
 
-    def again(self):
-        """The whole mesh as it is now, in the same size."""
-        return Part(self.objects)
-
     def selected(self):
         """(p,) polygons that are selected and seen, as Edit mode last left them."""
         polygons = self.mesh.polygons
@@ -80,6 +71,12 @@ class Part:
     def marks(self):
         """(e,) edges that are marked as seams."""
         return numbers(self.mesh.edges, "use_seam", 1, bool)
+
+    def near(self):
+        """(e,) edges of the chosen polygons."""
+        out = np.zeros(len(self.mesh.edges), bool)
+        out[self.edge[self.corners]] = True
+        return out
 
     def painted(self, group):
         """(n,) weight of every vertex in a vertex group, 0 outside; None where the object lacks the group."""
@@ -108,13 +105,6 @@ class Part:
         ]
         return _linked(len(self.vertex), a, b)
 
-    def parted(self, uv):
-        """(e,) edges at which the uv (l, 2) of two sides differ."""
-        first, second = self._sides(np.ones(len(self.mesh.edges), bool))
-        out = np.zeros(len(self.mesh.edges), bool)
-        out[self.edge[first[~self._same(uv, first, second)]]] = True
-        return out
-
     def changed(self):
         """Whether the mesh is no longer what was read; raises ReferenceError where it is gone."""
         mesh = self.mesh
@@ -140,10 +130,11 @@ class Part:
             layer.pin_ensure()
             layer.pin.foreach_set("value", self.pinned)
         mesh.uv_layers.active = layer
-        if mark:
-            near = np.zeros(len(mesh.edges), bool)
-            near[self.edge[self.corners]] = True
-            mesh.edges.foreach_set("use_seam", np.where(near, self.parted(uv), self.marks()))
+        if mark:  # edges of chosen polygons are seams where the uv of their two sides differ
+            first, second = self._sides(np.ones(len(mesh.edges), bool))
+            parted = np.zeros(len(mesh.edges), bool)
+            parted[self.edge[first[~self._same(uv, first, second)]]] = True
+            mesh.edges.foreach_set("use_seam", np.where(self.near(), parted, self.marks()))
         mesh.update()
 
     def triangles(self, uv, corners):
@@ -224,12 +215,11 @@ def _face_lines(part, polygons, words):
         yield "f " + " ".join(name) + "\n"
 
 
-def read_uv(path, parts, polygons=None):
+def read_uv(path, parts, polygons):
     """An array (l, 2) float32 for each part: the uv of the file at chosen corners, the old ones elsewhere.
 
-    polygons: those in the file, (p,) bool for each part, or the chosen ones.
+    polygons: those in the file, (p,) bool for each part.
     """
-    polygons = [p.chosen for p in parts] if polygons is None else polygons
     table, corner = [], []
     with open(path, encoding="utf-8") as lines:
         for line in lines:

@@ -190,9 +190,7 @@ def _file(option, path, rows, form):
 
 def _marked_pairs(part, first):
     """(s, 2) vertices in the file of the marked edges of chosen polygons."""
-    near = np.zeros(len(part.mesh.edges), bool)
-    near[part.edge[part.corners]] = True
-    return numbers(part.mesh.edges, "vertices", 2)[near & part.marks()] + first
+    return numbers(part.mesh.edges, "vertices", 2)[part.near() & part.marks()] + first
 
 
 def _pin_rows(part, first):

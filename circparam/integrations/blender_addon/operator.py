@@ -242,7 +242,7 @@ class Page:
 
     def words(self, stem):
         """Write the present meshes; returns the words after the program's name."""
-        fresh = [part.again() for part in self.parts]
+        fresh = [Part(part.objects) for part in self.parts]  # as they are now
         write_obj(stem + ".obj", fresh, uv=[p.uv for p in fresh])
         words = ["view", stem + ".obj", "-o", self.path, "--overwrite", "-q"]
         return [*words, "--padding", f"{self.padding:.9g}"]
