@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from circparam.formats.materials import linear
 from circparam.render import colours as col
 from tests.support.looks import linear, srgb
 
