@@ -28,7 +28,7 @@ from circparam.core.workers import cores
 from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use
 from circparam.geometry.shading import Frames
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.look_options import LookOptions
+from circparam.pipeline.options import LookOptions
 
 MAGNIFIED_DENSITY = 0.5  # texels of an old image along a new one, below which samples hardly differ
 # the same, above which twice as many samples are taken: 2 × 2 lose 10 dB of a weave at 4.5

@@ -38,9 +38,8 @@ from circparam.geometry.distortion import measure
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import open_source, target_format, write_options
 from circparam.pipeline.jobs import monitor_of
-from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.named_numbers import EVEN, SOURCE
-from circparam.pipeline.options import AUTO, DEFAULT_RESOLUTION, Options, from_keywords
+from circparam.pipeline.options import AUTO, DEFAULT_RESOLUTION, LookOptions, Options, from_keywords
 from circparam.pipeline.result import Result, promise, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.unwrap import repack_document, unwrap_document

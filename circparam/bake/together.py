@@ -25,8 +25,7 @@ from circparam.formats.io import output_format, read
 from circparam.formats.joined import image_name, join
 from circparam.pipeline.configure import open_sources
 from circparam.pipeline.jobs import monitor_of
-from circparam.pipeline.look_options import LookOptions
-from circparam.pipeline.options import Options
+from circparam.pipeline.options import LookOptions, Options
 from circparam.pipeline.together import SharedAtlas, check_together, outputs_in, save_together
 
 STEM = "atlas"  # prefix of the names of shared images

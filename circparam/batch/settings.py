@@ -14,8 +14,7 @@ from circparam._version import __version__
 from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.pipeline.gates import Gates
-from circparam.pipeline.look_options import LookOptions
-from circparam.pipeline.options import Options
+from circparam.pipeline.options import LookOptions, Options
 
 PLACE = "{}"  # in the name of a further file: the name of the result without its suffix
 # limits and repetitions: they change no byte of an existing result

@@ -8,7 +8,7 @@ import click
 from circparam.cli import common, progress
 from circparam.cli.paths import check_output
 from circparam.errors import OptionError
-from circparam.pipeline.look_options import LookOptions
+from circparam.pipeline.options import LookOptions
 
 IMAGE_TEXELS = 2048  # texels on each side of an image by default
 

@@ -21,8 +21,7 @@ from circparam.core.imports import OnDemand, put_off
 from circparam.core.memory import bound_process, room_for_libraries
 from circparam.core.workers import cores
 from circparam.errors import CircparamError, GateError, OptionError
-from circparam.pipeline.look_options import LookOptions
-from circparam.pipeline.options import Options
+from circparam.pipeline.options import LookOptions, Options
 
 _EPILOG = """\b
 Examples:

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import relabel
+from circparam.core.arrays import IntArray, relabel
 from circparam.core.fields import shown
 from circparam.core.limits import mip_level
 from circparam.core.plural import counted
-from circparam.core.types import IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import output_format, read, read_data

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import group_count, next_half_edge, norms2
-from circparam.core.types import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray, group_count, next_half_edge, norms2
 from circparam.geometry.distortion import at_best_scales, best_chart_scales, face_stretch
 from circparam.geometry.quad_grid import diagonals, faces_pair_up, grid_layout
 from circparam.geometry.straight import directions

@@ -4,10 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from circparam.core.arrays import group_sum, mask_of, ranges, sorted_distinct
+from circparam.core.arrays import BoolArray, FloatArray, group_sum, mask_of, ranges, sorted_distinct
 from circparam.core.graph import components
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.mesh.mesh import UVMap

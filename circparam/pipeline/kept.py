@@ -5,19 +5,17 @@ Faces that stay keep their uv to the last bit. The others go to free places, at 
 
 import numpy as np
 
-from circparam.core.arrays import cross_areas, group_count, mask_of
+from circparam.core.arrays import BoolArray, FloatArray, cross_areas, group_count, mask_of
 from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
-from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes, shapes_of
-from circparam.packing.room import Room, by_page, find_room, free_share
+from circparam.packing.outlines import shapes_of
+from circparam.packing.room import by_page, find_room, free_share
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import Options
 from circparam.pipeline.place import Placed
@@ -146,29 +144,25 @@ def put_into_room(kept: Kept, cut_mesh: CutMesh, uv: FloatArray, options: Option
     exact = bool(options.keep_page) or options.texel_density is not None
     found = find_room(shapes, pages, asked, exact)
     if found is None:
-        raise NoResultError(_missing(shapes, pages, asked, density * kept.unit))
+        need, free = float(shapes.area.sum()), free_share(pages, asked)
+        what = (
+            f"{counted(shapes.n, 'chart')} of {100 * need:.3g} % of a page, {asked.padding} texels round "
+            f"each, where {100 * free:.3g} % are free"
+        )
+        fits = find_room(shapes, pages, asked, exact=False)
+        if fits is None:
+            raise NoResultError(f"no room for {what}: pack all charts anew, or make room for them")
+        missing = need * (1 - fits.scale**2)
+        there = fits.scale * density * kept.unit * asked.resolution
+        raise NoResultError(
+            f"no room for {what}: {100 * missing:.3g} % are missing. They fit at --texel-density "
+            f"{there:.4g}, or without --keep-page"
+        )
     note = (
         f"{counted(shapes.n, 'new chart')} at {100 * found.scale:.0f} % of the density of the others for want "
         "of room"
     )
     return Placed(found.uv, [] if found.scale > SMALLER_DENSITY_SHARE else [note])
-
-
-def _missing(shapes: Shapes, pages: list[FloatArray], asked: PackOptions, density: float) -> str:
-    """The message on the missing room for charts, in units of a page. density: uv per unit of the mesh."""
-    need, free = float(shapes.area.sum()), free_share(pages, asked)
-    fits: Room | None = find_room(shapes, pages, asked, exact=False)
-    what = (
-        f"{counted(shapes.n, 'chart')} of {100 * need:.3g} % of a page, {asked.padding} texels round each, "
-        f"where {100 * free:.3g} % are free"
-    )
-    if fits is None:
-        return f"no room for {what}: pack all charts anew, or make room for them"
-    missing = need * (1 - fits.scale**2)
-    return (
-        f"no room for {what}: {100 * missing:.3g} % are missing. They fit at --texel-density "
-        f"{fits.scale * density * asked.resolution:.4g}, or without --keep-page"
-    )
 
 
 def kept_figures(kept: Kept, found: Verification, options: Options) -> dict[str, object]:

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import group_sum
+from circparam.core.arrays import FloatArray, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray
 from circparam.formats.document import Document
 from circparam.formats.table import axis_up
 from circparam.geometry.coverage import pages_of

@@ -6,9 +6,8 @@ format cannot store their places, else before anything is written.
 
 import numpy as np
 
-from circparam.core.arrays import mask_of, positions_in
+from circparam.core.arrays import FloatArray, IntArray, mask_of, positions_in
 from circparam.core.plural import counted
-from circparam.core.types import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import rounding

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from circparam.core.arrays import mask_of, next_half_edge
+from circparam.core.arrays import IntArray, mask_of, next_half_edge
 from circparam.core.files import write_files
 from circparam.core.monitor import Monitor
-from circparam.core.types import IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_seams

@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import edge_keys, next_half_edge
+from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge
 from circparam.core.fields import shown
-from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.mesh.repair import RepairReport

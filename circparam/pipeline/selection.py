@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from circparam.core.arrays import mask_of, relabel
+from circparam.core.arrays import BoolArray, IntArray, mask_of, relabel
 from circparam.core.limits import PAGES
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.registry import did_you_mean
-from circparam.core.types import BoolArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import FIRST_UDIM, Document, Named
 from circparam.geometry.coverage import pages_of

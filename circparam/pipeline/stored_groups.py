@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import relabel, sorted_distinct
+from circparam.core.arrays import IntArray, relabel, sorted_distinct
 from circparam.core.records import dataclass
-from circparam.core.types import IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.mesh.mesh import UVMap

@@ -13,11 +13,10 @@ from typing import Any, Unpack
 import numpy as np
 
 from circparam.core import workers
-from circparam.core.arrays import group_sum
+from circparam.core.arrays import BoolArray, group_sum
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted
-from circparam.core.types import BoolArray
 from circparam.core.workers import DeferredTask
 from circparam.errors import OptionError
 from circparam.formats.document import Document

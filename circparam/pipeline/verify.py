@@ -10,10 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import group_count, group_sum, relabel
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum, relabel
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, chart_boxes, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
@@ -30,6 +29,8 @@ BOUND_SLACK = 1e-4  # relative: increase of the distortion by storing uv in floa
 STRETCHED_AREA_SHARE = 1e-3  # share of the surface on which the stretch may be larger than promised
 EVEN_AREA_SHARE = 1e-9  # share of a chart's area by which one side must outweigh the other
 OFFSET_SLACK = 1e-9  # of a page: rounding of u + 1 to decimals, far below any texel
+# figures of a layout with pages, as ``PageFigures`` has them
+PAGE_FIGURES = ("thin", "density_min", "density_max", "axis_parallel", "texel_aligned")
 EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may lie
 
 
@@ -151,11 +152,7 @@ class Verification:
             "seam_visible": self.seam_visible,
             "seam_texels": None if p is None else p.seam_texels,
             "seam_vertices": seam_vertices(self.surface, self.cut_mesh, self.used),
-            "thin": None if p is None else p.thin,
-            "density_min": None if p is None else p.density_min,
-            "density_max": None if p is None else p.density_max,
-            "axis_parallel": None if p is None else p.axis_parallel,
-            "texel_aligned": None if p is None else p.texel_aligned,
+            **{name: None if p is None else getattr(p, name) for name in PAGE_FIGURES},
             "pages": self.pages,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,

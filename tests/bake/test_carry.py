@@ -16,7 +16,7 @@ from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import encode, read_data
 from circparam.geometry.shading import frames
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.look_options import LookOptions
+from circparam.pipeline.options import LookOptions
 from tests.support.looks import (
     Painted,
     bumps,
