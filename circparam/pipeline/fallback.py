@@ -186,14 +186,11 @@ def settle(cascade: Cascade, monitor: Monitor) -> Cascade:
                 part, vertices, _ = cut_mesh.subset(may)
                 high = chart_distortion(part, uv[vertices]) > bound
                 fault[may] = np.where(high, DISTORTED, SOUND)
-    return settle_faulty(cascade, fault, monitor, settle)
+    return settle_faulty(cascade, fault, monitor, lambda part: settle(part, monitor))
 
 
 def settle_faulty(
-    cascade: Cascade,
-    fault: IntArray,
-    monitor: Monitor,
-    settled: Callable[[Cascade, Monitor], Cascade],
+    cascade: Cascade, fault: IntArray, monitor: Monitor, settled: Callable[[Cascade], Cascade]
 ) -> Cascade:
     """Take the faulty charts ((n_charts,) codes) one step further and settle them, by themselves.
 
@@ -204,7 +201,7 @@ def settle_faulty(
         return cascade
     faces = (fault > 0)[cascade.atlas.charts()[1]]
     after = advance(cascade.part(faces), fault[fault > 0], monitor)
-    return cascade if after is None else cascade.put(faces, settled(after, monitor))
+    return cascade if after is None else cascade.put(faces, settled(after))
 
 
 def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | None:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -37,6 +38,8 @@ from circparam.pipeline.selection import NamedGroups, find_groups
 from circparam.pipeline.stacks import Stacks, find_stacks
 from circparam.pipeline.verify import corners_of, uv_seams
 from circparam.seams.options import SeamOptions
+
+Output: TypeAlias = str | os.PathLike[str] | None  # file to write; None keeps the layout in memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,7 @@ class Job(Prepared):
 
 def prepare(
     document: Document,
-    output: str | os.PathLike[str] | None,
+    output: Output,
     options: Options,
     monitor: Monitor,
     uvmap: UVMap | None = None,

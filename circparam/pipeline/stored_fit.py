@@ -191,7 +191,7 @@ def stored_layout(
     for double in (False, True) if has_doubles(job.format) else (False,):
         number = job.rounding(double)
         for exact in _placements(cut_mesh, uv, number, mirrored, turn and not double):
-            tried.append(store(cut_mesh, exact, mirrored, number, double))
+            tried.append(replace(store(cut_mesh, exact, mirrored, number), double=double))
             if tried[-1].sound:
                 return tried[-1]
     return min(tried, key=lambda one: int((one.fault > 0).sum()))
@@ -231,9 +231,8 @@ def _settle_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) ->
         uv = uv @ np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
         uv = uv + (1.0 - chart_boxes(cut_mesh, uv)[1])[cut_mesh.vertex_chart]
         fault = stored_layout(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).fault
-    return fallback.settle_faulty(
-        cascade, fault, monitor, lambda part, to: _settle_stored(job, part, size, to)
-    )
+    settled = lambda part: _settle_stored(job, part, size, monitor)  # noqa: E731
+    return fallback.settle_faulty(cascade, fault, monitor, settled)
 
 
 def _length(cut_mesh: CutMesh, uv: FloatArray) -> float:
@@ -241,17 +240,10 @@ def _length(cut_mesh: CutMesh, uv: FloatArray) -> float:
     return max(float(np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).sum()), 1e-300)
 
 
-def store(
-    cut_mesh: CutMesh,
-    exact: FloatArray,
-    mirrored: BoolArray,
-    rounding: Rounding,
-    double: bool = False,
-) -> Stored:
+def store(cut_mesh: CutMesh, exact: FloatArray, mirrored: BoolArray, rounding: Rounding) -> Stored:
     """Round a layout and mend spoilt faces.
 
     exact: (nv, 2) as placed, finite. mirrored: (n_charts,) charts that lie clockwise, as their file winds them.
-    rounding: to doubles where ``double``.
     """
     patch = _patch(cut_mesh, exact, mirrored, rounding)
     uv, spoilt = mend_faces(patch)
@@ -276,7 +268,7 @@ def store(
         uv[vertices] = _inwards(part, alone, uv[vertices], meeting, min(push, BOUNDARY_NUMBERS))
         again = mask_of(part.n_charts, part.chart[meeting // 3])
         looked[looked] = again
-    return Stored(uv, fault, int((uv != patch.start).any(1).sum()), double)
+    return Stored(uv, fault, int((uv != patch.start).any(1).sum()))
 
 
 def _patch(cut_mesh: CutMesh, exact: FloatArray, mirrored: BoolArray, rounding: Rounding) -> Patch:

@@ -4,7 +4,6 @@ read → repair → seams → flatten (with a fallback cascade) → pack → sto
 again. Nothing is printed; notes and warnings are in the ``Result``.
 """
 
-import os
 import time
 from contextlib import nullcontext
 from dataclasses import replace
@@ -29,7 +28,7 @@ from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.density import at_densities, check_whole
 from circparam.pipeline.fallback import Cascade, faults, settle
 from circparam.pipeline.flatten import find_seams, first_layout
-from circparam.pipeline.job import Job, given_atlas, prepare
+from circparam.pipeline.job import Job, Output, given_atlas, prepare
 from circparam.pipeline.jobs import fit_memory, memory_limit, monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.options import AUTO, Options, from_keywords
@@ -68,7 +67,7 @@ KEEPING_FACES = 100_000  # faces from which on freed memory is kept for the next
 
 def unwrap(
     source: Any,
-    output: str | os.PathLike[str] | None = None,
+    output: Output = None,
     *,
     listener: Listener | None = None,
     options: Options | None = None,
@@ -92,7 +91,7 @@ def unwrap(
 
 
 def unwrap_document(
-    document: Document, output: str | os.PathLike[str] | None, options: Options, monitor: Monitor
+    document: Document, output: Output, options: Options, monitor: Monitor
 ) -> Result:
     """All stages after reading."""
     count = len(document.mesh.faces)
@@ -109,9 +108,7 @@ def unwrap_document(
         return _unwrapped(document, output, options, monitor)
 
 
-def _unwrapped(
-    document: Document, output: str | os.PathLike[str] | None, options: Options, monitor: Monitor
-) -> Result:
+def _unwrapped(document: Document, output: Output, options: Options, monitor: Monitor) -> Result:
     job = prepare(document, output, options, monitor)
     if options.pins is not None:
         check_storable(options.pins, document, job.format)
@@ -209,7 +206,7 @@ def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor)
 
 def repack(
     source: Any,
-    output: str | os.PathLike[str] | None = None,
+    output: Output = None,
     *,
     listener: Listener | None = None,
     **keywords: Unpack[Keywords],
@@ -233,11 +230,7 @@ def repack(
 
 
 def repack_document(
-    document: Document,
-    uvmap: UVMap,
-    output: str | os.PathLike[str] | None,
-    options: Options,
-    monitor: Monitor,
+    document: Document, uvmap: UVMap, output: Output, options: Options, monitor: Monitor
 ) -> Result:
     """Pack the charts of a layout over the faces of a document; see ``repack``. options: of ``--cut none``."""
     job = prepare(document, output, options, monitor, uvmap)
@@ -309,11 +302,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor, work: str) -> Result:
 
 
 def verify_and_save(
-    job: Job,
-    fitted: Fitted,
-    output: str | os.PathLike[str] | None,
-    monitor: Monitor,
-    work: str = "unwrap",
+    job: Job, fitted: Fitted, output: Output, monitor: Monitor, work: str = "unwrap"
 ) -> Result:
     """The result, verified, and written where an output is named.
 
