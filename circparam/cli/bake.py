@@ -85,11 +85,7 @@ def command(mesh: str, **given: Any) -> None:
     if look.size == "auto" and not whole:
         raise OptionError("--size auto has no effect here: it needs --all; give a number")
     why = "--all keeps faces and axes as they are" if whole else "it needs --all"
-    useless = (
-        ("by", "cage", "up")
-        if whole
-        else ("merge_materials", "keep_tiled", "samples", "check_look")
-    )
+    useless = ("by", "cage", "up") if whole else [name for name in vars(look) if name != "size"]
     for name in useless:
         if (given if whole else vars(look))[name] is not None:
             flag = "map" if name == "by" else name.replace("_", "-")

@@ -66,13 +66,8 @@ class Screen:
                 ),
             ]
             for name, seconds in progress.running[:NAMED_FILES]:
-                rows.append(
-                    Text(
-                        f"  {clock(seconds):>7}  {printable(name)}",
-                        overflow="ellipsis",
-                        no_wrap=True,
-                    )
-                )
+                row = f"  {clock(seconds):>7}  {printable(name)}"
+                rows.append(Text(row, overflow="ellipsis", no_wrap=True))
             if len(progress.running) > NAMED_FILES:
                 rows.append(Text(f"  and {len(progress.running) - NAMED_FILES} more"))
             self._live.update(Group(*rows), refresh=True)

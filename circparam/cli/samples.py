@@ -66,12 +66,8 @@ def _table(rows: "tuple[Sample, ...]") -> list[Any]:
         ]
         for s in rows
     }
-    tables = common.tables
-    return [
-        tables.columns("name", heads, sizes),
-        "",
-        tables.facts((s.name, s.summary) for s in rows),
-    ]
+    table = common.tables.columns("name", heads, sizes)
+    return [table, "", common.tables.facts((s.name, s.summary) for s in rows)]
 
 
 def _save(sample: "Sample", output: str, overwrite: bool) -> list[str]:

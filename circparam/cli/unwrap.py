@@ -147,7 +147,8 @@ class _Run:
         self.given, self.gates = given, gates
         self.started: float | None = time.monotonic()  # the first mesh pays for the imports
         self.place = (1, 1)  # number of the mesh, and of all
-        self.quiet, self.as_json = given["quiet"], given["as_json"]
+        self.quiet, self.as_json, self.format = (given[k] for k in ("quiet", "as_json", "format"))
+        self.reading = {name: given[name] for name in ("unshare", "reader")}
         if given["max_memory"] is not None:
             bound_process("AS", memory_size(given["max_memory"]))
             room_for_libraries(cores())
@@ -197,13 +198,8 @@ class _Run:
             from circparam.pipeline.unwrap import unwrap_document
 
             with monitor.stage("read"):
-                document = read(
-                    mesh,
-                    format=self.given["format"] if mesh == "-" else None,
-                    unshare=self.given["unshare"],
-                    reader=self.given["reader"],
-                )
-            options = replace(self.options, format=self.given["format"] if out == "-" else None)
+                document = read(mesh, format=self.format if mesh == "-" else None, **self.reading)
+            options = replace(self.options, format=self.format if out == "-" else None)
             if self.look is None:
                 result, figures = unwrap_document(document, out, options, monitor), {}
             else:
@@ -230,9 +226,8 @@ class _Run:
             monitor = monitor_of(self.options, listener, self.started)
             from circparam.formats.io import read
 
-            unshare, reader = self.given["unshare"], self.given["reader"]
             with monitor.stage("read"):
-                documents = [read(mesh, unshare=unshare, reader=reader) for mesh in meshes]
+                documents = [read(mesh, **self.reading) for mesh in meshes]
             places = [Path(out) for out in outs]
             if self.look is None:
                 from circparam.pipeline.together import unwrap_documents

@@ -79,10 +79,8 @@ def bumped_disk(n: int) -> CutMesh:
     rng = np.random.default_rng(n)
     boundary = min(n - 3, round(2 * np.sqrt(np.pi * n)))
     a = 2 * np.pi * np.arange(boundary) / boundary
-    r, b = (
-        np.sqrt(rng.random(n - boundary)) * (1 - 3 / boundary),
-        2 * np.pi * rng.random(n - boundary),
-    )
+    r = np.sqrt(rng.random(n - boundary)) * (1 - 3 / boundary)
+    b = 2 * np.pi * rng.random(n - boundary)
     p = np.r_[np.c_[np.cos(a), np.sin(a)], np.c_[r * np.cos(b), r * np.sin(b)]]
     faces = Delaunay(p).simplices.astype(np.int64)
     x, y = p.T

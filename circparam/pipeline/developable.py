@@ -71,10 +71,8 @@ def gridded(atlas: Atlas, bound: float, most_stretch: float | None, always: bool
     flat, given = at_best_scales(part, flat[vertices]), given[vertices]
     most = bound if always else np.minimum(bound, chart_energies(part, given) + NEARLY_FLAT_ENERGY)
     good = (chart_energies(part, flat) <= most) & (fallback.faults(part, flat) <= 0)
-    old, new = (
-        share_over(part, face_stretch(part, layout), most_stretch or STRETCH)
-        for layout in (given, flat)
-    )
+    limit = most_stretch or STRETCH
+    old, new = (share_over(part, face_stretch(part, uv), limit) for uv in (given, flat))
     return _with_layout(atlas, charts, flat, good & (new <= old))
 
 

@@ -123,13 +123,8 @@ class Cascade:
 
     def part(self, faces: BoolArray) -> "Cascade":
         """Some charts alone: those of faces (m,) bool, which hold whole charts."""
-        return Cascade(
-            self.atlas.part(faces),
-            self.rules,
-            self.tries[faces],
-            self.singles[faces],
-            extent=self.extent,
-        )
+        tries, singles = self.tries[faces], self.singles[faces]
+        return Cascade(self.atlas.part(faces), self.rules, tries, singles, extent=self.extent)
 
     def put(self, faces: BoolArray, part: "Cascade") -> "Cascade":
         """The atlas with the outcome of ``part(faces)``."""

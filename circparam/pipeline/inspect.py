@@ -85,15 +85,8 @@ def inspect(
             f"{counted(shared, 'face')} on a face with the same three points and the same uv: "
             "counted once"
         )
-    return Inspection(
-        document,
-        topology,
-        document.uv_sets,
-        found,
-        reasons(found, Promise(None, padding)),
-        shared,
-        notes,
-    )
+    faults = reasons(found, Promise(None, padding))
+    return Inspection(document, topology, document.uv_sets, found, faults, shared, notes)
 
 
 def require_disks(inspection: Inspection) -> None:

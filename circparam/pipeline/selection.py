@@ -134,11 +134,8 @@ class NamedGroups:
         count = counted(len(self.names), self.kind)
         if not self.pages:
             return f"charts of {count} lie together"
-        row = (
-            f"; UDIM has {UDIM_ROW_TILES} in a row, and here u goes on"
-            if len(self.names) > UDIM_ROW_TILES
-            else ""
-        )
+        beyond = len(self.names) > UDIM_ROW_TILES
+        row = f"; UDIM has {UDIM_ROW_TILES} in a row, and here u goes on" if beyond else ""
         return f"{count} with pages of their own{row}"
 
 

@@ -19,6 +19,8 @@ from circparam.pipeline.seam_weights import edge_weights
 from circparam.pipeline.selection import NamedGroups
 from circparam.pipeline.verify import BOUND_SLACK, Declared, Verification, corners_of, uv_seams
 
+COUNTS = ("parts", "kinds", "copies", "mirrored", "apart")  # of ``Stacks``, in a report
+
 
 @dataclass(frozen=True, eq=False)
 class Stacks:
@@ -159,10 +161,7 @@ def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:
     share = float(areas[~copy].sum() / areas.sum())
     pack = None if found.coverage is None else found.coverage.share
     return {
-        **{
-            name: getattr(stacks, name)
-            for name in ("parts", "kinds", "copies", "mirrored", "apart")
-        },
+        **{name: getattr(stacks, name) for name in COUNTS},
         "offset": stacks.declared.offset,
         "charts": found.charts - len(found.stacked),
         "charts_unstacked": found.charts,

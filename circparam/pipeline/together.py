@@ -38,9 +38,7 @@ from circparam.pipeline.unwrap import unwrap_document
 SMALL_PAGE_SHARE = 1e-3  # of the pages: 65 texels a side of 2048, the size of an icon
 # options of a single file, by the name of the field, with the cure
 OF_ONE_FILE = {
-    "pins": "vertices of one file: unwrap it alone",
-    "seams": "vertices of one file: unwrap it alone",
-    "no_seams": "vertices of one file: unwrap it alone",
+    **dict.fromkeys(("pins", "seams", "no_seams"), "vertices of one file: unwrap it alone"),
     "symmetry": "an axis of one file: unwrap it alone",
     "only": "faces of one file: unwrap it alone",
     "lock": "faces of one file: pack it alone",

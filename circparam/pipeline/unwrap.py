@@ -197,11 +197,8 @@ def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor)
     if more.packing is None or share(more.packing) < share(found) + GAIN_PAGE_SHARE:
         return filled
     cuts = more.atlas.charts()[0] - start.atlas.charts()[0]
-    return replace(
-        filled,
-        advice=f"{counted(cuts, 'cut')} across charts would cover "
-        f"{100 * share(more.packing):.0f} % (--pack-splits {CUT_TRIALS})",
-    )
+    gain = f"would cover {100 * share(more.packing):.0f} % (--pack-splits {CUT_TRIALS})"
+    return replace(filled, advice=f"{counted(cuts, 'cut')} across charts {gain}")
 
 
 def repack(
