@@ -154,10 +154,8 @@ def print_status(found: dict[str, Any]) -> None:
         todo = run["total"] - run["skipped"]
         left = "" if run["left"] is None else f", {clock(run['left'])} left"
         rows.append(("running", f"{run['done']} of {todo}, {run['rate']:.3g} files/s{left}"))
-        rows += [
-            ("", f"{clock(age):>7}  {printable(name)}")
-            for name, age in run["running"][:NAMED_FILES]
-        ]
+        named = run["running"][:NAMED_FILES]
+        rows += [("", f"{clock(age):>7}  {printable(name)}") for name, age in named]
     console().print(facts(rows))
 
 

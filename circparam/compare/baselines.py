@@ -15,10 +15,8 @@ from circparam.errors import OptionError
 from circparam.mesh.mesh import UVMap
 
 BASELINES = {"xatlas": "xatlas", "xatlas-default": "xatlas", "uvunwrap": "uvunwrap"}  # → package
-PAGE_TEXELS, PADDING_TEXELS = (
-    2048,
-    4,
-)  # texels of uvunwrap's page and between charts: the defaults of circparam
+# texels of uvunwrap's page and between charts: the defaults of circparam
+PAGE_TEXELS, PADDING_TEXELS = 2048, 4
 
 # uv (k, 2) over (width, height), their faces (m, 3), page of each uv
 _Made: TypeAlias = tuple[Any, Any, Any]

@@ -10,10 +10,8 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 
 FLATTEN = "circparam.compare.task:flatten_task"
-MOST_RUNS, ENOUGH_SECONDS = (
-    7,
-    0.5,
-)  # runs of a method, and seconds after which there is no further one
+# runs of a method, and seconds after which there is no further one
+MOST_RUNS, ENOUGH_SECONDS = 7, 0.5
 
 
 def flatten_task(arrays: Arrays, settings: dict[str, Any]) -> tuple[Arrays, dict[str, Any]]:

@@ -98,13 +98,8 @@ def seam_options(
     document: Document, surface: Surface, repair_report: RepairReport, o: Options
 ) -> SeamOptions:
     """Options of the seams, from the options and the file."""
-    given = _given(
-        o,
-        (
-            *("max_distortion", "max_stretch", "max_charts", "min_chart_faces"),
-            *("sharp", "hide_seams", "symmetry"),
-        ),
-    )
+    bounds = ("max_distortion", "max_stretch", "max_charts", "min_chart_faces")
+    given = _given(o, (*bounds, "sharp", "hide_seams", "symmetry"))
     if o.sharp is not None:
         given["sharp"] = o.sharp * np.pi / 180
     if (labels := _cut_between(document, surface, o)) is not None:

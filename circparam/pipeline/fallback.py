@@ -217,11 +217,10 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
     with monitor.stage("repair layout"):
         few = LATE_SINGLE_FACES if late else SINGLE_FACES
         small = (size == 1) | ((size <= few) & (fault != DISTORTED))
-        spent = ((tries >= MOST_HALVINGS) & (tries < PROJECTED_TRIES)) | (
-            tries >= PROJECTED_TRIES + LATE_HALVINGS
-        )
-        single = split & (small | spent)
-        project = split & ~single & late & (tries < PROJECTED_TRIES)
+        projected = tries >= PROJECTED_TRIES
+        most = np.where(projected, PROJECTED_TRIES + LATE_HALVINGS, MOST_HALVINGS)
+        single = split & (small | (tries >= most))
+        project = split & ~single & ~projected & late
         halve = split & ~single & ~project
         if halve.any():
             shown = ", ".join(

@@ -60,9 +60,8 @@ def seams_in_frame(surface: Surface, asked: SeamOptions, cut: str, monitor: Moni
     frame = frame_of(surface.points, surface.faces)
     own = replace(surface, points=frame.inside(surface.points))
     # faces that are tiny beside their surface may keep their shape near the origin of the file alone
-    if not np.allclose(
-        own.areas * frame.unit**2, surface.areas, rtol=AREA_ROUNDING_SHARE, atol=0.0
-    ):
+    areas = own.areas * frame.unit**2
+    if not np.allclose(areas, surface.areas, rtol=AREA_ROUNDING_SHARE, atol=0.0):
         return SEAMS[cut].function(surface, asked, monitor)
     seams = SEAMS[cut].function(own, asked, monitor)
     return seams if seams.uv is None else replace(seams, uv=seams.uv * frame.unit)

@@ -94,9 +94,8 @@ def with_patch(
     place = np.full(len(polys.corners), -1)
     place[np.repeat(polys.start[owner], number) + corner] = len(uvmap.uv) + np.arange(len(uv))
     mine = place[polys.triangles]
-    return UVMap(
-        np.concatenate([uvmap.uv, rounding(uv)]), np.where(mine >= 0, mine, uvmap.uv_faces)
-    )
+    uv_faces = np.where(mine >= 0, mine, uvmap.uv_faces)
+    return UVMap(np.concatenate([uvmap.uv, rounding(uv)]), uv_faces)
 
 
 def _step(rounding: Callable[[FloatArray], FloatArray], v: float) -> float:

@@ -236,9 +236,8 @@ def _spread(patch: Patch, inner: BoolArray, by: float) -> tuple[IntArray, FloatA
     step = np.zeros(len(exact))
     step[inner] = (following(start[inner], patch.rounding, 1) - start[inner]).max(1)
     a, b = patch.faces.ravel(), patch.faces[:, [1, 2, 0]].ravel()
-    short = np.linalg.norm(exact[a] - exact[b], axis=1) < CROWD_NUMBERS * np.minimum(
-        step[a], step[b]
-    )
+    near = CROWD_NUMBERS * np.minimum(step[a], step[b])
+    short = np.linalg.norm(exact[a] - exact[b], axis=1) < near
     crowd, label = np.unique(np.r_[a[short], b[short]], return_inverse=True)
     half = int(short.sum())
     n, label = components(len(crowd), label[:half], label[half:])
@@ -253,9 +252,8 @@ def _descend(patch: Patch, x: FloatArray, free: BoolArray, search: PlaceSearch) 
     """Places after rounds of moves of free vertices from x (n, 2)."""
     x, faces = x.copy(), patch.faces
     least, since = len(faces) + 1, 0
-    limit = np.where(
-        patch.on_boundary, BOUNDARY_NUMBERS, RAY_NUMBERS[-1] if search.along else FAR_NUMBERS
-    )
+    inside = RAY_NUMBERS[-1] if search.along else FAR_NUMBERS
+    limit = np.where(patch.on_boundary, BOUNDARY_NUMBERS, inside)
     for turn in range(MOVE_ROUNDS):
         bad = signs(x, faces) <= 0
         left = int(bad.sum())

@@ -72,9 +72,7 @@ def selected_faces(document: Document, given: Any, flag: str) -> BoolArray:
         # the triangles of the names of a selection
         kind, _, names = (part.strip() for part in given.partition("="))
         if kind not in GROUP_KINDS or not names:
-            near = difflib.get_close_matches(kind, GROUP_KINDS, n=1, cutoff=0.5) or list(
-                GROUP_KINDS
-            )
+            near = difflib.get_close_matches(kind, GROUP_KINDS, n=1, cutoff=0.5) or GROUP_KINDS
             raise OptionError(f"{flag} {given!r}: write {' or '.join(f'{k}=NAME' for k in near)}")
         found = named_by(document, kind, f"{flag} {given!r}", "give a file of face numbers")
         known = names_in(found)

@@ -48,9 +48,8 @@ class Stacks:
         every = uv_faces.ravel()[3 * number[d.corner // 3] + d.corner % 3]
         if not d.offset:
             return uv, every
-        return np.concatenate([uv, uv + np.array([d.offset, 0.0])]), every + len(uv) * d.copy[
-            :, None
-        ]
+        both = np.concatenate([uv, uv + np.array([d.offset, 0.0])])
+        return both, every + len(uv) * d.copy[:, None]
 
     def notes(self) -> list[str]:
         """One line about the stacks, and one about copies that are in none."""
@@ -107,9 +106,8 @@ def find_stacks(
     copies = parts_of(by.copy)
     apart = parts_of(found(shape).copy) - copies if several else 0
     pages = len(groups.names) if groups is not None and groups.pages else options.pages or 1
-    declared = Declared(
-        by.corner, by.copy, by.turned, float(pages) if options.stack_offset else 0.0
-    )
+    offset = float(pages) if options.stack_offset else 0.0
+    declared = Declared(by.corner, by.copy, by.turned, offset)
     parts = count, count - copies, parts_of(by.turned), max(apart, 0)
     stacks = Stacks(surface, declared, *parts)
     if not copies:

@@ -201,11 +201,10 @@ def save_together(
     o = result.options
     with monitor.stage("write"):
         asked = write_options(o)
+        layouts = [joined.layout_of(k, result.layout) for k in range(len(parts))]
         staged = [
-            stage(
-                path, part, joined.layout_of(k, result.layout), options=asked, overwrite=o.overwrite
-            )
-            for k, (part, path) in enumerate(zip(parts, outputs, strict=True))
+            stage(*one, options=asked, overwrite=o.overwrite)
+            for one in zip(outputs, parts, layouts, strict=True)
         ]
         written = write_staged(staged, o.overwrite)
     with monitor.stage("verify"):

@@ -323,9 +323,8 @@ def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     rounding, it is the side of the chart's first face.
     """
     n = cut_mesh.n_charts
-    balance = group_sum(
-        np.where(surface.reversed_faces, -surface.areas, surface.areas), cut_mesh.chart, n
-    )
+    signed = np.where(surface.reversed_faces, -surface.areas, surface.areas)
+    balance = group_sum(signed, cut_mesh.chart, n)
     even = np.abs(balance) <= EVEN_AREA_SHARE * group_sum(surface.areas, cut_mesh.chart, n)
     charts, first = np.unique(cut_mesh.chart, return_index=True)
     front = np.zeros(n, bool)
