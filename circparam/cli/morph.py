@@ -31,7 +31,6 @@ Examples:
 @common.value(
     "--frames",
     "Key frames from A to B; the animation returns the same way.",
-    type=int,
     default=13,
     metavar="N",
 )

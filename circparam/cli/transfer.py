@@ -24,16 +24,11 @@ Examples:
     common.output,
     common.out_dir,
     common.value(
-        "--resolution",
-        "Side of the page, for drifts in texels.",
-        type=int,
-        default=2048,
-        metavar="TEXELS",
+        "--resolution", "Side of the page, for drifts in texels.", default=2048, metavar="TEXELS"
     ),
     common.value(
         "--max-drift",
         "Exit 5 and write nothing if a corner drifts further; 8 is the gutter between charts.",
-        type=float,
         default=8.0,
         metavar="TEXELS",
     ),

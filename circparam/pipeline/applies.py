@@ -21,6 +21,11 @@ _NO_USE = {  # purpose of an option of methods, for a method that does not take 
     "bff_boundary": "only --method bff has a target boundary",
 }
 KEEPS_SIZES = "--no-scale keeps the sizes that the charts have"
+KEEPS_SEAMS = "--keep-uv-seams gives every part the seams that it has"
+BY_BORDERS = "--straighten all turns charts by their borders"
+NEEDS_PAGES = "an atlas for each group needs seams and packing"
+COPIES_ANYWAY = "trimesh copies a mesh for every node anyway: leave out --unshare"
+FREE_LAYOUTS = "it shapes isometric layouts of --cut charts without --blend or --pin"
 
 
 def accepted(o: Any, name: str) -> str | None:
@@ -64,11 +69,7 @@ def _stacked(o: Any) -> bool:
 
 with_polygon = _unless(lambda o: o.boundary != "polygon" and "it needs --boundary polygon")
 with_charts = _unless(lambda o: o.cut != "charts" and f"it shapes --cut charts, not --cut {o.cut}")
-with_isometric_charts = _unless(
-    lambda o: (
-        not searches(o) and "it shapes isometric layouts of --cut charts without --blend or --pin"
-    )
-)
+with_isometric_charts = _unless(lambda o: not searches(o) and FREE_LAYOUTS)
 with_seams = _unless(lambda o: o.cut == "none" and "--cut none makes no seams")
 with_packing = _unless(
     lambda o: o.pins is not None and "--pin says where charts lie, and packing would move them",
@@ -95,11 +96,7 @@ with_blocks = _unless(
 )
 # one of each kind of part says where all are cut
 with_stacks = _unless(
-    lambda o: (
-        o.stack != "off"
-        and o.keep_uv_seams
-        and "--keep-uv-seams gives every part the seams that it has"
-    ),
+    lambda o: o.stack != "off" and o.keep_uv_seams and KEEPS_SEAMS,
     lambda o: o.stack != "off" and with_packing(o),
 )
 with_stack = _unless(lambda o: not _stacked(o) and "it needs --stack identical or mirrored")
@@ -133,30 +130,16 @@ with_own_pages = _unless(
 )
 with_orient = _unless(
     lambda o: o.orient == "up" and o.rotate == "free" and "--rotate free turns charts by any angle",
-    lambda o: (
-        o.orient == "up"
-        and o.straighten == "all"
-        and "--straighten all turns charts by their borders"
-    ),
+    lambda o: o.orient == "up" and o.straighten == "all" and BY_BORDERS,
     with_packing,
 )
 with_target = _unless(lambda o: o.target_set is None and "it allows to replace the set of --uv-set")
 with_atlases = _unless(
     lambda o: with_packing(o) if not o.grouped else None,
-    lambda o: (
-        o.grouped
-        and (not o.packed or o.cut == "none")
-        and "an atlas for each group needs seams and packing"
-    ),
+    lambda o: o.grouped and (not o.packed or o.cut == "none") and NEEDS_PAGES,
 )
 with_one_atlas = _unless(
     lambda o: (not o.packed or o.grouped) and "it makes one packed atlas of the scene"
 )
 # trimesh gives every node its own copy
-with_shared_meshes = _unless(
-    lambda o: (
-        o.unshare
-        and o.reader == "trimesh"
-        and "trimesh copies a mesh for every node anyway: leave out --unshare"
-    )
-)
+with_shared_meshes = _unless(lambda o: o.unshare and o.reader == "trimesh" and COPIES_ANYWAY)
