@@ -306,17 +306,18 @@ def verify_and_save(
     An idle process looks at the seams meanwhile. Else they are looked at when a caller asks for the figure,
     which a caller of the library may never do, or not at all where time is up.
     """
-    surface = job.surface if job.kept is None else job.whole
-    cut = uv_seams(surface, fitted.uvmap)
-    # caches of a surface need not be sent
-    look = DeferredTask(seen_share, (replace(surface), cut), monitor)
-    if cut.any() and not _too_late_to_look(monitor):
-        look.begin()
+    surface, look = job.surface if job.kept is None else job.whole, None
+    if not _too_late_to_look(monitor):
+        cut = uv_seams(surface, fitted.uvmap)
+        # caches of a surface need not be sent
+        look = DeferredTask(seen_share, (replace(surface), cut), monitor)
+        if cut.any():
+            look.begin()
     verified = _verified(job, fitted, monitor, work)
     result = verified if output is None else save(verified, output, monitor)
     found = result.verification
     if found is verified.verification:  # otherwise the file has another layout
-        if not look.begun and _too_late_to_look(monitor):
+        if look is None or (not look.begun and _too_late_to_look(monitor)):
             found = replace(found, seen=lambda: None)
         elif look.begun or surface is not found.surface:
             found = replace(found, seen=look.result)
