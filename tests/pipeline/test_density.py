@@ -60,6 +60,11 @@ def test_a_number_a_face_is_got_and_parts_share_no_chart(ratio: float) -> None:
     assert dense / asked == pytest.approx(np.full(len(dense), (dense / asked).mean()), rel=0.02)
 
 
+def test_even_is_what_nobody_asks_for() -> None:
+    uv = [circparam.unwrap(bars(), density=d, **QUICK).uv for d in (None, "even")]
+    assert np.array_equal(*uv)
+
+
 def two_panels(tmp_path: Path) -> Path:
     """Two squares with materials face and sole, the second laid out three times as large, as a file."""
     path = tmp_path / "panels.obj"

@@ -19,6 +19,7 @@ from circparam.pipeline.fallback import (
     MOST_SINGLES,
     Cascade,
     CascadeRules,
+    project_charts,
     take_to_pieces,
 )
 from tests.support import shapes, strategies
@@ -175,3 +176,13 @@ def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() ->
     assert side.min() > 1e-3 * np.ptp(uv, axis=0).max(), "no side is thin any more"
     sizes = [size for size, singles in seen if singles >= 2]
     assert (np.diff(np.log(sizes)) > np.log(2)).all()
+
+
+def test_only_the_faces_that_were_named_change() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    some = np.arange(len(surface.faces)) < 40
+    after = project_charts(start(surface, np.full((len(surface.faces), 3, 2), np.nan)), some)
+    assert np.isfinite(after.atlas.corners[some]).all()
+    assert np.isnan(after.atlas.corners[~some]).all()
+    touched = some[surface.edges // 3].any(1)
+    assert not after.atlas.cut[~touched].any()
