@@ -2,31 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from circparam.mesh.mesh import Mesh
-from circparam.mesh.orientation import double_cover
 from circparam.mesh.repair import repair
 from tests.support import shapes
 from tests.support.surfaces import check_surface
-
-
-@given(
-    st.integers(2, 12), st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11), st.booleans()))
-)
-def test_double_cover_finds_signs_where_there_are_any(n, edges):
-    edges = [(i % n, j % n, flip) for i, j, flip in edges]
-    i, j, flip = (np.array([e[k] for e in edges], [int, int, bool][k]) for k in range(3))
-    component, sign, two_sided = double_cover(n, i, j, flip)
-    wrong = (sign[i] ^ sign[j]) != flip if len(edges) else np.zeros(0, bool)
-    assert not wrong[two_sided[component[i]]].any() if len(edges) else True
-    for c in np.flatnonzero(~two_sided):  # by hand: no signs satisfy all pairs of this component
-        nodes = np.flatnonzero(component == c)
-        mine = [(a, b, x) for a, b, x in edges if a in nodes]
-        for bits in range(2 ** len(nodes)):
-            value = {int(v): bits >> k & 1 for k, v in enumerate(nodes)}
-            assert any((value[a] ^ value[b]) != x for a, b, x in mine)
 
 
 def test_components_are_oriented_each_by_its_own_majority():

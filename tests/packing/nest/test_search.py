@@ -1,4 +1,4 @@
-"""The search on the grid: nothing overlaps, and each layout beats the one before."""
+"""The search on the grid: nothing overlaps, each layout beats the one before; masks cover what charts cover."""
 
 from __future__ import annotations
 
@@ -75,3 +75,26 @@ def test_small_ones_lie_in_the_room_beside_large_ones() -> None:
     """Two strips of 24 by 8 cells leave a third of their square: smaller ones need no larger page."""
     strips = (24.0, 8.0), (24.0, 8.0)
     assert side_of(rectangles(*strips, (5, 5), (5, 5))) == side_of(rectangles(*strips))
+
+
+def test_holes_stay_free_and_overlapping_layers_are_full():
+    outer = np.array([[-8.0, -8], [8, -8], [8, 8], [-8, 8]])
+    hole = outer[::-1] / 2
+    start = np.concatenate([outer, hole])
+    end = np.concatenate([np.roll(outer, -1, 0), np.roll(hole, -1, 0)])
+    found = chart_masks(start, end, np.zeros(1), 0.0)
+    middle = np.array(found.cells.shape[1:]) // 2
+    assert not found.cells[0][middle[0], middle[1]]
+    same_way = np.concatenate([outer, outer / 2])
+    ends = np.concatenate([np.roll(outer, -1, 0), np.roll(outer / 2, -1, 0)])
+    assert chart_masks(same_way, ends, np.zeros(1), 0.0).cells[0][2:-2, 2:-2].all()
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_a_sliver_is_covered_all_along(turn):
+    """40 cells long, nowhere near a cell wide: it covers no centre, but touches every column."""
+    sliver = np.array([[0.0, 0.1], [40.0, 0.2], [40.0, 0.4]])[:, :: 1 - 2 * turn]
+    found = chart_masks(sliver, np.roll(sliver, -1, 0), np.zeros(1), 0.0)
+    y, x = np.nonzero(found.cells[0])
+    along = (y if turn else x) + int(found.low[0, turn])
+    assert set(range(40)) <= set(along.tolist())
