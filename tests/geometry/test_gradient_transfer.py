@@ -4,17 +4,8 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.geometry.gradient_transfer import spread
-from circparam.mesh.atlas import Atlas
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import RepairOptions, repair
 from tests.support import shapes
-
-
-def atlas_of(shape: object, flatten: object = None) -> Atlas:
-    """An uncut shape; flatten: a function from points (…, 3) to uv (…, 2)."""
-    surface, _ = repair(Mesh(*shape), RepairOptions())
-    corners = None if flatten is None else flatten(surface.points[surface.faces])
-    return Atlas(surface, np.zeros(len(surface.edges), bool), corners)
+from tests.support.atlases import middles, uncut
 
 
 def bent(points: FloatArray, angle: float) -> FloatArray:
@@ -29,8 +20,8 @@ def bent(points: FloatArray, angle: float) -> FloatArray:
 def test_spread_unrolls_a_bent_sheet_from_what_is_known() -> None:
     points, faces = shapes.grid(9, 5)
     angle = 0.8
-    atlas = atlas_of((bent(points, angle), faces))
-    middle = atlas.surface.points[atlas.surface.faces].mean(1)
+    atlas = uncut(bent(points, angle), faces)
+    middle = middles(atlas.surface)
     known = middle[:, 0] < 0.2
     gradients = np.zeros((len(known), 2, 3))
     gradients[known] = [[1, 0, 0], [0, 1, 0]]
@@ -39,8 +30,5 @@ def test_spread_unrolls_a_bent_sheet_from_what_is_known() -> None:
     beyond = middle[:, 2] > 0
     assert beyond.any()
     across = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0]])
-    np.testing.assert_allclose(
-        found[beyond], np.broadcast_to(across, found[beyond].shape), atol=1e-9
-    )
-    flat = found[~beyond]
-    np.testing.assert_allclose(flat, np.broadcast_to(np.eye(3)[:2], flat.shape), atol=1e-9)
+    wanted = np.where(beyond[:, None, None], across, np.eye(3)[:2])
+    np.testing.assert_allclose(found, wanted, atol=1e-9)

@@ -9,13 +9,13 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.verify import Verification, verify
 from tests.support import shapes
+from tests.support.atlases import surface_of
 
 SIDE = 256
 
 
 def judged(points: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Verification:
-    surface, _ = repair(Mesh(points, faces), RepairOptions())
-    return verify(surface, UVMap(uv, faces), resolution=SIDE)
+    return verify(surface_of(points, faces), UVMap(uv, faces), resolution=SIDE)
 
 
 @pytest.mark.parametrize(("texels", "thin"), [(7.9, 1), (8.1, 0)])
@@ -43,12 +43,11 @@ def test_a_box_cut_along_every_edge() -> None:
     corner = 0.3 * np.array([[k % 3, k // 3] for k in range(6)])
     uv = (square + corner[:, None]).reshape(-1, 2)
     uv_faces = np.array([[4 * k, 4 * k + i, 4 * k + i + 1] for k in range(6) for i in (1, 2)])
-    surface, _ = repair(Mesh(points, faces), RepairOptions())
-    found = verify(surface, UVMap(uv, uv_faces), resolution=SIDE).numbers()
+    found = verify(surface_of(points, faces), UVMap(uv, uv_faces), resolution=SIDE).numbers()
     assert found["seam_vertices"] == 6 * 4 - 8
     assert found["seam_texels"] == pytest.approx(12 * SIDE / 4)
-    assert found["density_min"] == pytest.approx(SIDE / 4)
-    assert found["density_max"] == pytest.approx(SIDE / 4)
+    for density in ("density_min", "density_max"):
+        assert found[density] == pytest.approx(SIDE / 4)
     assert found["thin"] == 0
 
 
