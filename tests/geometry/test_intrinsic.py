@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from circparam.core.arrays import FloatArray
+from circparam.geometry.gradient_transfer import spread
 from circparam.geometry.intrinsic import (
     corner_angles,
     corner_products,
@@ -12,6 +14,8 @@ from circparam.geometry.intrinsic import (
 )
 from circparam.geometry.shading import corner_normals, frames
 from circparam.mesh.cut_mesh import CutMesh
+from tests.support import shapes
+from tests.support.atlases import middles, uncut
 
 
 def loose(triangles: object) -> CutMesh:
@@ -52,3 +56,29 @@ def test_uv_without_a_direction_still_have_a_frame():
     space = frames(corners, np.zeros((1, 3, 2)), labels, corner_normals(corners, labels))
     assert np.allclose(np.linalg.norm(space.tangent, axis=2), 1)
     assert np.allclose((space.tangent * space.normal).sum(2), 0)
+
+
+def bent(points: FloatArray, angle: float) -> FloatArray:
+    """A flat sheet over 0..1 bent up by an angle along the line x = ½."""
+    out = points.copy()
+    beyond = np.maximum(points[:, 0] - 0.5, 0)
+    out[:, 0] = np.minimum(points[:, 0], 0.5) + beyond * np.cos(angle)
+    out[:, 2] = beyond * np.sin(angle)
+    return out
+
+
+def test_spread_unrolls_a_bent_sheet_from_what_is_known() -> None:
+    points, faces = shapes.grid(9, 5)
+    angle = 0.8
+    atlas = uncut(bent(points, angle), faces)
+    middle = middles(atlas.surface)
+    known = middle[:, 0] < 0.2
+    gradients = np.zeros((len(known), 2, 3))
+    gradients[known] = [[1, 0, 0], [0, 1, 0]]
+    found, have = spread(atlas, gradients, known)
+    assert have.all()
+    beyond = middle[:, 2] > 0
+    assert beyond.any()
+    across = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0]])
+    wanted = np.where(beyond[:, None, None], across, np.eye(3)[:2])
+    np.testing.assert_allclose(found, wanted, atol=1e-9)

@@ -27,10 +27,8 @@ SHAPES = {
 def _moved(points: np.ndarray, seed: int) -> np.ndarray:
     """Turned, moved and grown at random."""
     rng = np.random.default_rng(seed)
-    result: np.ndarray = rng.uniform(0.1, 10) * points @ shapes.rotation(seed).T + rng.normal(
-        size=3
-    )
-    return result
+    turned: np.ndarray = rng.uniform(0.1, 10) * points @ shapes.rotation(seed).T
+    return turned + rng.normal(size=3)
 
 
 @settings(max_examples=30, deadline=None)
@@ -47,9 +45,8 @@ def test_the_shape_in_its_frame_does_not_depend_on_its_pose(name: str, seed: int
 @pytest.mark.parametrize(("name", "effort"), [("torus", 0), ("bumpy", 1)])
 def test_a_turned_mesh_gets_the_same_seams(name: str, effort: float) -> None:
     points, faces = shapes.noisy(*SHAPES[name], amount=0.03)
-    found = [
-        unwrap((p, faces), normalize=False, effort=effort) for p in (points, _moved(points, 5))
-    ]
+    both = points, _moved(points, 5)
+    found = [unwrap((p, faces), normalize=False, effort=effort) for p in both]
     one, other = (r.measures for r in found)
     assert one["charts"] == other["charts"]
     assert one["seam_length"] == pytest.approx(other["seam_length"], rel=1e-6)
