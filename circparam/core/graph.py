@@ -12,6 +12,7 @@ import scipy.sparse as sps
 
 from circparam.core.arrays import (
     edge_keys,
+    first_of_groups,
     first_of_runs,
     group_count,
     group_max,
@@ -141,8 +142,7 @@ class Graph:
         self.matrix = undirected(n, a, b, weight)
         e = np.flatnonzero(a != b)
         key = edge_keys(a[e], b[e], n)
-        order = np.lexsort((weight[e], key))
-        lightest = order[first_of_runs(key[order])]
+        lightest = first_of_groups(key, weight[e])
         self._edge, self._key = e[lightest], key[lightest]
 
     def paths(self, sources: IntArray, limit: float = np.inf) -> tuple[FloatArray, IntArray]:
@@ -183,8 +183,7 @@ def spanning_forest(n: int, a: IntArray, b: IntArray, order: FloatArray) -> IntA
     rank[by_rank] = np.arange(len(a))
     low, high = np.minimum(a, b), np.maximum(a, b)
     key = edge_keys(low, high, n)
-    first = np.lexsort((rank, key))
-    first = first[first_of_runs(key[first])]
+    first = first_of_groups(key, rank)
     first = first[low[first] != high[first]]
     matrix = sps.coo_matrix((rank[first] + 1.0, (low[first], high[first])), shape=(n, n))
     tree = minimum_spanning_tree(matrix.tocsr())

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from circparam.core.arrays import (
     cross2,
-    first_of_runs,
+    first_of_groups,
     group_sum,
     interpolated,
     next_half_edge,
@@ -323,8 +323,7 @@ def _relabel(
     # of several with a little fault the one whose corners lie nearest, else the one with the least fault
     far = found.distance.reshape(-1, 3).max(1)[rows]
     worth = np.where(fault < 2 * SAME_PAGE_SHARE, far, source.diagonal + fault)
-    order = np.lexsort((worth, face[rows]))
-    rows = rows[order[first_of_runs(face[rows][order])]]
+    rows = rows[first_of_groups(face[rows], worth)]
     own, new = ((3 * k[:, None] + np.arange(3)).ravel() for k in (face[rows], rows))
     led.put(face[rows], lead.take(rows))
     corners.put(own, found.take(new))

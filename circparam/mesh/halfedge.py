@@ -55,6 +55,12 @@ class EdgeRuns(NamedTuple):
         return self.order[self.head[self.size == 1]]
 
     @property
+    def chains(self) -> IntArray:
+        """(c, 2) neighbours in the list of half-edges of each edge, whatever their number."""
+        later = np.flatnonzero(~mask_of(len(self.order), self.head))
+        return np.stack([self.order[later - 1], self.order[later]], 1)
+
+    @property
     def crowded(self) -> IntArray:
         """The first half-edge of every edge of more than two faces."""
         return self.order[self.head[self.size > 2]]

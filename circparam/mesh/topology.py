@@ -190,8 +190,7 @@ def _component_list(
     # vertices are counted once the component is split into fans
     split = fan = point_corners(faces, pairs)
     if len(runs.crowded):  # half-edges of an edge hang together, whatever their number
-        later = np.flatnonzero(~mask_of(len(runs.order), runs.head))
-        fan = point_corners(faces, np.stack([runs.order[later - 1], runs.order[later]], 1))
+        fan = point_corners(faces, runs.chains)
     owner = scattered(int(split.max()) + 1, split[whole], corner[whole])
     vertices = group_count(owner[owner >= 0], n)
     against = flat[pairs[:, 0]] == flat[pairs[:, 1]]  # windings that disagree

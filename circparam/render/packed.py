@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sps
 from scipy.sparse import csgraph
 
-from circparam.core.arrays import first_of_each, first_of_runs, mask_of, relabel
+from circparam.core.arrays import first_of_each, first_of_groups, mask_of, relabel
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -110,9 +110,8 @@ def _tree(index: IntArray, group: IntArray | None) -> _Tree:
     child, above = np.r_[pairs[:, 0], pairs[:, 1]], np.r_[pairs[:, 1], pairs[:, 0]]
     entered = before[child // 3] == above // 3
     child, above = child[entered], above[entered]
-    rank = np.argsort(child, kind="stable")
-    rank = rank[first_of_runs(child[rank] // 3)]  # two faces may share two edges
-    child, above = child[rank], above[rank]
+    first = first_of_groups(child // 3, child)  # two faces may share two edges
+    child, above = child[first], above[first]
     turn = np.zeros(m, np.int64)
     turn[child // 3] = child % 3
     parent, side = np.zeros(m, np.int64), np.full(m, ROOT)

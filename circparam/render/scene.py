@@ -13,6 +13,7 @@ from circparam.core.arrays import (
     next_half_edge,
     normals_of,
     numbered_rows,
+    scattered,
     unit,
 )
 from circparam.core.graph import components
@@ -180,7 +181,7 @@ class Scene:
         Both sides of a seam are listed; the boundary of the surface is listed too.
         """
         runs = sort_by_edge(self.uv_faces, len(self.uv) + 1, self.single)
-        return np.sort(runs.order[runs.head[runs.size == 1]])
+        return np.sort(runs.single)
 
     @cached_property
     def seam_ends(self) -> tuple[IntArray, IntArray]:
@@ -272,10 +273,7 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
     # components of the faces through shared edges, numbered by falling uv area; −1 without uv
     fid = np.flatnonzero(mapped)
     runs = sort_by_edge(joined[fid], len(new_uv))
-    again = np.flatnonzero(~mask_of(len(runs.order), runs.head))  # on the edge of the one before
-    n, label = components(len(fid), runs.order[again - 1] // 3, runs.order[again] // 3)
+    n, label = components(len(fid), *(runs.chains // 3).T)
     area = group_sum(np.abs(cross_areas(new_uv[joined[fid]])), label, n)
     rank = np.argsort(np.argsort(-area, kind="stable"))
-    chart = np.full(len(joined), -1)
-    chart[fid] = rank[label]
-    return Scene(points, faces, weld, new_uv, joined, chart)
+    return Scene(points, faces, weld, new_uv, joined, scattered(len(joined), fid, rank[label]))

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import ends_of, group_sum
+from circparam.core.arrays import ends_of, found_in, group_sum
 from circparam.core.compiled import kd_tree
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.records import dataclass
@@ -201,9 +201,8 @@ def image_of(surface: Surface, mirror: Mirror, images: Images, half: Atlas) -> A
     rest = ~mirror.half
     n = len(surface.points)
     key = (images.cell[mirror.half][:, None] * n + surface.faces[mirror.half]).ravel()
-    order = np.argsort(key, kind="stable")
     image = images.cells[images.cell[rest]][:, None] * n + images.points[surface.faces[rest]]
-    place = order[np.minimum(np.searchsorted(key[order], image), len(key) - 1)]
+    place = found_in(key, image)
     corners = half.corners.reshape(-1, 2)[place] * [-1.0, 1.0]
     cut = known[images.edge[other]] & ~surface.locked[other]
     return Atlas(surface.part(rest), cut, corners)

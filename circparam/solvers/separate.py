@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
-    first_of_runs,
+    first_of_groups,
     group_count,
     group_sum,
     mask_of,
@@ -272,9 +272,8 @@ def _find(
     target = (PULL_MARGINS * margin or LEAST_PULL) * size
     keep = (normal[b] * out[a]).sum(1) < FACING_COSINE
     keep &= np.where(over[a], (side < 0) & (distance < DEEPEST_SHARE * size), side >= 0)
-    order = np.flatnonzero(keep)
-    order = order[np.lexsort((b[order], distance[order], a[order]))]
-    k = order[first_of_runs(a[order])]
+    k = np.flatnonzero(keep)
+    k = k[first_of_groups(a[k], distance[k], b[k])]
     lost = mask_of(len(todo), boundary.chart[np.setdiff1d(beyond, a[k])])
     if lost.any():
         k = k[~lost[boundary.chart[a[k]]]]

@@ -7,12 +7,12 @@ from circparam.core.arrays import (
     edge_keys,
     ends_of,
     first_of_each,
+    found_in,
     group_count,
     group_sum,
     mask_of,
     next_half_edge,
     positions_in,
-    stable_order,
 )
 from circparam.core.graph import Graph, nearest, spanning_forest, undirected
 from circparam.core.linalg import Factor
@@ -89,10 +89,9 @@ def transported(cut_mesh: CutMesh, jacobian: FloatArray, moves: BoolArray) -> Fl
     _, before, source = nearest(links, fringe)
     reached = moves & (source >= 0) & (before >= 0)
     key = edge_keys(i[use], j[use], m)
-    order = stable_order(key)
     child = np.flatnonzero(reached)
     step = edge_keys(child, before[child], m)
-    p, q = cut_mesh.edges[use[order[np.searchsorted(key[order], step)]]].T
+    p, q = cut_mesh.edges[use[found_in(key, step)]].T
     own = np.arctan2(jacobian[1, 0] - jacobian[0, 1], jacobian[0, 0] + jacobian[1, 1])
     # turns are added up along the paths, over twice as many steps each time
     turn, back = np.zeros(m), np.arange(m)

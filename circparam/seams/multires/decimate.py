@@ -7,12 +7,12 @@ import numpy.typing as npt
 
 from circparam.core.arrays import (
     ends_of,
-    first_of_runs,
+    first_of_each,
     group_count,
     group_sum,
+    numbered,
     positions_in,
     sorted_distinct,
-    stable_order,
 )
 from circparam.core.graph import components, nearest, undirected
 from circparam.core.records import dataclass
@@ -93,11 +93,9 @@ def decimate(surface: Surface, target: int) -> Proxy:
         noisy = _with_noise((points[used] - centre) / size, simple)
         moved, into = collapsed(noisy, simple, share)
         # each coarse vertex is named by the first fine vertex that went into it
-        order = stable_order(into)
-        heads = order[first_of_runs(into[order])]
-        first_vertex = np.full(len(moved), -1)
-        first_vertex[into[heads]] = used[heads]
-        root[used] = first_vertex[into]
+        distinct, number = numbered(into)
+        heads = first_of_each(number, len(distinct))
+        root[used] = used[heads][number]
         position[used[heads]] = moved[into[heads]] * size + centre
     coarse = root[faces]
     alive = (

@@ -4,7 +4,14 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import edge_keys, first_of_groups, group_count, mask_of, positions_in
+from circparam.core.arrays import (
+    edge_keys,
+    first_of_groups,
+    found_in,
+    group_count,
+    mask_of,
+    positions_in,
+)
 from circparam.core.graph import Graph, nearest, undirected
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
@@ -118,13 +125,12 @@ class _Router:
         short = np.flatnonzero(chains.size == 1)
         if len(short):
             key = edge_keys(chains.start[short], chains.end[short], n)
-            order = np.argsort(key, kind="stable")
             here, there = (cell[end] for end in self.ends)
             meet = edge_keys(here, there, n)
-            at = np.minimum(np.searchsorted(key[order], meet), len(short) - 1)
-            hit = (key[order][at] == meet) & (here >= 0) & (there >= 0)
+            at = found_in(key, meet)
+            hit = (at >= 0) & (here >= 0) & (there >= 0)
             for side in self.ends:
-                vertex, chain = side[hit], short[order[at[hit]]]
+                vertex, chain = side[hit], short[at[hit]]
                 free = fine_owner[vertex] < 0
                 fine_owner[vertex[free]] = chain[free]
         closed = fine.on_boundary.copy()
