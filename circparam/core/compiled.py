@@ -8,10 +8,8 @@ private to SciPy; where a version has them elsewhere, the packages are imported.
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.sparse
 
 from circparam.core.imports import private
-from circparam.core.types import IntArray
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -46,25 +44,6 @@ def compressed_rows(n: int, rows: Any, columns: Any) -> tuple[Any, Any]:
     entries = rows.astype(np.int32, copy=False), columns.astype(np.int32, copy=False), values[0]
     coo_tocsr(n, n, count, *entries, start, sorted_columns, values[1])
     return start, sorted_columns
-
-
-def component_labels(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
-    """Connected components of n nodes joined by i–j: (number, (n,) label in order of the lowest node).
-
-    SciPy's function takes five times as long for its checks and for its copies of the graph.
-    """
-    start, ahead = compressed_rows(n, i, j)
-    if label_components is None:
-        from scipy.sparse.csgraph import connected_components
-
-        shape = (n, n)
-        graph = scipy.sparse.csr_matrix((np.ones(len(ahead), bool), ahead, start), shape=shape)
-        count, labels = connected_components(graph, directed=False)
-        return int(count), labels.astype(np.int64)
-    start_back, back = compressed_rows(n, j, i)
-    labels = np.full(n, -1, np.int32)  # −1: not reached yet
-    count = label_components(ahead, start, back, start_back, labels)
-    return int(count), labels.astype(np.int64)
 
 
 def kd_tree(points: Any, **options: Any) -> "cKDTree":

@@ -167,27 +167,22 @@ def _submitted(pool: Pool, packed: bytes, m: Monitor) -> "Future[bytes] | None":
 
 def _answered(pool: Pool, future: "Future[bytes] | None", m: Monitor) -> tuple[Any] | None:
     """The result of a process. None without one; after a failure no process is asked again."""
+    from concurrent.futures import wait
+
     if not pool.ready.done():  # they are not even up
         if future is not None:
             future.cancel()
         return None
     with contextlib.suppress(Exception):
         if future is not None:
-            answer = (pickle.loads(_waited(pool, future)),)
+            while not wait([future], OVERLOOKED_SECONDS).done:
+                if pool.lost and not future.done():  # killed, which loky overlooks at times
+                    raise ChildProcessError
+            answer = (pickle.loads(future.result()),)
             m.late |= m.expired  # the process may have stopped because time was up
             return answer
     stop()
     return None
-
-
-def _waited(pool: Pool, future: "Future[bytes]") -> bytes:
-    """The result of a process. Raises TimeoutError if one was killed, which loky overlooks at times."""
-    while True:
-        try:
-            return future.result(OVERLOOKED_SECONDS)
-        except TimeoutError:
-            if not future.done() and pool.lost:
-                raise
 
 
 class _Shared:

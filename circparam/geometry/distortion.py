@@ -170,9 +170,8 @@ def measure(cut_mesh: CutMesh, uv: FloatArray) -> Measures:
     with the size of its singular values, as one that is not flipped would. Counter-clockwise is the right way
     up.
     """
-    live = _live(cut_mesh)
+    live, large, small, surface = _singular(cut_mesh, uv)
     flipped = live & (signed_areas(cut_mesh.faces, uv) <= 0)
-    large, small, surface = _singular(cut_mesh, uv, live)
     group = cut_mesh.chart[live]
     total, layout = float(surface.sum()), float((surface * large * small).sum())
     equal = np.sqrt(total / max(layout, 1e-260 * total)) if live.any() else 1.0
@@ -244,8 +243,7 @@ class _Best(NamedTuple):
 
 def _best(cut_mesh: CutMesh, uv: FloatArray) -> _Best:
     """The energy of a chart at scale k is P k² + N / k², least at k = (N/P)^¼, where it is 2 √(P N)."""
-    live = _live(cut_mesh)
-    large, small, surface = _singular(cut_mesh, uv, live)
+    live, large, small, surface = _singular(cut_mesh, uv)
     group, n = cut_mesh.chart[live], cut_mesh.n_charts
     squares, inverses = _squares(np.maximum(large, LEAST_SIGMA), np.maximum(small, LEAST_SIGMA))
     square, inverse = (group_sum(surface * x, group, n) for x in (squares, inverses))
@@ -264,11 +262,6 @@ def _squares(large: FloatArray, small: FloatArray) -> tuple[FloatArray, FloatArr
     return large + small, 1 / large + 1 / small
 
 
-def _live(cut_mesh: CutMesh) -> BoolArray:
-    """(m,) the face has a shape."""
-    return has_shape(cut_mesh.areas, cut_mesh.edge_lengths)
-
-
 def has_shape(areas: FloatArray, edge_lengths: FloatArray) -> BoolArray:
     """(m,) bool: the area of a face (m,) is more than rounding beside the lengths of its edges (m, 3)."""
     a, b, c = edge_lengths.T
@@ -277,16 +270,17 @@ def has_shape(areas: FloatArray, edge_lengths: FloatArray) -> BoolArray:
 
 
 def _singular(
-    cut_mesh: CutMesh, uv: FloatArray, live: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(σ1, |σ2|, area) of the faces that have a shape."""
+    cut_mesh: CutMesh, uv: FloatArray
+) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+    """((m,) bool, faces that have a shape; σ1, |σ2|, area of these)."""
+    live = has_shape(cut_mesh.areas, cut_mesh.edge_lengths)
     large, small = np.empty(len(live)), np.empty(len(live))
     with np.errstate(all="ignore"):
         for k in slices(len(live)):
             large[k], small[k] = singular_values(jacobians(cut_mesh, uv, k))
     if live.all():
-        return large, np.abs(small), cut_mesh.areas
-    return large[live], np.abs(small[live]), cut_mesh.areas[live]
+        return live, large, np.abs(small), cut_mesh.areas
+    return live, large[live], np.abs(small[live]), cut_mesh.areas[live]
 
 
 def dirichlet_terms(rest: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:

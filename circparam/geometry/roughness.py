@@ -38,17 +38,14 @@ def roughness_within(surface: Surface, cell: IntArray) -> FloatArray:
     n = int(cell.max(initial=0)) + 1
     whole = group_sum(area[known], cell[known], n)
     mean = group_sum(curvature[known], cell[known], n) / np.where(whole > 0, whole, 1.0)
-    u = _solved(cut_mesh, np.where(known, curvature - mean[cell] * area, 0.0))
-    result: FloatArray = np.minimum(u**2, MOST)[cut_mesh.faces].mean(1)
-    return result
-
-
-def _solved(cut_mesh: CutMesh, curvature: FloatArray) -> FloatArray:
-    """(vertices,) u of (L + SCREEN D) u = curvature, L the cotangent Laplacian, D its diagonal."""
+    curvature = np.where(known, curvature - mean[cell] * area, 0.0)
+    # (L + SCREEN D) u = curvature, L the cotangent Laplacian, D its diagonal
     laplacian = cotangent_laplacian(cut_mesh)
     laplacian.data[~np.isfinite(laplacian.data)] = 0.0
     # half the sum of a row, without signs, is the diagonal where all weights are positive
     size = np.asarray(abs(laplacian).sum(1)).ravel() / 2
     size[size == 0] = 1.0
     screened = (laplacian + sps.diags_array(SCREEN * size)).tocsr()
-    return conjugate_gradients(screened, curvature, lambda r: r / size, CG_TOLERANCE, CG_LIMIT)
+    u = conjugate_gradients(screened, curvature, lambda r: r / size, CG_TOLERANCE, CG_LIMIT)
+    result: FloatArray = np.minimum(u**2, MOST)[cut_mesh.faces].mean(1)
+    return result

@@ -42,6 +42,12 @@ class _Grid(NamedTuple):
     offset: IntArray
     slack: FloatArray
 
+    def boxes(self, group: IntArray, cell: IntArray) -> FloatArray:
+        """(x, y, width) of cells."""
+        row, column = np.divmod(cell - self.offset[group], self.columns[group])
+        width = self.width[group]
+        return np.stack([self.x[group] + column * width, self.y[group] + row * width, width], 1)
+
 
 class Candidates:
     """Pairs (i, j), i < j, of segments of one group whose boxes, widened by the reach, overlap.
@@ -79,7 +85,7 @@ class Candidates:
             if not crowd.any():
                 return
             segment, cell, order = segment[crowd], cell[crowd], order[crowd]
-            box = self._boxes(grid, segment, cell) if level == 0 else box[order]
+            box = grid.boxes(self.group[segment], cell) if level == 0 else box[order]
             count = count[count > CROWD_ENTRIES]
             cell = np.repeat(np.arange(len(count)), count)
             order, later = self._sweep(segment, cell, box)
@@ -141,13 +147,6 @@ class Candidates:
         k = ranges(area[many])
         spread = cell[entry] + k // wide[entry] * grid.columns[g[entry]] + k % wide[entry]
         return np.concatenate([segment[one], segment[entry]]), np.concatenate([cell[one], spread])
-
-    def _boxes(self, grid: _Grid, segment: IntArray, cell: IntArray) -> FloatArray:
-        """(x, y, width) of cells of the first grid."""
-        g = self.group[segment]
-        row, column = np.divmod(cell - grid.offset[g], grid.columns[g])
-        width = grid.width[g]
-        return np.stack([grid.x[g] + column * width, grid.y[g] + row * width, width], 1)
 
     def _quarter(
         self, segment: IntArray, cell: IntArray, box: FloatArray

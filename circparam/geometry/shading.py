@@ -50,13 +50,6 @@ class Frames:
         return unit(parts[0] + parts[1] + parts[2])
 
 
-def corner_angles_of(corners: FloatArray) -> FloatArray:
-    """(m, 3) angles of triangles (m, 3, 3), 0 if a side has no length."""
-    a = unit(corners[:, [1, 2, 0]] - corners)
-    b = unit(corners[:, [2, 0, 1]] - corners)
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=2), (a * b).sum(2))
-
-
 # between a face and the mean of a vertex: sharper faces are shaded flat where a file has no normals
 SHARP_DEGREES = 40.0
 
@@ -68,7 +61,9 @@ def corner_normals(corners: FloatArray, vertex: IntArray, sharp: float = 180.0) 
     turned further than this from the mean, degrees, keeps the normal of its face.
     """
     flat = unit(normals_of(corners))
-    weight = corner_angles_of(corners)[..., None] * flat[:, None]
+    a, b = unit(corners[:, [1, 2, 0]] - corners), unit(corners[:, [2, 0, 1]] - corners)
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=2), (a * b).sum(2))
+    weight = angle[..., None] * flat[:, None]
     smooth = unit(_by_group(weight.reshape(-1, 3), vertex.ravel())).reshape(corners.shape)
     whole = np.broadcast_to(flat[:, None], smooth.shape)
     own = (smooth * whole).sum(2) < np.cos(np.radians(sharp)) if sharp < 180 else np.zeros(1, bool)

@@ -30,9 +30,9 @@ def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
     return x * x, os.getpid()
 
 
-def fail(where: int, monitor: Monitor) -> int:
+def fail(where: int, error: type[Exception], monitor: Monitor) -> int:
     if os.getpid() != where:
-        raise MemoryError
+        raise error
     return where
 
 
@@ -129,13 +129,14 @@ def test_what_a_dead_worker_leaves_is_done_here_and_the_next_mesh_has_new_ones(w
     assert own == here != other
 
 
-def test_what_fails_in_a_worker_is_done_here() -> None:
+@pytest.mark.parametrize("error", [MemoryError, TimeoutError])
+def test_what_fails_in_a_worker_is_done_here(error: type[Exception]) -> None:
     """Out of memory there says nothing of this process; an error that is one is raised here as well."""
     opened()
-    assert in_processes(fail, [(os.getpid(),)] * 2, Monitor(jobs=2)) == [os.getpid()] * 2
+    assert in_processes(fail, [(os.getpid(), error)] * 2, Monitor(jobs=2)) == [os.getpid()] * 2
     opened()
-    with pytest.raises(MemoryError):
-        in_processes(fail, [(0,)] * 2, Monitor(jobs=2))
+    with pytest.raises(error):
+        in_processes(fail, [(0, error)] * 2, Monitor(jobs=2))
     assert current() is None
 
 
