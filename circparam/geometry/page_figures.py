@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from circparam.core.arrays import group_sum, mask_of, next_half_edge, norms2
+from circparam.core.arrays import ends_of, group_sum, mask_of, next_half_edge, norms2
 from circparam.core.records import dataclass
-from circparam.core.types import BoolArray, FloatArray, IntArray
+from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.coverage import pages_of
 from circparam.geometry.intrinsic import signed_areas
 from circparam.geometry.straight import axis_parallel, on_multiples, straight_edges
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.halfedge import sides_apart
 from circparam.mesh.surface import Surface
 
 # texels: below, blocks of compressed textures and the first mip levels show the neighbours
@@ -114,13 +115,10 @@ def _uv_areas(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
 def _seam_length(surface: Surface, cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> float:
     """Length of all seams in units of uv: of the edges whose two sides lie apart, the mean of both sides."""
-    flat = cut_mesh.faces.ravel()
-    pairs: IntArray = np.concatenate([surface.edges, surface.torn])
-    i, j = pairs[:, 0], pairs[:, 1]
-    torn = np.arange(len(pairs)) >= len(surface.edges)
-    other = np.where(torn, j, next_half_edge(j)), np.where(torn, next_half_edge(j), j)
-    apart = (uv[flat[i]] != uv[flat[other[0]]]).any(1)
-    apart |= (uv[flat[next_half_edge(i)]] != uv[flat[other[1]]]).any(1)
-    h = pairs[apart].ravel()
+    corners = uv[cut_mesh.faces]
+    edges = surface.edges[sides_apart(corners, surface.edges)]
+    torn = surface.torn[sides_apart(corners, surface.torn, same_way=True)]
+    h = np.concatenate([edges.ravel(), torn.ravel()])
     h = h[used[cut_mesh.chart[h // 3]]]
-    return float(norms2(uv[flat[next_half_edge(h)]] - uv[flat[h]]).sum()) / 2
+    tail, head = ends_of(cut_mesh.faces, h)
+    return float(norms2(uv[head] - uv[tail]).sum()) / 2

@@ -81,6 +81,17 @@ def run_opposite(faces: IntArray, pairs: IntArray) -> BoolArray:
     return (start[:, 0] == end[:, 1]) & (start[:, 0] != end[:, 0])
 
 
+def sides_apart(corners: FloatArray, pairs: IntArray, same_way: bool = False) -> BoolArray:
+    """(p,) bool: the two half-edges of a pair (p, 2) differ in the values (m, 3, d) of corners at some end.
+
+    same_way: both run the same way along their edge, not against each other.
+    """
+    flat = corners.reshape(-1, corners.shape[-1])
+    i, j = pairs[:, 0], pairs[:, 1]
+    start, end = (j, next_half_edge(j)) if same_way else (next_half_edge(j), j)
+    return np.asarray(((flat[i] != flat[start]) | (flat[next_half_edge(i)] != flat[end])).any(1))
+
+
 def shared_edges(faces: IntArray) -> IntArray:
     """(e, 2) pairs of half-edges that run against each other between the same two vertices, and no third.
 
@@ -190,11 +201,8 @@ class _Fans(NamedTuple):
 
 def _same_uv(faces: IntArray, uv: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
     """(p,) bool: two half-edges i, j (p,) of one edge have the same uv (m, 3, 2) at both of its ends."""
-    corner = uv.reshape(-1, 2)
-    ni, nj = next_half_edge(i), next_half_edge(j)
-    alike = faces.ravel()[i] == faces.ravel()[j]
-    start, end = np.where(alike, j, nj), np.where(alike, nj, j)
-    return (corner[i] == corner[start]).all(1) & (corner[ni] == corner[end]).all(1)
+    pairs, alike = np.stack([i, j], 1), faces.ravel()[i] == faces.ravel()[j]
+    return ~np.where(alike, sides_apart(uv, pairs, True), sides_apart(uv, pairs))
 
 
 def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:

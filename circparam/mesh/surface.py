@@ -10,7 +10,7 @@ from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh, Roughness, laid_flat, renumbered
-from circparam.mesh.halfedge import boundary_half_edges, corner_classes
+from circparam.mesh.halfedge import boundary_half_edges, corner_classes, sides_apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,10 +162,7 @@ class Surface:
 
     def torn_seams(self, corners: FloatArray) -> IntArray:
         """(s,) half-edges of ``torn`` whose two sides have different uv; corners (m, 3, 2)."""
-        flat = corners.reshape(-1, corners.shape[-1])
-        i, j = self.torn[:, 0], self.torn[:, 1]
-        apart = (flat[i] != flat[j]) | (flat[next_half_edge(i)] != flat[next_half_edge(j)])
-        return i[apart.any(1)]
+        return self.torn[sides_apart(corners, self.torn, same_way=True), 0]
 
     def lengths(self, half_edges: IntArray) -> FloatArray:
         """(h,) length of each of the given half-edges."""

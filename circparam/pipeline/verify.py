@@ -22,6 +22,7 @@ from circparam.geometry.predicates import SignArray
 from circparam.geometry.visibility import visible_share
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.halfedge import sides_apart
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 
@@ -347,11 +348,7 @@ def uv_seams(surface: Surface, uvmap: UVMap) -> BoolArray:
 
 
 def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
-    flat = corners.reshape(-1, 2)
-    i, j = surface.edges[:, 0], surface.edges[:, 1]
-    ni, nj = (h - h % 3 + (h + 1) % 3 for h in (i, j))
-    differs = (flat[i] != flat[nj]).any(1) | (flat[ni] != flat[j]).any(1)
-    return differs | ~surface.inner_edges(ok)
+    return sides_apart(corners, surface.edges) | ~surface.inner_edges(ok)
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from circparam.core.arrays import next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.halfedge import sides_apart
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
 
@@ -79,9 +79,8 @@ class Reached:
     def atlas(self) -> Atlas:
         """The atlas of all components: cut between charts, and where the two sides of an edge lie apart."""
         surface = self._surface
-        i, j = surface.edges[:, 0], surface.edges[:, 1]
-        flat = self._corners.reshape(-1, 2)
-        apart = (flat[i] != flat[next_half_edge(j)]) | (flat[next_half_edge(i)] != flat[j])
-        between = self._chart[i // 3] != self._chart[j // 3]
-        cut = between | (apart.any(1) & np.isfinite(flat[i]).all(1))
+        left, right = surface.sides
+        known = np.isfinite(self._corners.reshape(-1, 2)[surface.edges[:, 0]]).all(1)
+        between = self._chart[left] != self._chart[right]
+        cut = between | (sides_apart(self._corners, surface.edges) & known)
         return Atlas(surface, cut & ~surface.locked, self._corners)
