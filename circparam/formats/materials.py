@@ -1,6 +1,6 @@
 """Appearance of a file in any format: textures, and the reading of their bytes.
 
-Each format finds its own (``obj/materials.py``, ``ply/materials.py``, ``gltf/materials.py``); callers ask
+Each format finds its own (``obj/materials.py``, ``ply/document.py``, ``gltf/materials.py``); callers ask
 ``Document.colours`` and ``Document.textures``. Colours are sRGB, 0..1. Pillow is loaded when an image is.
 """
 

@@ -11,7 +11,7 @@ from circparam.formats.io import read, read_data
 from circparam.formats.looks import Carried, Group
 from circparam.formats.materials import Textures
 from circparam.formats.obj.materials import SLOTS
-from circparam.formats.ply.materials import IMAGE
+from circparam.formats.ply.document import IMAGE
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.formats_tools import smooth_layout

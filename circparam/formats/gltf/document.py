@@ -30,7 +30,7 @@ from circparam.formats.gltf.reading import (
     sound_tree,
 )
 from circparam.formats.looks import Looks
-from circparam.formats.materials import Textures
+from circparam.formats.materials import Textures, srgb
 from circparam.formats.source import Source
 from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import Mesh, UVMap
@@ -132,8 +132,13 @@ class GltfDocument(Document):
 
     def colours(self) -> FloatArray | None:
         """COLOR_0 of the vertices."""
+        coloured = [pool for pool in self.pools if "COLOR_0" in pool.attributes]
+        out = np.ones((len(self.mesh.points), 3))
         with sound_tree(self.source):
-            return materials.colours(self.tree, self.pools, self.mesh.faces)
+            for pool in coloured:  # glTF defines them as linear light
+                values = self.tree.values(pool.attributes["COLOR_0"])
+                out[pool.part] = srgb(values[:, :3])
+        return out[self.mesh.faces] if coloured else None
 
     def normals(self) -> FloatArray | None:
         """NORMAL of the vertices, turned into the world; None if a primitive has none."""
@@ -166,8 +171,25 @@ class GltfDocument(Document):
 
     def targets(self) -> list[tuple[str, FloatArray]]:
         """The morph targets of the meshes: the first of each mesh together, then the second ones."""
+        number = max((len(pool.targets) for pool in self.pools), default=0)
+        names = [f"target {k + 1}" for k in range(number)]
+        points = self.mesh.points
+        moved = [points.copy() for _ in range(number)]
         with sound_tree(self.source):
-            return scene.morph_targets(self.tree, self.primitives, self.pools, self.mesh.points)
+            matrix = scene.mesh_matrices(self.tree)
+            for p in reversed(self.primitives):
+                extras = self.tree.item("meshes", p.mesh).get("extras")
+                given = extras.get("targetNames") if isinstance(extras, dict) else None
+                for k, name in enumerate(given[:number] if isinstance(given, list) else []):
+                    names[k] = str(name)
+                pool = self.pools[p.pool]
+                for k, target in enumerate(pool.targets):
+                    if "POSITION" in target:
+                        place, what = target["POSITION"], "a morph target"
+                        delta = scene.pool_rows(self.tree, pool, place, 3, what)
+                        turned = scene.times(delta, matrix[p.mesh][:3, :3].T)
+                        moved[k][pool.part] = points[pool.part] + turned
+        return list(zip(names, moved, strict=True))
 
     def textures(self) -> Textures | None:
         """The base colour textures of the materials."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.types import FloatArray, IntArray
-from circparam.formats.gltf.reading import Json, Pool, Primitive, Tree
+from circparam.core.types import FloatArray
+from circparam.formats.gltf.reading import Json, Primitive, Tree
 from circparam.formats.gltf.slots import GLOSS, factors_of, places_of, unlike
 from circparam.formats.looks import Looks, Material, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint, upwards
@@ -18,18 +18,6 @@ TRANSFORM, WEBP, VARIANTS = "KHR_texture_transform", "EXT_texture_webp", "KHR_ma
 POINTER = "KHR_animation_pointer"
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _NEAREST = 9728
-
-
-def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None:
-    """(m, 3, 3) COLOR_0 of every corner, which glTF defines as linear light; None if there is none."""
-    out = np.ones((sum(pool.count for pool in pools), 3))
-    found = False
-    for pool in pools:
-        if "COLOR_0" in pool.attributes:
-            values = tree.values(pool.attributes["COLOR_0"])
-            out[pool.part] = srgb(values[:, :3])
-            found = True
-    return out[faces] if found else None
 
 
 def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:

@@ -118,28 +118,6 @@ def pool_rows(tree: Tree, pool: Pool, accessor: int, width: int, what: str) -> F
     return value
 
 
-def morph_targets(
-    tree: Tree, primitives: list[Primitive], pools: list[Pool], points: FloatArray
-) -> list[tuple[str, FloatArray]]:
-    """The name of each morph target, and (n, 3) where the world's points are when its weight is 1."""
-    number = max((len(pool.targets) for pool in pools), default=0)
-    names = [f"target {k + 1}" for k in range(number)]
-    moved = [points.copy() for _ in range(number)]
-    matrix = mesh_matrices(tree)
-    for p in reversed(primitives):
-        extras = tree.item("meshes", p.mesh).get("extras")
-        given = extras.get("targetNames") if isinstance(extras, dict) else None
-        for k, name in enumerate(given[:number] if isinstance(given, list) else []):
-            names[k] = str(name)
-        pool = pools[p.pool]
-        for k, target in enumerate(pool.targets):
-            if "POSITION" not in target:
-                continue
-            delta = pool_rows(tree, pool, target["POSITION"], 3, "a morph target")
-            moved[k][pool.part] = points[pool.part] + times(delta, matrix[p.mesh][:3, :3].T)
-    return list(zip(names, moved, strict=True))
-
-
 def read_meshes(
     tree: Tree, shown: list[Shown]
 ) -> tuple[FloatArray, list[Primitive], list[Pool], list[str]]:

@@ -1,5 +1,6 @@
 """PLY: every element and property kept, uv as vertex ``s, t`` or as face ``texcoord`` lists."""
 
+import re
 from dataclasses import field, replace
 from typing import Any
 
@@ -10,14 +11,18 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, not_carried
-from circparam.formats.looks import Looks
-from circparam.formats.materials import Textures
-from circparam.formats.ply import materials, writing
+from circparam.formats.looks import Carried, Looks, Material, Slot, Use
+from circparam.formats.materials import ImageFiles, Textures
+from circparam.formats.ply import writing
 from circparam.formats.ply.reading import INDICES, UV_NAMES, FaceLists, Layout, vertex_uv
 from circparam.formats.polygons import Polygons, check_corners, list_start, strips, triangulate
 from circparam.formats.source import Source
 from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
+
+CHANNELS = ("red", "green", "blue")
+IMAGE = Slot("texture", (0, 1, 2, 3), "texture", True)
+_TEXTURE_LINE = re.compile(r"(\s*comment\s+TextureFile\s+)(\S.*)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,16 +74,47 @@ class PlyDocument(Document):
         return "f8" if held is not None and held.type == "f8" else "f4"
 
     def colours(self) -> FloatArray | None:
-        """red, green, blue of the vertices, or else of the faces."""
-        return materials.colours(self.layout, self.mesh.faces, self.lists.polys.owner)
+        """red, green, blue of the vertices, or else of the faces; triangles of strips are white then."""
+        vertex, face = self.layout.element("vertex"), self.layout.element("face")
+        for element in (vertex, face):
+            found = [element.find(name) for name in CHANNELS]
+            if not all(found):
+                continue
+            values = self.layout.columns(element, CHANNELS)
+            codes = {p.type for p in found if p is not None}
+            values = values / (255.0 if "u1" in codes else 65535.0 if "u2" in codes else 1.0)
+            values = np.clip(values, 0, 1)
+            if element is vertex:
+                return values[self.mesh.faces]
+            owner = self.lists.polys.owner
+            white = np.ones((max(int(owner.max(initial=-1)) + 1 - len(values), 0), 3))
+            return np.repeat(np.concatenate([values, white])[owner][:, None], 3, axis=1)
+        return None
 
     def looks(self) -> Looks | None:
-        """The image that a TextureFile comment names, as one material."""
-        return materials.looks(self.layout, len(self.mesh.faces))
+        """The image that a TextureFile comment names, as one material.
+
+        Raises InputError if it is missing, or where faces take theirs from several.
+        """
+        names = texture_files(self.layout.lines)
+        if not names:
+            return None
+        if len(names) > 1:
+            raise self.source.error(
+                f"it has {len(names)} TextureFile lines: only one image can be carried, save it as OBJ"
+            )
+        files = ImageFiles(self.source, strict=True)
+        files.read(names[0])
+        material = Material("", {IMAGE: Use(0)}, {IMAGE: np.ones(4)})
+        face = np.zeros(len(self.mesh.faces), np.int64)
+        return Looks(tuple(files.images), (names[0],), (material,), face)
 
     def textures(self) -> Textures | None:
-        """The image that a TextureFile comment names."""
-        return materials.textures(self.layout, len(self.mesh.faces))
+        """The first image that a TextureFile comment names, as MeshLab writes it."""
+        files, m = ImageFiles(self.source), len(self.mesh.faces)
+        for name in texture_files(self.layout.lines)[:1]:
+            return files.textures(np.full(m, files.read(name), np.int64), np.ones((m, 3)))
+        return None
 
     def check_edit(self, options: WriteOptions, format: str) -> None:
         """Raise OptionError for uv of faces in a file with tristrips."""
@@ -96,10 +132,10 @@ class PlyDocument(Document):
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
         lines = writing.with_pages(layout.lines, options.pages)
-        assets, extra = list(dict.fromkeys(materials.texture_files(lines))), dict[str, bytes]()
+        assets, extra = list(dict.fromkeys(texture_files(lines))), dict[str, bytes]()
         if self.carried is not None:
             assets = []
-            lines, extra = materials.redressed(lines, self.carried, stem)
+            lines, extra = redressed(lines, self.carried, stem)
         vertices, notes = None, list[str]()
         if writing.uv_at_faces(options.ply_uv):
             own = corner_uv[: self.lists.n_corners]
@@ -151,6 +187,20 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
         tuple(feature for feature, there in features.items() if there),
         layout=layout, lists=FaceLists(polys, len(size), len(corners), tri, strip_counts),
     )  # fmt: skip
+
+
+def texture_files(header: list[str]) -> list[str]:
+    """The images that the lines of a header name, as MeshLab writes them."""
+    return [found[2].strip() for found in map(_TEXTURE_LINE.match, header) if found]
+
+
+def redressed(header: list[str], carried: Carried, stem: str) -> tuple[list[str], dict[str, bytes]]:
+    """The lines of a header that name a carried image: (the lines, the image by its name)."""
+    name = carried.file_of(IMAGE.page, stem or "mesh")
+    known = name.encode("latin-1", "replace").decode("latin-1")
+    first = next(k for k, line in enumerate(header) if texture_files([line]))
+    line = _TEXTURE_LINE.sub(lambda found: found[1] + known, header[first])
+    return [*header[:first], line, *header[first + 1 :]], {name: carried.pages[IMAGE.page]}
 
 
 def round_ply(uv: FloatArray, document: Document | None) -> FloatArray:
