@@ -16,9 +16,9 @@ from circparam.errors import CircparamError, InputError, OptionError
 from circparam.formats.document import FIRST_UDIM, Document, WriteOptions, turned, y_up
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.gltf.materials import GLOSS
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode
 from circparam.formats.materials import encoded_image
 from circparam.formats.source import Source

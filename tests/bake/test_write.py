@@ -15,9 +15,9 @@ from circparam.bake.write import embed, png, write_baked
 from circparam.errors import OptionError
 from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.materials import GLOSS
 from circparam.formats.gltf.morphing import with_frames
 from circparam.formats.gltf.scene import mesh_matrices
-from circparam.formats.gltf.slots import GLOSS
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit

@@ -27,7 +27,6 @@ from circparam.formats.gltf.reading import (
     Json,
     Tree,
     element_size,
-    index_type,
 )
 from circparam.formats.materials import media_type
 from circparam.formats.source import bytes_beside
@@ -99,8 +98,12 @@ class Packing:
     def indices(
         self, corner: IntArray, vertices: int, least: int = 5123, keep: Json | None = None
     ) -> int:
-        """Append an index list of so many vertices, of the component type ``least`` or a wider one."""
-        code = COMPONENTS[index_type(vertices, least)]
+        """Append an index list of so many vertices, of the component type ``least`` or a wider one.
+
+        The highest value of a type is kept free: it restarts strips (glTF 2.0, 3.7.2.1).
+        """
+        wide = (COMPONENTS[k] for k in (5121, 5123, 5125) if k >= least)
+        code = next(code for code in wide if vertices <= np.iinfo(code).max)
         return self.array(corner.astype(code), ELEMENT_BUFFER, keep=keep)
 
     def rows(self, number: int) -> ByteArray:

@@ -21,12 +21,13 @@ from circparam.formats.gltf.materials import (
     VARIANTS,
     material_number,
     materials_of,
+    places_of,
+    set_factors,
     texture_infos,
     uv_set_of,
 )
 from circparam.formats.gltf.reading import COMPONENTS, TRIANGLES, Json, Pool, Primitive
 from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
-from circparam.formats.gltf.slots import places_of, set_factors
 from circparam.formats.looks import Carried, Group
 from circparam.formats.vertex_split import Split
 

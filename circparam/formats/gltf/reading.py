@@ -315,7 +315,10 @@ def drop_compressed_copies(tree: Tree) -> list[str]:
     found = False
     for p in primitives:
         packed = p.get("extensions", {})
-        if DRACO in packed and DRACO in optional and _is_plain(tree, p):
+        if DRACO not in packed or DRACO not in optional:
+            continue
+        numbers = [*p["attributes"].values(), *([p["indices"]] if "indices" in p else [])]
+        if all({"bufferView", "sparse"} & set(tree.item("accessors", k)) for k in numbers):
             tree.stale_views.add(packed[DRACO]["bufferView"])
             _drop(p, {DRACO})
             found = True
@@ -336,13 +339,6 @@ def drop_compressed_copies(tree: Tree) -> list[str]:
     return ["compressed copies of its data were left out: they have no place for new uv"]
 
 
-def _is_plain(tree: Tree, primitive: Json) -> bool:
-    """Whether all accessors of a primitive have data of their own."""
-    numbers = list(primitive["attributes"].values())
-    numbers += [primitive["indices"]] if "indices" in primitive else []
-    return all({"bufferView", "sparse"} & set(tree.item("accessors", k)) for k in numbers)
-
-
 def _has_data(tree: Tree, number: int) -> bool:
     """Whether a buffer has bytes; a placeholder for decoded data has none."""
     return "uri" in tree.item("buffers", number) or (number == 0 and tree.bin is not None)
@@ -355,14 +351,6 @@ def _drop(holder: Json, names: set[str]) -> None:
         del extensions[name]
     if not extensions:
         holder.pop("extensions", None)
-
-
-def index_type(n: int, least: int) -> int:
-    """The component type of indices of n vertices: the smallest from ``least`` on that holds them.
-
-    The highest value of a type is kept free: it restarts strips (glTF 2.0, 3.7.2.1).
-    """
-    return next(k for k in (5121, 5123, 5125) if k >= least and n <= np.iinfo(COMPONENTS[k]).max)
 
 
 def component(entry: Json) -> np.dtype[Any]:

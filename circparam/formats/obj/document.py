@@ -86,7 +86,15 @@ class ObjDocument(Document):
 
     def colours(self) -> FloatArray | None:
         """The colours behind the coordinates of ``v``, as many programs write them."""
-        return materials.colours(self.scan, self.mesh.faces)
+        scan, lines = self.scan, self.scan.of(b"v")
+        given = scan.last[lines] - scan.first[lines] - 1
+        if not (given >= 6).any():
+            return None
+        values = scan.numbers(lines, 6, optional=3)[:, 3:]
+        values[given < 6] = 1.0  # vertices without one are white
+        # some programs write 0..255: then some value is above 1
+        whole = 255.0 if values.max(initial=0) > 1.0 else 1.0
+        return np.clip(values / whole, 0, 1)[self.mesh.faces]
 
     def normals(self) -> FloatArray | None:
         """The vn of every corner, that of its triangle where it has no direction; None if one lacks a vn."""

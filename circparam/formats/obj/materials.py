@@ -1,9 +1,9 @@
-"""Colours, textures and materials of an OBJ file, and a library and text that show other images.
+"""Textures and materials of an OBJ file, and a library and text that show other images.
 
-Colours stand behind the coordinates of ``v``, materials in the MTL libraries that ``mtllib`` names. Libraries
-have tabs, words in any case, quotes and continued lines. An image stands behind a keyword such as ``map_Kd``,
-with options before its name. ``-s`` and ``-o`` scale and move uv, ``-clamp on`` ends the image at its edges.
-``bump`` holds heights, or normals where its colours are such.
+Materials stand in the MTL libraries that ``mtllib`` names, which have tabs, words in any case, quotes and
+continued lines. An image stands behind a keyword such as ``map_Kd``, with options before its name. ``-s`` and
+``-o`` scale and move uv, ``-clamp on`` ends the image at its edges. ``bump`` holds heights, or normals where
+its colours are such.
 """
 
 import re
@@ -108,18 +108,6 @@ def colour_of(text: str) -> FloatArray:
     except ValueError:
         return np.ones(3)
     return colour if colour.shape == (3,) else np.ones(3)
-
-
-def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
-    """(m, 3, 3) colour of every corner; None if no vertex has one. Vertices without one are white."""
-    lines = scan.of(b"v")
-    given = scan.last[lines] - scan.first[lines] - 1
-    if not (given >= 6).any():
-        return None
-    values = scan.numbers(lines, 6, optional=3)[:, 3:]
-    values[given < 6] = 1.0
-    # some programs write 0..255: then some value is above 1
-    return np.clip(values / (255.0 if values.max(initial=0) > 1.0 else 1.0), 0, 1)[faces]
 
 
 def libraries(scan: Scan, files: ImageFiles) -> list[Statements]:

@@ -15,7 +15,16 @@ from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.polygons import Polygons, list_start, triangulate
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import Composed, read_stage
-from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, referred, silent
+from circparam.formats.usd.stage import (
+    CRATE,
+    PACKAGE,
+    TEXT,
+    Files,
+    kind_of,
+    opened,
+    referred,
+    silent,
+)
 from circparam.formats.usd.writing import Layer
 from circparam.mesh.mesh import UVMap
 
@@ -125,11 +134,14 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
     """
     kind = kind_of(data)
     with opened(data, source) as stage:
-        if kind != PACKAGE and source.path is None:
-            _check_alone(stage, source)
+        found = Files() if kind == PACKAGE else _references(stage, source)
         composed = read_stage(stage, source)
         del stage
-    layers, assets, outside, missing = _files(source) if kind != PACKAGE else ([], [], [], [])
+    folder = source.folder or Path()
+    outside = tuple(os.path.relpath(p, folder) for p in found.outside)
+    layers, assets = (
+        [p.relative_to(folder).as_posix() for p in files] for files in (found.layers, found.assets)
+    )
     prims = composed.prims
     points = np.concatenate([p.points for p in prims])
     first_point = np.cumsum([0, *(len(p.points) for p in prims)])
@@ -156,8 +168,8 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
             f"it has variants: those in effect are unwrapped ({', '.join(composed.variants[:4])}), "
             "others that show the same meshes get the same uv"
         )
-    if missing:
-        warnings.append(f"it refers to files that are not there: {', '.join(missing[:3])}")
+    if found.missing:
+        warnings.append(f"it refers to files that are not there: {', '.join(found.missing[:3])}")
     moving = any(p.moving for p in prims)
     several = len(names) > 1
     return UsdDocument(
@@ -167,30 +179,21 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
         ("the tree of prims", *(("materials",) if composed.materials else ())),
         tuple(names) if several else (), tuple(warnings),
         data=data, stage=composed, polys=polys, prim=prim, sets=sets, corner_uv=uv,
-        layers=tuple(layers), assets=tuple(assets), outside=tuple(outside),
+        layers=tuple(layers), assets=tuple(assets), outside=outside,
     )  # fmt: skip
 
 
-def _check_alone(stage: Any, source: Source) -> None:
-    """Raise InputError if a stage without a folder refers to other layers."""
+def _references(stage: Any, source: Source) -> Files:
+    """The files that a stage refers to. Raises InputError if these are layers and it came without a folder."""
     with silent():
-        missing = referred(Path(stage.GetRootLayer().realPath), source).missing
+        found = referred(Path(stage.GetRootLayer().realPath), source)
+    found.opened.clear()  # USD hands out the same layer as long as somebody holds it
+    if source.path is not None:
+        return found
     suffixes = (".usd", ".usda", ".usdc", ".usdz")
-    if layers := [Path(m).name for m in missing if Path(m).suffix.lower() in suffixes]:
+    if layers := [Path(m).name for m in found.missing if Path(m).suffix.lower() in suffixes]:
         raise source.error(
             f"it refers to other layers ({', '.join(layers[:3])}), which are not found from here: "
             "give its path"
         )
-
-
-def _files(source: Source) -> tuple[list[str], list[str], list[str], list[str]]:
-    """(layers, other files) inside the folder of a file by relative names, (those outside, those missing)."""
-    folder = source.folder
-    if source.path is None or folder is None:
-        return [], [], [], []
-    with silent():
-        found = referred(source.path, source)
-    layers, assets = (
-        [p.relative_to(folder).as_posix() for p in files] for files in (found.layers, found.assets)
-    )
-    return layers, assets, [os.path.relpath(p, folder) for p in found.outside], found.missing
+    return Files()
