@@ -1,6 +1,7 @@
 """Cuts along chords of a layout, made along edges of the mesh: the shortest way near each chord."""
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sps
@@ -8,7 +9,7 @@ import scipy.sparse as sps
 from circparam.core.arrays import cross2, edge_keys, ends_of, group_sum
 from circparam.core.graph import nearest
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
@@ -20,16 +21,6 @@ BAND = 0.2  # of a chord's length, and two edges: largest distance of the path a
 ALIKE = 2.0  # ratio of the areas that the chord and the way cut off, at most
 
 
-@dataclass(frozen=True, eq=False)
-class Chord:
-    """A straight cut through a chart from start to end (2,), in the uv of its atlas. least: area of the smaller
-    part that it leaves, in space."""
-
-    start: FloatArray
-    end: FloatArray
-    least: float
-
-
 @dataclass(frozen=True)
 class Limits:
     """Limits for both parts of a chart that is cut: the bound on the distortion, the least number of faces."""
@@ -39,89 +30,97 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Opened:
-    """An opened atlas: its cut mesh and the uv (nv, 2) of that mesh, for repeated use."""
+class Ground:
+    """The atlas of one chart, on which it can be cut.
 
-    atlas: Atlas
-    cut_mesh: CutMesh
-    uv: FloatArray
-
-    @classmethod
-    def of(cls, atlas: Atlas) -> "Opened":
-        """An atlas, opened."""
-        return cls(atlas, *atlas.open())
-
-
-def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) -> Opened | None:
-    """The atlas of one chart cut along edges near a chord; None unless both parts are valid disks.
-
-    costs: (e,) of a seam along each edge, infinite if seams are forbidden. The way begins and ends on a
-    boundary near the ends of the chord, wherever it is shortest, or else at its ends. The layout stays.
+    chart: the chart that it is or was a part of. faces: (k,) those of the whole. costs: (e,) of a cut along
+    each edge, infinite where none may lead. flat: (e,) bool, edges inside flats of the design.
     """
-    atlas = whole.atlas
-    for ends in (BAND, 0.0):
-        path = _path(whole, chord, costs, ends)
-        if path is None:
-            continue
-        cut = atlas.cut.copy()
+
+    chart: int
+    faces: IntArray
+    atlas: Atlas
+    costs: FloatArray
+    flat: BoolArray
+
+    @cached_property
+    def opened(self) -> tuple[CutMesh, FloatArray]:
+        """The cut mesh, and the uv of its vertices."""
+        return self.atlas.open()
+
+    @cached_property
+    def ways(self) -> tuple[IntArray, IntArray, IntArray]:
+        """The edges along which a cut may lead, and both ends of each on the cut mesh."""
+        edge = np.flatnonzero(~self.atlas.cut & np.isfinite(self.costs))
+        return edge, *ends_of(self.opened[0].faces, self.atlas.surface.edges[edge, 0])
+
+    def after(self, path: IntArray) -> Atlas:
+        """The atlas cut along some edges, with the same layout."""
+        cut = self.atlas.cut.copy()
         cut[path] = True
-        after = _kept(Atlas(atlas.surface, cut, atlas.corners, atlas.prices), path, chord, limits)
+        return Atlas(self.atlas.surface, cut, self.atlas.corners, self.atlas.prices)
+
+    def part(self, after: Atlas, mine: BoolArray) -> "Ground":
+        """The part on some faces (bool) of the atlas after a cut."""
+        inside = after.surface.inner_edges(mine)
+        costs, flat = self.costs[inside], self.flat[inside]
+        return Ground(self.chart, self.faces[mine], after.part(mine), costs, flat)
+
+
+def cut_along(
+    ground: Ground, start: FloatArray, end: FloatArray, least: float, limits: Limits
+) -> Atlas | None:
+    """The atlas of a chart cut along edges near a chord; None unless both parts are valid disks.
+
+    start, end: (2,) of the chord in uv. least: area of the smaller part that it leaves, in space. The way
+    begins and ends on a boundary near the ends of the chord, wherever it is shortest, or else at its ends. The
+    layout stays.
+    """
+    for ends in (BAND, 0.0):
+        path = _path(ground, start, end, ends)
+        after = None if path is None else _kept(ground.after(path), path, least, limits)
         if after is not None:
             return after
     return None
 
 
-def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:
+def _path(ground: Ground, start: FloatArray, end: FloatArray, ends: float) -> IntArray | None:
     """Edges of the cheapest way near a chord; None if there is none."""
-    atlas, cut_mesh, uv = whole.atlas, whole.cut_mesh, whole.uv
-    edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
-    a, b = ends_of(cut_mesh.faces, atlas.surface.edges[edge, 0])
-    length = float(np.linalg.norm(chord.end - chord.start))
+    (cut_mesh, uv), (edge, a, b) = ground.opened, ground.ways
+    length = float(np.linalg.norm(end - start))
     step = float(np.median(np.linalg.norm(uv[a] - uv[b], axis=1))) if len(edge) else 0.0
-    away = _distance(uv, chord.start, chord.end)
-    near = away <= BAND * length + 2 * step
-    edge, a, b = (x[near[a] & near[b]] for x in (edge, a, b))
+    near = _distance(uv, start, end) <= BAND * length + 2 * step
     reach = ends * length + (step if ends else 0.0)
-    starts, goals = (_beside(cut_mesh, uv, p, reach) for p in (chord.start, chord.end))
-    if not len(edge) or not len(starts) or not len(goals):
-        return None
-    return cheapest_way(cut_mesh, edge, (a, b), costs[edge], starts, goals)
+    starts, goals = (_beside(cut_mesh, uv, p, reach) for p in (start, end))
+    return _cheapest_way(ground, near[a] & near[b], starts, goals)
 
 
-def slit_open(whole: Opened, costs: FloatArray) -> Opened | None:
-    """The atlas of one chart whose largest hole is joined to the outer loop; None if there is no way.
+def slit_open(ground: Ground) -> Atlas | None:
+    """The atlas of a chart whose largest hole is joined to the outer loop; None if there is no way.
 
-    costs: (e,) as for ``cut_along``. The chart stays one and keeps its layout; a ring can be cut across then.
+    The chart stays one and keeps its layout; a ring can be cut across then.
     """
-    atlas, cut_mesh = whole.atlas, whole.cut_mesh
+    cut_mesh, uv = ground.opened
     loops = cut_mesh.loops
     vertex, ahead = ends_of(cut_mesh.faces, loops.half_edges)
-    area = group_sum(cross2(whole.uv[vertex], whole.uv[ahead]), loops.loop_of, len(loops.chart))
+    area = group_sum(cross2(uv[vertex], uv[ahead]), loops.loop_of, len(loops.chart))
     hole = int(np.where(loops.outer, -np.inf, np.abs(area)).argmax())
-    edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
     starts, goals = vertex[loops.loop_of == hole], vertex[loops.outer[loops.loop_of]]
-    ends = ends_of(cut_mesh.faces, atlas.surface.edges[edge, 0])
-    path = cheapest_way(cut_mesh, edge, ends, costs[edge], starts, goals)
-    if path is None:
-        return None
-    cut = atlas.cut.copy()
-    cut[path] = True
-    return Opened.of(Atlas(atlas.surface, cut, atlas.corners, atlas.prices))
+    path = _cheapest_way(ground, np.ones(len(ground.ways[0]), bool), starts, goals)
+    return None if path is None else ground.after(path)
 
 
-def cheapest_way(
-    cut_mesh: CutMesh,
-    edge: IntArray,
-    ends: tuple[IntArray, IntArray],
-    costs: FloatArray,
-    starts: IntArray,
-    goals: IntArray,
+def _cheapest_way(
+    ground: Ground, usable: BoolArray, starts: IntArray, goals: IntArray
 ) -> IntArray | None:
     """The edges of the cheapest way from one of some vertices to one of others; None if there is none.
 
-    edge: (e,) usable edges, with their ends and costs. The path avoids the boundary in between.
+    usable: which of the ``ways`` may be used. The path avoids the boundary in between.
     """
-    a, b = ends
+    if not usable.any() or not len(starts) or not len(goals):
+        return None
+    edge, a, b = (x[usable] for x in ground.ways)
+    cut_mesh, costs = ground.opened[0], ground.costs[edge]
     n = cut_mesh.n_vertices
     rim = cut_mesh.on_boundary
     # along the boundary it would tear fragments off: each vertex there costs more than any way round
@@ -162,7 +161,7 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
     return np.linalg.norm(points - start - t[:, None] * d, axis=1)
 
 
-def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:
+def _kept(atlas: Atlas, path: IntArray, least: float, limits: Limits) -> Atlas | None:
     """An atlas cut along a path (edges) if both charts are valid, else None.
 
     Both parts, or None. Each part is a disk (holes allowed) with enough faces, below the bound: a part above it
@@ -174,7 +173,7 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened 
     if (np.diff(chart[atlas.surface.edges[path] // 3], axis=1) == 0).any():
         return None  # a slit that ends inside
     cut_mesh, uv = atlas.open()
-    if not chord.least / ALIKE < float(cut_mesh.chart_areas.min()) < chord.least * ALIKE:
+    if not least / ALIKE < float(cut_mesh.chart_areas.min()) < least * ALIKE:
         return None
     if not_disks(cut_mesh).any():
         return None
@@ -188,4 +187,4 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened 
             return None
         uv[vertices] = laid.uv
         atlas.scatter(cut_mesh, uv)
-    return Opened(atlas, cut_mesh, uv)
+    return atlas

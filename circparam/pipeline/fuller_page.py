@@ -21,7 +21,7 @@ from circparam.packing import pack
 from circparam.packing.budget import Budget
 from circparam.pipeline import fallback
 from circparam.pipeline.configure import pack_options
-from circparam.pipeline.cut_along import Limits, Opened
+from circparam.pipeline.cut_along import Limits
 from circparam.pipeline.fallback import Cascade, KnownPacking
 from circparam.pipeline.options import Options
 from circparam.pipeline.page_cuts import Cutter, Part, joined
@@ -64,7 +64,7 @@ def most_cuts(cascade: Cascade, options: Options, monitor: Monitor) -> int:
 def page_cutter(cascade: Cascade, options: Options) -> Cutter:
     """The maker of cuts; a cut through a flat costs no more than its length only if the user asked for cuts."""
     limits = Limits(cascade.rules.bound, options.min_chart_faces or 1)
-    return Cutter(Opened.of(cascade.atlas), limits, options.cuts_asked is not None)
+    return Cutter(cascade.atlas, limits, options.cuts_asked is not None)
 
 
 def plans_of(whole: Cascade, options: Options, most: int, monitor: Monitor) -> list[Plan]:
@@ -73,7 +73,7 @@ def plans_of(whole: Cascade, options: Options, most: int, monitor: Monitor) -> l
     share = None if whole.packing is None else _log_share(whole.packing)
     if not cutter.charts:
         return [Plan([], 0.0, 0, 0.0)]
-    budget = Budget(WORK_PER_FACE * len(cutter.whole.cut_mesh.faces), lambda: monitor.expired)
+    budget = Budget(WORK_PER_FACE * len(cutter.cut_mesh.faces), lambda: monitor.expired)
     search = Search(cutter, most, options.pages or 1, budget, options.draft)
     first, *others = search.plans(share)
     cheaper = [plan for plan in others if plan.cost < first.cost]

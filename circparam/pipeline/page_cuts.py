@@ -17,7 +17,7 @@ from circparam.geometry.intersect import properly_cross
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.outlines import ANGLE_STEPS
-from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along, slit_open
+from circparam.pipeline.cut_along import Ground, Limits, cut_along, slit_open
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import hard_components
 from circparam.seams.prices import edge_prices
@@ -96,44 +96,36 @@ class Chords:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """The atlas of one chart, on which it can be cut.
-
-    chart: the chart that it is or was a part of. faces: (k,) those of the whole. costs: (e,) of a cut along
-    each edge, infinite where none may lead. flat: (e,) bool, edges inside flats of the design.
-    """
-
-    chart: int
-    faces: IntArray
-    opened: Opened
-    costs: FloatArray
-    flat: BoolArray
-
-    def part(self, after: Atlas, mine: BoolArray) -> "Ground":
-        """The part on some faces (bool) of the atlas after a cut."""
-        inside = after.surface.inner_edges(mine)
-        opened = Opened.of(after.part(mine))
-        return Ground(self.chart, self.faces[mine], opened, self.costs[inside], self.flat[inside])
-
-
-@dataclass(frozen=True, eq=False)
 class Part:
     """A chart, or a part of a chart after cuts.
 
     outline: scaled to the size of the surface. places: (k, 2) uv of its corners in the atlas. ground: None if
-    nothing was cut. box, square: area of the least bounding box, side of the least square. slit: length of the
-    slit that opens it. drawn: cut along chords themselves, so nothing but the outline is known. failed: numbers
-    of the chords along which no cut could be made.
+    nothing was cut. slit: length of the slit that opens it. drawn: cut along chords themselves, so nothing but
+    the outline is known. failed: numbers of the chords along which no cut could be made.
     """
 
     outline: Outline
     places: FloatArray
     ground: Ground | None
-    box: float
-    square: float
     slit: float = 0.0
     drawn: bool = False
     failed: set[int] = field(default_factory=set)
+
+    @cached_property
+    def frames(self) -> tuple[float, float]:
+        """Area of the least bounding box, side of the least square."""
+        box, square = least_frames(np.ptp(turned(self.outline.p), axis=0)).tolist()
+        return box, square
+
+    @property
+    def box(self) -> float:
+        """Area of the least bounding box."""
+        return self.frames[0]
+
+    @property
+    def square(self) -> float:
+        """Side of the least square."""
+        return self.frames[1]
 
     @cached_property
     def chords(self) -> Chords:
@@ -143,27 +135,34 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Cutter:
-    """The maker of cuts in an atlas, ``whole``. limits: of both parts of a cut.
+    """The maker of cuts in an atlas. limits: of both parts of a cut.
 
     through_flats: whether a cut through a flat of the design costs its length alone. grounds: of charts that
-    were to be cut.
+    were to be cut. slits: of rings.
     """
 
-    whole: Opened
+    atlas: Atlas
     limits: Limits
     through_flats: bool
     grounds: dict[int, Ground] = field(default_factory=dict)
     slits: dict[Part, Part | None] = field(default_factory=dict)
 
     @cached_property
+    def cut_mesh(self) -> CutMesh:
+        """The atlas cut open."""
+        return self.atlas.cut_mesh()
+
+    @cached_property
     def root(self) -> float:
         """Root of the area of the surface, the unit of all lengths of seams."""
-        return float(np.sqrt(self.whole.atlas.surface.areas.sum()))
+        return float(np.sqrt(self.atlas.surface.areas.sum()))
 
     @cached_property
     def charts(self) -> list[Part]:
         """All charts as they are; charts without an outline are left out."""
-        return self._parts(self.whole, np.arange(self.whole.cut_mesh.n_charts), None)
+        uv = self.atlas.gather(self.cut_mesh)
+        shapes = outlines(self.cut_mesh, at_best_scales(self.cut_mesh, uv), self.root / CORNERS)
+        return [Part(outline, uv[outline.vertex], None) for outline in shapes]
 
     def worth_trying(self, part: Part, k: int) -> bool:
         """Whether chord k lies inside its part, and no cut failed along a chord within two corners of it."""
@@ -174,17 +173,14 @@ class Cutter:
 
     def cut(self, part: Part, k: int) -> tuple[list[Part], float] | None:
         """(both parts of a part cut near its chord k, length of the seam at the user's prices), or None."""
-        i, j = int(part.chords.i[k]), int(part.chords.j[k])
-        chord = Chord(part.places[i], part.places[j], float(part.chords.least[k]))
-        ground = part.ground or self._ground(part.outline.chart)
-        opened = cut_along(ground.opened, chord, ground.costs, self.limits)
-        parts: list[Part] = []
-        if opened is not None:
-            for c in (0, 1):
-                piece = ground.part(opened.atlas, opened.cut_mesh.chart == c)
-                parts += self._parts(piece.opened, np.zeros(1, np.int64), piece)
+        start, end = (part.places[at[k]] for at in (part.chords.i, part.chords.j))
+        ground, least = self.ground_of(part), float(part.chords.least[k])
+        after = cut_along(ground, start, end, least, self.limits)
+        if after is not None:
+            chart = after.charts()[1]
+            parts = [p for c in (0, 1) for p in self._parts(ground.part(after, chart == c))]
             if len(parts) == 2:
-                return parts, self._priced(ground, opened)
+                return parts, self._priced(ground, after)
         part.failed.add(k)
         return None
 
@@ -197,46 +193,41 @@ class Cutter:
             p = shown.p[mine]
             holes = [hole for hole in shown.holes if within(p, hole[:1])[0]]
             outline = Outline(shown.chart, shown.vertex[mine], p, holes)
-            box, square = least_frames(np.ptp(turned(p), axis=0)).tolist()
-            parts.append(Part(outline, part.places[mine], None, box, square, drawn=True))
+            parts.append(Part(outline, part.places[mine], None, drawn=True))
         return parts
 
     def slit(self, part: Part) -> Part | None:
         """A ring that is opened by a slit, None if none leads across it."""
         if part not in self.slits:
-            ground = part.ground or self._ground(part.outline.chart)
-            opened = slit_open(ground.opened, ground.costs)
-            self.slits[part] = None
-            if opened is not None:
-                whole = ground.part(opened.atlas, np.ones(len(ground.faces), bool))
-                for one in self._parts(whole.opened, np.zeros(1, np.int64), whole):
-                    self.slits[part] = replace(one, slit=part.slit + self._priced(ground, opened))
+            ground = self.ground_of(part)
+            after, self.slits[part] = slit_open(ground), None
+            if after is not None:
+                slit = part.slit + self._priced(ground, after)
+                for one in self._parts(ground.part(after, np.ones(len(ground.faces), bool))):
+                    self.slits[part] = replace(one, slit=slit)
         return self.slits[part]
 
-    def _priced(self, ground: Ground, after: Opened) -> float:
+    def _priced(self, ground: Ground, after: Atlas) -> float:
         """Length of the seams that are new on a ground, at the user's prices."""
-        new = after.atlas.cut & ~ground.opened.atlas.cut
-        length = after.atlas.surface.priced_lengths[new]
+        new = after.cut & ~ground.atlas.cut
+        length = after.surface.priced_lengths[new]
         if not self.through_flats:
             length = length * (1 + COST.flat * ground.flat[new])
         return float(length.sum())
 
-    def _parts(self, opened: Opened, which: IntArray, ground: Ground | None) -> list[Part]:
-        """Some charts of an atlas, that of a ground if there is one."""
-        cut_mesh, uv = opened.cut_mesh, opened.uv
-        found = []
-        step = self.root / CORNERS
-        for shown in outlines(cut_mesh, at_best_scales(cut_mesh, uv), which, step):
-            outline = shown if ground is None else replace(shown, chart=ground.chart)
-            box, square = least_frames(np.ptp(turned(outline.p), axis=0)).tolist()
-            found.append(Part(outline, uv[outline.vertex], ground, box, square))
-        return found
+    def _parts(self, ground: Ground) -> list[Part]:
+        """The one chart of a ground, none without an outline."""
+        cut_mesh, uv = ground.opened
+        shapes = outlines(cut_mesh, at_best_scales(cut_mesh, uv), self.root / CORNERS)
+        return [Part(replace(o, chart=ground.chart), uv[o.vertex], ground) for o in shapes]
 
-    def _ground(self, chart: int) -> Ground:
+    def ground_of(self, part: Part) -> Ground:
+        """The ground on which a part is cut."""
+        chart = part.outline.chart
+        if part.ground is not None:
+            return part.ground
         if chart not in self.grounds:
-            atlas = self.whole.atlas
-            mine = self.whole.cut_mesh.chart == chart
-            surface = atlas.surface
+            surface, mine = self.atlas.surface, self.cut_mesh.chart == chart
             left, right = surface.sides
             near = mine.copy()  # with the neighbours, which show where a flat chart ends
             near[left[mine[right]]] = near[right[mine[left]]] = True
@@ -244,13 +235,8 @@ class Cutter:
             prices = edge_prices(around, hard_components(around))
             costs = np.where(around.locked, np.inf, around.priced_lengths) * prices.price
             inner = surface.inner_edges(mine)[surface.inner_edges(near)]
-            self.grounds[chart] = Ground(
-                chart,
-                np.flatnonzero(mine),
-                Opened.of(atlas.part(mine)),
-                costs[inner],
-                prices.flat[inner],
-            )
+            faces, own = np.flatnonzero(mine), self.atlas.part(mine)
+            self.grounds[chart] = Ground(chart, faces, own, costs[inner], prices.flat[inner])
         return self.grounds[chart]
 
 
@@ -262,7 +248,7 @@ def joined(before: Atlas, parts: Iterable[Part]) -> Atlas:
     grounds = [part.ground for part in parts if part.ground is not None]
     for number, ground in enumerate(grounds):
         label[ground.faces] = number + 1
-        after.corners[ground.faces] = ground.opened.atlas.corners
+        after.corners[ground.faces] = ground.atlas.corners
     after.cut |= label[surface.sides[0]] != label[surface.sides[1]]
     return after
 
@@ -272,8 +258,8 @@ def closed(loops: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(loops), np.concatenate([np.roll(q, -1, axis=0) for q in loops])
 
 
-def outlines(cut_mesh: CutMesh, uv: FloatArray, which: IntArray, step: float) -> list[Outline]:
-    """The outlines of some charts, in their order; corners ``step`` apart, charts without three left out."""
+def outlines(cut_mesh: CutMesh, uv: FloatArray, step: float) -> list[Outline]:
+    """The outlines of all charts, in their order; corners ``step`` apart, charts without three left out."""
     loops = cut_mesh.loops
     vertex, ahead = ends_of(cut_mesh.faces, loops.half_edges)
     p = uv[vertex]
@@ -282,20 +268,17 @@ def outlines(cut_mesh: CutMesh, uv: FloatArray, which: IntArray, step: float) ->
     at -= at[loops.start[:-1]][loops.loop_of]
     rung = np.floor(at / step)
     kept = np.r_[True, (rung[1:] != rung[:-1]) | (loops.loop_of[1:] != loops.loop_of[:-1])]
-    out = []
-    outer = np.flatnonzero(loops.outer)
-    of = np.full(cut_mesh.n_charts, -1)
-    of[loops.chart[outer]] = outer
-    for chart, loop in zip(which.tolist(), of[which].tolist(), strict=True):
-        mine = np.flatnonzero(loops.chart == chart)
-        parts = [slice(int(loops.start[k]), int(loops.start[k + 1])) for k in mine]
-        q = {int(k): p[s][kept[s]] for k, s in zip(mine, parts, strict=True)}
-        part = slice(int(loops.start[loop]), int(loops.start[loop + 1]))
-        holes = [c for k, c in q.items() if k != loop and len(c) > 2]
-        if len(q[loop]) > 2:
-            v = vertex[part][kept[part]]
-            out.append(Outline(chart, v, q[loop], holes))
-    return out
+    corners = [k[kept[k]] for k in np.split(np.arange(len(p)), loops.start[1:-1])]
+    holes: dict[int, list[FloatArray]] = {}
+    for k in np.flatnonzero(~loops.outer).tolist():
+        if len(corners[k]) > 2:
+            holes.setdefault(int(loops.chart[k]), []).append(p[corners[k]])
+    outer = {int(loops.chart[k]): corners[k] for k in np.flatnonzero(loops.outer)}
+    return [
+        Outline(chart, vertex[k], p[k], holes.get(chart, []))
+        for chart, k in sorted(outer.items())
+        if len(k) > 2
+    ]
 
 
 def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:

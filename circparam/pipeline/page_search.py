@@ -114,7 +114,7 @@ class Search:
                 break
             if not self.cutter.worth_trying(part, k):
                 continue
-            self.budget.spend(self._faces(part))
+            self.budget.spend(float(len(self.cutter.ground_of(part).faces)))
             done = self.cutter.cut(part, k)
             if done is None:
                 continue
@@ -126,12 +126,6 @@ class Search:
         for part, k in made:
             part.failed.discard(k)
         return best
-
-    def _faces(self, part: Part) -> float:
-        """Faces of a part."""
-        if part.ground is not None:
-            return float(len(part.ground.faces))
-        return float((self.cutter.whole.cut_mesh.chart == part.outline.chart).sum())
 
     def _log_share(self, parts: list[Part]) -> float:
         """Logarithm of the covered share that is estimated for a page of some parts."""
