@@ -10,7 +10,7 @@ import numpy as np
 from circparam.core.linalg import HeldFactor
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
-from circparam.core.types import BoolArray, ComplexArray, IntArray
+from circparam.core.types import BoolArray, ComplexArray
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow
@@ -62,22 +62,14 @@ def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray
         check_pins(cut_mesh, pins, 2)
         z[pins.vertices], free[pins.vertices] = pins.uv[:, 0] + 1j * pins.uv[:, 1], False
         pinned[cut_mesh.vertex_chart[pins.vertices]] = True
-    own, places = _opposite_points(cut_mesh, ~pinned)
-    z[own], free[own] = places, False
+    # others hold two boundary vertices, half a boundary apart, placed a disk's width apart
+    outer = outer_boundary(cut_mesh)
+    first = outer.start[~pinned]
+    second = np.lexsort((np.abs(outer.place - 0.5), outer.index))[first]
+    z[outer.vertices[second]] = 2 * np.sqrt(cut_mesh.chart_areas / np.pi)[~pinned]
+    free[outer.vertices[np.r_[first, second]]] = False
     system = HeldFactor(conformal_matrix(cut_mesh), ~free)
     return system.solve(np.zeros_like(z), z[~free]), pinned
-
-
-def _opposite_points(cut_mesh: CutMesh, charts: BoolArray) -> tuple[IntArray, ComplexArray]:
-    """Two boundary vertices of each of these charts, half a boundary apart, placed a disk's width apart."""
-    outer = outer_boundary(cut_mesh)
-    first = outer.start[charts]
-    distance = np.abs(outer.place - 0.5)
-    order = np.lexsort((distance, outer.index))
-    second = order[first]
-    width = 2 * np.sqrt(cut_mesh.chart_areas / np.pi)[charts]
-    vertices = np.concatenate([outer.vertices[first], outer.vertices[second]])
-    return vertices, np.concatenate([np.zeros(len(first)), width]).astype(np.complex128)
 
 
 ROW: MethodRow = Row(

@@ -30,7 +30,8 @@ class PlacedCharts:
     def on_page(self, tile: int, side: int) -> tuple[FloatArray, FloatArray, IntArray]:
         """Edges in texels of a page, from start (b, 2) to end, and their charts."""
         here = self.page[self.chart] == tile
-        return _single(self.start[here]) * side, _single(self.end[here]) * side, self.chart[here]
+        start, end = (x[here].astype(np.float32).astype(float) for x in (self.start, self.end))
+        return start * side, end * side, self.chart[here]
 
 
 def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, FloatArray]:
@@ -66,7 +67,3 @@ def crowded(placed: PlacedCharts, options: PackOptions) -> BoolArray:
         grid = painted(*placed.on_page(tile, options.resolution), options.resolution)
         out[crowded_labels(grid, options.padding + 1)] = True
     return out
-
-
-def _single(values: FloatArray) -> FloatArray:
-    return values.astype(np.float32).astype(np.float64)

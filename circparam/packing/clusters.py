@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum
+from circparam.core.arrays import cross_areas, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -75,8 +75,7 @@ class _Charts:
     @property
     def areas(self) -> FloatArray:
         """(m,) area of each face in the plane."""
-        a, b = (self.uv[self.faces[:, k]] - self.uv[self.faces[:, 0]] for k in (1, 2))
-        return np.abs(cross2(a, b)) / 2
+        return np.abs(cross_areas(self.uv[self.faces])) / 2
 
 
 def _clustered(

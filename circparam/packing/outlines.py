@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import cross2, group_sum, mask_of
+from circparam.core.arrays import cross_areas, group_sum, mask_of, norms2
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -49,13 +49,12 @@ class Shapes:
     @cached_property
     def perimeter(self) -> float:
         """Length of all outlines together."""
-        edge = self.points[self.end] - self.points[self.start]
-        return float(np.sqrt((edge**2).sum(1)).sum())
+        return float(norms2(self.points[self.end] - self.points[self.start]).sum())
 
     @cached_property
     def radius(self) -> FloatArray:
         """(n,) largest distance of an outline vertex from the centre."""
-        r = np.sqrt((self.points[self.start] ** 2).sum(1))
+        r = norms2(self.points[self.start])
         return np.asarray(np.maximum.reduceat(r, self.edge_start[:-1]))
 
     def boxes(self, angle: FloatArray) -> FloatArray:
@@ -87,9 +86,27 @@ class Shapes:
         return self.owner[v], first, x, y
 
     @cached_property
-    def known_angles(self) -> dict[str, FloatArray]:
-        """Angles that were looked for already: several packers and searches begin with the same."""
-        return {}
+    def box_angles(self) -> FloatArray:
+        """(n,) angle at which the bounding box of each chart has the least area."""
+        return self._best_angles(np.multiply)
+
+    @cached_property
+    def square_angles(self) -> FloatArray:
+        """(n,) angle at which each chart fits the smallest upright square."""
+        return self._best_angles(np.maximum)
+
+    def _best_angles(self, cost: np.ufunc) -> FloatArray:
+        """Angles of least cost of width and height: a quarter turn in steps, then finer about the best."""
+        best = np.zeros(self.n)
+        width, count = _QUARTER, ANGLE_STEPS
+        for _ in range(4):
+            centre, least = best.copy(), np.full(self.n, np.inf)
+            for t in np.linspace(-width / 2, width / 2, count):
+                size = cost(*self.sizes(centre + t).T)
+                better = size < least * (1 - 1e-12)
+                best[better], least[better] = (centre + t)[better], size[better]
+            width, count = 2 * width / (count - 1), 9
+        return best if self.upright is None else np.where(self.upright, 0.0, best)
 
     def outline(self, c: int) -> tuple[FloatArray, FloatArray]:
         """Edges of the outline of one chart: (k, 2) starts and (k, 2) ends."""
@@ -132,10 +149,10 @@ def shapes_of(faces: IntArray, uv: FloatArray, chart: IntArray) -> Shapes:
     n = int(chart.max()) + 1
     owner = np.full(len(uv), -1)
     owner[faces.ravel()] = np.repeat(chart, 3)
-    if (owner[faces] != chart[:, None]).any():
-        bad = int(np.flatnonzero((owner[faces] != chart[:, None]).any(1))[0])
+    shared = np.flatnonzero((owner[faces] != chart[:, None]).any(1))
+    if len(shared):
         raise OptionError(
-            f"face {bad} shares a uv vertex with another chart: give every chart its own uv vertices"
+            f"face {shared[0]} shares a uv vertex with another chart: give every chart its own uv vertices"
         )
     start, end = _outline_edges(faces, uv)
     order = np.argsort(owner[start], kind="stable")
@@ -145,8 +162,7 @@ def shapes_of(faces: IntArray, uv: FloatArray, chart: IntArray) -> Shapes:
     p = uv[start]
     centre = (np.minimum.reduceat(p, at) + np.maximum.reduceat(p, at)) / 2
     points = np.where(owner[:, None] >= 0, uv - centre[np.maximum(owner, 0)], 0.0)
-    q = points[faces]
-    area = group_sum(np.abs(cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])) / 2, chart, n)
+    area = group_sum(np.abs(cross_areas(points[faces])) / 2, chart, n)
     return Shapes(faces, points, chart, owner, area, start, end, edge_start)
 
 
@@ -173,25 +189,18 @@ def _outline_edges(faces: IntArray, uv: FloatArray) -> tuple[IntArray, IntArray]
     An edge is left out where two faces lie side by side, and kept twice where they lie over each other. Faces
     that name a vertex twice have no edges. A chart without any edge has all of its faces' instead.
     """
-    q = uv[faces]
-    reversed_faces = cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]) < 0
-    faces = np.where(reversed_faces[:, None], faces[:, ::-1], faces)
+    faces = np.where(cross_areas(uv[faces])[:, None] < 0, faces[:, ::-1], faces)
     a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     whole = np.flatnonzero((faces != faces[:, [1, 2, 0]]).all(1))
     around = boundary_half_edges(len(whole), shared_edges(faces[whole]))
     outline = np.zeros((len(faces), 3), bool)
     outline[whole[around // 3], around % 3] = True
-    vertex = mask_of(len(uv), a[outline.ravel()])
-    outline[_charts_without(faces, vertex)] = True
+    m, n = len(faces), len(uv)
+    count, labels = components(m + n, np.repeat(np.arange(m), 3), faces.ravel() + m)
+    vertex = mask_of(n, a[outline.ravel()])
+    outline[~mask_of(count, labels[m:][vertex])[labels[:m]]] = True
     h = np.flatnonzero(outline)
     return a[h], b[h]
-
-
-def _charts_without(faces: IntArray, vertex: np.ndarray) -> np.ndarray:
-    """(m,) faces of which no connected face has a vertex on an outline."""
-    m, n = len(faces), len(vertex)
-    count, labels = components(m + n, np.repeat(np.arange(m), 3), faces.ravel() + m)
-    return ~mask_of(count, labels[m:][vertex])[labels[:m]]
 
 
 def least_box_angles(shapes: Shapes, rotate: str) -> FloatArray:
@@ -202,32 +211,11 @@ def least_box_angles(shapes: Shapes, rotate: str) -> FloatArray:
     """
     if rotate == "none":
         return np.zeros(shapes.n)
-    best = np.zeros(shapes.n)
-    if rotate == "free":
-        best = _best_angles(shapes, np.multiply)
+    best = shapes.box_angles if rotate == "free" else np.zeros(shapes.n)
     width, height = shapes.sizes(best).T
     return best + np.where(height > width * (1 + 1e-9), _QUARTER, 0.0)
 
 
 def least_square_angles(shapes: Shapes, rotate: str) -> FloatArray:
     """(n,) angle at which each chart fits the smallest upright square."""
-    if rotate != "free":
-        return np.zeros(shapes.n)
-    return _best_angles(shapes, np.maximum)
-
-
-def _best_angles(shapes: Shapes, cost: np.ufunc) -> FloatArray:
-    """Angles of least cost of width and height: a quarter turn in steps, then finer about the best."""
-    if cost.__name__ not in shapes.known_angles:
-        best = np.zeros(shapes.n)
-        width, count = _QUARTER, ANGLE_STEPS
-        for _ in range(4):
-            centre, least = best.copy(), np.full(shapes.n, np.inf)
-            for t in np.linspace(-width / 2, width / 2, count):
-                size = cost(*shapes.sizes(centre + t).T)
-                better = size < least * (1 - 1e-12)
-                best[better], least[better] = (centre + t)[better], size[better]
-            width, count = 2 * width / (count - 1), 9
-        upright = np.zeros(shapes.n, bool) if shapes.upright is None else shapes.upright
-        shapes.known_angles[cost.__name__] = np.where(upright, 0.0, best)
-    return shapes.known_angles[cost.__name__].copy()
+    return shapes.square_angles if rotate == "free" else np.zeros(shapes.n)

@@ -56,7 +56,11 @@ def find_room(
     all shrink alike if needed, by bisection until a size that fits and one that does not differ by 2 %.
     """
     side = min(options.resolution, PAGE_CELLS_MOST)
-    reach = _reach(options, side)
+    # cells round a middle cell with a point nearer than the gap to a point of the middle cell
+    gap = options.gap * side / options.resolution
+    k = int(np.ceil(gap))
+    apart = np.maximum(np.abs(np.arange(-k, k + 1)) - 1, 0)
+    reach = np.hypot(apart[:, None], apart) < gap
     border = int(np.ceil(options.border * side / options.resolution))
     used: Single = np.ones((len(pages), side, side), np.float32)
     inner = slice(border, side - border)
@@ -72,14 +76,6 @@ def find_room(
         got = _placed(shapes, options, used, reach, middle)
         found, low, high = (found, low, middle) if got is None else (got, middle, high)
     return found or _placed(shapes, options, used, reach, low)
-
-
-def _reach(options: PackOptions, side: int) -> BoolArray:
-    """Cells round a middle cell with a point nearer than the gap to a point of the middle cell."""
-    gap = options.gap * side / options.resolution
-    k = int(np.ceil(gap))
-    apart = np.maximum(np.abs(np.arange(-k, k + 1)) - 1, 0)
-    return np.hypot(apart[:, None], apart) < gap
 
 
 def _block(used: Single, cells: BoolArray, reach: BoolArray, row: int, column: int) -> None:

@@ -6,8 +6,6 @@ A packer is one module with a function PackTask → Placement or None, and one r
 import math
 
 from circparam.core.registry import Row, Table
-from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Packer, PackTask, Placement
 from circparam.packing.rows import row_placement
 from circparam.packing.shelf import shelf_placement
@@ -22,11 +20,6 @@ NEST_CHARTS = 400
 # 0.87 of the time. Of 10,000 triangles the skyline holds 24 % more than rows, in 17 s for 0.5 s.
 SKYLINE_FIRST = 20
 SKYLINE_CHARTS = 6000
-
-
-def _few_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
-    nested = shapes.n <= SKYLINE_FIRST and options.fixed_scale is None
-    return shapes.n <= SKYLINE_CHARTS and not nested
 
 
 def _nest(task: PackTask) -> Placement | None:
@@ -50,7 +43,12 @@ PACKERS: Table[Packer] = Table(
     ),
     Row(
         "skyline",
-        Packer(skyline_placement, _few_enough_for_skyline),
+        Packer(
+            skyline_placement,
+            lambda shapes, options: (
+                (0 if options.fixed_scale else SKYLINE_FIRST) < shapes.n <= SKYLINE_CHARTS
+            ),
+        ),
         "charts on the skyline of those below, each where it wastes least",
         "Lévy, Petitjean, Ray and Maillot 2002, section 4.3",
     ),

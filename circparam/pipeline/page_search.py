@@ -79,21 +79,16 @@ class Search:
     def _promising(self, plan: Plan, best: Plan) -> bool:
         """Whether cuts along chords themselves, the best first, lead to less than the best plan costs."""
         while plan.cuts < min(best.cuts + AHEAD, self.most):
-            drawn = self._drawn(plan)
-            if drawn is None:
+            trials = (t for t in self._trials(plan) if self.cutter.worth_trying(t[1], t[2]))
+            trial = next(trials, None)
+            if trial is None:
                 return False
-            plan = drawn
+            n, part, k, _ = trial
+            halves = self.cutter.straight_parts(part, k)
+            plan = self._cut(plan, n, halves, part.slit + float(part.chords.length[k]))
             if plan.cost < best.cost:
                 return True
         return False
-
-    def _drawn(self, plan: Plan) -> Plan | None:
-        """The plan with one cut more along the best chord itself; None if no chord is left."""
-        for n, part, k, _ in self._trials(plan):
-            if self.cutter.worth_trying(part, k):
-                halves = self.cutter.straight_parts(part, k)
-                return self._cut(plan, n, halves, part.slit + float(part.chords.length[k]))
-        return None
 
     def _cut(self, plan: Plan, n: int, halves: list[Part], seam: float) -> Plan:
         """The plan with both halves in place of its part n. seam: length of what is cut."""
@@ -170,7 +165,11 @@ class Search:
         rest, now = boxes.sum() - boxes, self._log_share(parts)
         most = self._estimate(parts, rest + areas, others, widest)
         promising = np.flatnonzero(COST.page * (most - now) > COST.chart).tolist()
-        cut = [(n, p) for n in promising for p in self._ways(parts[n])]
+        cut = []
+        for n in promising:  # no chord of a ring divides it: a slit opens it
+            ring = parts[n].outline.ring and not parts[n].drawn
+            opened = self.cutter.slit(parts[n]) if ring else None
+            cut += [(n, parts[n])] if opened is None else [(n, parts[n]), (n, opened)]
         found = []
         for at, (n, part) in enumerate(cut):
             chords = part.chords
@@ -186,8 +185,3 @@ class Search:
         every = every[:, every[2] > COST.chart / 2]
         order = np.argsort(every[3], kind="stable")
         return ((*cut[int(at)], int(k), cost) for at, k, _, cost in every[:, order].T.tolist())
-
-    def _ways(self, part: Part) -> list[Part]:
-        """A part as it is and, if it is a ring, opened by a slit: no chord of a ring divides it."""
-        opened = self.cutter.slit(part) if part.outline.ring and not part.drawn else None
-        return [part] if opened is None else [part, opened]

@@ -62,19 +62,14 @@ class CellPoisson:
 
         Parts stretched by at most 1 / ``LEAST_STRETCH`` keep their shape (local and global steps: Liu 2008).
         """
+        faces, targets = self.cut_mesh.faces, np.empty((2, 2, len(self.cut_mesh.faces)))
         for _ in range(CLAMPING_ROUNDS):
-            targets, flipped = self._clamped(uv)
+            flipped = False
+            for k in slices(len(faces)):
+                jacobian = dirichlet.jacobians(self.gradients[..., k], uv.T[:, faces[k].T])
+                flipped |= not (dirichlet.determinants(jacobian) > 0).all()
+                targets[..., k] = clamp_stretch(jacobian, LEAST_STRETCH)
             if not flipped:
                 break
             uv = self.towards(targets, uv, CLAMPED_ITERATIONS)
         return uv
-
-    def _clamped(self, uv: FloatArray) -> tuple[FloatArray, bool]:
-        """((2, 2, m) Jacobians of a layout, clamped; whether any face is flipped or collapsed)."""
-        faces, flipped = self.cut_mesh.faces, False
-        targets = np.empty((2, 2, len(faces)))
-        for k in slices(len(faces)):
-            jacobian = dirichlet.jacobians(self.gradients[..., k], uv.T[:, faces[k].T])
-            flipped |= not (dirichlet.determinants(jacobian) > 0).all()
-            targets[..., k] = clamp_stretch(jacobian, LEAST_STRETCH)
-        return targets, flipped

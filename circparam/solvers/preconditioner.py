@@ -31,21 +31,16 @@ def aggregates(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
     return components(n, tail[same], head[same])[1]
 
 
-def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:
-    """(n, 2, 2) blocks on the diagonal."""
-    if isinstance(matrix, sps.bsr_matrix):
-        row = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
-        return matrix.data[matrix.indices == row]
-    main, above, below = (matrix.diagonal(k) for k in (0, 1, -1))
-    above, below = np.r_[above, 0.0][::2], np.r_[below, 0.0][::2]
-    return np.stack([main[::2], above, below, main[1::2]], 1).reshape(-1, 2, 2)
-
-
 class BlockJacobi:
     """The inverse of the 2 × 2 diagonal blocks, as a preconditioner."""
 
     def __init__(self, matrix: SparseMatrix) -> None:
-        a, b, c, d = _diagonal_blocks(matrix).reshape(-1, 4).T
+        if isinstance(matrix, sps.bsr_matrix):
+            row = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
+            a, b, c, d = matrix.data[matrix.indices == row].reshape(-1, 4).T
+        else:
+            main, above, below = (matrix.diagonal(k) for k in (0, 1, -1))
+            a, b, c, d = main[::2], above[::2], below[::2], main[1::2]
         self.inverse = np.stack([d, -b, -c, a]) / (a * d - b * c)
 
     def __call__(self, r: FloatArray) -> FloatArray:

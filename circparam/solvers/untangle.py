@@ -203,7 +203,9 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
         barren = np.where((now < BETTER * best).any(0), 0, barren + 1)
         best = np.minimum(best, now)
         # a diverging group is given up before its numbers overflow
-        left = (worst <= POSITIVE_DETERMINANT) & ~_flown_apart(region.cut_mesh, x)
+        low, high = group_boxes(x, region.cut_mesh.vertex_chart, n)
+        near = (high - low).max(1) <= FAR_ROOTS * np.sqrt(region.cut_mesh.chart_areas)
+        left = (worst <= POSITIVE_DETERMINANT) & near
         # without a lower step now, the next round has none either
         left &= moving & (barren < BARREN)
         if not left.any() or (monitor is not None and monitor.expired):
@@ -212,23 +214,11 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
             region, vertices = region.groups(left)
             x, worst, source = x[vertices], worst[left], source[vertices]
             best, barren = best[:, left], barren[left]
-        x, steps = _descended(region, x, np.sqrt(1e-12 + 0.04 * np.minimum(worst, 0.0) ** 2))
-        moving = steps > 0
-        out[source] = x
+        energy = FoldoverEnergy(region, np.sqrt(1e-12 + 0.04 * np.minimum(worst, 0.0) ** 2))
+        groups = Groups(region.cut_mesh.vertex_chart, region.cut_mesh.n_charts)
+        found = descend(energy.energy, x, groups, energy.start_matrix(x).solve, DESCENT)
+        out[source], moving = found.x, found.steps > 0
+        x = found.x
         if monitor is not None:
             monitor.note(f"{int(left.sum())} regions to untangle")
     return out
-
-
-def _descended(region: Region, x: FloatArray, epsilon: FloatArray) -> tuple[FloatArray, IntArray]:
-    """(layout, steps (n_groups,)) lowered with this ε (n_groups,)."""
-    energy = FoldoverEnergy(region, epsilon)
-    groups = Groups(region.cut_mesh.vertex_chart, region.cut_mesh.n_charts)
-    found = descend(energy.energy, x, groups, energy.start_matrix(x).solve, DESCENT)
-    return found.x, found.steps
-
-
-def _flown_apart(cut_mesh: CutMesh, x: FloatArray) -> BoolArray:
-    """(n_charts,) bool: the group is far wider or higher than its area implies."""
-    low, high = group_boxes(x, cut_mesh.vertex_chart, cut_mesh.n_charts)
-    return ~((high - low).max(1) <= FAR_ROOTS * np.sqrt(cut_mesh.chart_areas))

@@ -153,12 +153,10 @@ def _program(
         values = np.stack([ones, lever, r[:, axis]], 1)
         blocks.append((columns, -values, here[:, axis] - border))
         blocks.append((columns, values, options.resolution - border - here[:, axis]))
-    near = [b < reach for _, _, b in blocks]
-    bounds = np.concatenate([b[k] for k, (_, _, b) in zip(near, blocks, strict=True)])
-    column = np.concatenate([c[k].ravel() for k, (c, _, _) in zip(near, blocks, strict=True)])
-    value = np.concatenate([v[k].ravel() for k, (_, v, _) in zip(near, blocks, strict=True)])
-    entries = [np.full(k.sum(), c.shape[1]) for k, (c, _, _) in zip(near, blocks, strict=True)]
-    begin = np.r_[0, np.cumsum(np.concatenate(entries))]
+    blocks = [(c[b < reach], v[b < reach], b[b < reach]) for c, v, b in blocks]
+    column, value = (np.concatenate([x[k].ravel() for x in blocks]) for k in (0, 1))
+    bounds = np.concatenate([b for _, _, b in blocks])
+    begin = np.r_[0, np.cumsum(np.concatenate([np.full(len(b), c.shape[1]) for c, _, b in blocks]))]
     return sps.csr_matrix((value, column, begin), shape=(len(bounds), 3 * n + 1)), bounds
 
 

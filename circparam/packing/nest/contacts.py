@@ -78,7 +78,9 @@ def find_contacts(
     one on the edge of the other sample; i < j.
     """
     world = to_world(placement, outlines.chart, outlines.points)
-    tiled = _pages_apart(placement, outlines.chart, world, reach)
+    # each page so far to the right that no two are in reach of each other
+    page = placement.page[outlines.chart] * (float(np.ptp(world[:, 0])) + 2 * reach)
+    tiled = np.stack([world[:, 0] + page, world[:, 1]], 1)
     some = _near_others(tiled, outlines.chart, reach)
     tree = kd_tree(tiled[some], balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(reach, output_type="ndarray")
@@ -90,14 +92,12 @@ def find_contacts(
     crossing = _cross(placement, outlines, world, a, b)
     kept = _nearest_of_squares(outlines.chart, world, a, b, side)
     a, b = a[kept], b[kept]
-    i, j = outlines.chart[a], outlines.chart[b]
-    on_j = _on_edge(placement, outlines, b, world[a])
-    on_i = _on_edge(placement, outlines, a, world[b])
     at_i, at_j = world[a], world[b]
-    closer = _squared(at_i, on_j) <= _squared(on_i, at_j)
-    p = np.where(closer[:, None], at_i, on_i)
-    q = np.where(closer[:, None], on_j, at_j)
-    return Contacts(i, j, p, q, crossing)
+    on_i = _on_edge(placement, outlines, a, at_j)
+    on_j = _on_edge(placement, outlines, b, at_i)
+    closer = (_squared(at_i, on_j) <= _squared(on_i, at_j))[:, None]
+    p, q = np.where(closer, at_i, on_i), np.where(closer, on_j, at_j)
+    return Contacts(outlines.chart[a], outlines.chart[b], p, q, crossing)
 
 
 def _squared(p: FloatArray, q: FloatArray) -> FloatArray:
@@ -106,25 +106,23 @@ def _squared(p: FloatArray, q: FloatArray) -> FloatArray:
     return dot2(d, d)
 
 
+def _edges(
+    placement: Placement, outlines: Outlines, sample: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Starts and ends (k, 2) on their page of the edges on which samples (k,) lie."""
+    chart = outlines.chart[sample]
+    start, end = (to_world(placement, chart, x[sample]) for x in (outlines.start, outlines.end))
+    return start, end
+
+
 def _cross(
     placement: Placement, outlines: Outlines, world: FloatArray, a: IntArray, b: IntArray
 ) -> bool:
     """Whether edges on which samples a and b (k,) lie cross: where two edges do, samples of both are near."""
     reach = outlines.step * placement.scale
     near = np.flatnonzero(_squared(world[a], world[b]) <= reach**2)
-    ends = []
-    for sample in (a[near], b[near]):
-        chart = outlines.chart[sample]
-        ends += [to_world(placement, chart, x[sample]) for x in (outlines.start, outlines.end)]
-    return bool(properly_cross(*ends).any())
-
-
-def _pages_apart(
-    placement: Placement, chart: IntArray, world: FloatArray, reach: float
-) -> FloatArray:
-    """Points (k, 2) of charts (k,), each page so far to the right that no two are in reach of each other."""
-    width = float(np.ptp(world[:, 0])) + 2 * reach
-    return np.asarray(world + np.stack([placement.page[chart] * width, 0 * chart], 1))
+    ends = (_edges(placement, outlines, sample[near]) for sample in (a, b))
+    return bool(properly_cross(*(x for pair in ends for x in pair)).any())
 
 
 def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
@@ -179,8 +177,7 @@ def _on_edge(
     placement: Placement, outlines: Outlines, sample: IntArray, point: FloatArray
 ) -> FloatArray:
     """The nearest points to points (k, 2) of the page on the edges that samples (k,) lie on."""
-    chart = outlines.chart[sample]
-    a = to_world(placement, chart, outlines.start[sample])
-    d = to_world(placement, chart, outlines.end[sample]) - a
+    a, b = _edges(placement, outlines, sample)
+    d = b - a
     t = dot2(point - a, d) / np.maximum(dot2(d, d), 1e-300)
     return np.asarray(a + np.clip(t, 0.0, 1.0)[:, None] * d)

@@ -45,7 +45,17 @@ def best_place(
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
     # weight of a taken cell: more than the contact of any mask
     used = 2 * np.float32(area.max())
-    contact = _at_places(kernel * (page * (blur + used)), tall, wide)
+    # the inverse transform, to the last bit, of the first rows and columns alone
+    size = kernel.shape[1]
+    half = sf.ifft(
+        kernel * (page * (blur + used)),
+        axis=1,
+        norm="forward",
+        overwrite_x=True,
+        workers=FFT_THREADS,
+    )[:, :tall]
+    contact = sf.irfft(half, n=size, axis=2, norm="forward", workers=FFT_THREADS)[:, :, :wide]
+    contact = contact * np.float32(1 / size**2)
     free = contact < 0.75 * used
     score = np.where(free, contact / area[:, None, None], -1)
     k, rest = divmod(int(score.argmax()), tall * wide)
@@ -102,15 +112,3 @@ class GridPages:
         h, w = masks.size[k]
         self.used[page, row : row + h, column : column + w][masks.cells[k, :h, :w]] = 1
         self.spectra.pop(page, None)
-
-
-def _at_places(product: Spectrum, tall: int, wide: int) -> Single:
-    """(k, tall, wide) the first rows and columns of the inverse transforms of products of spectra (k, n, n // 2
-    + 1).
-
-    Equal to ``irfft2`` to the last bit, which also transforms the other rows.
-    """
-    size = product.shape[1]
-    half = sf.ifft(product, axis=1, norm="forward", overwrite_x=True, workers=FFT_THREADS)[:, :tall]
-    whole = sf.irfft(half, n=size, axis=2, norm="forward", workers=FFT_THREADS)[:, :, :wide]
-    return whole * np.float32(1 / size**2)

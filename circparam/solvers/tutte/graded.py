@@ -37,7 +37,11 @@ def embed(
     without flips are exactly the map of the scheme; notes name the others.
     """
     uv, negative = tutte_embedding(cut_mesh, weights, options, monitor)
-    notes = _negative_note(weights, options, negative)
+    notes = []
+    if negative.any():
+        cure = "lifted by --clamp" if options.clamp else "faces may flip: --clamp makes it safe"
+        charts = np.count_nonzero(negative)
+        notes.append(f"{weights}: {negative.sum()} negative weights in {charts} charts; {cure}")
     bad = flips(cut_mesh, uv) > 0
     if not bad.any() or not options.repair:
         return uv, notes
@@ -124,13 +128,3 @@ def _outer_vertices(cut_mesh: CutMesh) -> BoolArray:
     loops = cut_mesh.loops
     outer = loops.half_edges[loops.outer[loops.loop_of]]
     return mask_of(cut_mesh.n_vertices, cut_mesh.faces.ravel()[outer])
-
-
-def _negative_note(weights: str, options: TutteOptions, negative: IntArray) -> list[str]:
-    """One line where weights are negative."""
-    total = int(negative.sum())
-    if not total:
-        return []
-    charts = int((negative > 0).sum())
-    cure = "lifted by --clamp" if options.clamp else "faces may flip: --clamp makes it safe"
-    return [f"{weights}: {total} negative weights in {charts} charts; {cure}"]

@@ -105,7 +105,11 @@ def outer_boundary(cut_mesh: CutMesh, spacing: str = "arc-length") -> OuterBound
     local = np.arange(len(chart)) - first[chart]
     h = loops.half_edges[loops.start[outer][chart] + local]
     # begin where the surface's corner is sharpest: a choice that no renumbering changes
-    sharp = _angles_at(cut_mesh, cut_mesh.faces.ravel()[h])
+    vertices = cut_mesh.faces.ravel()[h]
+    near = np.flatnonzero(mask_of(cut_mesh.n_vertices, vertices)[cut_mesh.faces].any(1))
+    faces, rest = cut_mesh.faces[near], cut_mesh.rest_triangles[near]
+    angles = corner_angles(CutMesh(faces, rest, cut_mesh.chart[near], cut_mesh.edges[:0]))
+    sharp = group_sum(angles.ravel(), faces.ravel(), cut_mesh.n_vertices)[vertices]
     order = np.lexsort((local, np.round(sharp, 9), chart))
     begin = local[order[first]]
     h = h[first[chart] + (local + begin[chart]) % size[chart]]
@@ -119,16 +123,3 @@ def outer_boundary(cut_mesh: CutMesh, spacing: str = "arc-length") -> OuterBound
     place = np.clip(run - run[first[chart]], 0, 1)
     labels = loops.chart[outer][chart]
     return OuterBoundary(cut_mesh.faces.ravel()[h], labels, h, place, length, size)
-
-
-def _angles_at(cut_mesh: CutMesh, vertices: IntArray) -> FloatArray:
-    """(k,) sum of the corner angles at these vertices, from the faces that touch them only."""
-    near = np.flatnonzero(mask_of(cut_mesh.n_vertices, vertices)[cut_mesh.faces].any(1))
-    part = CutMesh(
-        cut_mesh.faces[near],
-        cut_mesh.rest_triangles[near],
-        cut_mesh.chart[near],
-        cut_mesh.edges[:0],
-    )
-    sums = group_sum(corner_angles(part).ravel(), part.faces.ravel(), cut_mesh.n_vertices)
-    return sums[vertices]

@@ -11,9 +11,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum, positions_in, stable_order
+from circparam.core.arrays import cross2, group_sum, positions_in, stable_order
 from circparam.core.graph import cycles
 from circparam.core.registry import Row, Table
+from circparam.core.types import FloatArray, IntArray
 from circparam.geometry.intrinsic import corner_angles as angles_of
 from circparam.geometry.intrinsic import cotangents, tan_half_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import CutMesh
@@ -69,24 +70,13 @@ def floater(cut_mesh: CutMesh) -> WeightPair:
     opposite = np.where(angle >= np.pi, angle - np.pi, angle + np.pi)
     s = np.searchsorted(8.0 * ring + angle, 8.0 * ring + opposite, side="right") - 1
     t = start[ring] + (s + 1 - start[ring]) % size[ring]
-    w = _barycentric(p, p[s], p[t]) / size[ring][:, None]
+    # barycentric coordinates of the centre
+    w = np.stack([cross2(p[s], p[t]), cross2(p[t], p), cross2(p, p[s])], 1)
+    w = w / w.sum(1, keepdims=True) / size[ring][:, None]
     total = np.bincount(np.concatenate([np.arange(len(h)), s, t]), w.T.ravel(), len(h))
     out = np.zeros(cut_mesh.faces.size)
     out[h] = total
     return out.reshape(-1, 3), np.zeros(cut_mesh.faces.shape)
-
-
-def _barycentric(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """(k, 3) barycentric coordinates of the origin in the triangles a, b, c."""
-    w = np.stack(
-        [
-            b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0],
-            c[:, 0] * a[:, 1] - c[:, 1] * a[:, 0],
-            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0],
-        ],
-        1,
-    )
-    return w / w.sum(1, keepdims=True)
 
 
 def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
