@@ -6,9 +6,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, dot2, group_sum
+from circparam.core.arrays import dot2, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
+from circparam.core.types import FloatArray, IntArray
 from circparam.solvers.line_search import backtrack
 
 Energy: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -40,7 +41,7 @@ class Groups:
         """(count,) inner product of vectors (v, 2) in each group."""
         return group_sum(dot2(a, b), self.of, self.count)
 
-    def spread(self, values: FloatArray) -> FloatArray:
+    def spread(self, values: np.ndarray) -> np.ndarray:
         """(v, 1) the value (count,) of its group for every vertex."""
         return values[self.of][:, None]
 
@@ -54,32 +55,45 @@ class Descent:
     reasons: list[str]
 
 
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """A step s and the change y of the gradient along it; for each group 1/sᵀy (0: no use) and yᵀHy."""
+class _Memory:
+    """The last steps s of a descent, and the changes y of the gradient along them: an inverse Hessian."""
 
-    s: FloatArray
-    y: FloatArray
-    inverse: FloatArray
-    length: FloatArray
+    def __init__(self, groups: Groups, precondition: Precondition) -> None:
+        self.groups, self.precondition = groups, precondition
+        # s, y and, for each group, 1/sᵀy (0: no use)
+        self.pairs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        self.scale = np.ones(groups.count)  # of the preconditioner, by the last pair
 
+    def add(self, s: FloatArray, y: FloatArray) -> None:
+        """Keep a pair; without use in groups with negative curvature and in groups that have not moved."""
+        dot = self.groups.dot
+        curvature, norm = dot(s, y), np.sqrt(dot(s, s) * dot(y, y))
+        curved = curvature > CURVED_COSINE * norm
+        inverse = np.where(curved, 1 / np.where(curvature > 0, curvature, 1), 0)
+        length = dot(y, self.precondition(y))
+        good = (inverse > 0) & (length > 0)
+        self.scale = np.where(good, 1 / np.where(good, inverse * length, 1.0), 1.0)
+        self.pairs = [*self.pairs, (s, y, inverse)][-MEMORY_PAIRS:]
 
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """x (v, 2), the energies of the groups and the gradient (v, 2)."""
+    def direction(self, gradient: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(direction (v, 2), its slope (count,)): minus the inverse Hessian times the gradient (algorithm 7.4).
 
-    x: FloatArray
-    value: FloatArray
-    gradient: FloatArray
-
-
-def _along(
-    energy: Energy, at: _Point, direction: FloatArray, groups: Groups, step: FloatArray
-) -> tuple[FloatArray, _Point]:
-    """The point that steps (count,) along a direction lead to, its energies first."""
-    x = at.x + groups.spread(step) * direction
-    value, gradient = energy(x)
-    return value, _Point(x, value, gradient)
+        Steepest descent where the memory misleads uphill.
+        """
+        dot, spread = self.groups.dot, self.groups.spread
+        q, alphas = gradient.copy(), []
+        for s, y, inverse in reversed(self.pairs):
+            alphas.append(inverse * dot(s, q))
+            q -= spread(alphas[-1]) * y
+        r = self.precondition(q) * spread(self.scale)
+        for (s, y, inverse), alpha in zip(self.pairs, reversed(alphas), strict=True):
+            r += spread(alpha - inverse * dot(y, r)) * s
+        direction, slope = -r, dot(gradient, -r)
+        uphill = ~(slope < 0)
+        if uphill.any():
+            direction = np.where(spread(uphill), -self.precondition(gradient), direction)
+            slope = dot(gradient, direction)
+        return direction, slope
 
 
 def descend(
@@ -95,82 +109,43 @@ def descend(
     energy: x (v, 2) → (energies (count,), gradient (v, 2), zero at fixed vertices). precondition: an
     approximate inverse Hessian, block diagonal over the groups.
     """
-    at = _Point(x, *energy(x))
+    value, gradient = energy(x)
     n = groups.count
     going = np.ones(n, bool)
     steps, idle = np.zeros(n, np.int64), np.zeros(n, np.int64)
     reasons = np.full(n, "iterations", dtype="<U16")
-    pairs: list[_Pair] = []
+    memory = _Memory(groups, precondition)
     for iteration in range(options.limit):
-        direction, slope = _direction(at.gradient, pairs, groups, precondition)
-        step, (_, new) = backtrack(
-            partial(_along, energy, at, direction, groups),
+        direction, slope = memory.direction(gradient)
+        step, (after, (there, gradient_there)) = backtrack(
+            partial(_along, energy, x, direction, groups),
             np.where(going & (slope < 0), 1.0, 0.0),
-            at.value,
+            value,
             slope,
         )
+        memory.add(there - x, gradient_there - gradient)
         moved = step > 0
-        new = _Point(new.x, np.where(moved, new.value, at.value), new.gradient)
-        pairs = [*pairs, _pair(at, new, groups, precondition)][-MEMORY_PAIRS:]
+        after = np.where(moved, after, value)
         steps += going & moved
-        gain = at.value - new.value
-        idle = np.where(gain > options.tolerance * np.abs(new.value), 0, idle + 1)
+        idle = np.where(value - after > options.tolerance * np.abs(after), 0, idle + 1)
         reasons[going & (idle >= IDLE_STEPS)] = "converged"
         reasons[going & ~moved] = "no lower step"
         going &= moved & (idle < IDLE_STEPS)
-        at = new
+        x, value, gradient = there, after, gradient_there
         if monitor is not None:
-            monitor.update(iteration / options.limit, f"energy {at.value.sum():.6g}")
+            monitor.update(iteration / options.limit, f"energy {value.sum():.6g}")
             if monitor.expired:
                 reasons[going] = "out of time"
                 break
         if not going.any():
             break
-    return Descent(at.x, steps, [str(r) for r in reasons])
+    return Descent(x, steps, [str(r) for r in reasons])
 
 
-def _pair(before: _Point, after: _Point, groups: Groups, precondition: Precondition) -> _Pair:
-    """The pair of a step; zero in groups with negative curvature and in groups that have not moved."""
-    s, y = after.x - before.x, after.gradient - before.gradient
-    curvature = groups.dot(s, y)
-    norm = np.sqrt(groups.dot(s, s) * groups.dot(y, y))
-    inverse = np.where(
-        curvature > CURVED_COSINE * norm, 1 / np.where(curvature > 0, curvature, 1), 0
-    )
-    return _Pair(s, y, inverse, groups.dot(y, precondition(y)))
-
-
-def _direction(
-    gradient: FloatArray, pairs: list[_Pair], groups: Groups, precondition: Precondition
-) -> tuple[FloatArray, FloatArray]:
-    """(direction (v, 2), its slope (count,)): steepest descent where the memory misleads uphill."""
-    direction = -_two_loop(gradient, pairs, groups, precondition)
-    slope = groups.dot(gradient, direction)
-    uphill = ~(slope < 0)
-    if uphill.any():
-        direction = np.where(uphill[groups.of][:, None], -precondition(gradient), direction)
-        slope = groups.dot(gradient, direction)
-    return direction, slope
-
-
-def _two_loop(
-    gradient: FloatArray, pairs: list[_Pair], groups: Groups, precondition: Precondition
-) -> FloatArray:
-    """The inverse Hessian of the memory times the gradient (algorithm 7.4); a pair without curvature has no
-    effect."""
-    q = gradient.copy()
-    alphas = []
-    for pair in reversed(pairs):
-        alpha = pair.inverse * groups.dot(pair.s, q)
-        alphas.append(alpha)
-        q -= groups.spread(alpha) * pair.y
-    r = precondition(q)
-    if pairs:
-        last = pairs[-1]
-        good = (last.inverse > 0) & (last.length > 0)
-        scale = np.where(good, 1 / np.where(good, last.inverse * last.length, 1.0), 1.0)
-        r *= groups.spread(scale)
-    for pair, alpha in zip(pairs, reversed(alphas), strict=True):
-        beta = pair.inverse * groups.dot(pair.y, r)
-        r += groups.spread(alpha - beta) * pair.s
-    return r
+def _along(
+    energy: Energy, x: FloatArray, direction: FloatArray, groups: Groups, step: FloatArray
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """(energies, (places, gradient)) after steps (count,) along a direction."""
+    there = x + groups.spread(step) * direction
+    value, gradient = energy(there)
+    return value, (there, gradient)
