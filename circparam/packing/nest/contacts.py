@@ -77,7 +77,8 @@ def find_contacts(
     ``side``, the nearest counts alone. 0 keeps all. One of the two points is a sample, the other the nearest
     one on the edge of the other sample; i < j.
     """
-    world = to_world(placement, outlines.chart, outlines.points)
+    places = (outlines.points, outlines.start, outlines.end)
+    world, start, end = (to_world(placement, outlines.chart, x) for x in places)
     # each page so far to the right that no two are in reach of each other
     page = placement.page[outlines.chart] * (float(np.ptp(world[:, 0])) + 2 * reach)
     tiled = np.stack([world[:, 0] + page, world[:, 1]], 1)
@@ -85,19 +86,20 @@ def find_contacts(
     tree = kd_tree(tiled[some], balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(reach, output_type="ndarray")
     # a < b in every pair, and samples are sorted by chart: i < j
-    chart = outlines.chart[some]
-    one, other = pairs[:, 0], pairs[:, 1]
-    apart = np.flatnonzero(chart[one] != chart[other])
-    a, b = some[one[apart]], some[other[apart]]
-    crossing = _cross(placement, outlines, world, a, b)
-    kept = _nearest_of_squares(outlines.chart, world, a, b, side)
+    a, b = some[pairs[:, 0]], some[pairs[:, 1]]
+    apart = np.flatnonzero(outlines.chart[a] != outlines.chart[b])
+    a, b = a[apart], b[apart]
+    distance = _squared(world[a], world[b])
+    # where two edges cross, samples of both are near
+    near = np.flatnonzero(distance <= (outlines.step * placement.scale) ** 2)
+    crossed = properly_cross(*(x[sample[near]] for sample in (a, b) for x in (start, end)))
+    kept = _nearest_of_squares(outlines.chart, world, a, b, distance, side)
     a, b = a[kept], b[kept]
     at_i, at_j = world[a], world[b]
-    on_i = _on_edge(placement, outlines, a, at_j)
-    on_j = _on_edge(placement, outlines, b, at_i)
+    on_i, on_j = _on_edge(start[a], end[a], at_j), _on_edge(start[b], end[b], at_i)
     closer = (_squared(at_i, on_j) <= _squared(on_i, at_j))[:, None]
     p, q = np.where(closer, at_i, on_i), np.where(closer, on_j, at_j)
-    return Contacts(outlines.chart[a], outlines.chart[b], p, q, crossing)
+    return Contacts(outlines.chart[a], outlines.chart[b], p, q, bool(crossed.any()))
 
 
 def _squared(p: FloatArray, q: FloatArray) -> FloatArray:
@@ -106,23 +108,11 @@ def _squared(p: FloatArray, q: FloatArray) -> FloatArray:
     return dot2(d, d)
 
 
-def _edges(
-    placement: Placement, outlines: Outlines, sample: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Starts and ends (k, 2) on their page of the edges on which samples (k,) lie."""
-    chart = outlines.chart[sample]
-    start, end = (to_world(placement, chart, x[sample]) for x in (outlines.start, outlines.end))
-    return start, end
-
-
-def _cross(
-    placement: Placement, outlines: Outlines, world: FloatArray, a: IntArray, b: IntArray
-) -> bool:
-    """Whether edges on which samples a and b (k,) lie cross: where two edges do, samples of both are near."""
-    reach = outlines.step * placement.scale
-    near = np.flatnonzero(_squared(world[a], world[b]) <= reach**2)
-    ends = (_edges(placement, outlines, sample[near]) for sample in (a, b))
-    return bool(properly_cross(*(x for pair in ends for x in pair)).any())
+def _on_edge(start: FloatArray, end: FloatArray, point: FloatArray) -> FloatArray:
+    """The nearest points to points (k, 2) on edges from start (k, 2) to end."""
+    d = end - start
+    t = dot2(point - start, d) / np.maximum(dot2(d, d), 1e-300)
+    return np.asarray(start + np.clip(t, 0.0, 1.0)[:, None] * d)
 
 
 def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
@@ -156,12 +146,11 @@ def _round_it(squares: IntArray, extreme: np.ufunc) -> IntArray:
 
 
 def _nearest_of_squares(
-    chart: IntArray, world: FloatArray, a: IntArray, b: IntArray, side: float
+    chart: IntArray, world: FloatArray, a: IntArray, b: IntArray, distance: FloatArray, side: float
 ) -> IntArray:
     """Which pairs of samples are the nearest of their two charts in their square, the first of equals."""
     if side <= 0 or len(a) == 0:
         return np.arange(len(a))
-    distance = _squared(world[a], world[b])
     x, y = np.floor((world[a] + world[b]) / (2 * side)).astype(np.int64).T
     x, y = x - x.min(), y - y.min()
     n = int(chart[-1]) + 1
@@ -171,13 +160,3 @@ def _nearest_of_squares(
     least = np.minimum.reduceat(distance[order], head)
     among = np.repeat(least, np.diff(np.r_[head, len(order)])) == distance[order]
     return np.sort(np.minimum.reduceat(np.where(among, order, len(order)), head))
-
-
-def _on_edge(
-    placement: Placement, outlines: Outlines, sample: IntArray, point: FloatArray
-) -> FloatArray:
-    """The nearest points to points (k, 2) of the page on the edges that samples (k,) lie on."""
-    a, b = _edges(placement, outlines, sample)
-    d = b - a
-    t = dot2(point - a, d) / np.maximum(dot2(d, d), 1e-300)
-    return np.asarray(a + np.clip(t, 0.0, 1.0)[:, None] * d)

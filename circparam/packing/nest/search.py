@@ -10,11 +10,10 @@ from functools import partial
 import numpy as np
 
 from circparam.core.records import dataclass
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.types import IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks
 from circparam.packing.nest.places import GridPages, Spectrum
-from circparam.packing.outlines import ANGLE_STEPS
 
 QUARTERS = np.pi / 2 * np.array([0, 1, 2, -1])  # of a turn, in radians
 
@@ -47,17 +46,6 @@ class GridLayout:
     row: IntArray
     column: IntArray
     page: IntArray
-
-
-def tried_angles(box: float, square: float, reach: float) -> FloatArray:
-    """Even angles from that of a chart's least box, quarters from its least square, in radians.
-
-    reach: radius of the chart over that of the largest one. From one angle to the next no tip moves further
-    than a tip of the largest chart does.
-    """
-    count = 4 * max(int(np.ceil(reach * ANGLE_STEPS / 4)), 1)
-    even = box + 2 * np.pi / count * np.arange(count)
-    return np.concatenate([even, square + QUARTERS])
 
 
 def search(

@@ -3,14 +3,13 @@
 import numpy as np
 
 from circparam.core import clock
-from circparam.core.types import FloatArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.compaction import Ascent, Growth
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import sf, spectra_of
-from circparam.packing.nest.search import QUARTERS, Board, GridLayout, search, tried_angles
+from circparam.packing.nest.search import QUARTERS, Board, GridLayout, search
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
+from circparam.packing.outlines import ANGLE_STEPS, Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import PackTask, Placement
 from circparam.packing.straight import Straight, straight_charts
 
@@ -127,31 +126,26 @@ def _board(
     cell = float(np.sqrt(shapes.area.sum() / (density * options.pages))) / side
     # on the largest page, whose texels are the most cells; see ``to_placement``
     grow = options.gap / 2 * side / (options.room + options.gap)
+    box = least_box_angles(shapes, options.rotate)
+    square = least_square_angles(shapes, options.rotate)
+    upright = np.zeros(shapes.n, bool) if shapes.upright is None else shapes.upright
+    # from one angle to the next no tip moves further than a tip of the largest chart does
+    reach = shapes.radius / shapes.radius.max()
+    count = 4 * np.maximum(np.ceil(reach * ANGLE_STEPS / 4), 1)
     masks, spectra = [], []
-    for c, angles in enumerate(chart_angles(shapes, options)):
+    for c in range(shapes.n):
         clock.tick()
+        angles = QUARTERS[:1] if options.rotate == "none" else QUARTERS
+        if options.rotate == "free" and not upright[c]:
+            # even ones from that of the least box, quarters from that of the least square
+            even = box[c] + 2 * np.pi / count[c] * np.arange(count[c])
+            angles = np.concatenate([even, square[c] + QUARTERS])
         if straight is not None and straight.counts[c] and shapes.upright is None:
             angles = np.r_[straight.angle[c] + QUARTERS, angles]
         a, b = shapes.outline(c)
         masks.append(chart_masks(a / cell, b / cell, angles, grow))
         spectra.append(spectra_of(masks[-1], grid))
     return Board(masks, spectra, grid), cell
-
-
-def chart_angles(shapes: Shapes, options: PackOptions) -> list[FloatArray]:
-    """Angles (k,) in radians at which each chart is tried."""
-    if options.rotate != "free":
-        return [QUARTERS if options.rotate == "90" else QUARTERS[:1]] * shapes.n
-    box = least_box_angles(shapes, options.rotate)
-    square = least_square_angles(shapes, options.rotate)
-    upright = np.zeros(shapes.n, bool) if shapes.upright is None else shapes.upright
-    reach = shapes.radius / shapes.radius.max()
-    return [
-        QUARTERS if up else tried_angles(a, b, r)
-        for a, b, r, up in zip(
-            box.tolist(), square.tolist(), reach.tolist(), upright.tolist(), strict=True
-        )
-    ]
 
 
 def to_placement(board: Board, found: GridLayout, cell: float, options: PackOptions) -> Placement:
