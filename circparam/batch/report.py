@@ -229,23 +229,16 @@ def _rows(index: Index) -> tuple[list[list[Any]], bool]:
     rows: list[list[Any]] = []
     size = 0
     for row in index.data.execute(query):
-        name, status, code, faces, *rest = row
-        *figures, attempts, cause = rest
+        name, status, code, faces, *figures, attempts, cause = row
         cells = [
             None if v is None else float(f"{v * _SCALE.get(k, 1.0):.5g}")
             for k, v in zip(TITLES, figures, strict=True)
         ]
         line = [
-            readable(name),
-            LINE_STATUSES.index(status),
-            code,
-            None if faces is None else int(faces),
-        ]
-        line += [
+            readable(name), LINE_STATUSES.index(status), code, None if faces is None else int(faces),
             *(int(c) if c is not None and c == int(c) else c for c in cells),
-            attempts,
-            readable(cause)[:300],
-        ]
+            attempts, readable(cause)[:300],
+        ]  # fmt: skip
         size += len(json.dumps(line))
         if len(rows) >= MOST_TABLE_ROWS or size > MOST_TABLE_BYTES:
             return rows, True

@@ -80,11 +80,11 @@ def faults(cut_mesh: CutMesh, x: FloatArray, sign: FloatArray) -> BoolArray:
     wrong: BoolArray = heights(x[cut_mesh.faces], sign)[0] < LEAST_HEIGHT_PAGES / 4
     found = overlaps(cut_mesh, _stored(x))
     size = np.bincount(chart, minlength=n)
-    a, b = meetings(cut_mesh, x).T // 3
+    boundary, pairs = _crossings(cut_mesh, _stored(x))
+    a, b = boundary.half_edge[pairs].T // 3
     smaller = np.where(size[chart[a]] <= size[chart[b]], a, b)
     same = chart[a] == chart[b]
     wrong[np.r_[smaller, a[same], b[same]]] = True
-    boundary = boundary_in(cut_mesh, _stored(x))
     wrong[boundary.half_edge[turned_loops(boundary)] // 3] = True  # a flap folded out of a hole
     crossing = edge_keys(chart[a], chart[b], n)
     inside = found.pairs[~np.isin(edge_keys(found.pairs[:, 0], found.pairs[:, 1], n), crossing)]
