@@ -124,6 +124,13 @@ def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
     assert s.charts(cascade.atlas.cut)[0] == s.charts(alone.any(1))[0]
 
 
+def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
+    cascade = start(*spiral_strip(), may_split=False)
+    settled = fallback.settle(cascade, Monitor())
+    assert (fallback.faults(*settled.open()) > 0).tolist() == [True]
+    assert not cascade.atlas.cut.any()
+
+
 @settings(max_examples=30)
 @given(strategies.hostile(), st.integers(0, 10**6), st.sampled_from([None, 1e-9]))
 def test_any_mesh_with_any_layout_ends_sound(shape, seed, time):
