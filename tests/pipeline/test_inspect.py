@@ -1,14 +1,27 @@
 """A look at a mesh: what it is, what its uv are worth, and what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import repair
 from circparam.pipeline.inspect import Inspection, inspect
 from circparam.pipeline.verify import verify
 from tests.support import shapes
+from tests.support.command_line import obj
+
+
+def test_faults_of_a_set(tmp_path: Path) -> None:
+    """A layout whose border is nearer to the edge of the page than the padding."""
+    p, f = shapes.grid(5, 5)
+    for low, padding, faulty in ((0.1, 4, False), (0.01, 4, True), (0.01, 0, False)):
+        set_0 = read(obj(tmp_path / "m.obj", (p, f), p[:, :2] * (1 - 2 * low) + low))
+        found = inspect(set_0, uv_set=0, resolution=64, padding=padding)
+        assert (found.uv.valid, bool(found.faults)) == (True, faulty)
 
 
 def test_charts_hang_together_as_the_layout_shows_them() -> None:
