@@ -32,6 +32,17 @@ def test_planted_flips_are_turned_back_to_about_the_shape_of_before(seed, held):
         assert chart_energies(cut_mesh, new)[0] < 1 + 4e-6
 
 
+def test_what_is_far_from_a_flip_stays_where_it_is():
+    cut_mesh, uv = flat_of(shapes.grid(60, 60))
+    middle = np.argmin(((uv - 0.5) ** 2).sum(1))
+    uv[middle] += 0.05
+    new, _ = untangle(cut_mesh, uv)
+    assert not flipped(cut_mesh.faces, new).any()
+    far = np.abs(uv - 0.5).max(1) > 0.25
+    assert far.any()
+    np.testing.assert_array_equal(new[far], uv[far])
+
+
 @pytest.mark.parametrize("power", [-20, -10, 0, 10, 20])
 def test_what_counts_as_flipped_does_not_depend_on_the_scale(power):
     """A sliver does only where its sign is not certain, a face that repeats a corner always."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from circparam.geometry.overlap import signs
 from circparam.mesh.restore import complete
 
 
@@ -60,4 +61,6 @@ def check_complete(mesh, surface, repairs):
     live = np.ones(len(welded), bool)
     live[repairs.degenerate] = False
     assert np.array_equal(point[got.uv_faces][live], welded[live])
+    bare = got.uv_faces[repairs.degenerate]
+    assert (signs(got.uv, bare) == 0).all(), "a face without area covers no uv area"
     return got
