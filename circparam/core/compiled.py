@@ -8,6 +8,7 @@ private to SciPy; where a version has them elsewhere, the packages are imported.
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.sparse  # noqa: F401, before the modules in it
 
 from circparam.core.imports import private
 
