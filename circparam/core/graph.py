@@ -65,30 +65,33 @@ def severed(
 
 
 def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """The cycles of a permutation (n,), each walked from its lowest element on: list ranking by doubling.
+    """The cycles of a permutation (n,), each walked from its lowest element on.
 
     Returns (label (n,): cycle of each element, in order of the lowest; order (n,): the elements, cycle after
     cycle, each along ``follower``; size (cycles,)).
     """
-    n = len(follower)
-    if n == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
-    lowest = lowest_of_cycles(follower)
-    is_head = lowest == np.arange(n)
-    label = (np.cumsum(is_head) - 1)[lowest]
-    count = int(is_head.sum())
-    # steps from each element to the head of its cycle, doubled until all have arrived
-    jump = np.where(is_head, np.arange(n), follower)
-    steps = np.where(is_head, 0, 1)
-    while True:
-        further = jump[jump]
-        if (further == jump).all():
-            break
-        steps = steps + steps[jump]
-        jump = further
-    size = group_count(label, count)
-    position = np.where(is_head, 0, size[label] - steps)
+    label, position, _ = along_cycles(follower, np.ones(len(follower)))
+    size = group_count(label, int(label.max(initial=-1)) + 1)
     return label, np.lexsort((position, label)), size
+
+
+def along_cycles(follower: IntArray, length: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Ways along the cycles of a permutation (n,) whose elements are so long: list ranking by doubling.
+
+    Returns (label (n,): cycle of each element, in order of the lowest; (n,) way from the beginning of the
+    lowest of the cycle to that of each; (n,) length of the cycle).
+    """
+    n, lowest = len(follower), lowest_of_cycles(follower)
+    head = lowest == np.arange(n)
+    label = (np.cumsum(head) - 1)[lowest]
+    # length from each element on to the head of its cycle; n is past the end
+    remaining = np.append(length, 0.0)
+    jump = np.append(np.where(head[follower], n, follower), n)
+    while (jump < n).any():
+        remaining += remaining[jump]
+        jump = jump[jump]
+    total = group_sum(length, label, n)[label]
+    return label, total - remaining[:n], total
 
 
 def lowest_of_cycles(follower: IntArray) -> IntArray:

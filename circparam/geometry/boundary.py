@@ -13,7 +13,7 @@ from circparam.core.arrays import (
     next_half_edge,
     norms2,
 )
-from circparam.core.graph import lowest_of_cycles
+from circparam.core.graph import along_cycles
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
@@ -37,20 +37,8 @@ class BoundarySegments:
 
     @cached_property
     def along(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """(loop, distance along it, its length) of each segment; distances by pointer doubling."""
-        n = len(self.half_edge)
-        lowest = lowest_of_cycles(self.following)
-        head = lowest == np.arange(n)
-        loop = (np.cumsum(head) - 1)[lowest]
-        length = norms2(self.end - self.start)
-        # length from each segment on to the head of its loop; n is past the end
-        remaining = np.concatenate([length, [0.0]])
-        jump = np.concatenate([np.where(head[self.following], n, self.following), [n]])
-        while (jump < n).any():
-            remaining += remaining[jump]
-            jump = jump[jump]
-        total = group_sum(length, loop, n)[loop]
-        return loop, total - remaining[:n], total
+        """(loop, distance along it, its length) of each segment."""
+        return along_cycles(self.following, norms2(self.end - self.start))
 
 
 def boundary_in(cut_mesh: CutMesh, uv: FloatArray) -> BoundarySegments:

@@ -242,7 +242,7 @@ def _copies_of(
                     _same_faces(parts, leader, own[fits], match, (order, begin), mirror, flats)
                 )
                 left[found[-1].component] = False
-    return Copies(*(np.concatenate(x) for x in zip(*found, strict=True)))
+    return Copies.joined(found)
 
 
 def _apart(points: FloatArray, leader: IntArray) -> FloatArray:
@@ -375,4 +375,4 @@ def _same_faces(
     level = same_flats(
         parts.flats, parts.vertex, parts.component, parts.label, (rest, leader[rest]), match, mirror
     )
-    return Copies(*(np.concatenate(x) for x in zip(exact, level, strict=True)))
+    return Copies.joined([exact, level])

@@ -73,6 +73,11 @@ class Copies(NamedTuple):
     turned: BoolArray
     uneven: IntArray
 
+    @classmethod
+    def joined(cls, some: "list[Copies]") -> "Copies":
+        """Those of all of them."""
+        return cls(*(np.concatenate(x) for x in zip(*some, strict=True)))
+
 
 def same_flats(
     flats: Flats,

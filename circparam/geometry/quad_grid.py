@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_count, group_sum, mask_of, next_half_edge
+from circparam.core.arrays import first_of_each, group_count, group_sum, mask_of, next_half_edge
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
 from circparam.core.records import dataclass
@@ -121,7 +121,7 @@ def _directions(cut_mesh: CutMesh, quads: _Quads, charts: BoolArray) -> tuple[In
     here = 4 * quads.quad[h // 3] + turn
     there = 4 * quads.quad[g // 3] + (turn + relative) % 4
     copy = components(4 * m, here.ravel(), there.ravel())[1].reshape(m, 4)[quads.quad]
-    first = np.unique(cut_mesh.chart, return_index=True)[1]
+    first = first_of_each(cut_mesh.chart, cut_mesh.n_charts)
     mine = copy == copy[first, 0][cut_mesh.chart][:, None]
     torn = group_count(cut_mesh.chart[mine.sum(1) != 1], cut_mesh.n_charts) > 0
     direction = (quads.side + np.repeat(mine.argmax(1), 3)) % 4
@@ -154,8 +154,7 @@ def _summed(tail: IntArray, head: IntArray, step: FloatArray, n: int) -> FloatAr
     ones = np.ones(len(tail))
     off = sps.coo_matrix((ones, (tail, head)), shape=(n, n))
     matrix = sps.diags(group_sum(np.r_[ones, ones], np.r_[tail, head], n)) - off - off.T
-    part = components(n, tail, head)[1]
-    root = np.zeros(n)
-    root[np.unique(part, return_index=True)[1]] = 1.0
+    parts, part = components(n, tail, head)
+    root = mask_of(n, first_of_each(part, parts)).astype(np.float64)
     right = group_sum(np.r_[-step, step], np.r_[tail, head], n)
     return Factor((matrix + sps.diags(root)).tocsc()).solve(right)

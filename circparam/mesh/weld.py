@@ -46,10 +46,8 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
         )
     near = tree.query_pairs(radius, output_type="ndarray").astype(np.int64)
     count, labels = components(len(points), near[:, 0], near[:, 1])
-    lowest = np.full(count, len(weld))
-    np.minimum.at(lowest, labels, points)
     target = np.arange(len(weld))
-    target[points] = lowest[labels]
+    target[points] = points[first_of_each(labels, count)][labels]
     return target[weld]
 
 
