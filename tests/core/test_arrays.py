@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     edge_keys,
     first_of_each,
     first_of_runs,
+    found_in,
     group_count,
     group_max,
     group_min,
@@ -19,6 +20,7 @@ from circparam.core.arrays import (
     numbered,
     ranges,
     relabel,
+    scattered,
     slices,
     sorted_distinct,
     stable_order,
@@ -105,6 +107,22 @@ def test_the_first_of_each_group_has_the_lowest_index(more: list[int]) -> None:
     groups = [3, 1, 0, 2, 4, *more]
     first = first_of_each(np.array(groups, np.int64), 5)
     assert first.tolist() == [groups.index(k) for k in range(5)]
+
+
+NUMBERS = st.lists(st.integers(-3, 2**40), max_size=20)
+
+
+@given(NUMBERS, NUMBERS)
+def test_numbers_are_found_where_they_stand_first(keys: list[int], more: list[int]) -> None:
+    asked = [*keys, *more]
+    at = found_in(np.array(keys, np.int64), np.array([asked, asked], np.int64))
+    assert at.tolist() == 2 * [[keys.index(k) if k in keys else -1 for k in asked]]
+
+
+@given(st.dictionaries(st.integers(0, 9), st.integers(0, 99)))
+def test_values_lie_at_their_places_and_nothing_elsewhere(values: dict[int, int]) -> None:
+    places, given = (np.array([*x], np.int64) for x in (values.keys(), values.values()))
+    assert scattered(10, places, given).tolist() == [values.get(k, -1) for k in range(10)]
 
 
 def test_blocks_hold_every_row_once_and_no_more_entries_than_asked_for() -> None:
