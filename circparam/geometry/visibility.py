@@ -42,19 +42,6 @@ Scene: TypeAlias = tuple[FloatArray, FloatArray]
 Buffers: TypeAlias = tuple[FloatArray, FloatArray]
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Places on a surface, to be seen or hidden.
-
-    point: (k, 3). normal: (k, 2, 3) of the faces that meet there, not zero. two_sided: (k,) bool, also
-    visible from behind.
-    """
-
-    point: FloatArray
-    normal: FloatArray
-    two_sided: BoolArray
-
-
 def axes(count: int) -> FloatArray:
     """(count, 3) unit vectors that are spread evenly over a half of the sphere (a Fibonacci lattice).
 
@@ -68,15 +55,22 @@ def axes(count: int) -> FloatArray:
 
 
 def seen_shares(
-    triangles: FloatArray, places: Places, count: int, pixels: int, turn: slice
+    triangles: FloatArray,
+    point: FloatArray,
+    normals: FloatArray,
+    two_sided: BoolArray,
+    count: int,
+    pixels: int,
+    turn: slice,
 ) -> FloatArray:
     """(k,) share of ``count`` directions, an even number, from which each place is seen: 0 to 1.
 
-    triangles: (m, 3, 3) corners of all faces that hide others. pixels: side of the square that holds the mesh
-    from every side. Details narrower than two pixels are not resolved. turn: the axes that are looked along;
-    from others nothing is seen.
+    triangles: (m, 3, 3) corners of all faces that hide others. point: (k, 3) places. normals: (k, 2, 3) of the
+    faces that meet there, not zero. two_sided: (k,) bool, also visible from behind. pixels: side of the square
+    that holds the mesh from every side. Details narrower than two pixels are not resolved. turn: the axes that
+    are looked along; from others nothing is seen.
     """
-    seen = np.zeros(len(places.point), np.int64)
+    seen = np.zeros(len(point), np.int64)
     if len(triangles) == 0 or len(seen) == 0:
         return np.zeros(len(seen))
     centre = np.array([(x.min() + x.max()) / 2 for x in (triangles[..., d] for d in range(3))])
@@ -86,9 +80,9 @@ def seen_shares(
     blocks = [
         _Block.of((triangles[k] - centre) / pixel) for k in slices(len(triangles), FACES_AT_ONCE)
     ]
-    normal = unit(places.normal.sum(1))
+    normal = unit(normals.sum(1))
     vectors = np.ascontiguousarray(
-        np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
+        np.concatenate([(point - centre) / pixel, normal, *normals.swapaxes(0, 1)]).T
     )
     sparse = len(seen) < SPARSE_PLACES_PER_PIXEL * pixels * pixels
     for axis in axes(count // 2)[turn]:
@@ -97,16 +91,14 @@ def seen_shares(
         right /= np.linalg.norm(right)
         frame = np.stack([right, np.cross(axis, right), axis])
         # places as seen from both ends of the axis, a step in front of their faces
-        k = len(places.two_sided)
+        k = len(two_sided)
         turned = _turned(vectors, frame)
         at, out, facing = turned[:, :k], turned[:, k : 2 * k], turned[2, 2 * k :].reshape(2, k)
         looks = []
         for sign in (1.0, -1.0):
-            front = np.flatnonzero(
-                places.two_sided | (sign * facing[0] > 0) | (sign * facing[1] > 0)
-            )
+            front = np.flatnonzero(two_sided | (sign * facing[0] > 0) | (sign * facing[1] > 0))
             step = out[:, front]
-            step *= np.where(places.two_sided[front] & (sign * step[2] < 0), -1.0, 1.0)
+            step *= np.where(two_sided[front] & (sign * step[2] < 0), -1.0, 1.0)
             p = at[:, front] + step
             looks.append((sign, front, _pixel(p, pixels), p[2]))
         scene = [(block.corners, block.small) for block in blocks]
@@ -261,10 +253,8 @@ def edge_shares(
     inside_out = (volume < 0) & ~two_sided
     outward, two_sided = np.where(inside_out, -1.0, 1.0)[component], two_sided[component]
     normal = (surface.normals * outward[:, None])[h // 3]
-    places = Places(
-        start[edge] * (1 - at) + end[edge] * at, normal[edge], two_sided[h[:, 0] // 3][edge]
-    )
-    shares = seen_shares(triangles, places, count, pixels, turn)
+    point, two_sided = start[edge] * (1 - at) + end[edge] * at, two_sided[h[edge, 0] // 3]
+    shares = seen_shares(triangles, point, normal[edge], two_sided, count, pixels, turn)
     return group_sum(shares, edge, len(asked)) / number
 
 
