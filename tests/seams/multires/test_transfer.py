@@ -74,6 +74,18 @@ def test_the_fine_layout_is_the_coarse_one(bend: float) -> None:
     assert np.abs(edge - np.diff(mine, axis=1)).max() < (0.2 if bend else 1e-6) / N
 
 
+def test_a_sliver_joins_the_neighbour_with_the_longest_common_seam() -> None:
+    """A strip along the middle stands for no coarse chart: more of its seam lies in the left half."""
+    fine, _ = sheets()
+    x, y = middles(fine)[:, :2].T
+    half = (x > 0.5).astype(np.int64)
+    strip = (x < 0.5) & (x > 0.5 - 2 / (3 * N)) & (np.abs(y - 0.5) < 0.25)
+    atlas = cut_between(fine, np.where(strip, 2, half))
+    assert atlas.charts()[0] == 3
+    assert drop_slivers(atlas, half).tolist() == [0, 1]
+    assert np.array_equal(atlas.cut, cut_between(fine, half).cut)
+
+
 def test_seams_are_taken_over_only_where_every_corner_is_the_same() -> None:
     """A square with its diagonal turned has as many faces, and each shares two corners with one there was."""
     p, _ = shapes.grid(2, 2)
