@@ -35,10 +35,8 @@ MAGNIFIED_DENSITY = 0.5  # texels of an old image along a new one, below which s
 FINE_DENSITY = 2.0
 PNG_LEVEL = 4  # of compression: 5 % more bytes than 7 in two fifths of its time
 PART_TEXELS = 250_000  # texels, a few hundred bytes each in every thread
-FILL = {
-    "normal": (0.5, 0.5, 1.0),
-    "direction": (1.0, 0.5, 1.0),
-}  # texels where a material has no image
+# texels where a material has no image
+FILL = {"normal": (0.5, 0.5, 1.0), "direction": (1.0, 0.5, 1.0)}
 
 
 @dataclass(frozen=True, eq=False)

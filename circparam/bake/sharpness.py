@@ -19,10 +19,8 @@ LEAST_DENSITY_SHARE = 0.9
 # share of the surface that an image covers: slivers of old uv are no reason for a larger page
 IGNORED_AREA_SHARE = 0.01
 PACKED_SHARE_GUESS = 0.7  # share of a page that packing covers, guessed before it
-LEAST_AUTO_TEXELS, MOST_AUTO_TEXELS = (
-    512,
-    8192,
-)  # sides that auto chooses from: below, a padding of 1/512 is no texel
+# sides that auto chooses from: below, a padding of 1/512 is no texel
+LEAST_AUTO_TEXELS, MOST_AUTO_TEXELS = 512, 8192
 GROWTH_RATIO = 2.0  # a small part of a surface that an image magnifies is no reason for more
 PNG_DEPTH_AT = 24  # byte of a PNG that tells the bits of a channel
 PATTERN_TEXELS = 2048  # the side up to which images that repeat decide
@@ -48,10 +46,8 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
     whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
     side = float(LEAST_AUTO_TEXELS)
     for _, dense, tiled in _densities(source, layout, 1):
-        side = max(
-            side,
-            min(LEAST_DENSITY_SHARE * dense, PATTERN_TEXELS if tiled else GROWTH_RATIO * whole),
-        )
+        most = PATTERN_TEXELS if tiled else GROWTH_RATIO * whole
+        side = max(side, min(LEAST_DENSITY_SHARE * dense, most))
     return min(1 << math.ceil(math.log2(side) - 1e-9), MOST_AUTO_TEXELS)
 
 
@@ -109,10 +105,8 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
             dense = density(source.in_texels(use), new)[some]
             tiled = source.repeats(use, mine)
             known = np.isfinite(dense)
-            value = Tail.of(dense[known], area[some][known]).percentile(
-                100 * (1 - IGNORED_AREA_SHARE)
-            )
-            value = value if known.any() else 0.0
+            tail = Tail.of(dense[known], area[some][known])
+            value = tail.percentile(100 * (1 - IGNORED_AREA_SHARE)) if known.any() else 0.0
             before, repeats = worst.get(use.image, (0.0, False))
             worst[use.image] = max(before, value), repeats or tiled
     return [(looks.names[k], *value) for k, value in sorted(worst.items())]

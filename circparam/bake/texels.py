@@ -20,9 +20,8 @@ from circparam.mesh.mesh import UVMap
 
 Places: TypeAlias = Iterator[npt.NDArray[np.float32]]
 FLAT_AREA_TEXELS2 = 1e-12  # texels²: below that a triangle has no inside to find places in
-DOUBLED_SHARE = (
-    1e-3  # of the texels: more of them in several faces are overlaps, not shared borders
-)
+# of the texels: more of them in several faces are overlaps, not shared borders
+DOUBLED_SHARE = 1e-3
 NO_TEXEL = "no texel lies in a face: the layout is too small, pack it first"
 
 

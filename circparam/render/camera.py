@@ -107,17 +107,15 @@ def best_directions(scene: Scene, count: int, up: str = "auto") -> FloatArray:
     side = np.roll(axis, 1)
     front = np.cross(side, axis)
     heights = {20: 1.0, 45: 0.93, -15: 0.9, 80: 0.8, -80: 0.7}
-    asked: list[FloatArray] = []
-    bonus: list[float] = []
+    asked, bonus = [], []
     for height, liked in heights.items():
         turns = 16 if abs(height) < 60 else 4
-        for turn in range(turns):
-            # half a step off the axes: three-quarter views say more than square ones
-            a, h = 2 * np.pi * (turn + 0.5) / turns, np.radians(height)
-            flat = np.cos(a) * front + np.sin(a) * side
-            asked.append(np.cos(h) * flat + np.sin(h) * axis)
-            bonus.append(liked)
-    directions = np.array(asked)
+        # half a step off the axes: three-quarter views say more than square ones
+        a = 2 * np.pi * (np.arange(turns)[:, None] + 0.5) / turns
+        h = np.radians(height)
+        asked.append(np.cos(h) * (np.cos(a) * front + np.sin(a) * side) + np.sin(h) * axis)
+        bonus += [liked] * turns
+    directions = np.concatenate(asked)
     seen = np.stack([_visibility(points, normals, d, axis, cell) for d in directions])
     best: list[int] = []
     so_far = np.zeros(samples)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import group_count, group_sum, next_half_edge
+from circparam.core.arrays import ends_of, group_count, group_sum
 from circparam.core.records import dataclass
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
@@ -205,9 +205,8 @@ def _meta(layout: PageLayout) -> dict[str, Any]:
     if directions is None:
         directions = best_directions(scene, 1, options.up)
     # how thick seams are drawn before anything is zoomed
-    h, flat = scene.seams, scene.faces.ravel()
-    along = scene.points[flat[next_half_edge(h)]] - scene.points[flat[h]]
-    on_surface = np.linalg.norm(along, axis=1).sum()
+    start, end = ends_of(scene.faces, scene.seams)
+    on_surface = np.linalg.norm(scene.points[end] - scene.points[start], axis=1).sum()
     diagonal = max(float(np.linalg.norm(np.ptp(scene.used_points, axis=0))), 1e-300)
     lines = {
         # both sides of a seam are listed, and half of the surface is seen

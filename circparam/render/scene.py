@@ -8,9 +8,9 @@ import numpy as np
 
 from circparam.core.arrays import (
     cross_areas,
+    ends_of,
     group_sum,
     mask_of,
-    next_half_edge,
     normals_of,
     numbered_rows,
     scattered,
@@ -186,8 +186,7 @@ class Scene:
     @cached_property
     def seam_ends(self) -> tuple[IntArray, IntArray]:
         """(s,) vertices of the layout at the beginning and at the end of each of the ``seams``."""
-        flat = self.uv_faces.ravel()
-        return flat[self.seams], flat[next_half_edge(self.seams)]
+        return ends_of(self.uv_faces, self.seams)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:

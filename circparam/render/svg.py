@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import next_half_edge
+from circparam.core.arrays import ends_of
 from circparam.core.graph import cycles
 from circparam.core.types import FloatArray, IntArray
 from circparam.render import colours as col
@@ -28,10 +28,9 @@ def outlines(scene: Scene, label: IntArray | None = None) -> list[tuple[int, Flo
     charts. The half-edges on a boundary are chained end to start. Where a boundary touches itself in a point,
     the k-th half-edge that arrives continues with the k-th that leaves. This closes every loop too.
     """
-    flat = scene.uv_faces.ravel()
     owner = scene.chart if label is None else label
     h = scene.seams if label is None else _borders(scene, label)
-    a, b = flat[h], flat[next_half_edge(h)]
+    a, b = ends_of(scene.uv_faces, h)
     piece = owner[h // 3]
     leaving, arriving = np.lexsort((a, piece)), np.lexsort((b, piece))
     ends_meet = np.array_equal(a[leaving], b[arriving])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
 
-from circparam.core.arrays import interpolated, mask_of, next_half_edge, ranges, unit
+from circparam.core.arrays import ends_of, interpolated, mask_of, ranges, unit
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import barycentric, rasterise
@@ -65,8 +65,7 @@ def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> Flo
     """Mask of the seams and boundaries that are seen; the bias keeps a line from sinking into its own faces."""
     h, w = z.shape
     xy, depth = camera.project(scene.points, w, h)
-    flat = scene.faces.ravel()
-    a, b = flat[scene.seams], flat[next_half_edge(scene.seams)]
+    a, b = ends_of(scene.faces, scene.seams)
     lines = np.concatenate([xy, depth[:, None]], 1)
     pixel_size = 2 * camera.reach / min(w, h)
     # every seam is listed from both sides, and about half of them are seen
