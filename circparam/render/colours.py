@@ -10,21 +10,15 @@ import numpy as np
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.materials import linear, srgb
 
-INK = "#1b2130"
-MUTED = "#5d6779"
-HAIRLINE = "#dfe3e8"
-PANEL = "#f5f6f8"
-PAPER = "#ffffff"
-ACCENT = "#0068a3"
-WARN = "#a84300"
+LIGHT = {
+    "INK": "#1b2130", "MUTED": "#5d6779", "HAIRLINE": "#dfe3e8", "PANEL": "#f5f6f8", "PAPER": "#ffffff",
+    "ACCENT": "#0068a3", "WARN": "#a84300",
+}  # fmt: skip
+INK, MUTED, HAIRLINE, PANEL, PAPER, ACCENT, WARN = LIGHT.values()
 # replacements on a page if the reader's system is dark; text keeps the contrast of WCAG 2.1, AA
 DARK = {
     "INK": "#e7eaf0", "MUTED": "#a5aebd", "HAIRLINE": "#3a414e", "PANEL": "#20252e", "PAPER": "#14181f",
     "ACCENT": "#62b6ee", "WARN": "#ff9a62",
-}  # fmt: skip
-LIGHT = {
-    "INK": INK, "MUTED": MUTED, "HAIRLINE": HAIRLINE, "PANEL": PANEL, "PAPER": PAPER, "ACCENT": ACCENT,
-    "WARN": WARN,
 }  # fmt: skip
 FLIP = "#00b7c7"  # flipped faces: a hue that the distortion map never takes
 NO_UV = "#c8ccd2"

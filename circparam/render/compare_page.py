@@ -101,18 +101,10 @@ def _card(row: Entry, pictures: Pictures | None, number: int | None) -> str:
     if pictures is None:
         content = piece("empty", reason=row.error or "no layout")
     else:
-        named = zip(("layout", "checker", "distortion"), pictures, strict=True)
-        shown = "".join(
-            piece(
-                "picture",
-                what=what,
-                method=row.method,
-                url=png_url(image),
-                width=image.width,
-                height=image.height,
-            )
-            for what, image in named
-        )
+        shown = ""
+        for what, image in zip(("layout", "checker", "distortion"), pictures, strict=True):
+            size = {"width": image.width, "height": image.height}
+            shown += piece("picture", what=what, method=row.method, url=png_url(image), **size)
         content = piece("shown", PICTURES=shown, caption=caption(row), number=number)
     badge = "" if row.status == "ok" else piece("badge", status=row.status)
     return piece("card", method=row.method, BADGE=badge, CONTENT=content)
