@@ -4,6 +4,7 @@ Three squares side by side, each a group of its own (``layout``, ``checker``, ``
 every chart is one path; in the last faces of one chart and of one step of the colour scale are.
 """
 
+import re
 from typing import Any
 
 import numpy as np
@@ -74,20 +75,21 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
             piece("chart", id=kind, chart=chart, d=d, fill="none" if k == 2 else fill)
             for chart, fill, d in paths
         ]
-        groups += piece(
-            "square", name=label.lower(), label=label, x=k * (width + pad), above=-0.6 * text,
+        groups += fill_in(
+            viewer_file("square.svg"), name=label.lower(), label=label, x=k * (width + pad), above=-0.6 * text,
             stroke=stroke, thin=stroke * layout_line_weight(scene),
-            GRID="".join(_grid(u0, v0, u1, v1)), CHARTS="".join(charts),
+            GRID="\n".join(_grid(u0, v0, u1, v1)), CHARTS="\n".join(charts),
             BELOW=_distortion(scene, options) if label == "Distortion" else "",
             ABOVE=_checker(scene) if label == "Checker" else "", **shared,
         )  # fmt: skip
-    return fill_in(
+    whole = fill_in(
         viewer_file("figure.svg"), left=-pad, top=-3.4 * text, whole=3 * width + 4 * pad,
         tall=height + 5.8 * text, line=-2.1 * text, right=3 * width + 2 * pad,
         title=_printable(options.title), counts=_printable(counts(scene, options)), GROUPS=groups,
         LEGEND=_legend(2 * (width + pad), height + 0.5 * text, width, text, options.scale_end),
         **shared,
     )  # fmt: skip
+    return re.sub("\n+", "\n", whole)  # where a part is empty
 
 
 def _paths(scene: Scene, label: IntArray | None = None) -> dict[int, str]:
@@ -130,9 +132,9 @@ def _legend(x: float, y: float, width: float, text: float, end: float) -> str:
     """The colour scale below the last square."""
     left, bar = x + 7 * text, max(width - 14 * text, width / 4)
     each = bar / COLOUR_STEPS
-    size = {"y": y, "width": each * 1.02, "height": 0.7 * text}
+    size = {"y": f"{y:.2f}", "width": f"{each * 1.02:.2f}", "height": f"{0.7 * text:.2f}"}
     boxes = "".join(
-        piece("colour", x=left + k * each, fill=col.hex_code(c), **size)
+        piece("colour", x=f"{left + k * each:.2f}", fill=col.hex_code(c), **size)
         for k, c in enumerate(col.distortion_map(COLOUR_STEPS))
     )
     return piece(
