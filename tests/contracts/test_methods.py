@@ -125,7 +125,7 @@ def test_flip_free_rows_flip_nothing(name, shape):
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - set(METHODS.tagged("flip-free"))))
-@given(shape=strategies.folding_disks(60))
+@given(shape=strategies.folding_disks())
 @settings(max_examples=6)
 def test_the_other_rows_mend_or_tell_their_flips(name, shape):
     """On disks so rough and so stretched that every such method flips faces of nearly all of them."""
