@@ -121,17 +121,26 @@ def turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
 def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
     """((m,) flat of each face, (e,) bool: edges inside flats).
 
-    A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not.
+    A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not. But
+    its quads may be, each of them: edges there count that turn by no more than the noise of the coordinates.
     """
     m = len(surface.faces)
-    fi, fj = surface.sides
-    inside = turns(surface)[0] < FLAT
-    n, flat = components(m, fi[inside], fj[inside])
+    angle, _ = turns(surface)
+    inside = _level(surface, angle < FLAT)
+    slack = 2 * np.sqrt(3) * NOISE * extent(surface) / np.maximum(face_heights(surface)[0], 1e-300)
+    even = _level(surface, (angle < np.minimum(slack[surface.sides].sum(0), FLAT)) & ~inside)
+    inside |= even
+    return components(m, *surface.sides[:, inside])[1], inside
+
+
+def _level(surface: Surface, inside: BoolArray) -> BoolArray:
+    """(e,) bool: the edges ``inside`` ((e,) bool), but for those of patches that are not level as a whole."""
+    left = surface.sides[0]
+    n, patch = components(len(surface.faces), *surface.sides[:, inside])
     normal = sure_normals(surface)
-    mean = unit(group_sum(normal * surface.areas[:, None], flat, n))
-    level = group_min((mean[flat] * normal).sum(1), flat, n) > np.cos(LEVEL)
-    inside &= level[flat[fi]]
-    return components(m, fi[inside], fj[inside])[1], inside
+    mean = unit(group_sum(normal * surface.areas[:, None], patch, n))
+    level = group_min((mean[patch] * normal).sum(1), patch, n) > np.cos(LEVEL)
+    return inside & level[patch[left]]
 
 
 def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:

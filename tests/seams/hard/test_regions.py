@@ -22,6 +22,23 @@ def test_a_fine_tube_is_not_a_flat() -> None:
     assert label.max() > 100
 
 
+def test_quads_of_a_gently_bent_tube_are_flats_of_their_own() -> None:
+    """Rows of them along the tube turn less than flats do, but no row is level. Files round their points."""
+    points, faces = shapes.torus(nu=1000, nv=12)
+    surface = surface_of(points.round(6), faces)
+    label, inside = flats(surface)
+    assert inside.sum() == len(faces) // 2
+    assert (np.bincount(label) == 2).all()
+
+
+def test_a_fine_round_shape_has_no_flats() -> None:
+    points, faces = shapes.grid(200, 200, width=0.2, height=0.2)
+    x, y, _ = points.T
+    surface = surface_of(np.stack([x, y, np.sqrt(1 - x**2 - y**2)], 1).round(6), faces)
+    assert turns(surface)[0].max() < np.radians(0.5)
+    assert not flats(surface)[1].any()
+
+
 @pytest.mark.parametrize("name", PARTS)
 def test_parts_are_hard_and_unroll_between_their_creases(name) -> None:
     surface = surface_of(PARTS[name]().points, PARTS[name]().faces)
