@@ -121,8 +121,8 @@ def turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
 def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
     """((m,) flat of each face, (e,) bool: edges inside flats).
 
-    A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not. But
-    its quads may be, each of them: edges there count that turn by no more than the noise of the coordinates.
+    A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not.
+    Its quads may be, each of them: edges there count that turn by no more than the noise of the coordinates.
     """
     m = len(surface.faces)
     angle, _ = turns(surface)
