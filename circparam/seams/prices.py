@@ -17,7 +17,7 @@ from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
-from circparam.seams.hard.regions import CREASE, FLAT, SHARP, flats, turns
+from circparam.seams.hard.regions import CREASE, FLAT, SHARP, flats, level_edges, turns
 from circparam.seams.options import SeamOptions
 
 FLAT_PRICE = COST.flat  # lengths: a seam inside a flat, so that any way round the flat is cheaper
@@ -72,7 +72,7 @@ def planar(surface: Surface, flat: BoolArray) -> BoolArray:
 def _soft_prices(surface: Surface) -> FloatArray:
     """(e,) prices of the edges of organic surfaces: flats are dear, so that paths lead round quads and lids."""
     price = _crease_prices(surface)
-    price[flats(surface)[1]] = FLAT_PRICE
+    price[level_edges(surface)] = FLAT_PRICE
     return price
 
 

@@ -122,25 +122,32 @@ def flats(surface: Surface) -> tuple[IntArray, BoolArray]:
     """((m,) flat of each face, (e,) bool: edges inside flats).
 
     A flat is what hangs together across edges that hardly turn, and is level as a whole: a fine tube is not.
-    Its quads may be, each of them: edges there count that turn by no more than the noise of the coordinates.
     """
-    m = len(surface.faces)
-    angle, _ = turns(surface)
-    inside = _level(surface, angle < FLAT)
-    slack = 2 * np.sqrt(3) * NOISE * extent(surface) / np.maximum(face_heights(surface)[0], 1e-300)
-    even = _level(surface, (angle < np.minimum(slack[surface.sides].sum(0), FLAT)) & ~inside)
-    inside |= even
-    return components(m, *surface.sides[:, inside])[1], inside
+    inside = _level(surface, turns(surface)[0] < FLAT)
+    return components(len(surface.faces), *surface.sides[:, inside])[1], inside
+
+
+@kept
+def level_edges(surface: Surface) -> BoolArray:
+    """(e,) bool: edges inside flats, and those of curved rows of quads that lie inside one quad.
+
+    A row of quads along a bent tube turns less than a flat from each to the next, but is not level. The edges
+    across a quad turn by no more than errors of NOISE in all three coordinates let them.
+    """
+    error = 2 * np.sqrt(3) * NOISE * extent(surface)
+    slack = error / np.maximum(face_heights(surface)[0], 1e-300)
+    inside, angle = flats(surface)[1], turns(surface)[0]
+    even = ~inside & (angle < np.minimum(slack[surface.sides].sum(0), FLAT))
+    return inside | _level(surface, even)
 
 
 def _level(surface: Surface, inside: BoolArray) -> BoolArray:
     """(e,) bool: the edges ``inside`` ((e,) bool), but for those of patches that are not level as a whole."""
-    left = surface.sides[0]
     n, patch = components(len(surface.faces), *surface.sides[:, inside])
     normal = sure_normals(surface)
     mean = unit(group_sum(normal * surface.areas[:, None], patch, n))
     level = group_min((mean[patch] * normal).sum(1), patch, n) > np.cos(LEVEL)
-    return inside & level[patch[left]]
+    return inside & level[patch[surface.sides[0]]]
 
 
 def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:

@@ -8,7 +8,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.seams.evaluate import Demands
-from circparam.seams.hard.regions import flats
+from circparam.seams.hard.regions import level_edges
 from circparam.seams.prices import edge_costs
 from circparam.seams.search import WORK_PER_FACE, Candidates, Effort, Outcome, search
 from circparam.seams.segmentation.paths import Bands, bands, chains_of, route
@@ -38,7 +38,7 @@ def shorten(atlas: Atlas, rings: int, pinned: BoolArray | None = None) -> None:
 
 def lead_round_flats(atlas: Atlas) -> None:
     """Lead pieces of seams round the flats that they cross, by the edges beside them."""
-    inside = np.where(flats(atlas.surface)[1], atlas.surface.edge_lengths, 0.0)
+    inside = np.where(level_edges(atlas.surface), atlas.surface.edge_lengths, 0.0)
     if inside[atlas.cut].any():
         proposal = propose(atlas, rings=1, pieces=(PIECE_EDGES, 0))
         old, new = proposal.costs(inside)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.seams.hard.charts import unrolls_in_part
-from circparam.seams.hard.regions import flats, hard_components, surely_hard, turns
+from circparam.seams.hard.regions import flats, hard_components, level_edges, surely_hard, turns
 from circparam.seams.prices import edge_prices
 from tests.support import shapes
 from tests.support.atlases import surface_of
@@ -22,21 +22,22 @@ def test_a_fine_tube_is_not_a_flat() -> None:
     assert label.max() > 100
 
 
-def test_quads_of_a_gently_bent_tube_are_flats_of_their_own() -> None:
-    """Rows of them along the tube turn less than flats do, but no row is level. Files round their points."""
+def test_a_curved_row_of_quads_is_level_inside_each_quad() -> None:
+    """Rows of them along a bent tube turn less than flats do, but no row is level. Files round their points."""
     points, faces = shapes.torus(nu=1000, nv=12)
     surface = surface_of(points.round(6), faces)
-    label, inside = flats(surface)
-    assert inside.sum() == len(faces) // 2
-    assert (np.bincount(label) == 2).all()
+    assert not flats(surface)[1].any()
+    level = level_edges(surface)
+    assert level.sum() == len(faces) // 2
+    assert (np.bincount(surface.sides[:, level].ravel(), minlength=len(faces)) == 1).all()
 
 
-def test_a_fine_round_shape_has_no_flats() -> None:
+def test_a_fine_round_shape_has_no_level_edges() -> None:
     points, faces = shapes.grid(200, 200, width=0.2, height=0.2)
     x, y, _ = points.T
     surface = surface_of(np.stack([x, y, np.sqrt(1 - x**2 - y**2)], 1).round(6), faces)
     assert turns(surface)[0].max() < np.radians(0.5)
-    assert not flats(surface)[1].any()
+    assert not level_edges(surface).any()
 
 
 @pytest.mark.parametrize("name", PARTS)
