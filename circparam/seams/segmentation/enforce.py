@@ -3,13 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.arrays import first_of_groups, group_count, mask_of, norms3, sorted_distinct
-from circparam.core.graph import nearest, undirected
+from circparam.core.arrays import group_count, mask_of, sorted_distinct
 from circparam.core.monitor import Monitor
 from circparam.core.types import BoolArray, IntArray
-from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.accuracy import FINAL
 from circparam.seams.moves.reroute import shorten
@@ -98,7 +95,6 @@ def _cut_open(
     folded = split & layouts.overlapping & np.isfinite(layouts.energy)
     kept = _push_apart(atlas, layouts, folded, bound, monitor)
     kept |= split_layers(atlas, graph, layouts, folded & ~kept, edge_costs(atlas))
-    kept |= _split_overlaps(atlas, graph, layouts, folded & ~kept)
     laid = np.isfinite(layouts.energy) & ~layouts.overlapping
     if (split & laid).any():
         halve_evenly(atlas, graph, layouts, split & laid)
@@ -126,44 +122,6 @@ def _push_apart(
         atlas.corners[fid[kept]] = uv[sub.faces[kept]]
         done[layouts.cut_mesh.chart[fid[kept]]] = True
     return done
-
-
-def _split_overlaps(
-    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray
-) -> BoolArray:
-    """Split charts half way between the two layers that cross; returns the charts that were split.
-
-    which: (n,) bool, charts. The two faces that cross and lie farthest apart in space tell the layers at first.
-    """
-    done = np.zeros(len(which), bool)
-    if not which.any():
-        return done
-    pairs, chart = crossings(layouts.uv, layouts.cut_mesh) // 3, layouts.cut_mesh.chart
-    pairs = pairs[which[chart[pairs[:, 0]]]]
-    pairs = pairs[graph.cell[pairs[:, 0]] != graph.cell[pairs[:, 1]]]
-    if len(pairs) == 0:
-        return done
-    of = chart[pairs[:, 0]]
-    done[of] = True
-    place = atlas.surface.points[atlas.surface.faces[pairs, 0]]
-    seeds = graph.cell[pairs[first_of_groups(of, -norms3(place[:, 0] - place[:, 1]))]]
-    use = ~atlas.cut & done[chart[atlas.surface.sides[0]]]
-    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
-    side = _nearer(links, seeds)
-    # every pair that both tell apart tells where the layers are
-    cells = graph.cell[pairs]
-    cells = cells[side[cells[:, 0]] != side[cells[:, 1]]]
-    first = side[cells[:, 0]]
-    side = _nearer(links, np.where(first[:, None], cells, cells[:, ::-1]))
-    atlas.cut |= use & (side[graph.tail] != side[graph.head])
-    return done
-
-
-def _nearer(links: sps.csr_matrix, seeds: IntArray) -> BoolArray:
-    """(cells,) bool: nearer to one of the first of some pairs of cells (k, 2) than to any of the second."""
-    _, _, source = nearest(links, sorted_distinct(seeds))
-    first = mask_of(links.shape[0], seeds[:, 0])
-    return first[np.where(source >= 0, source, 0)]
 
 
 def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
