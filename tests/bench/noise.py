@@ -7,9 +7,9 @@ The variant is the working tree, with the constants of --set and the options of 
 this one if none is named. Each mesh is unwrapped in several rotations (or orders of its faces, or with its
 points a millionth of an edge away), which should change nothing: what they change is the noise that a
 difference has to stand out of. Ratios are paired: the same mesh, turned the same way, by both builds. An
-interval holds 90 % of the geometric means of 2,000 bootstrap samples of the meshes. Cost: length of the seams
-over √area, and a quarter for each chart. Spread: the 90th over the 10th percentile of the cost of one mesh
-over its turns. A surface is decided in a frame of its own, so rotations measure that promise; the noise that
+interval holds 90 % of the geometric means of 2,000 bootstrap samples of the meshes. Cost: that of the atlas
+on its page (``AtlasCost``); seams and charts: its first two terms alone. Spread: the 90th over the 10th
+percentile of the cost of one mesh over its turns. A surface is decided in a frame of its own, so rotations measure that promise; the noise that
 a rule has to stand out of is sampled by jitter. Rows go to FOLDER/rows.jsonl and are not computed twice, so a
 run that was ended goes on.
 """
@@ -30,17 +30,18 @@ from typing import Any
 
 import numpy as np
 
+from circparam.seams.cost import COST
 from tests.bench import common
 from tests.bench.bed import Bedded, bed, read
 
 TASK = Path(__file__).with_name("noise_task.py")
 FOLDER = common.ROOT / "build" / "noise"
-CHART = 0.25  # what a chart costs, in roots of the area of seam
 LIMIT = 900.0  # seconds for all turns of one mesh
 SAMPLES = 2_000  # of the bootstrap
-FIGURES = ("cost", "seam_length", "seam_visible", "charts", "pack", "seconds")
+MEASURED = ("seam_length", "seam_visible", "charts", "pack", "seconds")
+FIGURES = ("cost", "seams_and_charts", *MEASURED)
 # nobody sees a seam of a hundredth of the root of the area: ratios are those of figures with this added
-LEAST = dict.fromkeys(FIGURES, 0.0) | dict.fromkeys(("cost", "seam_length", "seam_visible"), 0.01)
+LEAST = dict.fromkeys(FIGURES, 0.01) | dict.fromkeys(("charts", "pack", "seconds"), 0.0)
 
 Tables = dict[str, dict[str, np.ndarray]]  # mesh → figure → (turns,)
 
@@ -130,9 +131,11 @@ def measure(build: Build, mesh: Bedded, kind: str, turns: list[int], rows: Rows)
 
 def table_of(rows: list[dict[str, Any]]) -> dict[str, np.ndarray]:
     """Each figure of FIGURES, with LEAST added, over the turns of one mesh, (turns,)."""
-    out = {k: np.array([r[k] for r in rows], float) for k in FIGURES if k != "cost"}
+    out = {k: np.array([r[k] for r in rows], float) for k in MEASURED}
     out["seam_visible"] = np.nan_to_num(out["seam_visible"])  # no seam, none that is seen
-    out["cost"] = out["seam_length"] + CHART * out["charts"]
+    out["seams_and_charts"] = out["seam_length"] + COST.chart * out["charts"]
+    terms = ("seam_length", "charts", "distortion", "share_over_2", "pack")
+    out["cost"] = np.array([COST.finished(*(r[k] or 0.0 for k in terms)) for r in rows])
     return {k: v + LEAST[k] for k, v in out.items()}
 
 
