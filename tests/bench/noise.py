@@ -9,9 +9,9 @@ points a millionth of an edge away), which should change nothing: what they chan
 difference has to stand out of. Ratios are paired: the same mesh, turned the same way, by both builds. An
 interval holds 90 % of the geometric means of 2,000 bootstrap samples of the meshes. Cost: that of the atlas
 on its page (``AtlasCost``); seams and charts: its first two terms alone. Spread: the 90th over the 10th
-percentile of the cost of one mesh over its turns. A surface is decided in a frame of its own, so rotations measure that promise; the noise that
-a rule has to stand out of is sampled by jitter. Rows go to FOLDER/rows.jsonl and are not computed twice, so a
-run that was ended goes on.
+percentile of the cost of one mesh over its turns. A surface is decided in a frame of its own, so rotations
+measure that promise; the noise that a rule has to stand out of is sampled by jitter. Rows go to
+FOLDER/rows.jsonl and are not computed twice, so a run that was ended goes on.
 """
 
 import argparse
