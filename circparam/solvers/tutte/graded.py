@@ -76,7 +76,7 @@ def embed_start(
     uv, notes = embed(cut_mesh, weights, options, monitor)
     poor = _energies(cut_mesh, uv) > POOR_START
     if poor.any():
-        uv, _ = _graded(cut_mesh, weights, options, monitor, uv, poor, _energies)
+        uv, _ = _graded(cut_mesh, weights, options, monitor, uv, poor, _sound_energies)
         notes.append(
             f"{weights}: {int(poor.sum())} charts start from weights graded towards the boundary"
         )
@@ -84,9 +84,13 @@ def embed_start(
 
 
 def _energies(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale, infinite with flips."""
-    energy = measure(cut_mesh, at_best_scales(cut_mesh, uv)).charts["sd"]
-    return np.where(flips(cut_mesh, uv) > 0, np.inf, energy)
+    """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale."""
+    return measure(cut_mesh, at_best_scales(cut_mesh, uv)).charts["sd"]
+
+
+def _sound_energies(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """As ``_energies``, infinite for charts with flips."""
+    return np.where(flips(cut_mesh, uv) > 0, np.inf, _energies(cut_mesh, uv))
 
 
 def _graded(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.geometry.distortion import measure
+from circparam.geometry.distortion import at_best_scales, measure
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.graded import embed, embed_start
 from circparam.solvers.tutte.outer import TutteOptions
@@ -61,3 +61,13 @@ def test_a_crushed_tube_starts_from_the_weights_that_distort_least():
     assert "graded" in notes[0]
     again, _ = embed_start(cut_mesh, "circle", TutteOptions(), Monitor())
     np.testing.assert_array_equal(uv, again)
+
+
+def test_flips_that_are_to_stay_do_not_make_a_poor_start():
+    """Negative weights fold the map a little; nothing of it is collapsed."""
+    cut_mesh, _ = patches_of(shapes.noisy(*shapes.bumped_disk(300), amount=0.4))
+    plain, told = embed(cut_mesh, "harmonic", TutteOptions(repair=False), Monitor())
+    assert flipped(cut_mesh.faces, plain).any()
+    uv, notes = embed_start(cut_mesh, "harmonic", TutteOptions(repair=False), Monitor())
+    np.testing.assert_array_equal(uv, at_best_scales(cut_mesh, plain))
+    assert notes == told
