@@ -70,10 +70,10 @@ def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
 def first_duplicates(faces: IntArray, n_points: int) -> IntArray:
     """(m,) the first face with the same three points, in any order and winding (itself where it is that)."""
     rows = np.sort(faces, 1)
-    if n_points < 2**21:
-        head, label = numbered((rows[:, 0] * n_points + rows[:, 1]) * n_points + rows[:, 2])
-    else:
-        head, label = numbered_rows(rows.astype(np.float64))
+    pair = rows[:, 0] * n_points + rows[:, 1]
+    if n_points >= 2**21:  # all three in one number would overflow
+        pair = numbered(pair)[1]
+    head, label = numbered(pair * n_points + rows[:, 2])
     return first_of_each(label, len(head))[label]
 
 

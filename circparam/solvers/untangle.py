@@ -133,7 +133,8 @@ class FoldoverEnergy:
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         """(2, 2, m), from differences."""
-        return dirichlet.jacobians(self.gradients, x.T[:, self.corners])
+        # in rows: indices of a transposed array would make columns, which are slow to work with
+        return dirichlet.jacobians(self.gradients, np.take(x.T, self.corners, axis=1))
 
     def determinants(self, x: FloatArray) -> FloatArray:
         """(m,) determinant of the Jacobian of each face."""
