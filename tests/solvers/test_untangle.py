@@ -32,11 +32,13 @@ def test_planted_flips_are_turned_back_to_about_the_shape_of_before(seed, held):
         assert chart_energies(cut_mesh, new)[0] < 1 + 4e-6
 
 
-def test_what_is_far_from_a_flip_stays_where_it_is():
+def test_what_is_far_from_a_flip_and_the_layout_that_is_given_stay_as_they_are():
     cut_mesh, uv = flat_of(shapes.grid(60, 60))
     middle = np.argmin(((uv - 0.5) ** 2).sum(1))
     uv[middle] += 0.05
+    before = uv.copy()
     new, _ = untangle(cut_mesh, uv)
+    np.testing.assert_array_equal(uv, before)
     assert not flipped(cut_mesh.faces, new).any()
     far = np.abs(uv - 0.5).max(1) > 0.25
     assert far.any()

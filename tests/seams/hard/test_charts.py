@@ -9,12 +9,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.charts import bounded_atlas, free_atlas, with_creases
 from circparam.seams.hard.charts import unrolls_whole
 from circparam.seams.hard.regions import flats, hard_components
 from circparam.seams.hard.unroll import unroll
-from circparam.seams.options import Search
+from circparam.seams.options import SeamOptions, Search
 from circparam.seams.prices import edge_prices
 from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.solvers.objective import chart_energies
@@ -159,6 +161,18 @@ def test_a_pocket_that_is_stretched_too_much_is_cut_off_along_its_rim() -> None:
     assert held.seam_length < 1.5 * loose.seam_length
     assert held.charts()[0] <= loose.charts()[0] + 3
     assert not held.cut[edge_prices(surface).flat].any()
+
+
+def test_only_hard_components_have_creases() -> None:
+    """Charts of a large surface are merged apart there."""
+    ball = shapes.noisy(*shapes.icosphere(1), amount=0.02)
+    part = PARTS["cube"]()
+    surface = surface_of(*shapes.join(ball, (part.points + np.array([5.0, 0, 0]), part.faces)))
+    hard = hard_components(surface)
+    assert 0 < hard.sum() < len(hard)
+    for make, most in ((free_atlas, None), (bounded_atlas, 2)):
+        atlas = make(surface, 1.05, SeamOptions(max_charts=most), Monitor())
+        assert np.array_equal(with_creases(atlas), hard)
 
 
 def test_a_flanged_pipe_keeps_the_number_of_its_charts_whatever_its_tubes_have() -> None:
