@@ -81,9 +81,8 @@ class Pool:
                     return
 
 
-_opening: "Future[Pool | None] | None" = (
-    None  # processes of ``start``; None if none could be started
-)
+# what ``start`` opens: processes, or None where none could be started
+_opening: "Future[Pool | None] | None" = None
 _owner = 0  # the process that opens them: one that is forked from it has none
 _asked = 0  # the number of jobs it was asked for
 _lock = threading.Lock()

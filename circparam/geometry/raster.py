@@ -56,10 +56,9 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
     x, y = np.stack(xs, 1), np.stack(ys, 1)
     top = first[face].astype(np.int64)
     rows = last[face].astype(np.int64) - top
-    most = (rows * np.minimum((right - left)[face] + 1, width)).astype(
-        np.int64
-    )  # pixels of each face
-    for part in blocks(most, CHUNK_FRAGMENTS):
+    # an upper bound of each face's pixels decides where the chunks end
+    most = rows * np.minimum((right - left)[face] + 1, width)
+    for part in blocks(most.astype(np.int64), CHUNK_FRAGMENTS):
         if rows[part].size:
             yield _fill(x[part], y[part], face[part], top[part], rows[part], width)
 

@@ -5,7 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import mask_of, next_half_edge, normals_of, norms3, positions_in, slices
+from circparam.core.arrays import (
+    mask_of,
+    next_half_edge,
+    normals_of,
+    norms3,
+    numbered,
+    positions_in,
+    slices,
+)
 from circparam.core.graph import components
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -246,8 +254,7 @@ class Surface:
         e = renumbered(self.edges[~cut & self.inner_edges(faces)], local)
         _, corners = corner_classes(len(fid), e)
         rough = None if self.roughness is None else self.roughness.part(fid)
-        label = np.unique(chart[fid], return_inverse=True)[1]
-        return CutMesh(corners, self.rest_triangles[fid], label, e, rough), fid
+        return CutMesh(corners, self.rest_triangles[fid], numbered(chart[fid])[1], e, rough), fid
 
     def without_edges(self, cut: BoolArray) -> "Surface":
         """The surface opened along some edges ((e,) bool), which become boundaries; of none: itself."""

@@ -119,7 +119,7 @@ def _polished(
 
 class FoldoverEnergy:
     """The energy of the groups of a region, Σ A (tr JᵀJ + λ (D² + 1)) / χ(D) over Σ A. Here D = det J and χ(D)
-    = (D + √(ε² + D²)) / 2. epsilon: (n_groups,) the ε of each.
+    = (D + √(ε² + D²)) / 2. epsilon: (n_charts,) the ε of each.
 
     Arrays have their components first, (2, 2, m), so that every operation runs over contiguous faces.
     """

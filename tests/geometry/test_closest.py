@@ -39,7 +39,6 @@ def test_no_point_of_the_triangle_is_nearer(kind: str) -> None:
 )
 @example(seed=0, sizes=(2500, 1800, 3))
 def test_near_means_a_place_of_the_own_group_within_its_reach(seed, sizes):
-    """All are compared up to four million pairs, beyond by a tree."""
     random = np.random.default_rng(seed)
     m, k, n = sizes
     at, to = random.random((m, 2)), random.random((k, 2))
