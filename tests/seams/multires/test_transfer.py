@@ -8,7 +8,7 @@ import pytest
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy, decimate
-from circparam.seams.multires.transfer import carried_over
+from circparam.seams.multires.transfer import carried_over, from_level
 from circparam.seams.multires.transfer_layout import (
     drop_slivers,
     nearest_coarse_face,
@@ -151,3 +151,25 @@ def test_locked_edges_are_gone_round() -> None:
     assert not (atlas.cut & locked).any()
     assert atlas.charts()[0] == 2
     assert 1.0 < fine.edge_lengths[atlas.cut].sum() < 1.6
+
+
+def test_components_that_a_level_leaves_as_they_are_keep_what_they_have() -> None:
+    """A closed ball in two halves, its uv wherever they are, beside a torus that gets smaller."""
+    ball = shapes.icosphere(1)
+    surface = surface_of(*shapes.join(shapes.torus(40, 20), (ball[0] + 9, ball[1])))
+    level = decimate(surface, 800)
+    far, high = (middles(level.surface)[:, [0, 2]] > [5, 9]).T
+    assert far.sum() == len(ball[1])
+    # of the torus each face is a chart, as it lies
+    coarse = cut_between(level.surface, np.where(far, -1 - high, np.arange(len(far))))
+    coarse.corners = level.surface.rest_triangles.copy()
+    cut_mesh = coarse.cut_mesh()
+    anywhere = np.random.default_rng(0).normal(size=(cut_mesh.n_vertices, 2))
+    coarse.corners[far] = anywhere[cut_mesh.faces[far]]
+    near = nearest_coarse_face(surface, level)
+    fine = from_level(surface, DualGraph(surface), coarse, level, near)
+    same = middles(surface)[:, 0] > 5
+    assert np.array_equal(fine.corners[same], coarse.corners[near[same]])
+    halves = middles(surface)[surface.edges // 3, 2] > 9
+    inside = same[surface.sides[0]]
+    assert np.array_equal(fine.cut[inside], (halves[:, 0] != halves[:, 1])[inside])
