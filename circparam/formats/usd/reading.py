@@ -9,12 +9,8 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.source import Source
 
-UV_PRIMVARS = (
-    "st",
-    "uv",
-    "UVMap",
-    "map1",
-)  # float2 arrays of these names are uv, whatever their role
+# float2 arrays of these names are uv, whatever their role
+UV_PRIMVARS = ("st", "uv", "UVMap", "map1")
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,9 @@ one by one, and a layer outside the folder of the file is refused before it is o
 import contextlib
 import glob
 import importlib.util
-import io
 import os
 import tempfile
 import time
-import zipfile
 from collections.abc import Iterator
 from dataclasses import field
 from pathlib import Path
@@ -275,14 +273,18 @@ def layer_bytes(layer: Any, kind: str) -> bytes:
         return path.read_bytes()
 
 
-def package_bytes(files: dict[str, bytes]) -> bytes:
-    """A usdz of files by name; the first one is the layer that readers open."""
+def _zip_module() -> Any:
+    """The module that has the classes of packages: Usd up to usd-core 25.5, then Sdf."""
     from pxr import Sdf, Usd
 
-    module = Sdf if hasattr(Sdf, "ZipFileWriter") else Usd  # Usd up to usd-core 25.5
+    return Sdf if hasattr(Sdf, "ZipFile") else Usd
+
+
+def package_bytes(files: dict[str, bytes]) -> bytes:
+    """A usdz of files by name; the first one is the layer that readers open."""
     with tempfile.TemporaryDirectory(prefix="circparam-usd-") as folder:
         path = Path(folder) / "package.usdz"
-        writer = module.ZipFileWriter.CreateNew(str(path))
+        writer = _zip_module().ZipFileWriter.CreateNew(str(path))
         for number, (name, data) in enumerate(files.items()):
             part = Path(folder) / f"{number}{Path(name).suffix}"
             part.write_bytes(data)
@@ -293,6 +295,9 @@ def package_bytes(files: dict[str, bytes]) -> bytes:
 
 
 def package_files(data: bytes) -> dict[str, bytes]:
-    """The files of a usdz by name, in their order."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
+    """The files of a usdz by name, in their order: names are UTF-8 without the mark that zip has for it."""
+    with tempfile.TemporaryDirectory(prefix="circparam-usd-") as folder:
+        path = Path(folder) / "package.usdz"
+        path.write_bytes(data)
+        archive = _zip_module().ZipFile.Open(str(path))
+        return {name: bytes(archive.GetFile(name)) for name in archive.GetFileNames()}

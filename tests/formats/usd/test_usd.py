@@ -11,7 +11,7 @@ import pytest
 import circparam
 from circparam.errors import InputError, OptionError
 from circparam.formats.io import encode, read, read_data
-from circparam.formats.usd.stage import package_files
+from circparam.formats.usd.stage import package_bytes, package_files
 from tests.support import shapes
 from tests.support.formats_tools import refused
 from tests.support.processes import printed
@@ -140,6 +140,18 @@ def test_a_package_keeps_its_files_to_the_byte(tmp_path: Path) -> None:
     assert list(package_files((tmp_path / "out.usdz").read_bytes()))[1:] == ["out.usdc", *inside]
     for path, uv in shown(tmp_path / "out.usdz").items():
         assert not np.array_equal(uv, before[path])
+
+
+def test_a_package_keeps_names_beyond_ascii_and_files_whose_checksum_is_wrong(tmp_path: Path) -> None:
+    """USD stores names as UTF-8 without the mark that zip has for it, and reads no checksums."""
+    files = {"in.usda": scene(tmp_path).read_bytes(), "textures/höhe_中.png": b"no picture"}
+    files["parts/part.usda"] = (tmp_path / "parts" / "part.usda").read_bytes()
+    data = package_bytes(files).replace(b"no picture", b"NO PICTURE")
+    (tmp_path / "in.usdz").write_bytes(data)
+    circparam.unwrap(tmp_path / "in.usdz", tmp_path / "out.usdz", **QUICK)
+    written = (tmp_path / "out.usdz").read_bytes()
+    assert "textures/höhe_中.png".encode() in written
+    assert package_files(written)["textures/höhe_中.png"] == b"NO PICTURE"
 
 
 def test_into_another_folder_its_files_go_along(tmp_path: Path) -> None:
