@@ -232,8 +232,13 @@ def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[
     return [total.astype(np.float64) for total in sums]
 
 
-def in_space(work: Work, part: Part, slot: Slot, texel: FloatArray) -> FloatArray:
-    """(p, 3) unit directions on the surface that texels (p, 3) tell in the old frames."""
+def in_space(
+    work: Work, part: Part, slot: Slot, texel: FloatArray, places: tuple[IntArray, FloatArray]
+) -> FloatArray:
+    """(p, 3) unit directions on the surface that texels (p, 3) tell in the old frames.
+
+    places: of the texels, as ``Work.places`` gives them.
+    """
     vector, factor = texel * 2 - 1, part.material.factors[slot]
     if slot.kind == "normal":
         vector = vector * [factor[0], factor[0], 1]
@@ -241,14 +246,15 @@ def in_space(work: Work, part: Part, slot: Slot, texel: FloatArray) -> FloatArra
         (c, s), (x, y, _) = (np.cos(factor[1]), np.sin(factor[1])), vector.T
         vector = np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
     frames = work.source.old_frames(part.material.uses.get(slot))
-    return frames.out_of(*work.places(part), vector)
+    return frames.out_of(*places, vector)
 
 
 def _turned(work: Work, part: Part, slot: Slot, texel: FloatArray) -> FloatArray:
     """Texels (p, 3) of normals or directions in the frames of the new layout."""
     # there are new frames wherever a slot turns
     new = work.new or work.source.old_frames(part.material.uses.get(slot))
-    vector = new.into(*work.places(part), in_space(work, part, slot, texel))
+    places = work.places(part)
+    vector = new.into(*places, in_space(work, part, slot, texel, places))
     if slot.kind == "normal":
         return 0.5 + 0.5 * vector
     own, common = (each.factors[slot][0] for each in (part.material, part.group))

@@ -108,7 +108,7 @@ def _values(work: Work, part: Part, slot: Slot) -> FloatArray:
     texel, own = texels_shown(work, part)[slot], part.material.factors[slot]
     if slot.turns:
         strength = own[0] * texel[:, 2:] if slot.kind == "direction" else 1.0
-        return 0.5 + 0.5 * in_space(work, part, slot, texel) * strength
+        return 0.5 + 0.5 * in_space(work, part, slot, texel, work.places(part)) * strength
     value: FloatArray
     if slot.kind == "occlusion":
         value = 1 + own * (texel - 1)

@@ -33,9 +33,8 @@ Task = Callable[[bytes, Item], dict[str, Any]]
 
 @dataclass
 class Batch:
-    """One run. items: to do, in this order. task: function that a worker calls for an item,
-    by ``do_item``. listener: called with the progress, about once a second. on_line: called with each final
-    line.
+    """One run. items: to do, in this order. task: function that a worker calls for an item, by ``do_item``.
+    listener: called with the progress, about once a second. on_line: called with each final line.
 
     last: seconds. ``ask_to_stop`` lets short tasks finish; ``run`` then returns False.
     """

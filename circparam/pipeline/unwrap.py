@@ -303,8 +303,8 @@ def verify_and_save(
 ) -> Result:
     """The result, verified, and written where an output is named.
 
-    An idle process looks at the seams meanwhile. Else they are looked at when a caller asks for the figure,
-    which a caller of the library may never do, or not at all where time is up.
+    An idle process looks at the seams meanwhile. Else they are looked at when a caller asks for the figure;
+    a caller of the library may never do so. Where time is up they are not looked at.
     """
     surface, look = job.surface if job.kept is None else job.whole, None
     if not _too_late_to_look(monitor):

@@ -56,13 +56,12 @@ class Scan:
 
         The first name is b"", of faces before any such line.
         """
-        tagged = sorted(
-            (int(line), name)
-            for word in words
-            for line, name in zip(*self.lines(word), strict=True)
-        )
-        lines = np.array([line for line, _ in tagged], np.int64)
-        return [b"", *(name for _, name in tagged)], np.searchsorted(lines, self.face_lines)
+        found = [self.lines(word) for word in words]
+        lines = np.concatenate([each for each, _ in found])
+        names = [name for _, each in found for name in each]
+        order = np.argsort(lines)
+        at = np.searchsorted(lines[order], self.face_lines)
+        return [b"", *(names[k] for k in order.tolist())], at
 
     def numbers(self, lines: IntArray, width: int, *, optional: int = 0) -> FloatArray:
         """(k, width) numbers behind the keyword; the last ``optional`` of them may be missing (then 0)."""
