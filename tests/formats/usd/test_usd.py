@@ -142,7 +142,7 @@ def test_a_package_keeps_its_files_to_the_byte(tmp_path: Path) -> None:
         assert not np.array_equal(uv, before[path])
 
 
-def test_a_package_keeps_names_beyond_ascii_and_files_whose_checksum_is_wrong(tmp_path: Path) -> None:
+def test_a_package_keeps_names_beyond_ascii_and_wrong_checksums(tmp_path: Path) -> None:
     """USD stores names as UTF-8 without the mark that zip has for it, and reads no checksums."""
     files = {"in.usda": scene(tmp_path).read_bytes(), "textures/höhe_中.png": b"no picture"}
     files["parts/part.usda"] = (tmp_path / "parts" / "part.usda").read_bytes()
